@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from engine import Lightmap, Scene, Settings, finished
+from engine import BakeResult, Scene, Settings, finished
 from engine.device.freed_memory import keep_freed_memory
 from engine.session import Session
 
@@ -19,20 +19,20 @@ _session = Session()
 keep_freed_memory()
 
 
-def timed(scene: Scene, settings: Settings) -> tuple[float, Lightmap]:
+def timed(scene: Scene, settings: Settings) -> tuple[float, BakeResult]:
     """Bake; return the wall time in seconds and the lightmap."""
     started = time.perf_counter()
     lightmap = finished(_session.bake(scene, settings))
     return time.perf_counter() - started, lightmap
 
 
-def best_of_two(scene: Scene, settings: Settings) -> tuple[float, Lightmap]:
+def best_of_two(scene: Scene, settings: Settings) -> tuple[float, BakeResult]:
     """Bake once, or twice if it is quick; return the best time and its lightmap."""
     first = timed(scene, settings)
     return min(first, timed(scene, settings), key=lambda pair: pair[0]) if first[0] < _QUICK else first
 
 
-def facts(lightmap: Lightmap) -> dict[str, Any]:
+def facts(lightmap: BakeResult) -> dict[str, Any]:
     """Return what a bake tells about itself, JSON-ready; the engine's own count of device memory if any."""
     report = lightmap.report
     return {

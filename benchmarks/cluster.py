@@ -35,7 +35,7 @@ from distributed.utils import key_split
 
 from benchmarks.rooms import hilly_room
 from engine import Settings
-from engine.bake_result import Lightmap
+from engine.bake_result import BakeResult
 from engine.cluster.local_workers import LocalWorkers, local_environments
 from engine.device.freed_memory import keep_freed_memory
 from engine.progress import Progress
@@ -111,7 +111,7 @@ class _Span:
     ended: float
 
 
-def _timed(work: Generator[Progress, None, Lightmap]) -> tuple[Lightmap, list[_Span]]:
+def _timed(work: Generator[Progress, None, BakeResult]) -> tuple[BakeResult, list[_Span]]:
     """Bake; return the lightmap and the stages, one after the other."""
     spans = [_Span("Starting", time.time(), time.time())]
     while True:
@@ -119,7 +119,7 @@ def _timed(work: Generator[Progress, None, Lightmap]) -> tuple[Lightmap, list[_S
             stage = next(work).stage
         except StopIteration as stop:
             spans[-1].ended = time.time()
-            lightmap: Lightmap = stop.value
+            lightmap: BakeResult = stop.value
             return lightmap, spans
 
         # What is told belongs to the stage that it tells of: it comes when a part of it is done, or begins.
@@ -137,7 +137,7 @@ def _alone(scene: Scene, settings: Settings) -> dict[str, Any]:
     return _bake(lightmap, spans, by_stage) | {"held_bytes": held, "host_bytes": [_host_bytes()]}
 
 
-def _second(scene: Scene, settings: Settings) -> tuple[Lightmap, list[_Span], list[int]]:
+def _second(scene: Scene, settings: Settings) -> tuple[BakeResult, list[_Span], list[int]]:
     """Bake twice in one session, which keeps programs, but nothing of the scene.
 
     Returns the second lightmap, its stages, and the most memory of each graphics card in it, bytes.
@@ -171,7 +171,7 @@ def _by_workers(scene: Scene, settings: Settings, count: int, threads: int | Non
         workers.close()
 
 
-def _bake(lightmap: Lightmap, spans: Sequence[_Span], by_stage: Mapping[str, Any]) -> dict[str, Any]:
+def _bake(lightmap: BakeResult, spans: Sequence[_Span], by_stage: Mapping[str, Any]) -> dict[str, Any]:
     """Return what every bake tells."""
     report = lightmap.report
     return {

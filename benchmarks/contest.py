@@ -44,8 +44,8 @@ def operator_bake(context: bpy.types.Context, values: dict[str, Any]) -> tuple[f
     session.forget()
     started = time.perf_counter()
     with quiet_stdout():
-        run = runs.Run(context, session.bake, watched=False)
-        lightmap = run.drain()
+        run = runs.BakeRun(context, session.bake, watched=False)
+        lightmap = run.run_to_end()
         run.finish(lightmap)
     return time.perf_counter() - started, lightmap
 

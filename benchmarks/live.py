@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from engine import Changes, Light, Scene, Session, Settings, finished
+from engine import Light, Scene, SceneChanges, Session, Settings, finished
 from engine.device.freed_memory import keep_freed_memory
 from engine.live import Live
 from engine.quality import QUALITIES
@@ -36,30 +36,30 @@ def lamp(step: int) -> Light:
     return Light("Lamp", "point", place, np.eye(3), np.float32([8, 6, 4]), radius=0.05)
 
 
-def brightened(scene: Scene, step: int) -> Changes:
+def brightened(scene: Scene, step: int) -> SceneChanges:
     """Change what the light of the ceiling emits."""
     number, light = next((i, paint) for i, paint in enumerate(scene.materials) if paint.emission.any())
-    return Changes(materials={number: replace(light, emission=light.emission * np.float32(0.9))})
+    return SceneChanges(materials={number: replace(light, emission=light.emission * np.float32(0.9))})
 
 
-def painted(scene: Scene, step: int) -> Changes:
+def painted(scene: Scene, step: int) -> SceneChanges:
     """Change the colour of the first material."""
     colour = np.float32([0.5, 0.7, 0.6]) * np.float32(1 + 0.03 * step)
-    return Changes(materials={0: replace(scene.materials[0], reflectance=colour)})
+    return SceneChanges(materials={0: replace(scene.materials[0], reflectance=colour)})
 
 
-def pushed(scene: Scene, step: int) -> Changes:
+def pushed(scene: Scene, step: int) -> SceneChanges:
     """Move the small box, the last mesh, to and fro."""
     matrix = np.eye(4)
     matrix[:3, 3] = np.array([0.03, 0.02, 0.01]) * (step % 3 + 1) * (-1) ** step
-    return Changes(moves={len(scene.meshes) - 1: matrix})
+    return SceneChanges(moves={len(scene.meshes) - 1: matrix})
 
 
-EDITS: dict[str, Callable[[Scene, int], Changes]] = {
-    "lamp": lambda scene, step: Changes(lights=(lamp(step),)),
+EDITS: dict[str, Callable[[Scene, int], SceneChanges]] = {
+    "lamp": lambda scene, step: SceneChanges(lights=(lamp(step),)),
     "emission": brightened,
     "colour": painted,
-    "world": lambda scene, step: Changes(world=np.full(3, 0.05 * step, np.float32)),
+    "world": lambda scene, step: SceneChanges(world=np.full(3, 0.05 * step, np.float32)),
     "move": pushed,
 }
 
@@ -67,7 +67,7 @@ EDITS: dict[str, Callable[[Scene, int], Changes]] = {
 def follow(live: Live, clock: Callable[[], float]) -> Iterator[float]:
     """Settle; yield the seconds to the first image, to the last sweep's, and to the finished lightmap."""
     started, first, last = clock(), None, 0.0
-    for progress in live.settle():
+    for progress in live.converge():
         if progress.intermediate is not None:
             last = clock() - started
             first = first or last
@@ -100,7 +100,7 @@ def main() -> None:
     )
     room = hilly_room(width, options.triangles) if options.triangles else cornell_box(width)
     live = session.live(with_small_box(room, width), settings)
-    finished(live.settle())
+    finished(live.converge())
     print("| edit | first image, s | settled, s | finished, s |\n|---|---|---|---|")
     records = []
     for name in [options.only] if options.only else EDITS:

@@ -15,8 +15,8 @@ from typing import Any
 import pyopencl as cl
 
 from benchmarks.options import ROOT
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
 
 _PACKAGES = ("numpy", "moderngl", "pyopencl", "pocl-binary-distribution", "bpy", "xatlas")
 
@@ -45,7 +45,7 @@ def facts() -> dict[str, Any]:
 
 def _opencl() -> dict[str, Any]:
     """Return the device that the engine chooses."""
-    device = Compute().device
+    device = ComputeDevice().device
     return {
         "device": device.name.strip(),
         "gpu": bool(device.type & cl.device_type.GPU),
@@ -57,7 +57,7 @@ def _opencl() -> dict[str, Any]:
 
 
 def _opengl() -> dict[str, Any]:
-    graphics = Graphics()
+    graphics = GraphicsContext()
     try:
         info = graphics.context.info
         return {name: info[f"GL_{name.upper()}"] for name in ("renderer", "vendor", "version")}

@@ -9,16 +9,16 @@ from typing import Any
 
 import pyopencl as cl
 
-from engine import Lightmap, Scene, Settings, finished
-from engine.device.cl_device import Compute
+from engine import BakeResult, Scene, Settings, finished
+from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.device.kernel import Kernel
 from engine.pipeline import bake
-from engine.plan.session_cache import Kept
+from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 
 
-class ProfiledCompute(Compute):
+class ProfiledCompute(ComputeDevice):
     """A Compute whose queue takes the time of every kernel.
 
     events             (name, event) of every kernel that was started
@@ -85,7 +85,7 @@ def busy_seconds(scene: Scene, settings: Settings) -> dict[str, float]:
         devices.release()
 
 
-def _bake(devices: Devices, scene: Scene, settings: Settings) -> Lightmap:
+def _bake(devices: Devices, scene: Scene, settings: Settings) -> BakeResult:
     stages = BakeStages(Extent.of(scene), settings, {})
     stages.opened(devices.on_card)
-    return finished(bake(devices, scene, settings, stages, Kept()))
+    return finished(bake(devices, scene, settings, stages, SessionCache()))

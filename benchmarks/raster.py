@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
 from engine.device.slice_limits import drawing_limits
-from engine.device.time_slicer import SliceSize
+from engine.device.time_slicer import TimeSlicer
 from engine.errors import DeviceError
 from engine.gather.glsl_integrator import GlslIntegrator
 from engine.gather.integrator import Integrator
@@ -47,7 +47,7 @@ def main() -> None:
     parser.add_argument("--widths", default="32,64,128", help="hemicube widths N")
     parser.add_argument("--triangles", default="24,1008,10008", help="sizes of the scenes")
     options = parser.parse_args()
-    graphics, compute = Graphics(), opencl()
+    graphics, compute = GraphicsContext(), opencl()
     print(f"OpenGL: {graphics.name}; OpenCL: {compute.name if compute else 'none'}")
     for count in map(int, options.triangles.split(",")):
         for n in map(int, options.widths.split(",")):
@@ -56,9 +56,9 @@ def main() -> None:
         integrating(graphics, compute, n, boxes(24), options.seconds)
 
 
-def opencl() -> Compute | None:
+def opencl() -> ComputeDevice | None:
     try:
-        return Compute()
+        return ComputeDevice()
     except DeviceError as error:
         print(error)
         return None
@@ -81,7 +81,9 @@ def boxes(triangles: int) -> Scene:
 class Case:
     """A scene, a batch of hemicubes on its surfaces and the target that they are drawn into."""
 
-    def __init__(self, graphics: Graphics, n: int, scene: Scene, texel_bytes: int = RADIANCE_BYTES) -> None:
+    def __init__(
+        self, graphics: GraphicsContext, n: int, scene: Scene, texel_bytes: int = RADIANCE_BYTES
+    ) -> None:
         self.graphics, self.scene, self.triangles = graphics, scene, join_meshes(scene)
         self.tiles: Tiles = plan_tiles(Settings(hemicube=n), ITERATION, texel_bytes)
         patches = LIGHTMAP**2
@@ -104,7 +106,7 @@ class Case:
         """Draw the batch once."""
         near = np.full(len(self.eye), 1e-5)
         views = matrices(self.frame, self.eye, near, self.graphics.reversed_depth)
-        for _ in raster.draw(views, SliceSize(drawing_limits(self.tiles.capacity))):
+        for _ in raster.draw(views, TimeSlicer(drawing_limits(self.tiles.capacity))):
             pass
 
 
@@ -119,7 +121,7 @@ def viewpoints(triangles: Triangles, count: int) -> tuple[np.ndarray, np.ndarray
     return frames(normal, rotations(0, np.arange(count))), eye
 
 
-def drawing(graphics: Graphics, n: int, scene: Scene, seconds: float) -> None:
+def drawing(graphics: GraphicsContext, n: int, scene: Scene, seconds: float) -> None:
     """Print hemicubes a second of every way to draw."""
     case = Case(graphics, n, scene)
     for path in available_paths(graphics):
@@ -134,7 +136,9 @@ def drawing(graphics: Graphics, n: int, scene: Scene, seconds: float) -> None:
     case.target.texture.release()
 
 
-def integrating(graphics: Graphics, compute: Compute | None, n: int, scene: Scene, seconds: float) -> None:
+def integrating(
+    graphics: GraphicsContext, compute: ComputeDevice | None, n: int, scene: Scene, seconds: float
+) -> None:
     """Print what an iteration of the method `paper` takes with every integrator."""
     names = [*(["glsl"] if graphics.computes else []), *(["opencl"] if compute else [])]
     for name in names:
@@ -151,7 +155,7 @@ def integrating(graphics: Graphics, compute: Compute | None, n: int, scene: Scen
         case.target.texture.release()
 
 
-def made(name: str, case: Case, raster: HemicubeRaster, compute: Compute | None) -> Integrator:
+def made(name: str, case: Case, raster: HemicubeRaster, compute: ComputeDevice | None) -> Integrator:
     if name == "glsl" or compute is None:
         sky = np.zeros((1, 1, 3), np.float32)
         return GlslIntegrator(case.graphics, case.tiles, case.target.texture, raster.depth, sky)

@@ -16,11 +16,11 @@ import numpy as np
 import pyopencl as cl
 
 from engine.device.buffers import upload
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import Material, Scene
 from engine.scene.triangles import Triangles
-from engine.visibility.rays.ray_tracer import Rays
+from engine.visibility.rays.ray_tracer import RayTracer
 
 _REPEATS = 5
 _PER_POINT = 256
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("--triangles", type=int, nargs="+", default=[24, 10_000, 100_000, 1_000_000])
     parser.add_argument("--rays", type=int, default=1_000_000)
     options = parser.parse_args()
-    compute = Compute()
+    compute = ComputeDevice()
     print(f"{compute.name}, {compute.device.platform.version.strip()}")
     print("triangles  build s  coherent  incoherent  million nearest hits a second")
     _rays(compute, room(24))
@@ -92,19 +92,19 @@ def incoherent(positions: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarra
     return low + (high - low) * random.uniform(0.05, 0.95, (count, 3)), random.normal(size=(count, 3))
 
 
-def _rays(compute: Compute, positions: np.ndarray) -> tuple[float, Rays]:
+def _rays(compute: ComputeDevice, positions: np.ndarray) -> tuple[float, RayTracer]:
     """Return the seconds that building takes, upload included, and what was built."""
     count = len(positions)
     zeros = np.zeros(count, np.int32)
     triangles = Triangles(positions, positions, positions[..., :2], zeros, zeros, zeros)
     solid = read_cutouts(Scene((), (Material("Solid", np.ones(3), np.zeros(3)),)))
     began = time.perf_counter()
-    rays = Rays(compute, triangles, solid)
+    rays = RayTracer(compute, triangles, solid)
     compute.queue.finish()
     return time.perf_counter() - began, rays
 
 
-def _speed(compute: Compute, rays: Rays, origins: np.ndarray, directions: np.ndarray) -> float:
+def _speed(compute: ComputeDevice, rays: RayTracer, origins: np.ndarray, directions: np.ndarray) -> float:
     """Return million rays a second of the kernel alone, the best of some runs."""
     count, seconds = len(origins), []
     kernel = rays.kernels(("cast.cl",), "cast")[0]

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine import Scene, Settings
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
-from engine.direct.sky import whole_sky
-from engine.patches.patch_scene import subdivide
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
+from engine.direct.sky import unsampled_sky
+from engine.patches.patch_scene import make_patch_scene
 from engine.plan.choose_solver import choose_solver
 from engine.plan.solve_job import SolveJob
 from engine.solve.solver import Solver
@@ -24,20 +24,20 @@ _WARM_UP = 1.0
 
 
 @contextmanager
-def solving(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[tuple]:
+def solving(scene: Scene, settings: Settings, compute: ComputeDevice | None = None) -> Iterator[tuple]:
     """Give a Solver, what was chosen for it and the number of patches; they see all that emits."""
     with solve_job(scene, settings, compute) as job:
         yield *choose_solver(job)[:2], job.count
 
 
 @contextmanager
-def solve_job(scene: Scene, settings: Settings, compute: Compute | None = None) -> Iterator[SolveJob]:
+def solve_job(scene: Scene, settings: Settings, compute: ComputeDevice | None = None) -> Iterator[SolveJob]:
     """Give what a Solver is made for; patches see all that emits."""
-    graphics = Graphics()
+    graphics = GraphicsContext()
     try:
-        compute = compute or Compute()
-        parts = subdivide(graphics, compute, scene, settings)
-        emission, sky, rays = parts.surfaces.emission, whole_sky(scene.world), RayScene(compute, parts)
+        compute = compute or ComputeDevice()
+        parts = make_patch_scene(graphics, compute, scene, settings)
+        emission, sky, rays = parts.surfaces.emission, unsampled_sky(scene.world), RayScene(compute, parts)
         dark = np.zeros_like(emission)
         area = parts.geometry.area
         yield SolveJob(graphics, compute, parts, rays, emission, sky, dark, area, settings)

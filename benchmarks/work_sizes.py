@@ -27,14 +27,14 @@ from benchmarks.rooms import cornell_box
 from benchmarks.solving import solve_job
 from benchmarks.tables import table
 from engine.device.buffers import upload
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.work_sizes import WorkSizes
 from engine.gather.opencl_integrator import HemicubeIntegrator
-from engine.gather.visibility_cache import Backs
+from engine.gather.visibility_cache import BackfaceLight
 from engine.plan.choose_solver import choose_solver
 from engine.plan.solve_job import SolveJob
 from engine.visibility.raster.tiles import Tiles
-from engine.visibility.rays.ray_sampler import RayIdentity
+from engine.visibility.rays.ray_sampler import RaySampler
 
 #: A shape has to be faster than the usual one by this part, and each is timed so often.
 _LEAST_GAIN, _ROUNDS = 0.03, 7
@@ -113,9 +113,9 @@ def _seconds(compute: ProfiledCompute, name: str, work: Callable[[], None]) -> f
 def _looks(job: SolveJob) -> Callable[[], None]:
     """Return what finds by rays what all patches see."""
     compute = job.opencl
-    identity = RayIdentity(compute, job.rays, job.parts, job.surroundings, job.settings)
+    identity = RaySampler(compute, job.rays, job.parts, job.surroundings, job.settings)
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * job.count)
-    backs = Backs(compute, job.count, len(job.emission), directional=False)
+    backs = BackfaceLight(compute, job.count, len(job.emission), directional=False)
 
     def work() -> None:
         for _ in identity.find(0, job.count, backs.found_with(cache, 0)):
@@ -136,7 +136,7 @@ def _gathers(job: SolveJob) -> Callable[[], None]:
     return work
 
 
-def _integrates(compute: Compute) -> Callable[[], None]:
+def _integrates(compute: ComputeDevice) -> Callable[[], None]:
     """Return what sums an array of random hemicubes."""
     rows = _ARRAY // (3 * _HEMICUBE)
     tiles = Tiles(_HEMICUBE, _ARRAY // _HEMICUBE, rows, 1 if compute.processor else 8)

@@ -13,28 +13,28 @@ OpenGL and OpenCL when it bakes for the first time; the algorithm is in `engine.
 
 from collections.abc import Generator
 
-from .bake_result import Lightmap
+from .bake_result import BakeResult
 from .errors import DeviceError, EngineError, PatchFileError, SceneError, SettingsError
 from .live import Live
 from .progress import Progress, finished
 from .scene.model import Light, Material, Mesh, Scene
-from .scene.scene_changes import Changes
+from .scene.scene_changes import SceneChanges
 from .scene.texture import Texture
 from .session import Session
 from .settings import Settings
 
 __all__ = [
-    "Changes",
+    "BakeResult",
     "DeviceError",
     "EngineError",
     "Light",
-    "Lightmap",
     "Live",
     "Material",
     "Mesh",
     "PatchFileError",
     "Progress",
     "Scene",
+    "SceneChanges",
     "SceneError",
     "Session",
     "Settings",
@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 
-def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
+def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
     """Bake the lightmaps of a scene; yields after every slice of work, returns the Lightmap.
 
     Closing the generator cancels the bake; every GPU object is released in any case. Raises

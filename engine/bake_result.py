@@ -8,7 +8,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Energy:
+class FluxBalance:
     """Where the light of a bake goes: emitted = absorbed + escaped + residual, W, mean of the channels.
 
     emitted   what fronts of patches emit, and what else reaches them: of lamps, the sky, backs that shine
@@ -69,11 +69,11 @@ class Report:
     integrator: str = "opencl"
     paces: dict[str, float] = field(default_factory=dict)
     resumed: tuple[str, ...] = ()
-    energy: Energy | None = None
+    energy: FluxBalance | None = None
 
 
 @dataclass(frozen=True)
-class Lightmap:
+class BakeResult:
     """Every atlas of a bake; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
     image      (atlases, h, w, 3) float32, the first output asked for (E/pi of all light unless set

@@ -6,15 +6,15 @@ from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import replace
 
-from .bake_result import Lightmap
+from .bake_result import BakeResult
 from .progress import Progress
 from .scene.checks import check_scene
 from .scene.model import Scene
-from .scene.scene_changes import Changes
+from .scene.scene_changes import SceneChanges
 from .settings import Settings, check_settings
 
 #: Bakes a scene that has been checked; see `Session.bake`.
-Bake = Callable[[Scene, Settings], Generator[Progress, None, Lightmap]]
+Bake = Callable[[Scene, Settings], Generator[Progress, None, BakeResult]]
 
 
 class Live:
@@ -34,20 +34,20 @@ class Live:
         check_scene(scene)
         self._bake, self.scene = bake, scene
         self._settings = replace(settings, warm_start=True, intermediates=True, adaptive=False, scheduler="")
-        self.lightmap: Lightmap | None = None
+        self.lightmap: BakeResult | None = None
         self._changed = False
 
-    def update(self, changes: Changes | Scene) -> None:
-        """Take changes, or a whole other scene, between two steps of `settle`, or after it.
+    def update(self, changes: SceneChanges | Scene) -> None:
+        """Take changes, or a whole other scene, between two steps of `converge`, or after it.
 
         What an array holds that was handed over once must not change: other values need another array.
         Raises SceneError for what cannot be baked; then everything stays as it was.
         """
-        scene = changes.of(self.scene) if isinstance(changes, Changes) else changes
+        scene = changes.of(self.scene) if isinstance(changes, SceneChanges) else changes
         check_scene(scene)
         self.scene, self.lightmap, self._changed = scene, None, True
 
-    def settle(self) -> Generator[Progress, None, Lightmap]:
+    def converge(self) -> Generator[Progress, None, BakeResult]:
         """Bake until nothing is left to do; yields as `Session.bake`, returns the Lightmap.
 
         The first image has new direct light, at first by few rays, above the other light of before, if direct
@@ -60,7 +60,7 @@ class Live:
                 yield from self._follow(work)
         return self.lightmap
 
-    def _follow(self, work: Generator[Progress, None, Lightmap]) -> Generator[Progress, None, None]:
+    def _follow(self, work: Generator[Progress, None, BakeResult]) -> Generator[Progress, None, None]:
         """Bake to the end, or to the first image after which the scene is another one."""
         shown = False
         while not (self._changed and shown):

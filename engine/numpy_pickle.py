@@ -12,7 +12,7 @@ import numpy as np
 _PROTOCOL = 5
 
 
-class Portable:
+class NumpyPickle:
     """What is pickled with its arrays as bytes, types and shapes, as no version of NumPy has them."""
 
     def __reduce__(self) -> tuple:
@@ -37,7 +37,7 @@ class _Pickler(pickle.Pickler):
 
 
 def _restored(kind: type, data: bytes) -> Any:
-    """Return an object as it was before `Portable` reduced it."""
+    """Return an object as it was before `NumpyPickle` reduced it."""
     made: Any = object.__new__(kind)
     vars(made).update(pickle.loads(data))
     return made

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
-class Note(str):
+class ObjectMessage(str):
     """A sentence for the user that is about objects of the scene.
 
     objects  their names
@@ -17,7 +17,7 @@ class Note(str):
     objects: tuple[str, ...]
     fix: str
 
-    def __new__(cls, text: str, objects: Sequence[str] = (), fix: str = "") -> Note:
+    def __new__(cls, text: str, objects: Sequence[str] = (), fix: str = "") -> ObjectMessage:
         """Make it of its text and the names."""
         note = super().__new__(cls, text)
         note.objects, note.fix = tuple(objects), fix
@@ -28,19 +28,19 @@ class Note(str):
 _SHOWN = 5
 
 
-def naming(sentence: str, objects: Sequence[str], fix: str = "") -> Note:
+def object_message(sentence: str, objects: Sequence[str], fix: str = "") -> ObjectMessage:
     """Return a sentence about objects, with their names instead of {}; see `listing`."""
-    return Note(listing(sentence, objects), objects, fix)
+    return ObjectMessage(listing(sentence, objects), objects, fix)
 
 
 def objects_of(note: str) -> tuple[str, ...]:
     """Return the names of the objects that a sentence is about."""
-    return note.objects if isinstance(note, Note) else ()
+    return note.objects if isinstance(note, ObjectMessage) else ()
 
 
 def fix_of(note: str) -> str:
     """Return the name of what mends what a sentence tells, empty if nothing does."""
-    return note.fix if isinstance(note, Note) else ""
+    return note.fix if isinstance(note, ObjectMessage) else ""
 
 
 def listing(sentence: str, names: Sequence[str]) -> str:

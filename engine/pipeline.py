@@ -9,43 +9,43 @@ from functools import partial
 
 import numpy as np
 
-from .bake_result import Lightmap, Report
+from .bake_result import BakeResult, Report
 from .device.device_array import Values
 from .device.devices import Devices
-from .direct.contact import NearFaces
+from .direct.contact import Contacts
 from .direct.emitter_split import split_light
-from .direct.emitters import BrightTriangles
+from .direct.emitters import SampledTriangles
 from .direct.lighting import DirectLighting
 from .patches.backs import with_places
-from .patches.patch_scene import Subdivision
+from .patches.patch_scene import PatchScene
 from .patches.sides import both_sides
 from .plan.choose_solver import choose_solver
 from .plan.limits import check_limits, check_patch_count
 from .plan.memory import shared_width
 from .plan.opencl_fallback import without_opencl
-from .plan.previous_solution import LastLight
+from .plan.previous_solution import PreviousSolution
 from .plan.remote_devices import RemoteDevices
-from .plan.session_cache import Kept
+from .plan.session_cache import SessionCache
 from .plan.solve_job import SolveJob
-from .plan.solver_choice import Choice
+from .plan.solver_choice import SolverChoice
 from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
 from .postprocess.outputs import output_names
-from .postprocess.store import LightmapStore
+from .postprocess.store import LightmapImages
 from .progress import Progress
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solution import Solution
 from .texel_gather.finishing import Finishing
 from .texel_gather.light_group_outputs import light_by_groups
-from .texel_gather.texel_sample_gather import DisplayLight, light_in_texels
-from .texel_gather.texel_sample_points import DisplayJob
+from .texel_gather.texel_sample_gather import TexelSampleLight, gather_texel_samples
+from .texel_gather.texel_sample_points import TexelGatherJob
 from .texel_gather.valid_patches import valid_front
 from .visibility.rays.ray_scene import RayScene
 
 #: Sends a scene that occluders have their places in to other processes; returns what sends them the patches,
 #: of whose light some is sampled, and uses their devices.
-Ship = Callable[[Scene], Callable[[Subdivision, RayScene, BrightTriangles], RemoteDevices]]
+Ship = Callable[[Scene], Callable[[PatchScene, RayScene, SampledTriangles], RemoteDevices]]
 
 
 def bake(
@@ -53,9 +53,9 @@ def bake(
     scene: Scene,
     settings: Settings,
     stages: BakeStages,
-    kept: Kept,
+    kept: SessionCache,
     ship: Ship | None = None,
-) -> Generator[Progress, None, Lightmap]:
+) -> Generator[Progress, None, BakeResult]:
     """Bake a scene that has been checked; see `engine.bake`. The devices and what is kept stay.
 
     ship: sends the scene to devices of other processes; None to use these alone
@@ -64,8 +64,8 @@ def bake(
 
 
 def _current(
-    devices: Devices, work: Generator[Progress, None, Lightmap]
-) -> Generator[Progress, None, Lightmap]:
+    devices: Devices, work: Generator[Progress, None, BakeResult]
+) -> Generator[Progress, None, BakeResult]:
     """Let a bake work with its devices current in every slice, and tell how they fail."""
     with devices.failures_told(), closing(work):
         while True:
@@ -73,7 +73,7 @@ def _current(
             try:
                 progress = next(work)
             except StopIteration as stop:
-                lightmap: Lightmap = stop.value
+                lightmap: BakeResult = stop.value
                 return lightmap
             yield progress
 
@@ -83,9 +83,9 @@ def _bake(
     scene: Scene,
     settings: Settings,
     stages: BakeStages,
-    kept: Kept,
+    kept: SessionCache,
     ship: Ship | None,
-) -> Generator[Progress, None, Lightmap]:
+) -> Generator[Progress, None, BakeResult]:
     """Bake: the paper's algorithm."""
     graphics, compute = devices.graphics, devices.compute
     scene, settings, notes = without_opencl(devices, scene, settings)
@@ -97,7 +97,7 @@ def _bake(
 
     # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
     yield stages.begin(stages.patches)
-    parts = kept.subdivide(graphics, compute, scene, settings)
+    parts = kept.make_patch_scene(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
     store = kept.store(parts.patches, len(atlases), settings, compute)
     last = kept.light_on(compute, parts, len(atlases), settings)
@@ -106,7 +106,7 @@ def _bake(
     # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
     # appears in it, while it is still to be found what patches see of each other.
     rays = kept.ray_scene(compute, parts)
-    split = split_light(scene.world, parts, settings, kept.bright_triangles, kept.split_sky)
+    split = split_light(scene.world, parts, settings, kept.choose_sampled_triangles, kept.split_sky)
     remote = shipped and shipped(parts, rays, split.bright)
     in_squares = remote is not None and shared_width(settings, len(parts.patches)) > 1
     meanwhile = partial(kept.inside, rays) if in_squares else None
@@ -122,7 +122,7 @@ def _bake(
 
     # Faces that touch patches hide them, whose light is not seen, or lie back to back with them.
     yield stages.begin(stages.choosing)
-    near = kept.near_faces(lighting)
+    near = kept.contacts(lighting)
     parts = replace(
         parts, surfaces=parts.surfaces.black_at(near.hide), back_to_back=bool(near.back_to_back.any())
     )
@@ -140,7 +140,7 @@ def _bake(
 
     # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first
     # iteration tells which patches lie inside objects; after groups were solved, the last one does.
-    texels = DisplayJob(scene, job, solved, choice, lighting)
+    texels = TexelGatherJob(scene, job, solved, choice, lighting)
     front = yield from _settle(stages, store, outputs, solution, texels, near, len(atlases))
 
     # What was asked for; where a texel shows more than its centre, at several points of it.
@@ -155,7 +155,7 @@ def _bake(
         solution, solved.parts.surfaces.emission,
         settings, choice, len(parts.patches), stages.seconds, devices, warnings,
     )  # fmt: skip
-    return Lightmap(
+    return BakeResult(
         atlases,
         store.image(next(iter(made.values()))) if settings.centres else store.no_image,
         next(iter(passes.values())),
@@ -168,10 +168,10 @@ def _bake(
 
 def _direct_light(
     stages: BakeStages,
-    store: LightmapStore,
+    store: LightmapImages,
     outputs: Outputs,
     lighting: DirectLighting,
-    last: LastLight | None,
+    last: PreviousSolution | None,
 ) -> Generator[Progress, None, np.ndarray]:
     """Return E/pi of the sampled light, (n, 3) float32, once it is shown.
 
@@ -184,7 +184,7 @@ def _direct_light(
         if not lighting.part_to_sample:
             return (yield from stages.run(stages.direct, lighting.gather()))
     if last and outputs.begin_with_direct:
-        glimpse = yield from stages.run(stages.first, lighting.glimpse())
+        glimpse = yield from stages.run(stages.first, lighting.preview_gather())
         yield stages.lit(store.display(glimpse + last.gathered))
     sampled = yield from stages.run(stages.direct, lighting.gather())
     if outputs.begin_with_direct and (last or sampled.any()):
@@ -194,11 +194,11 @@ def _direct_light(
 
 def _settle(
     stages: BakeStages,
-    store: LightmapStore,
+    store: LightmapImages,
     outputs: Outputs,
     solution: Solution,
-    texels: DisplayJob,
-    near: NearFaces,
+    texels: TexelGatherJob,
+    near: Contacts,
     atlases: int,
 ) -> Generator[Progress, None, np.ndarray]:
     """Iterate until the light has settled; near: of the patches. Return `valid_front` of the solution.
@@ -219,7 +219,9 @@ def _settle(
             yield stages.iterated(solution, None)
             continue
         if warm:
-            light = LastLight.of(solution, job.parts.patches, job.sampled_light, near, job.direct_sources)
+            light = PreviousSolution.of(
+                solution, job.parts.patches, job.sampled_light, near, job.direct_sources
+            )
             job.kept.light = light.prepared() if done else light
         if done:
             front = valid_front(texels, atlases, near, solution)
@@ -234,19 +236,19 @@ def _settle(
 def _made(
     stages: BakeStages,
     outputs: Outputs,
-    texels: DisplayJob,
+    texels: TexelGatherJob,
     atlases: int,
-    near: NearFaces,
+    near: Contacts,
     solution: Solution,
     front: np.ndarray,
-) -> Generator[Progress, None, tuple[dict[str, Values], DisplayLight]]:
+) -> Generator[Progress, None, tuple[dict[str, Values], TexelSampleLight]]:
     """Return every output of the patches, (n, 3) or (n,) float32, by name; and of the samples of texels.
 
     atlases: lightmaps of the user's; near: of the patches; front: from `valid_front`
     """
     job = texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))
-    lit = yield from stages.run(stages.texels, light_in_texels(texels, atlases, near, solution, front))
+    lit = yield from stages.run(stages.texels, gather_texel_samples(texels, atlases, near, solution, front))
 
     # The light of each light group on its own, over what was found of all light.
     groups, samples = yield from stages.run(stages.light_groups, light_by_groups(texels, solution, lit))
@@ -259,7 +261,7 @@ def _summary(
     solution: Solution,
     emission: np.ndarray,
     settings: Settings,
-    choice: Choice,
+    choice: SolverChoice,
     patches: int,
     seconds: dict[str, float],
     devices: Devices,

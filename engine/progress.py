@@ -202,7 +202,7 @@ class Schedule:
     ) -> Generator[Progress | None, None, Made]:
         """Do work with a schedule of its own as a stage of amount 1; return what it made."""
         self.begin(stage)
-        made = yield from retold(work, self._included)
+        made = yield from map_progress(work, self._included)
         self.end()
         return made
 
@@ -272,12 +272,16 @@ def finished(work: Generator[Any, None, Made]) -> Made:
             return made
 
 
-def part_of(first: float, last: float, work: Generator[float, None, Made]) -> Generator[float, None, Made]:
+def run_as_fraction(
+    first: float, last: float, work: Generator[float, None, Made]
+) -> Generator[float, None, Made]:
     """Do work as a part of something; yield the fraction done of all of it."""
-    return retold(work, lambda done: first + (last - first) * done)
+    return map_progress(work, lambda done: first + (last - first) * done)
 
 
-def retold(work: Generator[Step, None, Made], tell: Callable[[Step], Told]) -> Generator[Told, None, Made]:
+def map_progress(
+    work: Generator[Step, None, Made], tell: Callable[[Step], Told]
+) -> Generator[Told, None, Made]:
     """Do work, yield what is told of each of its steps, and return what it made; closing closes the work."""
     with closing(work):
         while True:

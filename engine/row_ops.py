@@ -7,10 +7,10 @@ from functools import reduce
 import numpy as np
 
 from .sorted_runs import run_starts
-from .threaded_slabs import in_slabs
+from .threaded_slabs import map_slabs
 
 
-def some_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
+def take_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
     """Return some rows of (n, ...), by a slice, by a mask, (n,) bool, or by their numbers."""
     if isinstance(chosen, slice):
         return values[chosen]
@@ -42,7 +42,7 @@ def nonzero_rows(values: np.ndarray) -> np.ndarray:
         entries //= max(values.shape[1], 1)
         found[slab.start, slab.stop] = slab.start + entries[run_starts(entries)]
 
-    in_slabs(len(values), values.nbytes // max(len(values), 1), find)
+    map_slabs(len(values), values.nbytes // max(len(values), 1), find)
     return joined_rows([found[ends] for ends in sorted(found)])
 
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .bake_result import Lightmap
+from .bake_result import BakeResult
 from .errors import DeviceError
 from .progress import Progress, Schedule, Stage
 from .scene.model import Light, Material, Mesh, Scene
 from .settings import Settings
 
 #: A bake in this process or in another one, which may have nothing to tell at times.
-Bake = Callable[[Scene, Settings], Generator[Progress | None, None, Lightmap]]
+Bake = Callable[[Scene, Settings], Generator[Progress | None, None, BakeResult]]
 
 #: Reflectance and emission of the furnace; in a closed room of one material E/pi is everywhere
 #: emission / (1 - reflectance).
@@ -77,7 +77,7 @@ def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, 
     return Verdict(error, devices, drawn.report.warnings)
 
 
-def _checked(lightmap: Lightmap, way: str) -> float:
+def _checked(lightmap: BakeResult, way: str) -> float:
     """Return the error of a bake; raises DeviceError if it is too large."""
     light = lightmap.image[lightmap.has_patch]
     error = float(np.abs(light / _EXPECTED - 1).max()) if len(light) else np.inf

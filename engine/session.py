@@ -14,7 +14,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from .bake_result import Lightmap
+from .bake_result import BakeResult
 from .device.device_info import DeviceSurvey
 from .device.packages import require_packages
 from .errors import DeviceError, DeviceMemoryError, SettingsError
@@ -24,13 +24,13 @@ from .progress import Progress, finished
 from .resume.checkpoint import Checkpoints
 from .scene.checks import check_scene
 from .scene.model import Scene
-from .scene.scene_changes import Changes
+from .scene.scene_changes import SceneChanges
 from .settings import Settings, check_settings
 
 if TYPE_CHECKING:
     from .cluster.workers import Workers
     from .device.devices import Devices
-    from .plan.session_cache import Kept
+    from .plan.session_cache import SessionCache
 
 
 #: Nothing was measured before.
@@ -42,12 +42,12 @@ class Session:
 
     def __init__(self) -> None:
         self._devices: Devices | None = None
-        self._kept: Kept | None = None
+        self._kept: SessionCache | None = None
         self._paces: dict[str, float] = {}
 
     def bake(
         self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
-    ) -> Generator[Progress, None, Lightmap]:
+    ) -> Generator[Progress, None, BakeResult]:
         """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices.
 
         A warm start that is cancelled leaves them, and what it has found so far.
@@ -63,7 +63,7 @@ class Session:
 
     def _bake_checked(
         self, scene: Scene, settings: Settings, paces: Mapping[str, float]
-    ) -> Generator[Progress, None, Lightmap]:
+    ) -> Generator[Progress, None, BakeResult]:
         """Bake a scene and settings that have been checked; see `bake`."""
         self._paces = {**paces, **self._paces}
         require_packages()
@@ -100,15 +100,15 @@ class Session:
             self._devices.release()
             self._devices = None
 
-    def _bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, Lightmap]:
+    def _bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
         """Bake a scene that has been checked, on what the last bake has left."""
         stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(scene, settings)
 
         from .pipeline import bake
-        from .plan.session_cache import Kept
+        from .plan.session_cache import SessionCache
 
-        kept, self._kept = self._kept or Kept(), None
+        kept, self._kept = self._kept or SessionCache(), None
         kept.checkpoints = _checkpoints(settings)
         stages.opened(devices.on_card)
         try:
@@ -133,7 +133,7 @@ class Session:
         self._keep(devices, kept, settings)
         return lightmap
 
-    def _keep(self, devices: Devices, kept: Kept, settings: Settings) -> None:
+    def _keep(self, devices: Devices, kept: SessionCache, settings: Settings) -> None:
         """Leave the devices, and what is kept on them, to the next bake.
 
         Checkpoints refer to all that a bake was solved with, which is freed.
@@ -214,14 +214,14 @@ _session = Session()
 
 def bake(
     scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
-) -> Generator[Progress, None, Lightmap]:
+) -> Generator[Progress, None, BakeResult]:
     """Bake in the one session of this process: what the worker process runs; see `Session.bake`."""
     return (yield from _session.bake(scene, settings, paces))
 
 
 def live(
     scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
-) -> Generator[Progress | Lightmap, list[Changes | Scene] | None, None]:
+) -> Generator[Progress | BakeResult, list[SceneChanges | Scene] | None, None]:
     """Follow a scene in the one session of this process: what the worker process runs; see `Session.live`.
 
     Yields each step, and the Lightmap once nothing is left to do; is sent changes, and goes on until it is
@@ -229,7 +229,7 @@ def live(
     """
     followed = _session.live(scene, settings, paces)
     while True:
-        with closing(followed.settle()) as work:
+        with closing(followed.converge()) as work:
             lightmap = None
             while lightmap is None:
                 try:

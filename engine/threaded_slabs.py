@@ -14,7 +14,7 @@ import numpy as np
 _MOST, _LEAST = 4, 1 << 21
 
 
-def in_slabs(count: int, row: int, work: Callable[[slice], object]) -> None:
+def map_slabs(count: int, row: int, work: Callable[[slice], object]) -> None:
     """Call `work` with slabs that are all of `count` rows together, each in a thread; raises what it raises.
 
     row: bytes that are read or written of each
@@ -39,7 +39,7 @@ def taken(values: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     def take(slab: slice) -> None:
         values.take(numbers[slab], axis=0, out=rows[slab], mode="clip")
 
-    in_slabs(len(rows), rows.nbytes // max(len(rows), 1), take)
+    map_slabs(len(rows), rows.nbytes // max(len(rows), 1), take)
     return rows
 
 

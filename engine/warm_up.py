@@ -22,10 +22,10 @@ def warm_up(settings: dict[str, Any]) -> None:
 
     settings: values of `Settings` by name
     """
-    bake_and_forget(usual_room(), Settings(**settings | SMALL))
+    bake_and_forget(warm_up_scene(), Settings(**settings | SMALL))
 
 
-def usual_room() -> Scene:
+def warm_up_scene() -> Scene:
     """Return a room that has what most scenes have: a lamp, a shadow, a texture, and a seam off texels."""
     lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.9]), np.eye(3), np.ones(3, np.float32), radius=0.05)
     room = furnace((lamp,))

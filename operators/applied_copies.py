@@ -10,7 +10,7 @@ from .result.preview import hide_preview
 from .scene.messages import Troubles
 from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.uv_modifier import remove_uv_modifiers, uv_modifiers
-from .scene.uvs.uv_targets import serves
+from .scene.uvs.uv_targets import is_usable_layer
 
 #: Why an object stays as it is.
 _NOTHING = "no modifiers, so there is nothing to apply."
@@ -88,7 +88,7 @@ def _applied_copy(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.type
     )
     mesh.name = f"{obj.data.name} applied"
     layer = mesh.uv_layers.get(lightmap_layer(obj, context.scene.hemibake.uv_layer))
-    if layer is not None and not serves(mesh, layer.name):
+    if layer is not None and not is_usable_layer(mesh, layer.name):
         mesh.uv_layers.remove(layer)
     copy = obj.copy()
     copy.name = f"{obj.name} applied"

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import bpy
 
-from ..engine.bake_result import Lightmap
+from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError, WorkerError
-from .bake_run import Run
+from .bake_run import BakeRun
 from .check.finding import INFO, Finding
 from .console import Console
 from .last_bake import last_failure, summary
 from .log import log
 from .modal import ModalOperator
-from .report_message import tell
+from .report_message import report_message
 from .scene.bake_targets import NothingChangedError
 from .user_files import kept_checkpoint_since
 from .viewports import restart_renders, show_materials
@@ -40,7 +40,7 @@ class ModalBake(ModalOperator):
 class _BakeInWindow(WindowBake):
     """A bake that ends, too, once an undo has left it nothing to bake."""
 
-    run: Run
+    run: BakeRun
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
         """See `WindowBake`."""
@@ -70,9 +70,9 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake and return when it is done."""
         last_failure.forget()
-        run = Run(context, owner.bake(), watched=False)
+        run = BakeRun(context, owner.bake(), watched=False)
         try:
-            report = run.finish(run.drain(Console().show))
+            report = run.finish(run.run_to_end(Console().show))
             run.show_preview_anew()
             if bpy.app.background:
                 tell_findings(self, run.findings, report["warnings"])
@@ -93,12 +93,12 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         """Start a run that bakes in the worker process; `modal` follows it."""
         last_failure.forget()
         warm_up()
-        run = Run(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
+        run = BakeRun(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
         self._window, self._began = _BakeInWindow(context, run), time.time()
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def _ended(self, context: bpy.types.Context, value: Lightmap) -> set[str]:
+    def _ended(self, context: bpy.types.Context, value: BakeResult) -> set[str]:
         report = self._window.run.finish(value)
         if self._window.run.show_lightmaps():
             show_materials(context)
@@ -120,7 +120,7 @@ def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt,
     if isinstance(error, WorkerError) and details:
         print(text, file=sys.stderr)  # noqa: T201
         text = f"{first} (They are in the system console.)"
-    tell(operator, kind, text)
+    report_message(operator, kind, text)
 
 
 def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], warnings: Sequence[str]) -> None:
@@ -130,13 +130,15 @@ def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], war
     """
     for finding in findings:
         if finding.text not in warnings:
-            tell(operator, "INFO" if finding.severity == INFO else "WARNING", f"Check: {finding.text}")
+            report_message(
+                operator, "INFO" if finding.severity == INFO else "WARNING", f"Check: {finding.text}"
+            )
 
 
 def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:
     """Report warnings, then what was done, and last what could not be."""
     for warning in report["warnings"]:
-        tell(operator, "WARNING", warning)
+        report_message(operator, "WARNING", warning)
     done = f"Baked {summary(report)}: {brief_paths(report['files'])}"
     devices = map(str, report["devices"].values())
     log("\n".join([done, *report["files"], *devices, *report["warnings"], failure or ""]))

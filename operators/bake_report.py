@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
-from ..engine.bake_result import Energy, Report
+from ..engine.bake_result import FluxBalance, Report
 from ..engine.object_message import fix_of, objects_of
 from .scene import ReadScene
 
@@ -58,7 +58,7 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _energy(energy: Energy | None) -> dict[str, float | None] | None:
+def _energy(energy: FluxBalance | None) -> dict[str, float | None] | None:
     """Return where the light of a bake goes as JSON takes it: W, and what is missing as a fraction."""
     if energy is None:
         return None

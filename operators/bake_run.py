@@ -11,17 +11,17 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..engine.bake_result import Lightmap
+from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError, OverlapError, SceneError
-from ..engine.object_message import naming
+from ..engine.object_message import object_message
 from ..engine.plan.stages import Extent
 from ..engine.postprocess.outputs import output_names
-from ..engine.progress import Progress, finished, retold
+from ..engine.progress import Progress, finished, map_progress
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .bake_report import bake_report
 from .bake_settings import read_settings
-from .changed_objects import ChangedLight, find_changed_light, forget_light, remember_light
+from .changed_objects import ChangedObjects, find_changed_objects, forget_light, remember_light
 from .check import Finding
 from .checks import IdleCheck, forget_moved_charts, last_check
 from .file_format import chosen_format
@@ -33,28 +33,28 @@ from .result.baked_marks import mark_lightmaps, mark_objects
 from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
 from .result.destination import Destination, choose_destination
-from .result.preserved_texels import KeptTexels
+from .result.preserved_texels import PreservedTexels
 from .result.preview import renew_preview, show_preview, shows_preview
-from .result.progress_images import ShownImages, image_names
-from .rollback import Changes
+from .result.progress_images import ProgressImages, image_names
+from .rollback import Rollback
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.bake_targets import only_targets, target_uids
 from .scene.overlaps import without_overlaps
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs
-from .scene.uvs.uv_snapshot import BakedUvs
+from .scene.uvs.uv_snapshot import UvSnapshot
 from .user_files import keep_paces
 from .worker_manager import owner
 
 #: Readings of a scene that changes meanwhile, before it is read in one piece.
 ATTEMPTS = 3
 
-Bake = Generator[Progress | None, None, Lightmap]
+Bake = Generator[Progress | None, None, BakeResult]
 Steps = Generator[Progress | None, None, None]
 
 
-class Run:
+class BakeRun:
     """A bake of the context's scene; what it changes can be taken back until `finish` returns.
 
     All its work, reading the scene included, is done by `step`: whoever gets an error from it must `cancel`.
@@ -76,11 +76,11 @@ class Run:
     ) -> None:
         self._context, self._bake = SceneContext(context), bake
         self._watched, self._made_uvs = watched, made_uvs
-        self._changes = Changes()
-        self._images: ShownImages | None = None
+        self._changes = Rollback()
+        self._images: ProgressImages | None = None
         self._check: IdleCheck | None = None
         self._unwraps = False
-        self._changed: ChangedLight | None = None
+        self._changed: ChangedObjects | None = None
         self.findings: tuple[Finding, ...] = ()
         self.failure: str | None = None
         self.uvs_undone = False
@@ -161,7 +161,7 @@ class Run:
             for uid, obj in visible.items()
             if uid not in skipped and (uid in wanted or has_uvs(obj, layer))
         ]
-        self._uvs = BakedUvs(usable, layer)
+        self._uvs = UvSnapshot(usable, layer)
         notes = [*made.notes, *_missing([name for uid, name in wanted.items() if uid not in visible])]
         self._read = yield from self._stages.include(
             self._stages.reading,
@@ -184,7 +184,7 @@ class Run:
         self._whole, self._changed = self._read, None
         if self._target == "CHANGED":
             known = self._context.scene.hemibake.baked_scene
-            self._changed = yield from find_changed_light(
+            self._changed = yield from find_changed_objects(
                 self._read, wanted, self._settings, self._bake, self._stages, known
             )
             wanted = self._changed.uids
@@ -198,8 +198,8 @@ class Run:
         self._destination = self._destination_of(bpy.data.filepath)
         self._stages.expect(self._read.scene, self._settings, len(self._names))
         partial = self._target != "ALL"
-        self._kept = KeptTexels(self._context, self._read, self._names, self._settings, partial)
-        self._images = ShownImages(
+        self._kept = PreservedTexels(self._context, self._read, self._names, self._settings, partial)
+        self._images = ProgressImages(
             self._context, atlases, self._names, self._settings.resolution, self._kept, self._changes
         )
 
@@ -250,7 +250,7 @@ class Run:
                 self._images.show(progress.intermediate)
             return progress
 
-        return retold(work, shown)
+        return map_progress(work, shown)
 
     def _leave_out_overlaps(self, error: OverlapError) -> None:
         """Leave out the objects whose charts lie on others'; raise the error if none is left."""
@@ -259,7 +259,7 @@ class Run:
             raise error
         self._read = usable
 
-    def drain(self, show: Callable[[Progress], object] = lambda progress: None) -> Lightmap:
+    def run_to_end(self, show: Callable[[Progress], object] = lambda progress: None) -> BakeResult:
         """Let the engine work to the end, show its progress, and return the lightmap."""
         while True:
             try:
@@ -281,10 +281,10 @@ class Run:
             if kept:
                 self._images.keep()
             else:
-                self._changes.take_back()
+                self._changes.undo()
         return kept
 
-    def finish(self, lightmap: Lightmap) -> dict:
+    def finish(self, lightmap: BakeResult) -> dict:
         """Store a lightmap and return the report, JSON-ready; an undo step must follow.
 
         If the files cannot be written `failure` says so, and the lightmaps are packed into the .blend.
@@ -332,12 +332,12 @@ class Run:
                 return show_preview(scene, self._context.evaluated_depsgraph_get())[0] > 0
         return False
 
-    def _show_finished(self, lightmap: Lightmap) -> np.ndarray:
+    def _show_finished(self, lightmap: BakeResult) -> np.ndarray:
         """Put finished lightmaps into all images; return their pixels, (images, h, w, 3)."""
         return self._images.show(np.concatenate(list(lightmap.passes.values())))
 
     def _store(
-        self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: Lightmap
+        self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: BakeResult
     ) -> tuple[list[str], list[str]]:
         """Store lightmaps; return their files, and what these cannot hold."""
         try:
@@ -372,7 +372,7 @@ class Run:
             "Deleted during the bake: {}. All else still has their shadows and the light that they reflect. "
             "Bake again."
         )
-        return [naming(sentence, names)] if names else []
+        return [object_message(sentence, names)] if names else []
 
     def _notes_on_result(self, lost: dict[int, str]) -> list[str]:
         """Return sentences on objects that are gone or without their UVs, and on lightmaps without files."""
@@ -381,7 +381,7 @@ class Run:
             notes += self._deleted()
         if lost:
             sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
-            notes.append(naming(sentence, list(lost.values())))
+            notes.append(object_message(sentence, list(lost.values())))
         if self._destination.folder is None:
             notes.append(
                 "The .blend is not saved yet: the lightmaps are packed into it. Save it to write files."
@@ -392,4 +392,4 @@ class Run:
 def _missing(names: list[str]) -> list[str]:
     """Return a note about objects that were to be baked and are not there any more, if there are any."""
     sentence = "Deleted or hidden while the scene was being read, so not baked: {}."
-    return [naming(sentence, names)] if names else []
+    return [object_message(sentence, names)] if names else []

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..engine.bake_result import Lightmap
+from ..engine.bake_result import BakeResult
 from ..engine.errors import OverlapError
-from ..engine.object_message import naming
+from ..engine.object_message import object_message
 from ..engine.progress import Progress
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
@@ -19,14 +19,14 @@ from .scene.bake_targets import NothingChangedError, changed_themselves, changed
 from .scene.light_changes import (
     ALL_LIGHT,
     QuickBakes,
+    comparison_settings,
     differing_lights,
     light_changes,
-    quick_settings,
     tells_all,
 )
 from .scene_snapshots import baked_scenes
 
-Bake = Generator[Progress | None, None, Lightmap]
+Bake = Generator[Progress | None, None, BakeResult]
 
 #: Why objects are baked: of themselves, and where it is not known how much light has changed.
 _CHANGED = "Baked since they are new, or their shape, place or materials have changed: {}."
@@ -40,7 +40,7 @@ _OTHERS_STAY = (
 
 
 @dataclass(frozen=True)
-class ChangedLight:
+class ChangedObjects:
     """What is to be baked, and why.
 
     uids     session uids of the objects
@@ -54,14 +54,14 @@ class ChangedLight:
     notes: tuple[str, ...]
 
 
-def find_changed_light(
+def find_changed_objects(
     read: ReadScene,
     wanted: set[int],
     settings: Settings,
     bake: Callable[[Scene, Settings], Bake],
     stages: RunStages,
     known: str,
-) -> Generator[Progress | None, None, ChangedLight]:
+) -> Generator[Progress | None, None, ChangedObjects]:
     """Return which of the wanted objects, by session uid, are other than when they were baked, or are lit so.
 
     known  name of the scene as it was last baked
@@ -80,11 +80,11 @@ def find_changed_light(
         uids, notes = own | lit, _notes(lit, set(changes) - own - lit, settings.tolerance)
     if not uids:
         raise NothingChangedError
-    return ChangedLight(uids, changes, (*_named(_CHANGED, own), *notes))
+    return ChangedObjects(uids, changes, (*_named(_CHANGED, own), *notes))
 
 
 def remember_light(
-    scene: bpy.types.Scene, read: ReadScene, baked: set[int], changed: ChangedLight | None
+    scene: bpy.types.Scene, read: ReadScene, baked: set[int], changed: ChangedObjects | None
 ) -> None:
     """Write down what a bake of all objects, or of changed ones, leaves to the next bake of changed ones.
 
@@ -115,7 +115,7 @@ def _changes(
 
     Neither is it for shadow masks, nor for maps of light groups that the last bake did not make.
     """
-    scene, quick = baked_scenes.find(known), quick_settings(settings)
+    scene, quick = baked_scenes.find(known), comparison_settings(settings)
     if scene is None or not tells_all(settings, scene, read.scene):
         return None
     try:
@@ -141,7 +141,7 @@ def _notes(lit: set[int], left: set[int], tolerance: float) -> list[str]:
 def _named(sentence: str, uids: set[int]) -> list[str]:
     """Return a sentence with the names of objects, none without objects."""
     names = [obj.name for obj in bpy.data.objects if obj.session_uid in uids]
-    return [naming(sentence, names)] if names else []
+    return [object_message(sentence, names)] if names else []
 
 
 def _write(changes: dict[int, float]) -> None:

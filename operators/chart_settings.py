@@ -7,9 +7,9 @@ import math
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
-from ..engine.unwrap.chart_options import USUAL, Cutting
+from ..engine.unwrap.chart_options import USUAL, ChartOptions
 
-#: Properties of a `Cutting`, by its fields.
+#: Properties of a `ChartOptions`, by its fields.
 _FIELDS = {
     "crease": "chart_crease",
     "largest_cost": "chart_cost",
@@ -84,6 +84,6 @@ def _weight(name: str, of: str, default: float) -> FloatProperty:
     )
 
 
-def read_cutting(properties: bpy.types.PropertyGroup) -> Cutting:
+def read_cutting(properties: bpy.types.PropertyGroup) -> ChartOptions:
     """Return how meshes are cut into charts."""
-    return Cutting(**{name: getattr(properties, kept) for name, kept in _FIELDS.items()})
+    return ChartOptions(**{name: getattr(properties, kept) for name, kept in _FIELDS.items()})

@@ -13,8 +13,8 @@ from ..engine.object_message import counted
 from ..engine.progress import finished
 from .check import Checked, check_scene, without_moved
 from .check.fixes import FIXES
-from .report_message import tell
-from .rollback import Changes
+from .report_message import report_message
+from .rollback import Rollback
 from .scene import SceneContext
 from .scene.uvs.uv_node_group import remove_unused_uvs
 from .worker_manager import poll_idle
@@ -116,13 +116,13 @@ class HEMIBAKE_OT_fix(bpy.types.Operator):
         return known[1].__doc__.rstrip(".") if known else cls.__doc__
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        scene_objects, changes = context.scene.objects, Changes()
+        scene_objects, changes = context.scene.objects, Rollback()
         objects = [scene_objects[name] for name in json.loads(self.names) if name in scene_objects]
         try:
             FIXES[self.fix][1](context, objects, self.value, changes)
         except EngineError as error:
-            changes.take_back()
-            tell(self, "ERROR", str(error))
+            changes.undo()
+            report_message(self, "ERROR", str(error))
             return {"CANCELLED"}
         remove_unused_uvs()
         keep_check(context.scene, finished(check_scene(SceneContext(context))))

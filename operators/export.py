@@ -11,7 +11,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..engine.errors import EngineError
 from ..engine.object_message import counted
-from .report_message import tell
+from .report_message import report_message
 from .worker_manager import poll_idle
 
 #: Encodings of lightmaps in the file, by the names that people choose.
@@ -79,10 +79,10 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
         try:
             made = export_for_engine(context, path, _KINDS[self.lightmaps], self.use_files)
         except EngineError as error:
-            tell(self, "ERROR", str(error))
+            report_message(self, "ERROR", str(error))
             return {"CANCELLED"}
         for note in made.notes:
-            tell(self, "WARNING", note)
+            report_message(self, "WARNING", note)
         self.report({"INFO"}, f"{counted(made.lit, 'object')} with lightmaps exported to '{path.name}'")
         return {"FINISHED"}
 

@@ -13,7 +13,7 @@ from ..engine.encoding.logluv import LogLuv
 from ..engine.encoding.rgbd import Rgbd
 from ..engine.encoding.rgbe import Rgbe
 from ..engine.encoding.rgbm import Rgbm
-from ..engine.encoding.signed_norm import Biased
+from ..engine.encoding.signed_norm import SignedNorm
 from ..engine.encoding.srgb import Srgb
 from ..engine.postprocess.outputs import PROJECTED_MAPS, SIGNED_MAPS
 from .translations import CONTEXT
@@ -151,7 +151,7 @@ class FileFormat:
     def of(self, output: str) -> FileFormat:
         """Return the format of a map of an output: signed maps need one that holds both signs.
 
-        Radiance HDR has none: it is OpenEXR then. What is PNG is biased, see `Biased`.
+        Radiance HDR has none: it is OpenEXR then. What is PNG is biased, see `SignedNorm`.
         """
         if output not in SIGNED_MAPS or self.name == "exr":
             return self
@@ -189,7 +189,7 @@ class FileFormat:
             case "hdr":
                 return Rgbe()
             case "png" if output in SIGNED_MAPS:
-                return Biased(1.0 if output in PROJECTED_MAPS else brightest or 1.0, self.png_depth)
+                return SignedNorm(1.0 if output in PROJECTED_MAPS else brightest or 1.0, self.png_depth)
             case "png":
                 return Srgb(0.0 if fraction else self.exposure, self.png_depth)
             case "logluv":

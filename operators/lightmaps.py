@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 
 from ..engine.errors import EngineError
-from ..engine.object_message import counted, naming
+from ..engine.object_message import counted, object_message
 from .lightmap_list import active_lightmap, members, unlisted
-from .report_message import tell
-from .scene.uvs.unwrap import Anew, Made
+from .report_message import report_message
+from .scene.uvs.unwrap import UnwrapSummary, UvAction
 from .unwrap import UnwrapOperator, Unwrapping
 from .worker_manager import poll_idle
 
@@ -106,7 +106,7 @@ class HEMIBAKE_OT_lightmap_select(_OfActiveLightmap, bpy.types.Operator):
 class _PackOperator(_OfActiveLightmap, UnwrapOperator):
     """What operators that pack the chosen lightmap again have in common."""
 
-    _anew: Anew
+    _anew: UvAction
 
     def _start(self, context: bpy.types.Context) -> Unwrapping:
         self._name = active_lightmap(context.scene).name
@@ -117,12 +117,12 @@ class _PackOperator(_OfActiveLightmap, UnwrapOperator):
         chosen = [obj.name for obj in objects if obj.hemibake.own_uv_layer]
         if chosen:
             sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to repack them."
-            raise EngineError(naming(sentence, chosen))
+            raise EngineError(object_message(sentence, chosen))
         return Unwrapping(context, objects, self._anew)
 
-    def _tell(self, made: Made, count: int) -> set[str]:
+    def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
         for note in made.notes:
-            tell(self, "WARNING", note)
+            report_message(self, "WARNING", note)
         if not made.objects:
             self.report({"INFO"}, f"'{self._name}' is packed already: nothing has changed")
             return {"CANCELLED"}
@@ -136,7 +136,7 @@ class HEMIBAKE_OT_lightmap_repack(_PackOperator, bpy.types.Operator):
 
     bl_idname = "hemibake.lightmap_repack"
     bl_label = "Repack Lightmap"
-    _anew = Anew.PACKING
+    _anew = UvAction.PACKING
 
 
 class HEMIBAKE_OT_lightmap_unwrap(_PackOperator, bpy.types.Operator):
@@ -144,7 +144,7 @@ class HEMIBAKE_OT_lightmap_unwrap(_PackOperator, bpy.types.Operator):
 
     bl_idname = "hemibake.lightmap_unwrap"
     bl_label = "Re-unwrap Lightmap"
-    _anew = Anew.CHARTS
+    _anew = UvAction.CHARTS
 
 
 CLASSES = (

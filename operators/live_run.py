@@ -10,14 +10,14 @@ from functools import partial
 
 import bpy
 
-from ..engine.bake_result import Lightmap
+from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError
 from ..engine.postprocess.outputs import output_names
 from ..engine.progress import Progress, finished
 from ..engine.scene.model import Scene
 from ..engine.scene.scene_changes import changes_between
 from ..engine.settings import Settings
-from .bake_run import ATTEMPTS, Bake, Run, Steps
+from .bake_run import ATTEMPTS, Bake, BakeRun, Steps
 from .bake_settings import read_settings
 from .live_watch import LiveWatch
 from .lookup import find_all
@@ -43,8 +43,8 @@ _FEW = 50_000
 _LIVE = "engine.session:live"
 
 
-class LiveRun(Run):
-    """A `Run` whose lightmaps are finished again and again: `finish` stores those of the last time.
+class LiveRun(BakeRun):
+    """A `BakeRun` whose lightmaps are finished again and again: `finish` stores those of the last time.
 
     lightmap  what was finished last; None before the first bake has come to its end
     resting   True while the worker has nothing to do
@@ -56,8 +56,8 @@ class LiveRun(Run):
     def __init__(self, context: bpy.types.Context, made_uvs: Callable[[], None] = lambda: None) -> None:
         super().__init__(context, self._first_bake, made_uvs=made_uvs)
         self._watch = LiveWatch(self._context, self._store_shown, self._has_stored)
-        self._followed: Generator[Progress | Lightmap | None, None, None] | None = None
-        self.lightmap: Lightmap | None = None
+        self._followed: Generator[Progress | BakeResult | None, None, None] | None = None
+        self.lightmap: BakeResult | None = None
         self.resting = self.ending = self.outdated = self._guessed = False
         self._shown = True
         self._paths: dict[int, str] = {}
@@ -74,11 +74,11 @@ class LiveRun(Run):
         self._followed = owner.worker().follow(_LIVE, scene, settings, dict(owner.paces))
         while True:
             step = next(self._followed)
-            if isinstance(step, Lightmap):
+            if isinstance(step, BakeResult):
                 return step
             yield step
 
-    def begin_following(self, lightmap: Lightmap) -> dict:
+    def begin_following(self, lightmap: BakeResult) -> dict:
         """Store the lightmaps of the first bake, watch the scene, and return the report; see `finish`."""
         self._take(lightmap)
         report = self.finish(lightmap)
@@ -130,7 +130,7 @@ class LiveRun(Run):
             if self._shown or self.resting:
                 yield from self._send_changes()
             step = next(self._followed)
-            if isinstance(step, Lightmap):
+            if isinstance(step, BakeResult):
                 self._take(step)
                 self._show_finished(step)
                 yield RESTING
@@ -148,7 +148,7 @@ class LiveRun(Run):
         width = chosen.size_mode, texels_per_unit(chosen), chosen.largest_width
         return replace(read_settings(chosen), centres=False), chosen.uv_layer, *width
 
-    def _take(self, lightmap: Lightmap) -> None:
+    def _take(self, lightmap: BakeResult) -> None:
         """Take the finished lightmap of the scene that was sent last."""
         self.lightmap, self.resting, self._took = lightmap, True, time.perf_counter() - self._start
         self._of_lightmap = self._read
@@ -265,7 +265,7 @@ class LiveRun(Run):
         return self.finish(self.lightmap)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """End; before the first bake has come to its end take everything back, see `Run.cancel`.
+        """End; before the first bake has come to its end take everything back, see `BakeRun.cancel`.
 
         Afterwards everything stays: it is as after a bake.
         """

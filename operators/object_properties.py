@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 
 from .lookup import find
-from .rollback import Changes
+from .rollback import Rollback
 
 
-def set_property(obj: bpy.types.Object, name: str, value: object, changes: Changes) -> None:
+def set_property(obj: bpy.types.Object, name: str, value: object, changes: Rollback) -> None:
     """Give one of Hemibake's properties of an object a value."""
     uid, before = obj.session_uid, getattr(obj.hemibake, name)
     changes.add(lambda: _restore(uid, name, before))

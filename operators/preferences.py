@@ -12,7 +12,7 @@ from ..engine.setting_types import PREFERENCES
 from ..engine.settings import Settings, shown_in
 from .devices import finder
 from .extension import EXTENSION
-from .report_message import tell
+from .report_message import report_message
 from .setting_properties import setting_properties, setting_values
 from .user_files import clear_cache
 from .worker_manager import poll_idle
@@ -84,7 +84,7 @@ class HEMIBAKE_OT_clear_cache(bpy.types.Operator):
         try:
             clear_cache()
         except OSError as error:
-            tell(self, "ERROR", f"Some files stay: {error}. Close other Blenders, then try again.")
+            report_message(self, "ERROR", f"Some files stay: {error}. Close other Blenders, then try again.")
             return {"CANCELLED"}
         return {"FINISHED"}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .result.moved_charts import note_moved_charts
+from .result.moved_charts import warn_changed_uvs
 from .result.preview import hide_preview, previewed, show_preview
 from .scene import SceneContext
 from .viewports import show_materials, show_solid_again
@@ -29,7 +29,7 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
             self.report({"ERROR"}, " ".join(notes) or "No object has a lightmap to show. Bake first.")
             return {"CANCELLED"}
         where, uv_layer = SceneContext(context), context.scene.hemibake.uv_layer
-        for note in (*notes, *note_moved_charts(list(previewed(context.scene)), where, uv_layer)):
+        for note in (*notes, *warn_changed_uvs(list(previewed(context.scene)), where, uv_layer)):
             self.report({"WARNING"}, note)
         show_materials(context)
         self.report({"INFO"}, f"{count} objects show their lightmaps")

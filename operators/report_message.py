@@ -17,7 +17,7 @@ _LETTER, _UNKNOWN = 6.5, 1200
 _POPUP, _SHORTEST = 0.5, 40
 
 
-def tell(operator: bpy.types.Operator, kind: str, message: str) -> None:
+def report_message(operator: bpy.types.Operator, kind: str, message: str) -> None:
     """Report the first line of a message as a `kind` such as WARNING, all others before it as INFO.
 
     Without a window the message stays whole: who reads it is a script or a shell.

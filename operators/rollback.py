@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 
-class Changes:
+class Rollback:
     """A list of steps that undo what was done, run in reverse order.
 
     A step looks its datablocks up itself (see `lookup`) and does nothing if they are gone.
@@ -18,7 +18,7 @@ class Changes:
         """Remember how to take back what has just been done."""
         self._steps.append(step)
 
-    def take_back(self) -> None:
+    def undo(self) -> None:
         """Undo everything, the latest first."""
         while self._steps:
             self._steps.pop()()

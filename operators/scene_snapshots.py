@@ -11,7 +11,7 @@ from .scene import ReadScene
 _MOST, _LIMIT = 3, 1 << 29
 
 
-class BakedScenes:
+class SceneSnapshots:
     """The last few scenes whose light was baked, by names that scenes of Blender hold."""
 
     def __init__(self) -> None:
@@ -43,4 +43,4 @@ class BakedScenes:
 
 
 #: One for the whole add-on.
-baked_scenes = BakedScenes()
+baked_scenes = SceneSnapshots()

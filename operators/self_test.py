@@ -14,7 +14,7 @@ from ..engine.unwrap.segmentation import has_xatlas
 from .bake_settings import machine_defaults
 from .log import log
 from .modal import ModalOperator
-from .report_message import tell
+from .report_message import report_message
 from .scene.messages import WITHOUT_XATLAS
 from .window_bake import WindowBake
 from .worker_manager import owner, poll_idle
@@ -108,13 +108,13 @@ class HEMIBAKE_OT_self_test(ModalOperator, bpy.types.Operator):
         notes = verdict.notes if has_xatlas() else (*verdict.notes, WITHOUT_XATLAS)
         last_test.keep(True, "\n".join([text, *notes]))
         for note in notes:
-            tell(self, "WARNING", note)
+            report_message(self, "WARNING", note)
         self.report({"INFO"}, text)
         return {"FINISHED"}
 
     def _wrong(self, error: EngineError) -> set[str]:
         last_test.keep(False, str(error))
-        tell(self, "ERROR", str(error))
+        report_message(self, "ERROR", str(error))
         return {"CANCELLED"}
 
 

@@ -12,10 +12,10 @@ from ..engine.progress import Progress, finished
 from .bake_settings import read_settings
 from .lightmap_size import chosen_width
 from .modal import ModalOperator
-from .report_message import tell
-from .rollback import Changes
+from .report_message import report_message
+from .rollback import Rollback
 from .scene import SceneContext, visible_meshes
-from .scene.uvs.unwrap import Anew, Made, unwrap_missing
+from .scene.uvs.unwrap import UnwrapSummary, UvAction, unwrap_missing
 from .window_bake import WindowBake
 from .worker_manager import poll_idle
 
@@ -29,12 +29,12 @@ class Unwrapping:
     """
 
     def __init__(
-        self, context: bpy.types.Context, objects: Sequence[bpy.types.Object], anew: Anew = Anew.NONE
+        self, context: bpy.types.Context, objects: Sequence[bpy.types.Object], anew: UvAction = UvAction.NONE
     ) -> None:
         properties, where = context.scene.hemibake, SceneContext(context)
         read_settings(properties)
         resolution = chosen_width(where, objects, properties)
-        self.count, self._changes = len(objects), Changes()
+        self.count, self._changes = len(objects), Rollback()
         self._work = unwrap_missing(
             where, objects, properties.uv_layer, resolution, self._changes, anew, visible_meshes(where)
         )
@@ -43,7 +43,7 @@ class Unwrapping:
         """Do a slice of work; raises StopIteration(Made) at the end."""
         return next(self._work)
 
-    def drain(self) -> Made:
+    def run_to_end(self) -> UnwrapSummary:
         """Do all the work and return what was done."""
         return finished(self._work)
 
@@ -52,7 +52,7 @@ class Unwrapping:
         try:
             self._work.close()
         finally:
-            self._changes.take_back()
+            self._changes.undo()
         return False
 
 
@@ -65,7 +65,7 @@ class UnwrapOperator(ModalOperator):
         """Return the work; raises EngineError."""
         raise NotImplementedError
 
-    def _tell(self, made: Made, count: int) -> set[str]:
+    def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
         """Report what was done."""
         raise NotImplementedError
 
@@ -76,7 +76,7 @@ class UnwrapOperator(ModalOperator):
         except EngineError as error:
             return self._refuse(error)
         try:
-            return self._end(run, run.drain())
+            return self._end(run, run.run_to_end())
         except EngineError as error:
             run.cancel()
             return self._refuse(error)
@@ -93,11 +93,11 @@ class UnwrapOperator(ModalOperator):
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def _ended(self, context: bpy.types.Context, value: Made) -> set[str]:
+    def _ended(self, context: bpy.types.Context, value: UnwrapSummary) -> set[str]:
         self._window.leave()
         return self._end(self._window.run, value)
 
-    def _end(self, run: Unwrapping, made: Made) -> set[str]:
+    def _end(self, run: Unwrapping, made: UnwrapSummary) -> set[str]:
         """Report what was done; without a result the charts of others go back to where they were, too."""
         if not made.objects:
             run.cancel()
@@ -109,7 +109,7 @@ class UnwrapOperator(ModalOperator):
         return self._refuse(error)
 
     def _refuse(self, error: EngineError) -> set[str]:
-        tell(self, "ERROR", str(error))
+        report_message(self, "ERROR", str(error))
         return {"CANCELLED"}
 
 
@@ -128,10 +128,10 @@ class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
         visible = visible_meshes(SceneContext(context))
         return Unwrapping(context, [obj for obj in visible if obj.select_get()] or visible)
 
-    def _tell(self, made: Made, count: int) -> set[str]:
+    def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
         """Report what was done."""
         for note in made.notes:
-            tell(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
+            report_message(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
         kept = count - len(made.objects) - len(made.skipped)
         done = counted(len(made.objects), "object")
         others = counted(len(made.moved), "other")

@@ -6,7 +6,7 @@ import bpy
 
 from ..engine.object_message import counted
 from .applied_copies import apply_on_copies
-from .report_message import tell
+from .report_message import report_message
 from .result.preview import hide_preview
 from .scene.uvs.uv_modifier import remove_uv_modifiers, uv_modifiers
 from .scene.uvs.uv_node_group import remove_unused_uvs
@@ -59,7 +59,7 @@ class HEMIBAKE_OT_apply_on_copy(_OnSelectedMeshes, bpy.types.Operator):
         copies, notes = apply_on_copies(context, objects)
         remove_unused_uvs()
         for note in notes:
-            tell(self, "WARNING" if copies else "ERROR", note)
+            report_message(self, "WARNING" if copies else "ERROR", note)
         if not copies:
             return {"CANCELLED"}
         self.report({"INFO"}, f"Modifiers of {counted(len(copies), 'object')} applied on copies")

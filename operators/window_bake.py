@@ -7,7 +7,7 @@ import time
 import bpy
 
 from ..engine.progress import Progress
-from .bake_run import Run
+from .bake_run import BakeRun
 from .report_message import progress_line
 from .worker_manager import owner
 
@@ -28,7 +28,7 @@ class WindowBake:
     unwanted  True once somebody has asked to cancel it
     """
 
-    def __init__(self, context: bpy.types.Context, run: Run, interval: float = INTERVAL) -> None:
+    def __init__(self, context: bpy.types.Context, run: BakeRun, interval: float = INTERVAL) -> None:
         self.run, self._interval = run, interval
         self.progress, self.unwanted = Progress("Starting", 0.0), False
         self._manager = context.window_manager
@@ -76,7 +76,7 @@ class WindowBake:
         _redraw(self._manager)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """Give the window back and leave the scene as it was; see `Run.cancel`."""
+        """Give the window back and leave the scene as it was; see `BakeRun.cancel`."""
         self.leave()
         return self.run.cancel(keep_images)
 

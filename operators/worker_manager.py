@@ -37,7 +37,7 @@ class RunningBake(Protocol):
         """Leave everything as it was before the bake."""
 
 
-class WorkerOwner:
+class WorkerManager:
     """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on.
 
     running  the bake that a window follows
@@ -127,4 +127,4 @@ def new_worker(work: str, job: Job | None = None) -> Worker:
 
 
 #: One for the whole add-on: Blender has nowhere to keep a Python object between operators.
-owner = WorkerOwner()
+owner = WorkerManager()

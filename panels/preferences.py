@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 import bpy
 
-from ..engine.device.device_info import FoundDevice
+from ..engine.device.device_info import DeviceInfo
 from ..engine.setting_types import PREFERENCES
 from ..engine.settings import shown_in
 from ..operators.preferences import HemibakePreferences, guide, known_devices
@@ -61,7 +61,7 @@ def _draw_devices(layout: bpy.types.UILayout, width: float) -> None:
         draw_text(layout, sentence, width, "ERROR")
 
 
-def _draw_device(layout: bpy.types.UILayout, device: FoundDevice, width: float) -> None:
+def _draw_device(layout: bpy.types.UILayout, device: DeviceInfo, width: float) -> None:
     """Show a device: name, driver, memory, use."""
     icon = "ERROR" if device.trouble else "CHECKMARK" if device.use else "DOT"
     draw_text(layout, f"{device.api}: {device.name}", width, icon)

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.interiors import furnished_room, sealed_rooms
 from benchmarks.rooms import cornell_box
-from engine import Lightmap, Scene, Settings, finished
+from engine import BakeResult, Scene, Settings, finished
 from engine.quality import QUALITIES
 from engine.session import Session
 from tools.page_table import table_row
@@ -60,7 +60,7 @@ def main() -> None:
 _session = Session()
 
 
-def bake(scene: Scene, resolution: int, values: dict) -> tuple[Lightmap, float, float]:
+def bake(scene: Scene, resolution: int, values: dict) -> tuple[BakeResult, float, float]:
     """Return a lightmap without what is only shown, its seconds of wall time and of all processors.
 
     What patches see is found anew.
@@ -74,7 +74,7 @@ def bake(scene: Scene, resolution: int, values: dict) -> tuple[Lightmap, float, 
     return lightmap, time.perf_counter() - started, time.process_time() - busy
 
 
-def errors(lightmap: Lightmap, truth: np.ndarray, known: np.ndarray) -> tuple[float, float, float]:
+def errors(lightmap: BakeResult, truth: np.ndarray, known: np.ndarray) -> tuple[float, float, float]:
     """Return RMSE off edges of light and of all texels, and the mean error, relative to the truth's mean."""
     both = known & lightmap.known
     mean = truth[both].mean()

@@ -21,12 +21,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from engine import Settings
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
-from engine.direct.sky import whole_sky
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
+from engine.direct.sky import unsampled_sky
 from engine.gather.hemicube_gather import PaperGather
-from engine.patches.patch_materials import PatchSurfaces
-from engine.patches.patch_scene import Subdivision
+from engine.patches.patch_materials import PatchMaterials
+from engine.patches.patch_scene import PatchScene
 from engine.reference.cpu_patches import map_texels
 from engine.reference.form_factors import form_factors
 from engine.reference.gauss_seidel import gather, gauss_seidel
@@ -90,14 +90,14 @@ def _curve(prepared: Prepared, truth: np.ndarray, hemicube: int, iterations: int
 
 def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
     """Yield E/pi of every patch after each iteration of the paper's method, (n, 3) float32."""
-    graphics = Graphics()
+    graphics = GraphicsContext()
     try:
-        surfaces = PatchSurfaces(prepared.reflectance, prepared.emission)
+        surfaces = PatchMaterials(prepared.reflectance, prepared.emission)
         texels = map_texels(prepared.scene, prepared.patches)
         cutouts, triangles = read_cutouts(prepared.scene), prepared.triangles
-        parts = Subdivision(triangles, cutouts, prepared.patches, prepared.geometry, surfaces, texels, ())
-        sky = whole_sky(prepared.scene.world)
-        paper = PaperGather(graphics, Compute(), parts, prepared.emission, sky, settings)
+        parts = PatchScene(triangles, cutouts, prepared.patches, prepared.geometry, surfaces, texels, ())
+        sky = unsampled_sky(prepared.scene.world)
+        paper = PaperGather(graphics, ComputeDevice(), parts, prepared.emission, sky, settings)
         radiosity = HostRadiosity(paper, prepared.reflectance, prepared.emission, prepared.geometry.area)
         solution = Solver(radiosity, np.zeros_like(prepared.emission), settings)
         while not solution.done:

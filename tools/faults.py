@@ -32,7 +32,7 @@ import numpy as np
 
 from benchmarks.rooms import panel_box
 from engine import Settings
-from engine.bake_result import Lightmap
+from engine.bake_result import BakeResult
 from engine.cluster.local_workers import LocalWorkers
 from engine.progress import Progress
 from engine.session import Session
@@ -66,7 +66,7 @@ class Trial:
     in_stage  whether one was killed before the stage was over
     """
 
-    lightmap: Lightmap
+    lightmap: BakeResult
     seconds: float
     lengths: dict[str, float]
     found: int
@@ -125,7 +125,7 @@ class Moment:
         self._timer = threading.Timer(delay, strike)
         self.in_stage = False
 
-    def watch(self, work: Generator[Progress, None, Lightmap]) -> tuple[Lightmap, dict[str, float]]:
+    def watch(self, work: Generator[Progress, None, BakeResult]) -> tuple[BakeResult, dict[str, float]]:
         """Bake; return the lightmap, and s of each stage, by name."""
         lengths, last, began = dict[str, float](), "", time.time()
         while True:
@@ -133,7 +133,7 @@ class Moment:
                 stage = next(work).stage
             except StopIteration as stop:
                 self._ended(last)
-                lightmap: Lightmap = stop.value
+                lightmap: BakeResult = stop.value
                 return lightmap, lengths
             stage = "Bounces" if stage.startswith("Bounce") else stage
             lengths[stage] = lengths.get(stage, 0.0) + time.time() - began

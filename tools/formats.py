@@ -27,7 +27,7 @@ from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
-from engine.encoding.signed_norm import Biased
+from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 
 PAGE = ROOT / "docs" / "formats.md"
@@ -43,7 +43,7 @@ ENCODINGS: dict[str, tuple[Encoding, Callable[[np.ndarray], bytes]]] = {
     "Radiance HDR": (Rgbe(), radiance_bytes),
     "PNG, sRGB, Exposure −4": (Srgb(-4.0), lambda texels: png_bytes(texels, srgb=True)),
     "PNG, 16 bits, sRGB, Exposure −4": (Srgb(-4.0, 16), lambda texels: png_bytes(texels, srgb=True)),
-    "PNG, 16 bits, biased, range 16": (Biased(16.0), lambda texels: png_bytes(texels, srgb=False)),
+    "PNG, 16 bits, biased, range 16": (SignedNorm(16.0), lambda texels: png_bytes(texels, srgb=False)),
     "RGBM, Range 16, Gamma 2.2": (Rgbm(16.0, 2.2), lambda texels: png_bytes(texels, srgb=False)),
     "RGBM, Range 16, Gamma 1": (Rgbm(16.0, 1.0), lambda texels: png_bytes(texels, srgb=False)),
     "RGBD, Range 16, Gamma 2.2": (Rgbd(16.0, 2.2), lambda texels: png_bytes(texels, srgb=False)),

@@ -26,10 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.rooms import cornell_box, hilly_room
 from engine import Scene, Session, Settings, finished
-from engine.device.cl_device import Compute
-from engine.patches.patch_scene import Subdivision
+from engine.device.cl_device import ComputeDevice
+from engine.patches.patch_scene import PatchScene
 from engine.reference.irradiance_caching import IrradianceCache, Records, records
-from engine.visibility.sampler import Sampling
+from engine.visibility.sampler import SampleLayout
 from engine.visibility.views.hemicube import frames, rotations
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
@@ -173,9 +173,7 @@ def _measure_hemicubes(
     return found
 
 
-def _hemicubes(
-    scene: Scene, settings: Settings, known: np.ndarray
-) -> tuple[np.ndarray, Records, Subdivision]:
+def _hemicubes(scene: Scene, settings: Settings, known: np.ndarray) -> tuple[np.ndarray, Records, PatchScene]:
     """Return reflected E/pi of patches by hemicubes, mean of channels, (n,), what they tell, and these."""
     session, outputs = Session(), ("direct", "indirect")
     changes = {"directions": "hemicube", "hemicube": WIDTH, "samples": 0, "outputs": outputs}
@@ -202,7 +200,7 @@ def _hemicubes(
     return joined.light, joined, parts
 
 
-def _downloaded(compute: Compute, cache: cl.Buffer, sampling: Sampling) -> np.ndarray:
+def _downloaded(compute: ComputeDevice, cache: cl.Buffer, sampling: SampleLayout) -> np.ndarray:
     """Return kept samples, (n, samples) uint16 or uint32."""
     values = np.empty(cache.size // sampling.sample_bytes, f"u{sampling.sample_bytes}")
     cl.enqueue_copy(compute.queue, values, cache)

@@ -27,14 +27,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.tables import table
 from engine import Settings
 from engine.device import gl_interop
-from engine.device.cl_device import Compute, device_name, found_devices
+from engine.device.cl_device import ComputeDevice, device_name, found_devices
 from engine.device.cl_library import ClLibrary
-from engine.device.gl_context import Graphics
+from engine.device.gl_context import GraphicsContext
 from engine.device.host_copy import HostCopy
 from engine.errors import EngineError
 from engine.gather.glsl_integrator import GlslIntegrator
 from engine.gather.opencl_integrator import HemicubeIntegrator
-from engine.patches.patch_scene import subdivide
+from engine.patches.patch_scene import make_patch_scene
 from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import COPIED_RADIANCE_BYTES, plan_tiles
 from engine.visibility.views.hemicubes import Hemicubes
@@ -59,7 +59,7 @@ def main() -> None:
     if options.rung:
         _alone(*options.rung, options)
         return
-    graphics = Graphics()
+    graphics = GraphicsContext()
     try:
         context = graphics.context
         print(f"OpenGL: {graphics.name}, {context.info['GL_VERSION']}")
@@ -68,7 +68,7 @@ def main() -> None:
             print(f"OpenCL: {device_name(device)}, driver {device.driver_version.strip()}")
             listed = sorted(filter(_shares, device.extensions.split()))
             print("  " + (" ".join(listed) or "nothing about sharing"))
-        compute = Compute(opencl_device=options.device)
+        compute = ComputeDevice(opencl_device=options.device)
         print(f"\nThe ladder on {device_name(compute.device)}, {options.mib} MiB:\n", flush=True)
         rows = _ladder(graphics, compute.device, options)
         print(table(("way", "waits by", "ms", "GB/s", "outcome"), rows))
@@ -92,7 +92,7 @@ def _shares(extension: str) -> bool:
 
 
 def _ladder(
-    graphics: Graphics, device: cl.Device, options: argparse.Namespace
+    graphics: GraphicsContext, device: cl.Device, options: argparse.Namespace
 ) -> list[tuple[str | None, ...]]:
     """Return a row for each way, from the best to the host's."""
     opencl, rows = device.extensions.split(), []
@@ -127,7 +127,7 @@ def _alone(rung: str, kind: str, options: argparse.Namespace) -> None:
     """Print milliseconds, GB/s and outcome of a way as JSON; who waits longer ends, and tells where."""
     faulthandler.enable()
     faulthandler.dump_traceback_later(_PATIENCE, exit=True)
-    graphics, compute = Graphics(), Compute(opencl_device=options.device)
+    graphics, compute = GraphicsContext(), ComputeDevice(opencl_device=options.device)
     texture = graphics.context.texture_array((1024, 1024, max(1, options.mib // 16)), 4, dtype="f4")
     try:
         share, compute = _share(rung, kind, graphics, compute, texture)
@@ -142,8 +142,8 @@ def _alone(rung: str, kind: str, options: argparse.Namespace) -> None:
 
 
 def _share(
-    rung: str, kind: str, graphics: Graphics, compute: Compute, texture: moderngl.TextureArray
-) -> tuple[Any, Compute]:
+    rung: str, kind: str, graphics: GraphicsContext, compute: ComputeDevice, texture: moderngl.TextureArray
+) -> tuple[Any, ComputeDevice]:
     """Return a way to share a texture, and the device with the context that can."""
     if rung == "host":
         return HostCopy(compute, texture), compute
@@ -155,7 +155,7 @@ def _share(
     graphics.use()
     properties = gl_interop.current_gl_context()
     context_of = partial(gl_interop.shared_context, library=library, properties=properties)
-    compute = Compute(opencl_device=device_name(compute.device), context_of=context_of)
+    compute = ComputeDevice(opencl_device=device_name(compute.device), context_of=context_of)
     handover = gl_interop.Finish(graphics, compute)
     if kind == "events":
         handover = gl_interop.Events(graphics, compute, library)
@@ -164,7 +164,7 @@ def _share(
     return gl_interop.BufferShare(graphics, compute, library, handover, texture), compute
 
 
-def _hands_over(share: Any, compute: Compute, texture: moderngl.TextureArray) -> bool:
+def _hands_over(share: Any, compute: ComputeDevice, texture: moderngl.TextureArray) -> bool:
     """Return whether OpenCL sees what was drawn, twice."""
     random = np.random.default_rng(5)
     for _ in range(2):
@@ -187,10 +187,12 @@ def _time(work: Callable[[], object]) -> float:
     return (time.perf_counter() - start) / times
 
 
-def iteration(graphics: Graphics, compute: Compute, hemicube: int) -> list[tuple[str, float, str]]:
+def iteration(
+    graphics: GraphicsContext, compute: ComputeDevice, hemicube: int
+) -> list[tuple[str, float, str]]:
     """Return what the parts of an iteration take: in OpenGL alone, and with a copy to OpenCL."""
     scene, settings = nine_quad_room(), Settings(resolution=128, hemicube=hemicube, sample_emission=False)
-    parts = subdivide(graphics, compute, scene, settings)
+    parts = make_patch_scene(graphics, compute, scene, settings)
     tiles = plan_tiles(settings, len(parts.patches), COPIED_RADIANCE_BYTES)
     emission, sky = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
     target = RadianceTarget(graphics, tiles, emission, (0.0, 0.0, 0.0, 2.0))

@@ -23,17 +23,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.rooms import panel_box
 from engine import Settings
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
-from engine.direct.sky import whole_sky
-from engine.patches.patch_scene import Subdivision, subdivide
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
+from engine.direct.sky import unsampled_sky
+from engine.patches.patch_scene import PatchScene, make_patch_scene
 from engine.plan.choose_solver import choose_solver
 from engine.plan.solve_job import SolveJob
 from engine.reference.instant_radiosity import InstantRadiosity
 from engine.reference.shooting import Shooting
-from engine.visibility.rays.ray_sampler import RayIdentity
+from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.rays.ray_scene import RayScene
-from engine.visibility.sampler import SeenBuffers
+from engine.visibility.sampler import VisibilityBuffers
 from engine.visibility.views.viewpoints import viewpoints
 from tests.analytic.drive import drive, irradiance
 
@@ -56,10 +56,10 @@ class Curve:
 class Room:
     """The room, what its patches see of each other, and its light, nearly true."""
 
-    def __init__(self, graphics: Graphics, compute: Compute, settings: Settings) -> None:
+    def __init__(self, graphics: GraphicsContext, compute: ComputeDevice, settings: Settings) -> None:
         self.graphics, self.compute, self.settings = graphics, compute, settings
         self.scene = panel_box(settings.resolution)
-        self.parts: Subdivision = subdivide(graphics, self.scene, settings)
+        self.parts: PatchScene = make_patch_scene(graphics, self.scene, settings)
         self.rays = RayScene(compute, self.parts)
         self.polygon = np.concatenate([mesh.face for mesh in self.scene.meshes])
         self._truth = irradiance(drive(self.scene, _truth_settings(settings.resolution)))
@@ -71,7 +71,7 @@ class Room:
     def job(self, settings: Settings) -> SolveJob:
         """Return the radiosity equation of the room."""
         emission, area = self.parts.surfaces.emission, self.parts.geometry.area
-        dark, sky = np.zeros_like(emission), whole_sky(self.scene.world)
+        dark, sky = np.zeros_like(emission), unsampled_sky(self.scene.world)
         return SolveJob(
             self.graphics, self.compute, self.parts, self.rays, emission, sky, dark, area, settings
         )
@@ -79,12 +79,12 @@ class Room:
     def seen(self) -> np.ndarray:
         """Return which patch + 1 every texel of every patch's hemicube shows, (n, 3 N N)."""
         job, count = self.job(self.settings), len(self.parts.patches)
-        identity = RayIdentity(self.compute, self.rays, self.parts, job.surroundings, self.settings)
+        identity = RaySampler(self.compute, self.rays, self.parts, job.surroundings, self.settings)
         cache, light, part = (
             cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size * count)
             for size in (identity.row_bytes, 16, 4)
         )
-        for _ in identity.find(0, count, SeenBuffers(cache, 0, light, part)):
+        for _ in identity.find(0, count, VisibilityBuffers(cache, 0, light, part)):
             pass
         size = identity.row_bytes // identity.samples
         seen = np.empty((count, identity.samples), np.uint16 if size == 2 else np.uint32)
@@ -99,9 +99,9 @@ def main() -> None:
         resolution=options.resolution, hemicube=options.hemicube, visibility="rays",
         directions="hemicube", method="cached", sample_emission=False, iterations=40, tolerance=0,
     )  # fmt: skip
-    graphics = Graphics()
+    graphics = GraphicsContext()
     try:
-        room = Room(graphics, Compute(), settings)
+        room = Room(graphics, ComputeDevice(), settings)
         room.seen()
         curves = [
             _gathered(room, "Hemibake: gathered, accelerated", settings),

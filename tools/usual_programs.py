@@ -14,19 +14,19 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from engine.device.cl_device import Compute, Source
+from engine.device.cl_device import ComputeDevice, Source
 from engine.device.devices import Devices
 from engine.device.kernel import Kernel
 from engine.pipeline import bake
 from engine.plan.common_programs import PROGRAMS
-from engine.plan.session_cache import Kept
+from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.progress import finished
 from engine.settings import Settings
-from engine.warm_up import SMALL, usual_room
+from engine.warm_up import SMALL, warm_up_scene
 
 
-class _Card(Compute):
+class _Card(ComputeDevice):
     """A device that is taken for a graphics card, and notes what it is asked for."""
 
     processor = False
@@ -46,11 +46,11 @@ class _Card(Compute):
 def recorded() -> list[list[list[str]]]:
     """Return the parts and the options of each program, in the order in which a warm-up asks for them."""
     devices, compute = Devices(), _Card()
-    devices.compute, settings, scene = compute, Settings(**SMALL), usual_room()
+    devices.compute, settings, scene = compute, Settings(**SMALL), warm_up_scene()
     stages = BakeStages(Extent.of(scene), settings, {})
     stages.opened(devices.on_card)
     try:
-        finished(bake(devices, scene, settings, stages, Kept()))
+        finished(bake(devices, scene, settings, stages, SessionCache()))
     finally:
         devices.release()
     return [list(asked) for asked in compute.asked]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from engine.device.gl_context import Graphics
+from engine.device.gl_context import GraphicsContext
 
 from .framework import MissingError
 from .kernel_texts import KernelText, glsl_text
@@ -17,7 +17,7 @@ class GLSL:
     name = "GLSL"
 
     def __init__(self) -> None:
-        graphics = Graphics()
+        graphics = GraphicsContext()
         if not graphics.computes:
             raise MissingError("OpenGL has no compute shaders")
         self._context, self.device = graphics.context, graphics.name

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 
 from .kernel_texts import KernelText, opencl_text
 
@@ -16,7 +16,7 @@ class OpenCL:
     name = "OpenCL"
 
     def __init__(self) -> None:
-        compute = Compute()
+        compute = ComputeDevice()
         self._context, self._queue, self.device = compute.context, compute.queue, compute.name
 
     def upload(self, values: np.ndarray) -> cl.Buffer:

@@ -11,14 +11,14 @@ import pyopencl as cl
 from benchmarks.gather_rate import gather_bytes_per_second
 from benchmarks.options import Options
 from benchmarks.tables import table
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 
 _REPEATS = 10
 
 
 def run(options: Options) -> list[dict[str, Any]]:
     """Time copies from buffer to buffer, then the gather kernel."""
-    compute = Compute()
+    compute = ComputeDevice()
     copied = copy_bytes_per_second(compute, (1 << 30) if options.gpu else (256 << 20))
     records = []
     hemicubes = [{"visibility": "rays", "directions": "hemicube", "hemicube": n} for n in (32, 64)]
@@ -48,7 +48,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
     return table(titles, rows)
 
 
-def copy_bytes_per_second(compute: Compute, size: int) -> float:
+def copy_bytes_per_second(compute: ComputeDevice, size: int) -> float:
     """Return how many bytes a second the best copy between buffers of `size` bytes reads and writes."""
     flags = cl.mem_flags.READ_WRITE
     source, target = (cl.Buffer(compute.context, flags, size) for _ in range(2))

@@ -8,7 +8,7 @@ from functools import cache
 from distributed import Worker
 from distributed.diagnostics.plugin import WorkerPlugin
 
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.source import source_digest
 from ..errors import DeviceError
 from .prepared_scene import DEVICE
@@ -48,7 +48,7 @@ def refusal(digest: str) -> str:
     if source_digest() != digest:
         return "its Hemibake is another version. Start it from the same checkout or package."
     try:
-        Compute(None, os.environ.get(DEVICE))
+        ComputeDevice(None, os.environ.get(DEVICE))
     except DeviceError as error:
         return str(error)
     return ""

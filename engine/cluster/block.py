@@ -11,12 +11,12 @@ from dask.config import get
 from dask.utils import parse_bytes
 from distributed.config import config
 
-from ..gather.half_radiance import HalfLight
-from .block_visibility import FoundBlock
+from ..gather.half_radiance import HalfRadiance
+from .block_visibility import BlockVisibility
 from .patch_rows import SentRows
 from .patch_table import PatchTable
-from .radiance_exchange import MappedLight
-from .scene_payload import Shipment
+from .radiance_exchange import MappedRadiance
+from .scene_payload import ScenePayload
 
 #: Bytes that Dask expects to travel in a second.
 _BANDWIDTH = parse_bytes(get("distributed.scheduler.bandwidth", config=config))
@@ -36,13 +36,13 @@ class Block:
     does not travel, and tasks alone read files of another machine.
     """
 
-    def __init__(self, shipment: Shipment, table: PatchTable, rows: SentRows) -> None:
+    def __init__(self, shipment: ScenePayload, table: PatchTable, rows: SentRows) -> None:
         self._made_of, self._bytes = (shipment, table, rows), _LEAST
 
     @cached_property
-    def found(self) -> FoundBlock:
+    def found(self) -> BlockVisibility:
         """What the patches see; found when it is first asked for."""
-        began, found = time.perf_counter(), FoundBlock(*self._made_of)
+        began, found = time.perf_counter(), BlockVisibility(*self._made_of)
 
         # Dask weighs sending bytes against waiting for who has them. Here sending is finding anew elsewhere,
         # and waiting is better.
@@ -56,7 +56,7 @@ class Block:
         return self._bytes
 
 
-def find(shipment: Shipment, table: PatchTable, rows: SentRows) -> Block:
+def find(shipment: ScenePayload, table: PatchTable, rows: SentRows) -> Block:
     """Find what a block of patches sees: the task that those of sweeps depend on."""
     block = Block(shipment, table, rows)
     _ = block.found
@@ -68,19 +68,19 @@ def views(block: Block) -> np.ndarray:
     return block.found.views
 
 
-def gather(block: Block, light: HalfLight | MappedLight) -> np.ndarray:
+def gather(block: Block, light: HalfRadiance | MappedRadiance) -> np.ndarray:
     """Gather for a block: a task of a sweep, which runs where the block is."""
     return block.found.gather(light)
 
 
 def gather_to(block: Block, light: bytes, path: str) -> None:
-    """Gather for a block to the file of a `SweepMemory`, as a task of a sweep within a machine.
+    """Gather for a block to the file of a `RadianceExchange`, as a task of a sweep within a machine.
 
-    light: a MappedLight's `portable_bytes`, which come with the task: another one for it would take longer
+    light: a MappedRadiance's `portable_bytes`, which come with the task: another one for it would take longer
     """
     block.found.gather_to(pickle.loads(light), path)
 
 
-def gather_l1(block: Block, light: HalfLight | MappedLight) -> np.ndarray:
+def gather_l1(block: Block, light: HalfRadiance | MappedRadiance) -> np.ndarray:
     """Gather the L1 of light for a block."""
     return block.found.gather_l1(light)

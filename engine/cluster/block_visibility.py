@@ -6,34 +6,34 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download
-from ..gather.gather_pass import FinalGather
-from ..gather.half_radiance import HalfLight
-from ..plan.choose_gather import keeping_sweep
-from ..plan.visibility_trial import make_identity, untried_visibility
+from ..gather.gather_pass import GatherPass
+from ..gather.half_radiance import HalfRadiance
+from ..plan.choose_gather import caching_gather
+from ..plan.visibility_trial import make_sampler, untried_visibility
 from ..progress import finished
 from ..scene.color import colors_of
 from .patch_rows import SentRows, unpacked
 from .patch_table import PatchTable
 from .prepared_scene import prepared
-from .radiance_exchange import MappedLight, write_rows
-from .scene_payload import Shipment
+from .radiance_exchange import MappedRadiance, write_rows
+from .scene_payload import ScenePayload
 
 
-class FoundBlock:
+class BlockVisibility:
     """Some patches of a scene, or groups of them, which gather from all of them.
 
     views  (m, 2) float32, see `RemoteDevices.views`
     bytes  of the device that what they see takes
     """
 
-    def __init__(self, shipment: Shipment, table: PatchTable, rows: SentRows) -> None:
+    def __init__(self, shipment: ScenePayload, table: PatchTable, rows: SentRows) -> None:
         self._first, self._sources = unpacked(rows).first, prepared(shipment).sources(table)
         with self._sources.working():
             lookers = self._sources.part(rows)
-            identity = make_identity(lookers, untried_visibility(lookers.settings))
+            identity = make_sampler(lookers, untried_visibility(lookers.settings))
             self.bytes = identity.row_bytes * lookers.count
-            sweep, compute = keeping_sweep(lookers, identity), lookers.opencl
-            self._gather = FinalGather(compute, sweep, np.zeros((lookers.count, 3), np.float32))
+            sweep, compute = caching_gather(lookers, identity), lookers.opencl
+            self._gather = GatherPass(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
             # The samples go with the block, not with the job that they were found for.
             lookers.kept.clear()
@@ -43,16 +43,16 @@ class FoundBlock:
             seen = download(compute, self._gather.patches_seen, (lookers.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
 
-    def gather(self, light: HalfLight | MappedLight) -> np.ndarray:
+    def gather(self, light: HalfRadiance | MappedRadiance) -> np.ndarray:
         """Gather from the light of all patches; return E/pi, (m, 3) float32."""
         with self._sources.working():
             return colors_of(self._gathered(self._sources.table(light)))
 
-    def gather_to(self, light: MappedLight, path: str) -> None:
-        """Gather as `gather` does, to the file of a `SweepMemory`."""
+    def gather_to(self, light: MappedRadiance, path: str) -> None:
+        """Gather as `gather` does, to the file of a `RadianceExchange`."""
         write_rows(path, self._first, self.gather(light), light.count)
 
-    def gather_l1(self, light: HalfLight | MappedLight) -> np.ndarray:
+    def gather_l1(self, light: HalfRadiance | MappedRadiance) -> np.ndarray:
         """Return the L1 of the same light, (m, 3, 3) float32."""
         with self._sources.working():
             self._gathered(self._sources.table(light))

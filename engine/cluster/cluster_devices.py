@@ -7,25 +7,25 @@ from collections.abc import Callable, Generator
 import numpy as np
 from distributed import Future
 
-from ..direct.contact import patches_in_contact
-from ..direct.emitters import BrightTriangles
-from ..gather.half_radiance import HalfLight
+from ..direct.contact import find_contacts
+from ..direct.emitters import SampledTriangles
+from ..gather.half_radiance import HalfRadiance
 from ..numpy_pickle import portable_bytes
-from ..patches.patch_scene import Subdivision
-from ..plan.gathered_samples import LitSamples
+from ..patches.patch_scene import PatchScene
+from ..plan.gathered_samples import GatheredSamples
 from ..plan.memory import shared_width
-from ..plan.solver_choice import Choice
+from ..plan.solver_choice import SolverChoice
 from ..plan.visibility_trial import untried_visibility
-from ..postprocess.texel_samples import DisplaySamples
+from ..postprocess.texel_samples import TexelSamples
 from ..scene.color import colors_of
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
-from .distributed_scene import Shipped
+from .distributed_scene import DistributedScene
 from .local_workers import LOCAL
-from .patch_table import Glow, PatchTable, SceneTable
-from .radiance_exchange_pair import SweepMemories
+from .patch_table import PatchTable, SceneTable, SparseRadiance
+from .radiance_exchange_pair import RadianceExchangePair
 from .shipped_patches import ShippedPatches
 from .tasks import EARLY, Tasks
 
@@ -45,12 +45,12 @@ class ClusterDevices:
     def __init__(
         self,
         tasks: Tasks,
-        shipped: Shipped,
+        shipped: DistributedScene,
         settings: Settings,
         folder: str,
-        parts: Subdivision,
+        parts: PatchScene,
         rays: RayScene,
-        bright: BrightTriangles,
+        bright: SampledTriangles,
     ) -> None:
         """Send the patches of a scene that workers have, or are given.
 
@@ -59,7 +59,7 @@ class ClusterDevices:
         bright  what of their light is sampled
         """
         self._tasks, self._shipped, self._folder = tasks, shipped, folder
-        self._memories = SweepMemories(folder)
+        self._memories = RadianceExchangePair(folder)
         self._settings, self._parts = settings, parts
         self._back_to_back = _lies_back_to_back(rays, settings)
         table = SceneTable.of_scene(parts, bright, self._back_to_back, folder)
@@ -81,7 +81,7 @@ class ClusterDevices:
         return f"{who} for them{watched}."
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-        """Return the light that shadow rays sample, and its L1; see `Casting.sampled`."""
+        """Return the light that shadow rays sample, and its L1; see `ShadowCaster.sampled`."""
         tasks = self._tasks_of_patches(shadow_tasks.sampled)
 
         # Those that are done find what patches see meanwhile. Squares are made of the light first.
@@ -94,11 +94,11 @@ class ClusterDevices:
         return colors_of(light), light[:, _COLORS:].reshape(-1, 3, 3)
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return how much of a lamp patches see; see `Casting.shadow_mask`."""
+        """Return how much of a lamp patches see; see `ShadowCaster.shadow_mask`."""
         return (yield from self._of_patches(shadow_tasks.shadow_mask, lamp))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return how open patches are; see `Casting.ambient_occlusion`."""
+        """Return how open patches are; see `ShadowCaster.ambient_occlusion`."""
         return (yield from self._of_patches(shadow_tasks.ambient_occlusion))
 
     def views(self) -> Generator[float, None, np.ndarray]:
@@ -106,7 +106,7 @@ class ClusterDevices:
         self._find_once()
         return (yield from self._of_blocks(block.views))
 
-    def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def gather(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Gather once; see `RemoteGather.gather`. The rows are overwritten by the next time but one."""
         self._find_once()
         memory = self._memories.next(len(light.parts), self._tasks.workers())
@@ -118,13 +118,13 @@ class ClusterDevices:
         )
         return memory.rows
 
-    def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def gather_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Gather L1; see `RemoteGather.gather_l1`."""
         return (yield from self._of_blocks(block.gather_l1, self._light_sent(light)))
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
         """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
-        table = PatchTable.of(texel_to_group, Glow.of(emission), self._back_to_back, self._folder)
+        table = PatchTable.of(texel_to_group, SparseRadiance.of(emission), self._back_to_back, self._folder)
         self._solved = ShippedPatches(self._tasks, self._parts.patches.part(leader), table, self._folder)
         self._find()
 
@@ -132,30 +132,30 @@ class ClusterDevices:
         tables = self._patches.table, self._solved.table
         (self._both,) = self._tasks.begin(final_tasks.both, [tables])
 
-    def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def final(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Gather for every patch; see `RemoteGather.final`."""
         self._blocks = {}
         return (yield from self._final(final_tasks.final, light))
 
-    def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def final_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Gather L1 for every patch; see `RemoteGather.final_l1`."""
         return (yield from self._final(final_tasks.final_l1, light))
 
-    def light_at(
-        self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
-    ) -> Generator[float, None, list[LitSamples]]:
-        """Return the light at points of texels; see `RemoteDevices.light_at`."""
+    def gather_at(
+        self, samples: TexelSamples, light: HalfRadiance, choice: SolverChoice, settings: Settings
+    ) -> Generator[float, None, list[GatheredSamples]]:
+        """Return the light at points of texels; see `RemoteDevices.gather_at`."""
         self._blocks = {}
         spans, scene = cut(len(samples), _FEWEST_POINTS), (self._shipped.shipment, self._patches.table)
         how, seen = self._tasks.sent((choice, settings), "how"), (self._solved.table, self._light_sent(light))
         parts = [self._tasks.sent(samples.part(slice(*span)), "samples") for span in spans]
         tasks = [(*scene, part, *seen, how) for part in parts]
         begun = self._tasks.begin(final_tasks.light_at_samples, tasks)
-        lit: dict[Span, LitSamples] = {}
+        lit: dict[Span, GatheredSamples] = {}
         yield from self._tasks.take(dict(zip(begun, spans, strict=True)), lit.__setitem__)
         return [lit[span] for span in spans]
 
-    def _light_sent(self, light: HalfLight) -> Future:
+    def _light_sent(self, light: HalfRadiance) -> Future:
         """Return light as the result of a task."""
         return self._tasks.sent(light, "light")
 
@@ -171,7 +171,7 @@ class ClusterDevices:
         tasks = [(scene, solved.table, solved.rows(span)) for span in spans]
         self._blocks = dict(zip(spans, self._tasks.begin(block.find, tasks, EARLY), strict=True))
 
-    def _final(self, function: Callable, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def _final(self, function: Callable, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Gather for each block of patches from the light of groups, on any worker; return all rows."""
         spans, sent = cut(self._patches.count), self._light_sent(light)
         rows = map(self._patches.rows, spans)
@@ -198,4 +198,4 @@ class ClusterDevices:
 
 def _lies_back_to_back(rays: RayScene, settings: Settings) -> bool:
     """Return whether faces lie on one another that look apart, where hemicubes are drawn; rays do not ask."""
-    return untried_visibility(settings) == "raster" and bool(patches_in_contact(rays, rays.count)[1].any())
+    return untried_visibility(settings) == "raster" and bool(find_contacts(rays, rays.count)[1].any())

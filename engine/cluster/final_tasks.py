@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..gather.gather_pass import FinalGather
-from ..gather.half_radiance import HalfLight
-from ..plan.gathered_samples import LitSamples
+from ..gather.gather_pass import GatherPass
+from ..gather.half_radiance import HalfRadiance
+from ..plan.gathered_samples import GatheredSamples
 from ..plan.receivers import Receivers, final_gather
-from ..plan.solver_choice import Choice
+from ..plan.solver_choice import SolverChoice
 from ..plan.visibility_trial import untried_visibility
-from ..postprocess.texel_samples import DisplaySamples
+from ..postprocess.texel_samples import TexelSamples
 from ..progress import finished
 from ..settings import Settings
-from ..texel_gather.texel_sample_gather import light_at
+from ..texel_gather.texel_sample_gather import gather_at
 from .patch_rows import SentRows
 from .patch_table import PatchTable, SceneTable
 from .prepared_scene import prepared
-from .scene_payload import Shipment
+from .scene_payload import ScenePayload
 
 #: The patches of a scene, and groups of them.
 Both = tuple[SceneTable, PatchTable]
@@ -28,13 +28,13 @@ def both(table: SceneTable, groups: PatchTable) -> Both:
     return table, groups
 
 
-def final(shipment: Shipment, tables: Both, rows: SentRows, light: HalfLight) -> np.ndarray:
+def final(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance) -> np.ndarray:
     """Gather for patches from the light of groups; see `RemoteGather.final`."""
     with prepared(shipment).patches(tables[0]).working():
         return _gathered(shipment, tables, rows, light)[1]
 
 
-def final_l1(shipment: Shipment, tables: Both, rows: SentRows, light: HalfLight) -> np.ndarray:
+def final_l1(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance) -> np.ndarray:
     """Return the L1 of the same light; see `RemoteGather.final_l1`."""
     with prepared(shipment).patches(tables[0]).working():
         gather, _ = _gathered(shipment, tables, rows, light)
@@ -42,8 +42,8 @@ def final_l1(shipment: Shipment, tables: Both, rows: SentRows, light: HalfLight)
 
 
 def _gathered(
-    shipment: Shipment, tables: Both, rows: SentRows, light: HalfLight
-) -> tuple[FinalGather, np.ndarray]:
+    shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance
+) -> tuple[GatherPass, np.ndarray]:
     """Return what has gathered for patches, and what."""
     scene, (table, seen) = prepared(shipment), tables
     lookers, groups = scene.patches(table).part(rows), scene.sources(seen)
@@ -54,14 +54,14 @@ def _gathered(
 
 
 def light_at_samples(
-    shipment: Shipment,
+    shipment: ScenePayload,
     table: SceneTable,
-    samples: DisplaySamples,
+    samples: TexelSamples,
     solved: PatchTable,
-    light: HalfLight,
-    how: tuple[Choice, Settings],
-) -> LitSamples:
-    """Return what samples gather from the light of all sources; see `texel_sample_gather.light_at`.
+    light: HalfRadiance,
+    how: tuple[SolverChoice, Settings],
+) -> GatheredSamples:
+    """Return what samples gather from the light of all sources; see `texel_sample_gather.gather_at`.
 
     solved  the patches, or the groups of them, that send light out
     how     the way that was chosen for patches, and the settings of samples
@@ -70,4 +70,4 @@ def light_at_samples(
     patches, sources = scene.patches(table), scene.sources(solved)
     with patches.working():
         what = scene.display(patches, sources, choice)
-        return finished(light_at(what, sources.table(light), samples, settings))
+        return finished(gather_at(what, sources.table(light), samples, settings))

@@ -6,7 +6,7 @@ import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from ..numpy_pickle import Portable
+from ..numpy_pickle import NumpyPickle
 from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
@@ -14,7 +14,7 @@ from .stored_array import StoredArray
 
 
 @dataclass(frozen=True)
-class PatchRows(Portable):
+class PatchRows(NumpyPickle):
     """Some patches, or groups of them, one after another; see `PatchList`.
 
     first        the first one's number

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..direct.emitters import BrightTriangles
-from ..numpy_pickle import Portable
-from ..patches.patch_scene import Subdivision
+from ..direct.emitters import SampledTriangles
+from ..numpy_pickle import NumpyPickle
+from ..patches.patch_scene import PatchScene
 from ..row_ops import any_in_rows, nonzero_rows
 from .stored_array import StoredArray
 
 
 @dataclass(frozen=True)
-class Glow(Portable):
+class SparseRadiance(NumpyPickle):
     """Radiance of patches, most of which are dark.
 
     count   patches
@@ -29,12 +29,12 @@ class Glow(Portable):
     values: np.ndarray
 
     @classmethod
-    def of(cls, radiance: np.ndarray) -> Glow:
+    def of(cls, radiance: np.ndarray) -> SparseRadiance:
         """Take the radiance of all patches, (n, 3) float32."""
         return cls.among(radiance, nonzero_rows(radiance))
 
     @classmethod
-    def among(cls, radiance: np.ndarray, patches: np.ndarray) -> Glow:
+    def among(cls, radiance: np.ndarray, patches: np.ndarray) -> SparseRadiance:
         """Take the radiance of all patches, of which all but some, (k,) int64, are dark."""
         values = radiance[patches]
         shines = any_in_rows(values)
@@ -49,22 +49,24 @@ class Glow(Portable):
 
 
 @dataclass(frozen=True)
-class PatchTable(Portable):
+class PatchTable(NumpyPickle):
     """Patches, or groups of them, as all workers need them: how they are found, and what they emit.
 
     name            tells them from all others
-    texel_to_patch  (atlases, r, r) uint32, see `Subdivision`
+    texel_to_patch  (atlases, r, r) uint32, see `PatchScene`
     emission        of backs that is seen, see `SolveJob.back_emission`
-    back_to_back    see `Subdivision`
+    back_to_back    see `PatchScene`
     """
 
     name: str
     texel_to_patch: StoredArray
-    emission: Glow
+    emission: SparseRadiance
     back_to_back: bool
 
     @classmethod
-    def of(cls, texel_to_patch: np.ndarray, emission: Glow, back_to_back: bool, folder: str) -> PatchTable:
+    def of(
+        cls, texel_to_patch: np.ndarray, emission: SparseRadiance, back_to_back: bool, folder: str
+    ) -> PatchTable:
         """Pack groups of patches; folder: in the memory of all workers, empty if there is none."""
         return cls(uuid.uuid4().hex, StoredArray.of(texel_to_patch, folder), emission, back_to_back)
 
@@ -81,8 +83,8 @@ class SceneTable(PatchTable):
     uniform   (b,) bool, it is the same all over the triangle
     """
 
-    glow: Glow
-    backs: Glow | None
+    glow: SparseRadiance
+    backs: SparseRadiance | None
     shining: np.ndarray
     sampled: np.ndarray
     radiance: np.ndarray
@@ -91,26 +93,27 @@ class SceneTable(PatchTable):
 
     @classmethod
     def of_scene(
-        cls, parts: Subdivision, bright: BrightTriangles, back_to_back: bool, folder: str
+        cls, parts: PatchScene, bright: SampledTriangles, back_to_back: bool, folder: str
     ) -> SceneTable:
         """Pack the patches of a scene, and what of it is sampled as lights; folder: as of `of`."""
         surfaces, stored = parts.surfaces, StoredArray.of(parts.texel_to_patch, folder)
         glow, left = (
-            Glow.among(radiance, surfaces.shining) for radiance in (surfaces.emission, bright.back_left)
+            SparseRadiance.among(radiance, surfaces.shining)
+            for radiance in (surfaces.emission, bright.back_left)
         )
         table = uuid.uuid4().hex, stored, left, back_to_back
         sampled = bright.triangles, bright.radiance, bright.back_radiance, bright.uniform
         told_apart = surfaces.back_emission is not None
-        backs = Glow.among(surfaces.emission_of_backs, surfaces.shining) if told_apart else None
+        backs = SparseRadiance.among(surfaces.emission_of_backs, surfaces.shining) if told_apart else None
         return cls(*table, glow, backs, np.flatnonzero(bright.shining), *sampled)
 
-    def bright(self, triangles: int, left: np.ndarray) -> BrightTriangles:
+    def bright(self, triangles: int, left: np.ndarray) -> SampledTriangles:
         """Return what is sampled.
 
         triangles  how many there are
-        left       (n, 3) float32, see `BrightTriangles.back_left`; fronts are not needed
+        left       (n, 3) float32, see `SampledTriangles.back_left`; fronts are not needed
         """
         shining = np.zeros(triangles, bool)
         shining[self.shining] = True
         sampled = self.sampled, self.radiance, self.back_radiance, self.uniform
-        return BrightTriangles(*sampled, left, left, shining)
+        return SampledTriangles(*sampled, left, left, shining)

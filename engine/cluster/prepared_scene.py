@@ -9,12 +9,12 @@ from functools import cache
 from ..device.devices import Devices
 from ..device.freed_memory import keep_freed_memory
 from ..direct.emitter_split import sky_of
-from ..plan.solver_choice import Choice
-from ..texel_gather.texel_sample_points import DisplayJob
+from ..plan.solver_choice import SolverChoice
+from ..texel_gather.texel_sample_points import TexelGatherJob
 from .patch_table import PatchTable, SceneTable
-from .scene_payload import Shipment
-from .source_patches import Patches, Sources
-from .triangle_scene import KeptTriangles
+from .scene_payload import ScenePayload
+from .source_patches import ScenePatches, SourcePatches
+from .triangle_scene import TriangleCache
 
 #: Environment variable that names the OpenCL device of a worker.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"
@@ -35,7 +35,7 @@ class PreparedScene:
     Raises DeviceError if the worker has no OpenGL, or no OpenCL.
     """
 
-    def __init__(self, shipment: Shipment, kept: KeptTriangles) -> None:
+    def __init__(self, shipment: ScenePayload, kept: TriangleCache) -> None:
         self.scene, settings = shipment.unpacked()
         self.digest = shipment.digest
         self._devices = worker_devices()
@@ -45,29 +45,31 @@ class PreparedScene:
             sky_of(self.scene.world, settings),
         )
         self._common = self._devices, triangles, settings, sky
-        self._patches: Patches | None = None
-        self._groups: Sources | None = None
-        self._display: DisplayJob | None = None
+        self._patches: ScenePatches | None = None
+        self._groups: SourcePatches | None = None
+        self._display: TexelGatherJob | None = None
 
-    def patches(self, table: SceneTable) -> Patches:
+    def patches(self, table: SceneTable) -> ScenePatches:
         """Return the patches of a table; the last ones are kept."""
         if self._patches is None or self._patches.name != table.name:
-            self._patches = Patches(*self._common, table, self.scene)
+            self._patches = ScenePatches(*self._common, table, self.scene)
         return self._patches
 
-    def sources(self, table: PatchTable) -> Sources:
+    def sources(self, table: PatchTable) -> SourcePatches:
         """Return the patches, or groups of them, of a table; the last ones are kept."""
         if isinstance(table, SceneTable):
             return self.patches(table)
         if self._groups is None or self._groups.name != table.name:
-            self._groups = Sources(*self._common, table)
+            self._groups = SourcePatches(*self._common, table)
         return self._groups
 
-    def display(self, patches: Patches, solved: Sources, choice: Choice) -> DisplayJob:
+    def display(self, patches: ScenePatches, solved: SourcePatches, choice: SolverChoice) -> TexelGatherJob:
         """Return what light at points of texels is gathered for; the last one is kept."""
         last = self._display
         if last is None or last.job is not patches.job or last.solved is not solved.job:
-            self._display = last = DisplayJob(self.scene, patches.job, solved.job, choice, patches.lighting)
+            self._display = last = TexelGatherJob(
+                self.scene, patches.job, solved.job, choice, patches.lighting
+            )
         return last
 
     def clear(self) -> None:
@@ -76,10 +78,10 @@ class PreparedScene:
 
 
 _prepared: PreparedScene | None = None
-_kept = KeptTriangles()
+_kept = TriangleCache()
 
 
-def prepared(shipment: Shipment) -> PreparedScene:
+def prepared(shipment: ScenePayload) -> PreparedScene:
     """Return the scene of a shipment; a process keeps the last one."""
     global _prepared
     if _prepared is None or _prepared.digest != shipment.digest:
@@ -93,6 +95,6 @@ def prepared(shipment: Shipment) -> PreparedScene:
     return _prepared
 
 
-def prepare(shipment: Shipment) -> None:
+def prepare(shipment: ScenePayload) -> None:
     """Make what casts rays through a scene: a task for each worker, while the client makes the patches."""
     prepared(shipment)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..gather.half_radiance import HalfLight
-from ..numpy_pickle import Portable
+from ..gather.half_radiance import HalfRadiance
+from ..numpy_pickle import NumpyPickle
 from .machine_files import by_other, file_bytes
 from .memory_folder import new_file
 
@@ -20,8 +20,8 @@ _CHANNELS = 3
 
 
 @dataclass(frozen=True)
-class MappedLight(Portable):
-    """A HalfLight in a file that the workers of a machine map.
+class MappedRadiance(NumpyPickle):
+    """A HalfRadiance in a file that the workers of a machine map.
 
     path    of the file
     count   patches
@@ -34,16 +34,16 @@ class MappedLight(Portable):
     unit: np.float32
     number: int
 
-    def opened(self) -> HalfLight:
+    def opened(self) -> HalfRadiance:
         """Return the light; its parts are the file's where it can be mapped. Raises as `file_bytes`."""
         try:
             parts = _mapped(self.path, np.float16, self.count)
         except OSError:
             parts = np.frombuffer(file_bytes(self.path), np.float16).reshape(self.count, _CHANNELS)
-        return HalfLight(parts, self.unit)
+        return HalfRadiance(parts, self.unit)
 
 
-class SweepMemory:
+class RadianceExchange:
     """Two files that the client and workers of its machine map, for many sweeps: what is there is quick.
 
     rows  (count, 3) float32, what is gathered
@@ -58,11 +58,11 @@ class SweepMemory:
         self._parts = _opened(self._files[0], np.float16, count)
         self.rows = _opened(self.path, np.float32, count)
 
-    def put(self, light: HalfLight) -> MappedLight:
+    def put(self, light: HalfRadiance) -> MappedRadiance:
         """Let workers have light."""
         np.copyto(self._parts, light.parts)
         self._number += 1
-        return MappedLight(self._files[0], self._count, light.unit, self._number)
+        return MappedRadiance(self._files[0], self._count, light.unit, self._number)
 
     def close(self) -> None:
         """Remove the files; who still writes to them disturbs nobody."""
@@ -72,7 +72,7 @@ class SweepMemory:
 
 
 def write_rows(path: str, first: int, rows: np.ndarray, count: int) -> None:
-    """Write rows from the first one on to the file of `SweepMemory.path`, of `count` patches.
+    """Write rows from the first one on to the file of `RadianceExchange.path`, of `count` patches.
 
     Another worker does so if this one cannot map the file; raises as `by_other` does.
     """

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from .radiance_exchange import SweepMemory
+from .radiance_exchange import RadianceExchange
 
 
-class SweepMemories:
+class RadianceExchangePair:
     """Two memories that sweeps take turns with.
 
     Once a worker is lost, others may repeat tasks of the last sweep. It may itself still write: those that
@@ -15,9 +15,9 @@ class SweepMemories:
     def __init__(self, folder: str) -> None:
         """Take a folder in the memory of all workers; empty if there is none."""
         self._folder, self._workers = folder, set[str]()
-        self._both: list[SweepMemory] = []
+        self._both: list[RadianceExchange] = []
 
-    def next(self, count: int, workers: set[str]) -> SweepMemory | None:
+    def next(self, count: int, workers: set[str]) -> RadianceExchange | None:
         """Return the memory for a sweep of `count` patches; None without a folder, or without room in it.
 
         workers: addresses of those that are there
@@ -28,7 +28,7 @@ class SweepMemories:
             for memory in self._both:
                 memory.close()
             try:
-                self._both = [SweepMemory(self._folder, count) for _ in range(2)]
+                self._both = [RadianceExchange(self._folder, count) for _ in range(2)]
             except OSError:
                 self._both, self._folder = [], ""
                 return None

@@ -21,7 +21,7 @@ _LEVEL, _NONE = 1, 0
 
 
 @dataclass(frozen=True)
-class Shipment:
+class ScenePayload:
     """A scene and settings as bytes.
 
     data    compressed, see zlib; empty if they are in a file
@@ -34,7 +34,7 @@ class Shipment:
     digest: str
 
     @classmethod
-    def of(cls, scene: Scene, settings: Settings, local: bool, folder: str = "") -> Shipment:
+    def of(cls, scene: Scene, settings: Settings, local: bool, folder: str = "") -> ScenePayload:
         """Pack a scene that occluders have their places in, without what patches alone are made of.
 
         local   whether it does not leave this machine

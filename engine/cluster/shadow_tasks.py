@@ -11,10 +11,10 @@ from ..progress import Made, finished
 from .patch_rows import SentRows
 from .patch_table import SceneTable
 from .prepared_scene import prepared
-from .scene_payload import Shipment
+from .scene_payload import ScenePayload
 
 
-def sampled(shipment: Shipment, table: SceneTable, rows: SentRows) -> np.ndarray:
+def sampled(shipment: ScenePayload, table: SceneTable, rows: SentRows) -> np.ndarray:
     """Return E/pi of the light that shadow rays sample, then its L1, (m, 3 or 12) float32."""
 
     def light(lighting: DirectLighting) -> Generator[float, None, np.ndarray]:
@@ -24,18 +24,18 @@ def sampled(shipment: Shipment, table: SceneTable, rows: SentRows) -> np.ndarray
     return _cast(shipment, table, rows, light)
 
 
-def ambient_occlusion(shipment: Shipment, table: SceneTable, rows: SentRows) -> np.ndarray:
+def ambient_occlusion(shipment: ScenePayload, table: SceneTable, rows: SentRows) -> np.ndarray:
     """Return the open fraction of each patch's hemisphere, (m,) float32."""
     return _cast(shipment, table, rows, DirectLighting.ambient_occlusion)
 
 
-def shadow_mask(shipment: Shipment, table: SceneTable, rows: SentRows, lamp: int) -> np.ndarray:
+def shadow_mask(shipment: ScenePayload, table: SceneTable, rows: SentRows, lamp: int) -> np.ndarray:
     """Return how much of a shining lamp each patch sees, (m,) float32."""
     return _cast(shipment, table, rows, lambda lighting: lighting.shadow_mask(lamp))
 
 
 def _cast(
-    shipment: Shipment,
+    shipment: ScenePayload,
     table: SceneTable,
     rows: SentRows,
     cast: Callable[[DirectLighting], Generator[float, None, Made]],

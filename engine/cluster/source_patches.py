@@ -11,22 +11,22 @@ import pyopencl as cl
 
 from ..device.buffers import zeros
 from ..device.devices import Devices
-from ..direct.emitter_split import SplitLight
+from ..direct.emitter_split import EmitterSplit
 from ..direct.lighting import DirectLighting
 from ..direct.sky import Sky
-from ..gather.half_radiance import HalfLight
+from ..gather.half_radiance import HalfRadiance
 from ..plan.choose_solver import light_alone
-from ..plan.session_cache import Kept
+from ..plan.session_cache import SessionCache
 from ..plan.solve_job import SolveJob
 from ..scene.model import Scene
 from ..settings import Settings
 from .patch_rows import SentRows, unpacked
 from .patch_table import PatchTable, SceneTable
-from .radiance_exchange import MappedLight
+from .radiance_exchange import MappedRadiance
 from .triangle_scene import TriangleScene
 
 
-class Sources:
+class SourcePatches:
     """Patches, or groups of them, that send light out, on the device of a worker.
 
     name  of their table
@@ -38,7 +38,7 @@ class Sources:
     ) -> None:
         """Take a table of patches, and the light of the world."""
         self._devices, self._triangles, self.name = devices, triangles, table.name
-        self._light: HalfLight | MappedLight | None = None
+        self._light: HalfRadiance | MappedRadiance | None = None
         compute, emission = devices.compute, table.emission
         self._count, seen = emission.count, emission.of_all()
         parts = triangles.seen(settings.resolution, seen, table.texel_to_patch.opened(), table.back_to_back)
@@ -59,12 +59,12 @@ class Sources:
         triangles, job = self._triangles, self.job
         opened = unpacked(rows).opened(triangles.triangles, triangles.steps, job.settings.resolution)
         parts = job.parts.seen_from(*opened)
-        return replace(job, parts=parts, rays=job.rays.of(parts), kept=Kept())
+        return replace(job, parts=parts, rays=job.rays.of(parts), kept=SessionCache())
 
-    def table(self, light: HalfLight | MappedLight) -> cl.Buffer:
+    def table(self, light: HalfRadiance | MappedRadiance) -> cl.Buffer:
         """Return the light of all on the device: once for all blocks of a sweep."""
         if light != self._light:
-            opened = light.opened() if isinstance(light, MappedLight) else light
+            opened = light.opened() if isinstance(light, MappedRadiance) else light
             self._light, self._table = light, opened.table(self.job.opencl)
         return self._table
 
@@ -74,7 +74,7 @@ class Sources:
         return zeros(self.job.opencl, 16 * (self._count + 2))
 
 
-class Patches(Sources):
+class ScenePatches(SourcePatches):
     """The patches of a scene.
 
     lighting  what shadow rays sample
@@ -96,4 +96,4 @@ class Patches(Sources):
         surfaces = replace(job.parts.surfaces, emission=table.glow.of_all(), back_emission=backs)
         bright = table.bright(len(triangles.triangles.mesh), job.emission)
         parts = replace(job.parts, surfaces=surfaces)
-        self.lighting = DirectLighting(scene, parts, job.rays, settings, split=SplitLight(bright, sky))
+        self.lighting = DirectLighting(scene, parts, job.rays, settings, split=EmitterSplit(bright, sky))

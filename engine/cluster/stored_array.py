@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..numpy_pickle import Portable
+from ..numpy_pickle import NumpyPickle
 from .machine_files import file_bytes
 from .memory_folder import file_with
 
 
 @dataclass(frozen=True)
-class StoredArray(Portable):
+class StoredArray(NumpyPickle):
     """An array that goes to workers, or some of its rows.
 
     data   the rows; empty if they are in a file

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..patches.geometry import PatchGeometry, TexelSteps, texel_steps
 from ..patches.patch_list import PatchList
-from ..patches.patch_materials import PatchSurfaces
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_materials import PatchMaterials
+from ..patches.patch_scene import PatchScene
 from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.digests import geometry_digest
 from ..scene.model import Scene
@@ -34,7 +34,7 @@ class TriangleScene:
     rays: RayScene
 
     @classmethod
-    def of(cls, compute: Compute | None, scene: Scene, resolution: int) -> TriangleScene:
+    def of(cls, compute: ComputeDevice | None, scene: Scene, resolution: int) -> TriangleScene:
         """Join the meshes of a scene whose occluders have places, and make their hierarchy."""
         triangles, cutouts = join_meshes(scene), read_cutouts(scene)
         steps = texel_steps(triangles, resolution)
@@ -43,14 +43,14 @@ class TriangleScene:
 
     def seen(
         self, resolution: int, emission: np.ndarray, texel_to_patch: np.ndarray, back_to_back: bool
-    ) -> Subdivision:
+    ) -> PatchScene:
         """Return patches as others see them: itself it has none, and what they reflect is not known.
 
         emission: (n, 3) float32, radiance
         """
         return replace(
             _without_patches(self.triangles, self.steps, self.cutouts, resolution),
-            surfaces=PatchSurfaces(emission[:0], emission),
+            surfaces=PatchMaterials(emission[:0], emission),
             texel_to_patch=texel_to_patch,
             back_to_back=back_to_back,
         )
@@ -58,7 +58,7 @@ class TriangleScene:
 
 def _without_patches(
     triangles: Triangles, steps: TexelSteps, cutouts: Cutouts, resolution: int
-) -> Subdivision:
+) -> PatchScene:
     """Return a subdivision without patches."""
     none, nowhere = np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
     patches, geometry = (
@@ -66,16 +66,16 @@ def _without_patches(
         PatchGeometry(triangles, steps, none, nowhere),
     )
     texels = np.zeros((0, resolution, resolution), np.uint32)
-    return Subdivision(triangles, cutouts, patches, geometry, PatchSurfaces(nowhere, nowhere), texels, ())
+    return PatchScene(triangles, cutouts, patches, geometry, PatchMaterials(nowhere, nowhere), texels, ())
 
 
-class KeptTriangles:
+class TriangleCache:
     """The triangles of the last scene: they serve any scene of the same geometry, UVs and transparency."""
 
     def __init__(self) -> None:
         self._last: tuple[tuple[bytes, int], TriangleScene] | None = None
 
-    def of(self, compute: Compute | None, scene: Scene, settings: Settings) -> TriangleScene:
+    def of(self, compute: ComputeDevice | None, scene: Scene, settings: Settings) -> TriangleScene:
         """Return the triangles of a scene."""
         key = geometry_digest(scene), settings.resolution
         if self._last is None or self._last[0] != key:

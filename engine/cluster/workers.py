@@ -9,20 +9,20 @@ from functools import partial
 
 from distributed import Client
 
-from ..direct.emitters import BrightTriangles
+from ..direct.emitters import SampledTriangles
 from ..errors import DeviceError
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices
 from .connection import connected, is_of_this_machine, is_private
-from .distributed_scene import Shipped
+from .distributed_scene import DistributedScene
 from .event_loop import event_loop
 from .local_workers import LOCAL, RESULTS, LocalWorkers, local_environments
 from .memory_folder import is_at_hand, memory_folder
-from .scene_payload import Shipment
+from .scene_payload import ScenePayload
 from .tasks import Tasks
 
 #: Seconds in which a first worker has to join.
@@ -74,7 +74,7 @@ class Workers:
 
     def ship(
         self, settings: Settings, scene: Scene
-    ) -> Callable[[Subdivision, RayScene, BrightTriangles], ClusterDevices]:
+    ) -> Callable[[PatchScene, RayScene, SampledTriangles], ClusterDevices]:
         """Send a scene in which occluders have their places; workers make what casts rays through it.
 
         Returns what sends its patches and makes the devices for them.
@@ -82,7 +82,7 @@ class Workers:
         local = is_of_this_machine(self.address)
         tasks = Tasks(self.client)
         folder = self._folder if local and self._share_folder() else ""
-        shipped = Shipped.to_workers(tasks, Shipment.of(scene, settings, local, folder))
+        shipped = DistributedScene.to_workers(tasks, ScenePayload.of(scene, settings, local, folder))
         return partial(ClusterDevices, tasks, shipped, settings, folder)
 
     def _share_folder(self) -> bool:

@@ -8,20 +8,20 @@ from concurrent.futures import Future
 from contextlib import suppress
 from types import TracebackType
 
-from .cl_device import Compute, ProgramParts
+from .cl_device import ComputeDevice, ProgramParts
 
 
-class Opening:
+class AsyncOpen:
     """Opens a device; a context manager, which an error leaves with nothing open.
 
     open_device: opens it, given the programs that a graphics card begins to build at once
     """
 
-    def __init__(self, open_device: Callable[[Iterator[ProgramParts]], Compute]) -> None:
-        self._ahead, self._compute = Future[Sequence[ProgramParts]](), Future[Compute]()
+    def __init__(self, open_device: Callable[[Iterator[ProgramParts]], ComputeDevice]) -> None:
+        self._ahead, self._compute = Future[Sequence[ProgramParts]](), Future[ComputeDevice]()
         threading.Thread(target=self._open, args=[open_device], name="opening", daemon=True).start()
 
-    def __enter__(self) -> Opening:
+    def __enter__(self) -> AsyncOpen:
         return self
 
     def __exit__(
@@ -38,11 +38,11 @@ class Opening:
         """Tell which programs a card is to build, for which it waits; called once."""
         self._ahead.set_result(programs)
 
-    def compute(self) -> Compute:
+    def compute(self) -> ComputeDevice:
         """Return the device once it is open; raises what `open_device` raises."""
         return self._compute.result()
 
-    def _open(self, open_device: Callable[[Iterator[ProgramParts]], Compute]) -> None:
+    def _open(self, open_device: Callable[[Iterator[ProgramParts]], ComputeDevice]) -> None:
         try:
             self._compute.set_result(open_device(self._programs()))
         except BaseException as error:  # noqa: BLE001 - who asks for the device gets it

@@ -6,14 +6,14 @@ import numpy as np
 import pyopencl as cl
 
 from ..row_ops import any_in_rows, nonzero_rows
-from .cl_device import Compute
+from .cl_device import ComputeDevice
 
 #: Of arrays with this many rows about so many are looked at: if fewer than this part of them are not black,
 #: the rows that are not are uploaded alone.
 _MANY, _ASKED, _FEW = 1 << 16, 1 << 10, 0.1
 
 
-def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
+def upload(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
     """Return a buffer with the bits of an array."""
     values, flags = np.ascontiguousarray(values), cl.mem_flags.READ_WRITE
     if not compute.is_staged(values.nbytes):
@@ -23,7 +23,7 @@ def upload(compute: Compute, values: np.ndarray) -> cl.Buffer:
     return buffer
 
 
-def upload_rows_once(compute: Compute, values: np.ndarray) -> tuple[cl.Buffer, int]:
+def upload_rows_once(compute: ComputeDevice, values: np.ndarray) -> tuple[cl.Buffer, int]:
     """Return values, (n, c), as float32 with all that lies between their rows, and how far apart these are.
 
     Light is often three of four columns, which would take longer to copy than to upload. The one buffer of an
@@ -45,12 +45,14 @@ def _rows_in_memory(values: np.ndarray) -> tuple[np.ndarray, int]:
     return rows, apart // size
 
 
-def upload_once(compute: Compute, values: np.ndarray) -> cl.Buffer:
+def upload_once(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
     """Return the one buffer with the bits of an array that nobody changes; see `SharedBuffers`."""
     return compute.shared.of(values, "bits", lambda: upload(compute, values))
 
 
-def replace_rows_once(compute: Compute, values: np.ndarray, changed: np.ndarray, rows: np.ndarray) -> None:
+def replace_rows_once(
+    compute: ComputeDevice, values: np.ndarray, changed: np.ndarray, rows: np.ndarray
+) -> None:
     """Make what `upload_once` returns of changed values, (n, 3) float32, of those before, on the device.
 
     values: uploaded once; rows: (k,) int64, where both differ
@@ -64,7 +66,9 @@ def replace_rows_once(compute: Compute, values: np.ndarray, changed: np.ndarray,
     compute.shared.of(changed, "bits", lambda: buffer)
 
 
-def insert_rows_once(compute: Compute, values: np.ndarray, joined: np.ndarray, inserted: np.ndarray) -> None:
+def insert_rows_once(
+    compute: ComputeDevice, values: np.ndarray, joined: np.ndarray, inserted: np.ndarray
+) -> None:
     """Make what `upload_once` returns of values with others inserted, on the device, of what was there.
 
     values    (n,) or (n, c) of 4 bytes each, uploaded once
@@ -80,7 +84,7 @@ def insert_rows_once(compute: Compute, values: np.ndarray, joined: np.ndarray, i
     compute.shared.of(joined, "bits", lambda: buffer)
 
 
-def upload_float4(compute: Compute, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
+def upload_float4(compute: ComputeDevice, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
     """Return (n, 3) float32 as (first + n + last, 4): rows of zeros around the values; the fourth is 0."""
     count, values = first + len(values) + last, values.astype(np.float32, copy=False)
     if _seems_sparse(values):
@@ -101,7 +105,7 @@ def _seems_sparse(values: np.ndarray) -> bool:
     return np.count_nonzero(any_in_rows(some)) < _FEW * len(some)
 
 
-def _sparse_float4(compute: Compute, values: np.ndarray, first: int, count: int) -> cl.Buffer:
+def _sparse_float4(compute: ComputeDevice, values: np.ndarray, first: int, count: int) -> cl.Buffer:
     """Return `count` float4 on the device, 0 but for the rows of values, (n, 3) float32, that are not."""
     wide, places = zeros(compute, 16 * count), nonzero_rows(values)
     if len(places):
@@ -111,7 +115,7 @@ def _sparse_float4(compute: Compute, values: np.ndarray, first: int, count: int)
     return wide
 
 
-def upload_float4_once(compute: Compute, values: np.ndarray, first: int = 0) -> cl.Buffer:
+def upload_float4_once(compute: ComputeDevice, values: np.ndarray, first: int = 0) -> cl.Buffer:
     """Return the one buffer that `upload_float4` makes of an array that nobody changes."""
     return compute.shared.of(values, _float4_form(first), lambda: upload_float4(compute, values, first))
 
@@ -121,7 +125,7 @@ def _float4_form(first: int) -> str:
     return f"float4 from {first}"
 
 
-def download_colors(compute: Compute, wide: cl.Buffer, count: int, planes: int = 1) -> np.ndarray:
+def download_colors(compute: ComputeDevice, wide: cl.Buffer, count: int, planes: int = 1) -> np.ndarray:
     """Return the first three numbers of float4, (planes, count, 3) float32; a buffer has (count, planes)."""
     narrow = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, max(12 * planes * count, 4))
     (kernel,) = compute.kernels("widen.cl", "narrow")
@@ -129,7 +133,7 @@ def download_colors(compute: Compute, wide: cl.Buffer, count: int, planes: int =
     return download(compute, narrow, (planes, count, 3))
 
 
-def download_colors_once(compute: Compute, wide: cl.Buffer, count: int) -> np.ndarray:
+def download_colors_once(compute: ComputeDevice, wide: cl.Buffer, count: int) -> np.ndarray:
     """Return the first three numbers of float4, (count, 3) float32, of which the fourth becomes 0.
 
     Nobody changes the array: whoever uploads it once as float4 gets the buffer that it came from.
@@ -141,7 +145,7 @@ def download_colors_once(compute: Compute, wide: cl.Buffer, count: int) -> np.nd
     return colors
 
 
-def zeros(compute: Compute, size: int) -> cl.Buffer:
+def zeros(compute: ComputeDevice, size: int) -> cl.Buffer:
     """Return a buffer of `size` bytes, a multiple of 4, all 0."""
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
     cl.enqueue_fill_buffer(compute.queue, buffer, np.zeros(1, np.float32), 0, size)
@@ -153,13 +157,13 @@ def words_of(count: int) -> int:
     return 4 * (count // 4 + 1)
 
 
-def download_bytes(compute: Compute, buffer: cl.Buffer, count: int) -> np.ndarray:
+def download_bytes(compute: ComputeDevice, buffer: cl.Buffer, count: int) -> np.ndarray:
     """Return `count` bytes of a buffer of `words_of` them, (count,) uint8; see `download`."""
     words = download(compute, buffer, (words_of(count) // 4,))
     return words.view(np.uint8)[:count]
 
 
-def download(compute: Compute, buffer: cl.Buffer, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
+def download(compute: ComputeDevice, buffer: cl.Buffer, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
     """Return float32 of a buffer in a shape, from the byte `first` on, once all work before is done."""
     values = np.empty(shape, np.float32)
     if not values.nbytes:

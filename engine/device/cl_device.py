@@ -11,24 +11,24 @@ import pyopencl as cl
 
 from ..errors import DeviceError
 from .cl_library import start_drivers
-from .device_struct import Record
+from .device_struct import DeviceStruct
 from .driver_options import set_driver_options
 from .kernel import ITEMS, Kernel, run_on
 from .program_cache import ProgramCache, build, device_digest
 from .pyopencl_invokers import keep_starters_in_memory
 from .shared_buffers import SharedBuffers
-from .side_queue import Beside
+from .side_queue import SideQueue
 from .slice_limits import slice_limits
 from .source import program_source
 from .staging import Staging
-from .time_slicer import SliceSize
+from .time_slicer import TimeSlicer
 from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
 
 #: Least size of arrays that travel through page-locked memory, bytes.
 _STAGED = 1 << 17
 
 #: Records and main files of kernels/, one after another; files include what they need.
-Source = tuple[str | Record, ...]
+Source = tuple[str | DeviceStruct, ...]
 
 #: What a program is built of, and its options.
 ProgramParts = tuple[Source, tuple[str, ...]]
@@ -42,7 +42,7 @@ __kernel void probe(__global float *x)
 """
 
 
-class Compute:
+class ComputeDevice:
     """An OpenCL context and the in-order queue of bakes; the first GPU, else the first device that works.
 
     cache_dir, opencl_device  see `Settings`
@@ -67,7 +67,7 @@ class Compute:
         self._built: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
         self.shared = SharedBuffers()
-        self._slice_sizes: dict[tuple, SliceSize] = {}
+        self._slice_sizes: dict[tuple, TimeSlicer] = {}
         devices = _chosen(found_devices(), opencl_device)
         self._take(devices[0], cache_dir)
         self.build_ahead(ahead)
@@ -133,10 +133,10 @@ class Compute:
                 self._kernels[key, name] = Kernel(program, name, self.device)
         return [self._kernels[key, name] for name in names]
 
-    def beside(self, source: Source, name: str, options: Sequence[str] = ()) -> Beside:
+    def beside(self, source: Source, name: str, options: Sequence[str] = ()) -> SideQueue:
         """Return a kernel that another thread starts while this one bakes."""
         _, program = self._program(source, options)
-        return Beside(self._queue_beside, Kernel(program, name, self.device))
+        return SideQueue(self._queue_beside, Kernel(program, name, self.device))
 
     def _program(self, source: str | Source, options: Sequence[str]) -> tuple[ProgramParts, cl.Program]:
         """Return what a program is built of, and the program."""
@@ -169,7 +169,7 @@ class Compute:
     def _text(self, parts: Source) -> str:
         return program_source((*self._prelude, *parts))
 
-    def slice_size(self, kernel: Kernel, *work: object, items: int = 1) -> SliceSize:
+    def slice_size(self, kernel: Kernel, *work: object, items: int = 1) -> TimeSlicer:
         """Return the controller of slice sizes of a kernel for some work, which earlier work has adapted.
 
         work   what the time of an item depends on
@@ -177,7 +177,7 @@ class Compute:
         """
         key = (kernel, *work)
         if key not in self._slice_sizes:
-            self._slice_sizes[key] = SliceSize(slice_limits(self.device, kernel.preferred_items, items))
+            self._slice_sizes[key] = TimeSlicer(slice_limits(self.device, kernel.preferred_items, items))
         return self._slice_sizes[key]
 
     def run(self, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:

@@ -8,13 +8,13 @@ from typing import Any, TypeAlias
 import numpy as np
 import pyopencl as cl
 
-from ..row_ops import some_rows
+from ..row_ops import take_rows
 from ..scene.color import channel_sum
 from .buffers import download, upload, upload_float4, upload_float4_once, upload_rows_once
-from .cl_device import Compute
+from .cl_device import ComputeDevice
 
 
-class DeviceValues:
+class DeviceArray:
     """Colours of n points, or one number of each; NumPy reads them as an array, (n, c) float32.
 
     buffer    (n, stride) float32, which nobody changes
@@ -22,7 +22,7 @@ class DeviceValues:
     channels  c, 3 or 1
     """
 
-    def __init__(self, compute: Compute, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
+    def __init__(self, compute: ComputeDevice, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
         self._compute, self.buffer, self._count, self.stride = compute, buffer, count, stride
         self.channels = min(stride, 3)
 
@@ -55,13 +55,13 @@ class DeviceValues:
         compute.run(kernel, self._count, self.buffer, taken, np.int32(self._count))
         return download(compute, taken, (self._count,))
 
-    def channel_sums(self) -> DeviceValues:
+    def channel_sums(self) -> DeviceArray:
         """Return the sum of the channels of each colour."""
         compute = self._compute
         (kernel,) = compute.kernels("widen.cl", "sum_channels")
         sums = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * max(1, self._count))
         compute.run(kernel, self._count, self.buffer, np.int32(self.stride), sums, np.int32(self._count))
-        return DeviceValues(compute, sums, self._count, 1)
+        return DeviceArray(compute, sums, self._count, 1)
 
     def some(self, chosen: np.ndarray) -> np.ndarray:
         """Return the values of some points, (k,) int64, as (k, c) float32 of the host."""
@@ -71,16 +71,16 @@ class DeviceValues:
             return np.zeros((0, self.channels), np.float32)
         return self.taken(upload(self._compute, chosen.astype(np.uint32)), len(chosen)).colors
 
-    def taken(self, chosen: cl.Buffer, count: int) -> DeviceValues:
+    def taken(self, chosen: cl.Buffer, count: int) -> DeviceArray:
         """Return the values of some points by their numbers, uint32 or int32 on the device."""
         compute = self._compute
         (kernel,) = compute.kernels("widen.cl", "take_colors")
         taken = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * self.channels * max(1, count))
         sizes = np.int32(self.stride), np.int32(self.channels)
         compute.run(kernel, count, self.buffer, *sizes, chosen, taken, np.int32(count))
-        return DeviceValues(compute, taken, count, self.channels)
+        return DeviceArray(compute, taken, count, self.channels)
 
-    def black_at(self, places: np.ndarray) -> DeviceValues:
+    def black_at(self, places: np.ndarray) -> DeviceArray:
         """Return the same values, but some of them, (k,) int64, 0."""
         if not len(places):
             return self
@@ -91,7 +91,7 @@ class DeviceValues:
         numbers = upload(compute, places.astype(np.uint32))
         sizes = np.int32(self.stride), np.int32(self.channels)
         compute.run(kernel, len(places), changed, *sizes, numbers, np.int32(len(places)))
-        return DeviceValues(compute, changed, self._count, self.stride)
+        return DeviceArray(compute, changed, self._count, self.stride)
 
     @cached_property
     def float4(self) -> cl.Buffer:
@@ -102,7 +102,7 @@ class DeviceValues:
         compute.run(kernel, count, self.buffer, np.int32(self.stride), wide, np.int32(count))
         return wide
 
-    def plus(self, others: Values, sign: int = 1) -> DeviceValues:
+    def plus(self, others: Values, sign: int = 1) -> DeviceArray:
         """Return float4 of these colours plus those of others times 1 or -1, from 0 on; the fourth is 0."""
         compute = self._compute
         (kernel,) = compute.kernels("widen.cl", "add_colors")
@@ -110,47 +110,47 @@ class DeviceValues:
         rows, stride = rows_on_device(compute, others)
         sizes = np.int32(self.stride), rows, np.int32(stride), np.float32(sign)
         compute.run(kernel, self._count, self.buffer, *sizes, total, np.int32(self._count))
-        return DeviceValues(compute, total, self._count, 4)
+        return DeviceArray(compute, total, self._count, 4)
 
 
 #: Values of the host, (n, c) or (n,) float32, or of the device.
-Values: TypeAlias = np.ndarray | DeviceValues
+Values: TypeAlias = np.ndarray | DeviceArray
 
 
-def rows_on_device(compute: Compute, values: Values) -> tuple[cl.Buffer, int]:
+def rows_on_device(compute: ComputeDevice, values: Values) -> tuple[cl.Buffer, int]:
     """Return values, (n, c), which nobody changes, on the device, and how many floats apart rows are."""
-    if isinstance(values, DeviceValues):
+    if isinstance(values, DeviceArray):
         return values.buffer, values.stride
     return upload_rows_once(compute, values)
 
 
-def float4_on_device(compute: Compute, values: Values) -> cl.Buffer:
+def float4_on_device(compute: ComputeDevice, values: Values) -> cl.Buffer:
     """Return colours, (n, 3), on the device as float4, of which the fourth may be anything."""
-    if isinstance(values, DeviceValues) and values.stride == 4:
+    if isinstance(values, DeviceArray) and values.stride == 4:
         return values.buffer
     return upload_float4(compute, np.asarray(values))
 
 
-def float4_once(compute: Compute, values: Values) -> cl.Buffer:
+def float4_once(compute: ComputeDevice, values: Values) -> cl.Buffer:
     """Return colours, (n, 3), which nobody changes, as float4: the same buffer each time."""
-    return values.float4 if isinstance(values, DeviceValues) else upload_float4_once(compute, values)
+    return values.float4 if isinstance(values, DeviceArray) else upload_float4_once(compute, values)
 
 
 def rows_of(values: Values) -> np.ndarray:
     """Return values in the memory of the host, (n, c) float32 with all that is in their rows."""
-    return values.rows if isinstance(values, DeviceValues) else values
+    return values.rows if isinstance(values, DeviceArray) else values
 
 
 def channel_sums(values: Values) -> Values:
     """Return the sum of the channels of colours, (n, 3), as (n, 1) float32, where they are."""
-    return values.channel_sums() if isinstance(values, DeviceValues) else channel_sum(values)[:, None]
+    return values.channel_sums() if isinstance(values, DeviceArray) else channel_sum(values)[:, None]
 
 
-def some_of(values: Values, chosen: np.ndarray) -> np.ndarray:
+def values_at(values: Values, chosen: np.ndarray) -> np.ndarray:
     """Return some rows of colours, (n, c), by their numbers, (k,) int64, in the memory of the host."""
-    return values.some(chosen) if isinstance(values, DeviceValues) else some_rows(values, chosen)
+    return values.some(chosen) if isinstance(values, DeviceArray) else take_rows(values, chosen)
 
 
 def colors_on_host(values: Values) -> np.ndarray:
     """Return the colours of values, (n, 3) float32, in the memory of the host; the same array each time."""
-    return values.colors if isinstance(values, DeviceValues) else values
+    return values.colors if isinstance(values, DeviceArray) else values

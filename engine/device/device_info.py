@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class FoundDevice:
+class DeviceInfo:
     """A device that OpenGL or OpenCL offers.
 
     api      "OpenGL" or "OpenCL"
@@ -29,5 +29,5 @@ class FoundDevice:
 class DeviceSurvey:
     """All devices, the best of each API first, and what is missing: sentences with a remedy."""
 
-    devices: tuple[FoundDevice, ...]
+    devices: tuple[DeviceInfo, ...]
     missing: tuple[str, ...] = ()

@@ -21,7 +21,7 @@ _ALIGNMENT = 16
 Field = tuple[str, str, str]
 
 
-class Record:
+class DeviceStruct:
     """A C struct, and the NumPy dtype that has its layout.
 
     name         of the struct

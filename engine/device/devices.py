@@ -9,9 +9,9 @@ import moderngl
 import pyopencl as cl
 
 from ..errors import DeviceError, DeviceMemoryError
-from .async_open import Opening
-from .cl_device import Compute
-from .gl_context import Graphics
+from .async_open import AsyncOpen
+from .cl_device import ComputeDevice
+from .gl_context import GraphicsContext
 
 #: What OpenCL says of a buffer that is larger than any may be.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"
@@ -31,12 +31,12 @@ class Devices:
         self,
         cache_dir: str | None = None,
         opencl_device: str | None = None,
-        opening: Opening | None = None,
+        opening: AsyncOpen | None = None,
     ) -> None:
         self.cache_dir, self.opencl_device, self.missing = cache_dir, opencl_device, ""
-        self.compute: Compute | None = None
+        self.compute: ComputeDevice | None = None
         try:
-            self.compute = opening.compute() if opening else Compute(cache_dir, opencl_device)
+            self.compute = opening.compute() if opening else ComputeDevice(cache_dir, opencl_device)
         except DeviceError as error:
             if opencl_device is not None:
                 raise
@@ -44,15 +44,15 @@ class Devices:
 
         # OpenGL comes second: programs are built meanwhile.
         try:
-            self.graphics = Graphics()
+            self.graphics = GraphicsContext()
         except BaseException:
             self._release_compute()
             raise
 
     @staticmethod
-    def begin_opening(cache_dir: str | None, opencl_device: str | None) -> Opening:
+    def begin_opening(cache_dir: str | None, opencl_device: str | None) -> AsyncOpen:
         """Begin to open an OpenCL device for devices of the same parameters."""
-        return Opening(lambda ahead: Compute(cache_dir, opencl_device, ahead=ahead))
+        return AsyncOpen(lambda ahead: ComputeDevice(cache_dir, opencl_device, ahead=ahead))
 
     @property
     def on_card(self) -> bool:

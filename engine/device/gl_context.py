@@ -23,7 +23,7 @@ _REMEDY = {
 _WANTED, _NEEDED = 450, 410
 
 
-class Graphics:
+class GraphicsContext:
     """A standalone OpenGL 4.1+ context and what it can do.
 
     computes        it has compute shaders

@@ -21,9 +21,9 @@ import numpy as np
 import pyopencl as cl
 
 from ..errors import DeviceError
-from .cl_device import Compute
+from .cl_device import ComputeDevice
 from .cl_library import ClLibrary
-from .gl_context import Graphics
+from .gl_context import GraphicsContext
 from .raw_gl import TEXTURE_2D_ARRAY
 
 #: What each rung asks of OpenCL and of OpenGL, from the top down.
@@ -127,7 +127,7 @@ class Finish:
 
     name = "finish"
 
-    def __init__(self, graphics: Graphics, compute: Compute) -> None:
+    def __init__(self, graphics: GraphicsContext, compute: ComputeDevice) -> None:
         self._graphics, self._queue = graphics, compute.queue
 
     def to_opencl(self) -> list[cl.Event]:
@@ -146,7 +146,7 @@ class Events:
 
     name = "events"
 
-    def __init__(self, graphics: Graphics, compute: Compute, library: ClLibrary) -> None:
+    def __init__(self, graphics: GraphicsContext, compute: ComputeDevice, library: ClLibrary) -> None:
         self._raw, self._context, self._library = graphics.raw, compute.context, library
 
     def to_opencl(self) -> list[cl.Event]:
@@ -167,7 +167,12 @@ class SharedMemory:
     """
 
     def __init__(
-        self, compute: Compute, library: ClLibrary, handover: Handover, memory: int, calls: tuple[str, str]
+        self,
+        compute: ComputeDevice,
+        library: ClLibrary,
+        handover: Handover,
+        memory: int,
+        calls: tuple[str, str],
     ) -> None:
         self._queue, self._library, self._handover = compute.queue, library, handover
         self._memory, (self._acquire, self._release) = memory, calls
@@ -200,7 +205,7 @@ class TextureShare:
     name = "texture"
 
     def __init__(
-        self, compute: Compute, library: ClLibrary, handover: Handover, texture: moderngl.TextureArray
+        self, compute: ComputeDevice, library: ClLibrary, handover: Handover, texture: moderngl.TextureArray
     ) -> None:
         self._queue, self._size = compute.queue, texture.size
         where = (compute.context.int_ptr, _READ_ONLY, TEXTURE_2D_ARRAY, 0, texture.glo)
@@ -227,8 +232,8 @@ class BufferShare:
 
     def __init__(
         self,
-        graphics: Graphics,
-        compute: Compute,
+        graphics: GraphicsContext,
+        compute: ComputeDevice,
         library: ClLibrary,
         handover: Handover,
         texture: moderngl.TextureArray,
@@ -261,8 +266,8 @@ class ExternalShare:
 
     def __init__(
         self,
-        graphics: Graphics,
-        compute: Compute,
+        graphics: GraphicsContext,
+        compute: ComputeDevice,
         library: ClLibrary,
         handover: Handover,
         texture: moderngl.TextureArray,

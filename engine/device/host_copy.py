@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pyopencl as cl
 
-from .cl_device import Compute
+from .cl_device import ComputeDevice
 
 
 class HostCopy:
@@ -15,7 +15,7 @@ class HostCopy:
     The array is (layers, height, width, 4) float32, or (layers, height, width) uint32, in both.
     """
 
-    def __init__(self, compute: Compute, texture: moderngl.TextureArray) -> None:
+    def __init__(self, compute: ComputeDevice, texture: moderngl.TextureArray) -> None:
         width, height, layers = texture.size
         self._queue = compute.queue
         self._texture = texture

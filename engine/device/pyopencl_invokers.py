@@ -8,7 +8,7 @@ from typing import Any
 from pytools import persistent_dict
 
 
-class _Starters:
+class InvokerCache:
     """Stands in for the database in which PyOpenCL keeps what it has generated.
 
     What starts a kernel depends on all but the first item of its key, the name, so that kernels with like
@@ -35,7 +35,7 @@ def keep_starters_in_memory() -> None:
     """
     name = "WriteOncePersistentDict"
     database = getattr(persistent_dict, name)
-    setattr(persistent_dict, name, _Starters)
+    setattr(persistent_dict, name, InvokerCache)
     try:
         importlib.import_module("pyopencl.invoker")
     finally:

@@ -8,7 +8,7 @@ import pyopencl as cl
 from .kernel import Kernel, run_on
 
 
-class Beside:
+class SideQueue:
     """A kernel that no other thread starts, and a queue beside that of the bake.
 
     A kernel holds the arguments of one start: threads that share it would mix theirs.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from .device_struct import Record
+from .device_struct import DeviceStruct
 
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -32,14 +32,15 @@ def shader_source(name: str, features: Sequence[str] = ()) -> str:
     return "\n".join([*lines, rest])
 
 
-def program_source(parts: Sequence[str | Record]) -> str:
+def program_source(parts: Sequence[str | DeviceStruct]) -> str:
     """Return the text of an OpenCL program: declarations of records, and files of kernels/.
 
     A line `#include "other.cl"` includes kernels/other.cl. Files with an include guard are included once.
     """
     once = set[str]()
     return "\n".join(
-        part.declaration if isinstance(part, Record) else _included("kernels", part, once) for part in parts
+        part.declaration if isinstance(part, DeviceStruct) else _included("kernels", part, once)
+        for part in parts
     )
 
 

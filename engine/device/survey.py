@@ -7,9 +7,9 @@ from dataclasses import replace
 import pyopencl as cl
 
 from ..errors import DeviceError
-from .cl_device import Compute, device_name, found_devices, trouble_with
-from .device_info import DeviceSurvey, FoundDevice
-from .gl_context import Graphics
+from .cl_device import ComputeDevice, device_name, found_devices, trouble_with
+from .device_info import DeviceInfo, DeviceSurvey
+from .gl_context import GraphicsContext
 
 
 def survey(opencl_device: str | None) -> DeviceSurvey:
@@ -20,41 +20,41 @@ def survey(opencl_device: str | None) -> DeviceSurvey:
     return DeviceSurvey((*graphics, *compute), tuple(missing))
 
 
-def _opengl(alone: bool, missing: list[str]) -> list[FoundDevice]:
+def _opengl(alone: bool, missing: list[str]) -> list[DeviceInfo]:
     """Return the OpenGL device; alone it has to do what OpenCL would."""
     try:
-        graphics = Graphics()
+        graphics = GraphicsContext()
     except DeviceError as error:
         missing.append(str(error))
         return []
     use = "drawing and summing hemicubes" if alone and graphics.computes else "drawing hemicubes"
-    found = FoundDevice("OpenGL", graphics.name, graphics.context.info["GL_VERSION"], use=use)
+    found = DeviceInfo("OpenGL", graphics.name, graphics.context.info["GL_VERSION"], use=use)
     graphics.release()
     return [found]
 
 
-def _opencl(chosen: str | None, missing: list[str]) -> list[FoundDevice]:
+def _opencl(chosen: str | None, missing: list[str]) -> list[DeviceInfo]:
     """Return every OpenCL device once, though several platforms offer it under one name."""
     try:
         devices = found_devices()
     except DeviceError as error:
         missing.append(str(error))
         return []
-    found: dict[str, FoundDevice] = {}
+    found: dict[str, DeviceInfo] = {}
     for device in devices:
         name = device_name(device)
         if name not in found or found[name].trouble:
             found[name] = _describe(device)
     try:
-        used = device_name(Compute(opencl_device=chosen).device)
+        used = device_name(ComputeDevice(opencl_device=chosen).device)
         found[used] = replace(found[used], use="casting rays and summing light")
     except DeviceError as error:
         missing.append(str(error))
     return list(found.values())
 
 
-def _describe(device: cl.Device) -> FoundDevice:
-    return FoundDevice(
+def _describe(device: cl.Device) -> DeviceInfo:
+    return DeviceInfo(
         "OpenCL",
         device_name(device),
         device.driver_version.strip(),

@@ -62,7 +62,7 @@ class _Slice:
         return self.items / max(self.seconds, 1e-9)
 
 
-class SliceSize:
+class TimeSlicer:
     """A controller of the number of items in a slice, driven by items per second.
 
     It doubles the size while that raises the throughput by a tenth, and halves it above the longest time.
@@ -157,7 +157,7 @@ def sliced(
     first: int,
     last: int,
     launch: Callable[[int, int], object],
-    size: SliceSize,
+    size: TimeSlicer,
 ) -> Generator[int, None, None]:
     """Call launch(start, end) for slices of first ... last; yield the end of each once it is done.
 

@@ -23,7 +23,7 @@ _BEFORE = 1e-4
 
 
 @dataclass(frozen=True)
-class NearFaces:
+class Contacts:
     """What faces nearby do to patches, (n,) bool each.
 
     hide          a face that touches the patch hides it
@@ -36,12 +36,12 @@ class NearFaces:
     back_to_back: np.ndarray
     shine: np.ndarray
 
-    def part(self, chosen: np.ndarray) -> NearFaces:
+    def part(self, chosen: np.ndarray) -> Contacts:
         """Return what they do to some patches, by a mask or their numbers."""
-        return NearFaces(self.hide[chosen], self.back_to_back[chosen], self.shine[chosen])
+        return Contacts(self.hide[chosen], self.back_to_back[chosen], self.shine[chosen])
 
 
-def patches_in_contact(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
+def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return which patches lie in the plane of another face that shows them its back, (n,) bool twice.
 
     The first are hidden: nobody sees such a patch, but its hemicube starts beyond the other face and sees

@@ -8,15 +8,15 @@ import numpy as np
 import pyopencl as cl
 
 from ..patches.moved_triangles import moved_triangles
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..scene.digests import same_values
 from ..visibility.rays.ray_scene import RayScene
 from .shadow_rays import ShadowRays
-from .stale_shadows import patches_in_moved_shadows
+from .stale_shadows import find_stale_shadows
 
 
 @dataclass(frozen=True)
-class SampledLight:
+class DirectLightCache:
     """Light of n patches, and all that it depends on.
 
     lights     what rays went to, and how many; see `ShadowRays.lights`
@@ -27,12 +27,12 @@ class SampledLight:
     """
 
     lights: tuple
-    parts: Subdivision
+    parts: PatchScene
     receivers: cl.Buffer
     light: np.ndarray
     l1: np.ndarray
 
-    def changed(self, casting: ShadowRays, parts: Subdivision, rays: RayScene) -> np.ndarray | None:
+    def changed(self, casting: ShadowRays, parts: PatchScene, rays: RayScene) -> np.ndarray | None:
         """Return the patches, (k,) int32 ascending, whose light may be other by now; None for any of all.
 
         All others would be lit to the bit as they were; rays: from the patches as they are
@@ -46,4 +46,4 @@ class SampledLight:
             return None
         if not len(moved):
             return np.zeros(0, np.int32)
-        return patches_in_moved_shadows(rays, self.receivers, casting.emitters, moved)
+        return find_stale_shadows(rays, self.receivers, casting.emitters, moved)

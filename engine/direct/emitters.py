@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.device_struct import Record
+from ..device.device_struct import DeviceStruct
 from ..patches.geometry import PatchGeometry
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..row_ops import any_in_rows, largest_in_rows
 from ..scene.color import luminance
 from ..scene.cutouts import BACK, BOUNCE
@@ -32,7 +32,7 @@ POINT, SUN, TRIANGLE, SKY_MAP = range(4)
 
 #: A light as the device samples it: a point or spot, a sun, a triangle of a surface or of an area light, or
 #: the bright sky. World space, positions relative to `Triangles.origin`. Fields of other kinds are 0.
-EMITTER = Record(
+EMITTER = DeviceStruct(
     "Emitter",
     ("float[3]", "position", "m: centre of a point, first corner of a triangle"),
     ("float", "radius", "m, of a point; sine of half the angle of a sun's disk"),
@@ -64,7 +64,7 @@ EMITTER = Record(
 )
 
 #: Records that kernels/emitters.cl needs.
-EMITTER_RECORDS: tuple[Record, ...] = (RECEIVER, MODULATION, EMITTER)
+EMITTER_RECORDS: tuple[DeviceStruct, ...] = (RECEIVER, MODULATION, EMITTER)
 
 #: The `cos_half_angle` of what shines in all directions.
 NO_CONE = -2.0
@@ -74,7 +74,7 @@ _EVEN = 1e-4
 
 
 @dataclass(frozen=True)
-class BrightTriangles:
+class SampledTriangles:
     """Emissive triangles that are sampled as lights.
 
     triangles      (k,) int, index into `Triangles`
@@ -95,7 +95,7 @@ class BrightTriangles:
     shining: np.ndarray
 
 
-def bright_triangles(parts: Subdivision) -> BrightTriangles:
+def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
     """Choose the triangles that are sampled: small enough, or bright enough, against all that emits."""
     geometry, surfaces, cutouts = parts.geometry, parts.surfaces, parts.cutouts
     glowing, material = surfaces.shining, parts.triangles.material
@@ -129,7 +129,7 @@ def bright_triangles(parts: Subdivision) -> BrightTriangles:
     if cutouts.needed:
         uniform &= ~cutouts.varies[material]
     radiance = front[index].astype(np.float32), back[index].astype(np.float32)
-    return BrightTriangles(index, *radiance, uniform[index], left[0], left[-1], _shining(parts))
+    return SampledTriangles(index, *radiance, uniform[index], left[0], left[-1], _shining(parts))
 
 
 def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
@@ -139,14 +139,14 @@ def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
     return left
 
 
-def no_bright_triangles(parts: Subdivision) -> BrightTriangles:
+def no_bright_triangles(parts: PatchScene) -> SampledTriangles:
     """Choose no triangle: hemicubes see all that emits."""
     none, surfaces = np.zeros((0, 3), np.float32), parts.surfaces
     chosen = np.zeros(0, int), none, none, np.zeros(0, bool)
-    return BrightTriangles(*chosen, surfaces.emission, surfaces.emission_of_backs, _shining(parts))
+    return SampledTriangles(*chosen, surfaces.emission, surfaces.emission_of_backs, _shining(parts))
 
 
-def _shining(parts: Subdivision) -> np.ndarray:
+def _shining(parts: PatchScene) -> np.ndarray:
     """Return which triangles have a patch whose back emits, (t,) bool."""
     surfaces, shining = parts.surfaces, np.zeros(len(parts.triangles.mesh), bool)
     backs = surfaces.back_emission
@@ -264,7 +264,7 @@ def _area_records(light: Light) -> np.ndarray:
     return records
 
 
-def surface_records(triangles: Triangles, bright: BrightTriangles) -> np.ndarray:
+def surface_records(triangles: Triangles, bright: SampledTriangles) -> np.ndarray:
     """Return the records of emissive triangles, (k,) EMITTER."""
     front, back = bright.radiance, bright.back_radiance
     records = _triangle_records(triangles.positions[bright.triangles], front)

@@ -6,18 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..object_message import Note
+from ..object_message import ObjectMessage
 from ..scene.cutouts import SHADOW
 from ..scene.model import Light, Scene
 from ..scene.triangles import Triangles
 from ..validity.thresholds import ENCLOSED
-from ..visibility.rays.ray_tracer import Rays
+from ..visibility.rays.ray_tracer import RayTracer
 
 #: Rays from each lamp.
 _RAYS = 256
 
 
-def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequence[Light]) -> list[str]:
+def warn_enclosed_lights(
+    rays: RayTracer, scene: Scene, triangles: Triangles, lamps: Sequence[Light]
+) -> list[str]:
     """Return a warning for each lamp that is inside of an object: nearly all it sees are backs."""
     lamps = [lamp for lamp in lamps if lamp.kind != "sun" and lamp.casts_shadow]
     if not lamps:
@@ -35,7 +37,7 @@ def note_enclosed(rays: Rays, scene: Scene, triangles: Triangles, lamps: Sequenc
         if back.sum() >= ENCLOSED * shines.sum():
             name = scene.meshes[int(np.bincount(triangles.mesh[hit[mine][back]]).argmax())].name
             sentence = f"Light '{lamp.name}' is inside object '{name}' and lights nothing. Move it."
-            warnings.append(Note(sentence, (lamp.name, name)))
+            warnings.append(ObjectMessage(sentence, (lamp.name, name)))
     return warnings
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..scene.cutouts import BACK, BOUNCE, SETS, Cutouts, transmittances
 from ..scene.model import Scene
 from ..scene.textures import sample
@@ -22,8 +22,8 @@ _GROUP, _PAIRS = 64, 1 << 20
 _RIM, _STOPS = 1e-6, 0.5
 
 
-def in_contact_on_host(scene: Scene, parts: Subdivision) -> np.ndarray:
-    """Return what `patches_in_contact` does, found without OpenCL."""
+def in_contact_on_host(scene: Scene, parts: PatchScene) -> np.ndarray:
+    """Return what `find_contacts` does, found without OpenCL."""
     geometry, triangles = parts.geometry, parts.triangles
     up = eye_heights(triangles, geometry)[:, None] * geometry.geometric
     start = geometry.center + ABOVE * up

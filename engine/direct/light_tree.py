@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.device_struct import Record
+from ..device.device_struct import DeviceStruct
 from .emitters import EMITTER, EMITTER_RECORDS, POINT, SKY_MAP, SUN
 
 #: An inner node: what all emitters below it send out. Along a unit vector w that is
 #: alike + directed * (normal . w + sqrt(w . M w)), M a symmetric matrix.
-LIGHT_NODE = Record(
+LIGHT_NODE = DeviceStruct(
     "LightNode",
     ("float[3]", "centre", "m, of power"),
     (
@@ -30,7 +30,7 @@ LIGHT_NODE = Record(
 )
 
 #: What kernels on the tree are built from.
-LIGHT_TREE_RECORDS: tuple[Record, ...] = (*EMITTER_RECORDS, LIGHT_NODE)
+LIGHT_TREE_RECORDS: tuple[DeviceStruct, ...] = (*EMITTER_RECORDS, LIGHT_NODE)
 
 
 #: The fields that bounds are made of.

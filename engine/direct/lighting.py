@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..scene.light_groups import light_groups
 from ..scene.model import Scene, shining_lights
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
-from .contact import NearFaces, patches_in_contact, patches_lit_by_backs
-from .direct_light_cache import SampledLight
-from .emitter_split import SplitLight, split_light
-from .enclosed_lights import note_enclosed
+from .contact import Contacts, find_contacts, patches_lit_by_backs
+from .direct_light_cache import DirectLightCache
+from .emitter_split import EmitterSplit, split_light
+from .enclosed_lights import warn_enclosed_lights
 from .host_contact import in_contact_on_host
-from .shadow_rays import Casting, ShadowRays
+from .shadow_rays import ShadowCaster, ShadowRays
 
 #: Shadow rays to each light for a glimpse of it.
 _FEW = 4
@@ -38,11 +38,11 @@ class DirectLighting:
     def __init__(
         self,
         scene: Scene,
-        parts: Subdivision,
+        parts: PatchScene,
         rays: RayScene,
         settings: Settings,
-        elsewhere: Casting | None = None,
-        split: SplitLight | None = None,
+        elsewhere: ShadowCaster | None = None,
+        split: EmitterSplit | None = None,
         meanwhile: Callable[[], object] | None = None,
     ) -> None:
         """Take the light of a scene.
@@ -54,10 +54,10 @@ class DirectLighting:
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene, self._meanwhile = rays, meanwhile
         self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
-        self._shadow_rays: Casting | None = None
+        self._shadow_rays: ShadowCaster | None = None
         self._elsewhere = elsewhere
-        self._near: NearFaces | None = None
-        self._last: SampledLight | None = None
+        self._near: Contacts | None = None
+        self._last: DirectLightCache | None = None
         self._changed: np.ndarray | None = None
         self.warnings: list[str] = []
         self.l1 = self._no_l1()
@@ -72,7 +72,7 @@ class DirectLighting:
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
             )
 
-    def follow(self, last: SampledLight | None) -> None:
+    def follow(self, last: DirectLightCache | None) -> None:
         """Take over what was sampled of an earlier scene: rays are cast only where it may have changed."""
         if last is None or not self._samples_any:
             return
@@ -86,12 +86,12 @@ class DirectLighting:
         """The part of the patches that rays are to be cast from."""
         return 1.0 if self._changed is None else len(self._changed) / max(self._ray_scene.count, 1)
 
-    def sampled_light(self, light: np.ndarray) -> SampledLight | None:
+    def sampled_light(self, light: np.ndarray) -> DirectLightCache | None:
         """Return what `gather` has returned for the next scene to take over; None if that costs nothing."""
         casting = self._casting() if self._samples_any else None
         if not isinstance(casting, ShadowRays):
             return None
-        return SampledLight(casting.lights, self._parts, self._ray_scene.receivers, light, self.l1)
+        return DirectLightCache(casting.lights, self._parts, self._ray_scene.receivers, light, self.l1)
 
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
@@ -105,18 +105,18 @@ class DirectLighting:
         light, self.l1 = yield from casting.sampled()
         return light
 
-    def _gathered_elsewhere(self, elsewhere: Casting) -> Generator[float, None, np.ndarray]:
+    def _gathered_elsewhere(self, elsewhere: ShadowCaster) -> Generator[float, None, np.ndarray]:
         """Return what other processes gather; find meanwhile what this one has to."""
         work = elsewhere.sampled()
         yield next(work)
         self._casting()
-        self._near = self.near_faces()
+        self._near = self.contacts()
         if self._meanwhile is not None:
             self._meanwhile()
         light, self.l1 = yield from work
         return light
 
-    def glimpse(self) -> Generator[float, None, np.ndarray]:
+    def preview_gather(self) -> Generator[float, None, np.ndarray]:
         """Return what `gather` returns, but by few rays; yield the fraction done."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
@@ -125,7 +125,9 @@ class DirectLighting:
         quick._last, quick._changed = self._last, self._changed
         return (yield from quick.gather())
 
-    def _gather_changed(self, casting: ShadowRays, last: SampledLight) -> Generator[float, None, np.ndarray]:
+    def _gather_changed(
+        self, casting: ShadowRays, last: DirectLightCache
+    ) -> Generator[float, None, np.ndarray]:
         """Return what `gather` does, from few patches: all others are lit as they were."""
         if not self.part_to_sample:
             self.l1 = last.l1
@@ -161,9 +163,9 @@ class DirectLighting:
         """Return the open fraction of each patch's hemisphere, (n,) float32; yield the fraction done."""
         return (yield from self._casting().ambient_occlusion())
 
-    def near_faces(self) -> NearFaces:
+    def contacts(self) -> Contacts:
         """Return what faces nearby do to the patches."""
-        return self._near or NearFaces(*self._in_contact(), self.lit_by_backs(self._ray_scene))
+        return self._near or Contacts(*self._in_contact(), self.lit_by_backs(self._ray_scene))
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
         """Return which patches of a ray scene see the back of a surface that shines, (n,) bool.
@@ -183,7 +185,7 @@ class DirectLighting:
         nothing.
         """
         if self._ray_scene.possible:
-            hidden, back_to_back = patches_in_contact(self._ray_scene, self._ray_scene.count)
+            hidden, back_to_back = find_contacts(self._ray_scene, self._ray_scene.count)
         else:
             hidden = in_contact_on_host(self._scene, self._parts)
             back_to_back = np.zeros_like(hidden)
@@ -211,10 +213,10 @@ class DirectLighting:
         """Return what casts rays from the patches of a ray scene."""
         return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky, settings)
 
-    def _casting(self) -> Casting:
+    def _casting(self) -> ShadowCaster:
         """Return what casts rays, made when it is first needed; warns of lamps that things enclose."""
         if self._shadow_rays is None:
             rays = self._ray_scene.rays
-            self.warnings += note_enclosed(rays, self._scene, self._parts.triangles, self._lamps)
+            self.warnings += warn_enclosed_lights(rays, self._scene, self._parts.triangles, self._lamps)
             self._shadow_rays = self._elsewhere or self._cast_from(self._ray_scene, self._settings)
         return self._shadow_rays

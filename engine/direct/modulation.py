@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.device_struct import Record
+from ..device.device_struct import DeviceStruct
 from ..scene.model import Light
 
 #: What a lamp's nodes make of its strength along a direction away from it, at a distance.
-MODULATION = Record(
+MODULATION = DeviceStruct(
     "Modulation",
     ("float[3]", "x", "rows of the matrix from the world to the lamp's own, perhaps stretched space"),
     ("float[3]", "y", ""),

@@ -19,21 +19,21 @@ from ..device.buffers import (
 )
 from ..device.kernel import Kernel
 from ..device.time_slicer import sliced
-from ..patches.patch_scene import Subdivision
-from ..progress import part_of
+from ..patches.patch_scene import PatchScene
+from ..progress import run_as_fraction
 from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import directional_options
-from .emitters import EMITTER, EMITTER_RECORDS, BrightTriangles, lamp_records, sky_record, surface_records
+from .emitters import EMITTER, EMITTER_RECORDS, SampledTriangles, lamp_records, sky_record, surface_records
 from .light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
 from .modulation import pack_modulations
 from .sky import Sky, SkyDistribution
 
 
-class Casting(Protocol):
+class ShadowCaster(Protocol):
     """What casts shadow rays from n patches: `ShadowRays`, or devices of other processes."""
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
@@ -61,9 +61,9 @@ class ShadowRays:
     def __init__(
         self,
         receivers: RayScene,
-        parts: Subdivision,
+        parts: PatchScene,
         lamps: Sequence[Light],
-        bright: BrightTriangles,
+        bright: SampledTriangles,
         sky: Sky,
         settings: Settings,
     ) -> None:
@@ -129,7 +129,7 @@ class ShadowRays:
                 for records, number in zip(self._records, numbers, strict=False)
             ]
             span = group / groups.count, (group + 1) / groups.count
-            found = yield from part_of(*span, self._all_light(mine))
+            found = yield from run_as_fraction(*span, self._all_light(mine))
             light[group] = download_colors_once(self._compute, found, self._count)
         return light
 
@@ -205,7 +205,7 @@ class ShadowRays:
             yield end / items
         return result
 
-    def _glow_arguments(self, parts: Subdivision, bright: BrightTriangles) -> tuple:
+    def _glow_arguments(self, parts: PatchScene, bright: SampledTriangles) -> tuple:
         """Return radiance of both sides of patches, texels to patches, UVs and the resolution.
 
         Where no triangle is sampled, nobody looks radiance up.

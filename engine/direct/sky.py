@@ -66,7 +66,7 @@ class Sky:
 def split_sky(world: np.ndarray) -> Sky:
     """Split a world's radiance, (3,) or (h, w, 3), at a multiple of its mean luminance."""
     if world.ndim == 1:
-        return Sky(whole_sky(world), None)
+        return Sky(unsampled_sky(world), None)
     bright = luminance(world, np.float64)
     mean = float((bright.mean(axis=1) * row_fractions(len(world))).sum())
     places = np.flatnonzero(bright > _BRIGHT * mean)
@@ -80,7 +80,7 @@ def split_sky(world: np.ndarray) -> Sky:
     return Sky(_shrunk(rest), above)
 
 
-def whole_sky(world: np.ndarray) -> np.ndarray:
+def unsampled_sky(world: np.ndarray) -> np.ndarray:
     """Return a world's radiance, (3,) or (h, w, 3), as hemicubes see all of it."""
     return _shrunk(world.reshape(-1, world.shape[-2] if world.ndim > 1 else 1, 3))
 

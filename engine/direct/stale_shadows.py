@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload
-from ..device.device_struct import Record
+from ..device.device_struct import DeviceStruct
 from ..patches.moved_triangles import ball_around
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
@@ -16,7 +16,7 @@ from .emitters import POINT, SKY_MAP, SUN
 _NEAR, _FAR, _EVERYWHERE = range(3)
 
 #: What holds a light, for kernels/moved_shadows.cl.
-LIGHT_BALL = Record(
+LIGHT_BALL = DeviceStruct(
     "LightBall",
     ("float[3]", "at", "m, the centre; of a light that is infinitely far the unit vector towards it"),
     ("float", "radius", "m; of a light that is infinitely far the tangent of half its angle"),
@@ -30,7 +30,7 @@ _MOST = 64
 _WIDE = 0.9
 
 
-def patches_in_moved_shadows(
+def find_stale_shadows(
     rays: RayScene, before: cl.Buffer, emitters: np.ndarray, moved: np.ndarray
 ) -> np.ndarray:
     """Return the patches, (k,) int32 ascending, whose shadow rays may meet something else than before.

@@ -10,7 +10,7 @@ from .encoding import largest_level, quantised
 
 
 @dataclass(frozen=True)
-class Biased:
+class SignedNorm:
     """Three channels, value = range (2 rgb - 1), as normal maps are stored.
 
     range  the largest value of either sign

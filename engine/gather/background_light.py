@@ -7,15 +7,15 @@ from collections.abc import Generator
 import pyopencl as cl
 
 from ..device.buffers import zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..settings import Settings
-from ..visibility.sampler import Sampling, Surroundings
+from ..visibility.sampler import Background, SampleLayout
 from ..visibility.views.directions import r2_sequence
 from .row_kernel import RowKernel
-from .visibility_cache import Backs, Rows
+from .visibility_cache import BackfaceLight, SampleRows
 
 
-class StaticLight:
+class BackgroundLight:
     """The static light of `count` patches, summed up from their samples.
 
     receivers  records of the patches, see `RayScene.receivers`
@@ -28,9 +28,9 @@ class StaticLight:
 
     def __init__(
         self,
-        compute: Compute,
-        sampling: Sampling,
-        surroundings: Surroundings,
+        compute: ComputeDevice,
+        sampling: SampleLayout,
+        surroundings: Background,
         receivers: cl.Buffer,
         settings: Settings,
         count: int,
@@ -43,7 +43,7 @@ class StaticLight:
         self.light = zeros(compute, 16 * count)
         self.l1 = zeros(compute, 48 * count) if settings.directional else None
 
-    def sum_up(self, rows: Rows, backs: Backs) -> Generator[float, None, None]:
+    def sum_up(self, rows: SampleRows, backs: BackfaceLight) -> Generator[float, None, None]:
         """Sum up the static light of the patches whose rows these are; yield the fraction done."""
         if self._surroundings.dark:
             self._take(rows, backs)
@@ -52,7 +52,7 @@ class StaticLight:
         seen = sky.outside, *sky.sky_arguments
         yield from self._add.run(rows, *seen, backs.light, backs.l1, *results)
 
-    def _take(self, rows: Rows, backs: Backs) -> None:
+    def _take(self, rows: SampleRows, backs: BackfaceLight) -> None:
         """Take the light of backs: the surroundings are black."""
         for size, source, target in ((16, backs.light, self.light), (48, backs.l1, self.l1)):
             if source is not None and target is not None:

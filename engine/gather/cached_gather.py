@@ -6,17 +6,17 @@ from collections.abc import Generator
 
 import pyopencl as cl
 
-from ..device.cl_device import Compute
-from ..progress import finished, part_of
+from ..device.cl_device import ComputeDevice
+from ..progress import finished, run_as_fraction
 from ..resume.checkpoint import Checkpoint
-from ..visibility.rays.ray_sampler import GatheredBuffers, RayIdentity
-from ..visibility.sampler import Identity, Sampling
-from .background_light import StaticLight
-from .device_gather import Light
+from ..visibility.rays.ray_sampler import GatheredBuffers, RaySampler
+from ..visibility.sampler import SampleLayout, VisibilitySampler
+from .background_light import BackgroundLight
+from .device_gather import GatherBuffers
 from .device_l1 import L1
 from .gather_kernels import GatherKernels
 from .l1_gather import L1Gather, NoL1
-from .visibility_cache import Backs, KeptSamples, Rows
+from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
 #: A sparse sweep gathers from one in this many groups of four samples.
 _STRIDE = 8
@@ -28,7 +28,7 @@ _MANY = 1024
 _SUMMING = 0.04
 
 
-class CachedSweep:
+class CachedGather:
     """What a sweep costs is memory speed: what patches see is kept, found by the first sweep at the latest.
 
     identity    finds it; None if that is done
@@ -38,10 +38,10 @@ class CachedSweep:
 
     def __init__(
         self,
-        compute: Compute,
-        kept: KeptSamples,
-        identity: Identity | None,
-        static: StaticLight,
+        compute: ComputeDevice,
+        kept: VisibilityCache,
+        identity: VisibilitySampler | None,
+        static: BackgroundLight,
         l1: L1Gather | NoL1,
         checkpoint: Checkpoint,
     ) -> None:
@@ -54,8 +54,8 @@ class CachedSweep:
         """True if a few of the samples of each patch are enough to begin with."""
         return self._kept.sampling.even and self._kept.sampling.samples >= _MANY
 
-    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.Sweep.gather`."""
+    def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.DeviceGather.gather`."""
         if not self._begun:
             yield from self._begin(light)
         self._l1.keep_radiance(light.radiance)
@@ -65,21 +65,21 @@ class CachedSweep:
         yield 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Gather L1; see `device_gather.Sweep.gather_l1`."""
+        """Gather L1; see `device_gather.DeviceGather.gather_l1`."""
         for rows in self._kept.pieces:
             for done in self._l1.gather(rows, self._static.l1):
                 yield (rows.first + done * (rows.last - rows.first)) / self._kept.count
         return self._l1.values()
 
-    def _begin(self, light: Light) -> Generator[float, None, None]:
+    def _begin(self, light: GatherBuffers) -> Generator[float, None, None]:
         """Find what patches see, and the light there that no bounce changes."""
         found = 0.0
         if self._identity is not None:
             found = 1 - _SUMMING
-            yield from part_of(0.0, found, self._kept.find(self._identity, self._checkpoint))
+            yield from run_as_fraction(0.0, found, self._kept.find(self._identity, self._checkpoint))
             self._identity = None
         if not self._static.complete:
-            yield from part_of(found, 1.0, self._sum_up())
+            yield from run_as_fraction(found, 1.0, self._sum_up())
             self._static.complete = True
         cl.enqueue_copy(self._compute.queue, light.patches_seen, self._kept.backs.patches_seen)
         self._begun = True
@@ -89,18 +89,18 @@ class CachedSweep:
         count = self._kept.count
         for rows in self._kept.pieces:
             done = rows.first / count, rows.last / count
-            yield from part_of(*done, self._static.sum_up(rows, self._kept.backs))
+            yield from run_as_fraction(*done, self._static.sum_up(rows, self._kept.backs))
 
 
-class StreamSweep:
+class StreamGather:
     """Every sweep finds anew what patches see, some of them at a time: for what no cache can hold."""
 
     def __init__(
         self,
-        compute: Compute,
-        identity: Identity,
-        backs: Backs,
-        static: StaticLight,
+        compute: ComputeDevice,
+        identity: VisibilitySampler,
+        backs: BackfaceLight,
+        static: BackgroundLight,
         count: int,
         cached: int,
         l1: L1Gather | NoL1,
@@ -108,18 +108,18 @@ class StreamSweep:
         """Keep the samples of at most `cached` patches at a time."""
         self._compute, self._static, self._l1, self._backs = compute, static, l1, backs
         self._identity, self._count, self._step = identity, count, max(1, min(cached, count))
-        self._kernels = GatherKernels(compute, Sampling.of(identity))
+        self._kernels = GatherKernels(compute, SampleLayout.of(identity))
         size = identity.row_bytes * self._step
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
-    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.Sweep.gather`."""
+    def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.DeviceGather.gather`."""
         self._l1.keep_radiance(light.radiance)
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
             for done in self._identity.find(first, last, self._backs.found_with(self._cache, first)):
                 yield (first + done * (last - first)) / self._count
-            rows = Rows(self._cache, first, last)
+            rows = SampleRows(self._cache, first, last)
             finished(self._static.sum_up(rows, self._backs))
             self._kernels.gather(rows, light.radiance, self._static.light, light.outputs(column))
             for _ in self._l1.gather(rows, self._static.l1):
@@ -127,34 +127,34 @@ class StreamSweep:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, self._backs.patches_seen)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 that the last sweep gathered; see `device_gather.Sweep.gather_l1`."""
+        """Return the L1 that the last sweep gathered; see `device_gather.DeviceGather.gather_l1`."""
         yield 1.0
         return self._l1.values()
 
 
-class RayStreamSweep:
+class RayStreamGather:
     """Every sweep casts all rays anew and keeps nothing."""
 
     def __init__(
         self,
-        compute: Compute,
-        identity: RayIdentity,
+        compute: ComputeDevice,
+        identity: RaySampler,
         count: int,
         sources: int,
         l1: L1Gather | NoL1,
     ) -> None:
         self._identity, self._count, self._l1 = identity, count, l1
-        self._kernels = GatherKernels(compute, Sampling.of(identity))
+        self._kernels = GatherKernels(compute, SampleLayout.of(identity))
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
 
-    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.Sweep.gather`."""
+    def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.DeviceGather.gather`."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
         yield from self._identity.gather(self._count, light.radiance, seen)
         self._kernels.take(self._gathered, light, column)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 that the last sweep gathered; see `device_gather.Sweep.gather_l1`."""
+        """Return the L1 that the last sweep gathered; see `device_gather.DeviceGather.gather_l1`."""
         yield 1.0
         return self._l1.values()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import moderngl
 import numpy as np
 
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 from ..device.raw_gl import DepthArray
 from ..visibility.raster.tiles import Tiles
 from ..visibility.views.hemicube import multiplier_map
@@ -25,7 +25,7 @@ class HemicubeTables:
     sums  float4 of each hemicube, for a shader to write
     """
 
-    def __init__(self, graphics: Graphics, tiles: Tiles) -> None:
+    def __init__(self, graphics: GraphicsContext, tiles: Tiles) -> None:
         self._multiplier = graphics.context.buffer(multiplier_map(tiles.n).tobytes())
         self._frames = graphics.context.buffer(reserve=64 * tiles.capacity)
         self.sums = graphics.context.buffer(reserve=16 * tiles.capacity)
@@ -49,7 +49,7 @@ class ComputeShader:
 
     def __init__(
         self,
-        graphics: Graphics,
+        graphics: GraphicsContext,
         name: str,
         tiles: Tiles,
         tables: HemicubeTables,
@@ -86,7 +86,7 @@ class ComputeShader:
                 self._program[name] = value
 
 
-def sky_texture(graphics: Graphics, sky: np.ndarray) -> moderngl.Texture:
+def sky_texture(graphics: GraphicsContext, sky: np.ndarray) -> moderngl.Texture:
     """Return a sky, (h, w, 3) float32 radiance, as the texture that shaders/hemicube.glsl reads."""
     texture = graphics.context.texture(sky.shape[1::-1], 4, four(sky).tobytes(), dtype="f4")
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)

@@ -10,7 +10,7 @@ import pyopencl as cl
 from .device_l1 import L1
 
 
-class Light(Protocol):
+class GatherBuffers(Protocol):
     """What a sweep reads and writes on the device.
 
     count         patches that gather
@@ -28,10 +28,10 @@ class Light(Protocol):
         """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
 
 
-class Sweep(Protocol):
+class DeviceGather(Protocol):
     """How patches gather on the device."""
 
-    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
+    def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
         """Gather from `light.radiance` into a column of its ring; yield the fraction done."""
 
     def gather_l1(self) -> Generator[float, None, L1]:

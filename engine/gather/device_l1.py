@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download_colors
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 
 
 class DeviceL1:
@@ -18,7 +18,7 @@ class DeviceL1:
     receivers  records of the patches, see `RayScene.receivers`
     """
 
-    def __init__(self, compute: Compute, buffer: cl.Buffer, receivers: cl.Buffer, count: int) -> None:
+    def __init__(self, compute: ComputeDevice, buffer: cl.Buffer, receivers: cl.Buffer, count: int) -> None:
         self.compute, self.buffer, self.receivers, self._count = compute, buffer, receivers, count
 
     def __len__(self) -> int:

@@ -6,10 +6,10 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload
-from ..device.cl_device import Compute
-from ..visibility.sampler import Sampling
-from .device_gather import Light
-from .visibility_cache import Rows
+from ..device.cl_device import ComputeDevice
+from ..visibility.sampler import SampleLayout
+from .device_gather import GatherBuffers
+from .visibility_cache import SampleRows
 
 
 class GatherKernels:
@@ -19,7 +19,7 @@ class GatherKernels:
     groups    light groups that gather at once: of each patch theirs lie side by side
     """
 
-    def __init__(self, compute: Compute, sampling: Sampling, groups: int = 1) -> None:
+    def __init__(self, compute: ComputeDevice, sampling: SampleLayout, groups: int = 1) -> None:
         self._compute, self._queue = compute, compute.queue
         options = (*sampling.options, f"-DLIGHT_GROUPS={groups}")
         options += ("-DEVEN",) if sampling.even else ()
@@ -30,12 +30,12 @@ class GatherKernels:
         self._quads = np.int32(sampling.samples // 4)
 
     def gather(
-        self, rows: Rows, radiance: cl.Buffer, static_light: cl.Buffer, outputs: tuple, stride: int = 1
+        self, rows: SampleRows, radiance: cl.Buffer, static_light: cl.Buffer, outputs: tuple, stride: int = 1
     ) -> None:
         """Gather for the patches whose samples these are.
 
         radiance  float4 of each group of each patch that is seen + 1
-        outputs   as `device_gather.Light.outputs` has them
+        outputs   as `device_gather.GatherBuffers.outputs` has them
         stride    one in this many groups of four samples is read; 1 unless all weigh the same
         """
         (group,) = self._gather.group(*self._compute.work_sizes.gather)
@@ -45,6 +45,6 @@ class GatherKernels:
             self._quads, np.int32(stride), np.int32(rows.first), self._tints, cl.LocalMemory(16 * group),
         )  # fmt: skip
 
-    def take(self, gathered: cl.Buffer, light: Light, column: int) -> None:
+    def take(self, gathered: cl.Buffer, light: GatherBuffers, column: int) -> None:
         """Make what was gathered, static light included, an iterate."""
         self._compute.run(self._take, light.count, gathered, *light.outputs(column))

@@ -9,28 +9,28 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload_float4, upload_float4_once, zeros
-from ..device.cl_device import Compute
-from .device_gather import Sweep
+from ..device.cl_device import ComputeDevice
+from .device_gather import DeviceGather
 from .device_l1 import L1
 
 
-class LightGather(Protocol):
-    """A gather by n points from m sources: `FinalGather`, or devices of other processes."""
+class PointGather(Protocol):
+    """A gather by n points from m sources: `GatherPass`, or devices of other processes."""
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance; see `FinalGather.gather`."""
+        """Gather from radiance; see `GatherPass.gather`."""
         ...
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance on the device; see `FinalGather.gather_from`."""
+        """Gather from radiance on the device; see `GatherPass.gather_from`."""
         ...
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of what was gathered last; see `Sweep.gather_l1`."""
+        """Return the L1 of what was gathered last; see `DeviceGather.gather_l1`."""
         ...
 
 
-class FinalGather:
+class GatherPass:
     """Gathers for n patches from the radiance of m sources that their identities name; see `Light`.
 
     sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample; nobody changes it
@@ -38,7 +38,7 @@ class FinalGather:
 
     sparse = False
 
-    def __init__(self, compute: Compute, sweep: Sweep, sampled_light: np.ndarray) -> None:
+    def __init__(self, compute: ComputeDevice, sweep: DeviceGather, sampled_light: np.ndarray) -> None:
         self._compute, self._sweep, self.count = compute, sweep, len(sampled_light)
         self._sampled_light = upload_float4_once(compute, sampled_light)
         self._nothing, self._gathered = (zeros(compute, 16 * self.count) for _ in range(2))
@@ -65,5 +65,5 @@ class FinalGather:
         return download(self._compute, self._gathered, (self.count, 4))
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of what was gathered last; see `Sweep.gather_l1`."""
+        """Return the L1 of what was gathered last; see `DeviceGather.gather_l1`."""
         return (yield from self._sweep.gather_l1())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 from ..visibility.raster.tiles import Tiles
 from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
 
@@ -16,14 +16,14 @@ _MOST = 1 << 30
 _RESULT, _CACHE, _RADIANCE, _STATIC_LIGHT = 2, 3, 4, 5
 
 
-def fits_glsl_cache(graphics: Graphics, tiles: Tiles, patches: int) -> bool:
+def fits_glsl_cache(graphics: GraphicsContext, tiles: Tiles, patches: int) -> bool:
     """Return True if the identity hemicubes of all patches can be kept, and gathered in one shader."""
     largest = graphics.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
     return patches * _hemicube_bytes(tiles) <= _MOST and 16 * (patches + 1) <= largest
 
 
 class GlslCachedIntegrator:
-    """Keeps batches of identity hemicubes and sums what they see; needs `Graphics.computes`.
+    """Keeps batches of identity hemicubes and sums what they see; needs `GraphicsContext.computes`.
 
     texture   (layers, height, width) uint32, see `visibility.targets`
     emission  (n, 3) float32 radiance of each patch, seen on back faces
@@ -36,7 +36,7 @@ class GlslCachedIntegrator:
 
     def __init__(
         self,
-        graphics: Graphics,
+        graphics: GraphicsContext,
         tiles: Tiles,
         texture: moderngl.TextureArray,
         emission: np.ndarray,

@@ -5,14 +5,14 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 from ..device.raw_gl import DepthArray
 from ..visibility.raster.tiles import Tiles
 from .compute_shader import ComputeShader, HemicubeTables, Textures, sky_texture
 
 
 class GlslIntegrator:
-    """Sums a texture array of radiance hemicubes; needs `Graphics.computes`.
+    """Sums a texture array of radiance hemicubes; needs `GraphicsContext.computes`.
 
     texture  (layers, height, width, 4) float, see `visibility.targets`
     depth    of the same hemicubes
@@ -24,7 +24,7 @@ class GlslIntegrator:
 
     def __init__(
         self,
-        graphics: Graphics,
+        graphics: GraphicsContext,
         tiles: Tiles,
         texture: moderngl.TextureArray,
         depth: DepthArray,

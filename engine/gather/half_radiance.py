@@ -8,8 +8,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
-from ..device.cl_device import Compute
-from ..numpy_pickle import Portable
+from ..device.cl_device import ComputeDevice
+from ..numpy_pickle import NumpyPickle
 
 #: The brightest value travels as this one, which half floats hold with room above it.
 _BRIGHTEST = 32768.0
@@ -19,7 +19,7 @@ _ITEMS = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class HalfLight(Portable):
+class HalfRadiance(NumpyPickle):
     """Radiance in parts of its largest value, 6 bytes a patch.
 
     Patches average it over all they see, so that its rounding, of 1 in 4,096, is lost in the noise of rays.
@@ -33,7 +33,7 @@ class HalfLight(Portable):
     unit: np.float32
 
     @classmethod
-    def of(cls, compute: Compute, radiance: cl.Buffer, count: int) -> HalfLight:
+    def of(cls, compute: ComputeDevice, radiance: cl.Buffer, count: int) -> HalfRadiance:
         """Round radiance on the device, float4 of each of `count` patches between two black entries."""
         brightest, narrow = compute.kernels("half_light.cl", "brightest", "narrow_half")
         most = zeros(compute, 4 * _ITEMS)
@@ -45,7 +45,7 @@ class HalfLight(Portable):
         cl.enqueue_copy(compute.queue, parts, narrowed)
         return cls(parts, unit)
 
-    def table(self, compute: Compute) -> cl.Buffer:
+    def table(self, compute: ComputeDevice) -> cl.Buffer:
         """Return the radiance on a device, as `of` takes it."""
         (widen,) = compute.kernels("half_light.cl", "widen_half")
         count = len(self.parts)

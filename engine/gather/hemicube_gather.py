@@ -7,11 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
-from ..device.cl_device import Compute
-from ..device.gl_context import Graphics
-from ..patches.patch_scene import Subdivision
+from ..device.cl_device import ComputeDevice
+from ..device.gl_context import GraphicsContext
+from ..patches.patch_scene import PatchScene
 from ..settings import Settings
-from ..visibility.raster.targets import IdentityTarget, RadianceTarget
+from ..visibility.raster.targets import ItemBufferTarget, RadianceTarget
 from ..visibility.raster.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, plan_tiles
 from ..visibility.views.hemicubes import Hemicubes
 from .glsl_cached import GlslCachedIntegrator
@@ -23,7 +23,7 @@ from .opencl_integrator import CopiedIntegrator
 _LOOK_UP = (0.0, 0.0, 0.0, 2.0)
 
 
-class Gather(Protocol):
+class HostGather(Protocol):
     """A way to gather from radiance in host memory."""
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
@@ -38,9 +38,9 @@ class PaperGather:
 
     def __init__(
         self,
-        graphics: Graphics,
-        compute: Compute | None,
-        parts: Subdivision,
+        graphics: GraphicsContext,
+        compute: ComputeDevice | None,
+        parts: PatchScene,
         emission: np.ndarray,
         sky: np.ndarray,
         settings: Settings,
@@ -69,7 +69,7 @@ class PaperGather:
         self.integrator = self._integrator.name
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `Gather.iteration`."""
+        """Gather once; see `HostGather.iteration`."""
         self._target.set_radiance(radiance)
         result = np.empty((self._hemicubes.count, 4), np.float32)
 
@@ -85,20 +85,20 @@ class GlslGather:
 
     def __init__(
         self,
-        graphics: Graphics,
-        parts: Subdivision,
+        graphics: GraphicsContext,
+        parts: PatchScene,
         emission: np.ndarray,
         sky: np.ndarray,
         settings: Settings,
     ) -> None:
         """Prepare to gather; parameters as of `PaperGather`."""
         tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
-        target = IdentityTarget(graphics, tiles)
+        target = ItemBufferTarget(graphics, tiles)
         self._hemicubes = Hemicubes(graphics, parts, tiles, target, settings)
         self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `Gather.iteration`. The first iteration draws the hemicubes."""
+        """Gather once; see `HostGather.iteration`. The first iteration draws the hemicubes."""
         self._integrator.set_radiance(radiance)
         gathered: list[np.ndarray] = []
 

@@ -8,13 +8,13 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..settings import Settings
-from ..visibility.sampler import Sampling
+from ..visibility.sampler import SampleLayout
 from ..visibility.views.directions import r2_sequence
 from .device_l1 import DeviceL1
 from .row_kernel import RowKernel
-from .visibility_cache import Rows
+from .visibility_cache import SampleRows
 
 
 class NoL1:
@@ -25,7 +25,7 @@ class NoL1:
     def keep_radiance(self, radiance: cl.Buffer) -> None:
         """Do nothing."""
 
-    def gather(self, rows: Rows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
+    def gather(self, rows: SampleRows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
         """Do nothing."""
         yield 1.0
 
@@ -42,7 +42,12 @@ class L1Gather:
     """
 
     def __init__(
-        self, compute: Compute, sampling: Sampling, receivers: cl.Buffer, settings: Settings, count: int
+        self,
+        compute: ComputeDevice,
+        sampling: SampleLayout,
+        receivers: cl.Buffer,
+        settings: Settings,
+        count: int,
     ) -> None:
         self._compute, self._receivers, self._count = compute, receivers, count
         pattern = _disk(sampling.samples)
@@ -56,10 +61,10 @@ class L1Gather:
             self._radiance = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, radiance.size)
         cl.enqueue_copy(self._compute.queue, self._radiance, radiance)
 
-    def gather(self, rows: Rows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
+    def gather(self, rows: SampleRows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
         """Gather for the patches whose samples these are; yield the fraction done.
 
-        static_l1: see `StaticLight.l1`
+        static_l1: see `BackgroundLight.l1`
         """
         yield from self._gather.run(rows, self._radiance, static_l1, self.result)
 

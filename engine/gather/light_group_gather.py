@@ -8,14 +8,14 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..errors import DeviceError
-from ..progress import finished, part_of
-from ..visibility.sampler import Identity, Sampling
-from .background_light import StaticLight
-from .device_gather import Light
+from ..progress import finished, run_as_fraction
+from ..visibility.sampler import SampleLayout, VisibilitySampler
+from .background_light import BackgroundLight
+from .device_gather import GatherBuffers
 from .gather_kernels import GatherKernels
-from .visibility_cache import Backs, KeptSamples, Rows
+from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
 #: Light groups whose radiances are read at a time: two fill the 32 bytes that a graphics card reads anyway.
 TOGETHER = 2
@@ -24,7 +24,7 @@ TOGETHER = 2
 class _Radiance:
     """The radiance of g light groups, as the gather kernel reads it: that of a source lies together."""
 
-    def __init__(self, compute: Compute, groups: int, sources: int) -> None:
+    def __init__(self, compute: ComputeDevice, groups: int, sources: int) -> None:
         self._compute, self._groups, self._sources = compute, groups, sources
 
         # Whole blocks of groups: of nothing, of each source, of the surroundings.
@@ -44,8 +44,8 @@ class _Radiance:
         cl.enqueue_copy(self._compute.queue, self.buffer, blocks)
 
 
-class LightGroupSweep:
-    """See `device_gather.Sweep`.
+class LightGroupGather:
+    """See `device_gather.DeviceGather`.
 
     The light of n patches and g groups is that of n g patches, a patch's side by side.
 
@@ -54,15 +54,17 @@ class LightGroupSweep:
     static  sums up the static light of each group
     """
 
-    def __init__(self, compute: Compute, kept: KeptSamples, static: Sequence[StaticLight]) -> None:
+    def __init__(
+        self, compute: ComputeDevice, kept: VisibilityCache, static: Sequence[BackgroundLight]
+    ) -> None:
         self._compute, self._kept, self._groups = compute, kept, len(static)
         self._kernels = GatherKernels(compute, kept.sampling, len(static))
         self._radiance = _Radiance(compute, len(static), kept.count)
         self._lights = static
         self._static: cl.Buffer | None = None
 
-    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.Sweep.gather`."""
+    def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.DeviceGather.gather`."""
         if self._static is None:
             seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
             cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
@@ -79,7 +81,7 @@ class LightGroupSweep:
             for rows in self._kept.pieces:
                 first, last = (number + at / self._kept.count for at in (rows.first, rows.last))
                 summing = light.sum_up(rows, self._kept.backs)
-                yield from part_of(first / self._groups, last / self._groups, summing)
+                yield from run_as_fraction(first / self._groups, last / self._groups, summing)
             beside.append(download(self._compute, light.light, (self._kept.count, 4)))
         return upload(self._compute, np.stack(beside, axis=1))
 
@@ -99,18 +101,18 @@ class LightGroupLook:
 
     def __init__(
         self,
-        compute: Compute,
-        identity: Identity,
+        compute: ComputeDevice,
+        identity: VisibilitySampler,
         count: int,
         sources: int,
-        static: Sequence[StaticLight],
+        static: Sequence[BackgroundLight],
         cached: int,
     ) -> None:
         self._compute, self._identity, self._count = compute, identity, count
         self._static, self._step = static, max(1, min(cached, count))
-        self._backs = Backs(compute, count, sources, False)
+        self._backs = BackfaceLight(compute, count, sources, False)
         self._runs = [slice(first, first + TOGETHER) for first in range(0, len(static), TOGETHER)]
-        sampling = Sampling.of(identity)
+        sampling = SampleLayout.of(identity)
         self._kernels = [GatherKernels(compute, sampling, len(static[run])) for run in self._runs]
         self._radiances = [_Radiance(compute, len(static[run]), sources) for run in self._runs]
 
@@ -126,7 +128,7 @@ class LightGroupLook:
             last = min(first + self._step, count)
             for done in self._identity.find(first, last, self._backs.found_with(cache, first)):
                 yield (first + done * (last - first)) / count
-            rows = Rows(cache, first, last)
+            rows = SampleRows(cache, first, last)
             for static in self._static:
                 finished(static.sum_up(rows, self._backs))
             for kernels, read, light in zip(self._kernels, self._radiances, lights, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.host_copy import HostCopy
 from ..visibility.raster.tiles import Tiles
 from ..visibility.views.hemicube import multiplier_map
@@ -17,7 +17,7 @@ from ..visibility.views.viewpoints import FRAME, frame_records
 class HemicubeIntegrator:
     """Integrates a texture array of hemicubes into one value each."""
 
-    def __init__(self, compute: Compute, tiles: Tiles, sky: np.ndarray) -> None:
+    def __init__(self, compute: ComputeDevice, tiles: Tiles, sky: np.ndarray) -> None:
         """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2."""
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
@@ -83,7 +83,7 @@ class CopiedIntegrator:
     name = "opencl"
 
     def __init__(
-        self, compute: Compute, tiles: Tiles, texture: moderngl.TextureArray, sky: np.ndarray
+        self, compute: ComputeDevice, tiles: Tiles, texture: moderngl.TextureArray, sky: np.ndarray
     ) -> None:
         self._copy = HostCopy(compute, texture)
         self._integrator = HemicubeIntegrator(compute, tiles, sky)

@@ -9,11 +9,11 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..scene.color import add_colors
 from ..visibility.sampler import identity_options
-from .device_gather import Light
-from .half_radiance import HalfLight
+from .device_gather import GatherBuffers
+from .half_radiance import HalfRadiance
 
 
 class RemoteGather(Protocol):
@@ -29,12 +29,12 @@ class RemoteGather(Protocol):
         """
         ...
 
-    def gather(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def gather(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Return E/pi of all that patches see of the light of all, (n, 3), until the next call."""
         ...
 
-    def gather_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
-        """Return the L1 of the same light, (n, 3, 3); see `Sweep.gather_l1`."""
+    def gather_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
+        """Return the L1 of the same light, (n, 3, 3); see `DeviceGather.gather_l1`."""
         ...
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
@@ -46,22 +46,22 @@ class RemoteGather(Protocol):
         """
         ...
 
-    def final(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def final(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Return what every patch gathers once from the light of groups, (n, 4).
 
         That is E/pi, and the fraction of the view that no back takes.
         """
         ...
 
-    def final_l1(self, light: HalfLight) -> Generator[float, None, np.ndarray]:
+    def final_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
         """Return the L1 of the same light, (n, 3, 3)."""
         ...
 
 
-class RemoteSweep:
-    """Gathers on remote devices for light that this device holds; see `device_gather.Sweep`."""
+class RemoteIteration:
+    """Gathers on remote devices for light that this device holds; see `device_gather.DeviceGather`."""
 
-    def __init__(self, compute: Compute, remote: RemoteGather, count: int) -> None:
+    def __init__(self, compute: ComputeDevice, remote: RemoteGather, count: int) -> None:
         self._compute, self._remote, self._count = compute, remote, count
         options = (*identity_options(4), "-DLIGHT_GROUPS=1")
         (self._take,) = compute.kernels("gather.cl", "take", options=options)
@@ -69,9 +69,12 @@ class RemoteSweep:
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
         self._views: list[cl.Buffer] = []
 
-    def gather(self, light: Light, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.Sweep.gather`. The first time waits for what patches see to be found."""
-        self._light = HalfLight.of(self._compute, light.radiance, self._count)
+    def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
+        """Gather; see `device_gather.DeviceGather.gather`.
+
+        The first time waits for what patches see to be found.
+        """
+        self._light = HalfRadiance.of(self._compute, light.radiance, self._count)
         work = self._remote.gather(self._light)
         if not self._views:
             # Who has found what its patches see gathers while others still look.
@@ -85,30 +88,30 @@ class RemoteSweep:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, patches_seen)
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Gather L1; see `device_gather.Sweep.gather_l1`."""
+        """Gather L1; see `device_gather.DeviceGather.gather_l1`."""
         return (yield from self._remote.gather_l1(self._light))
 
 
-class RemoteFinal:
-    """One more gather by every patch, from groups of them; see `gather_pass.LightGather`."""
+class RemoteGatherPass:
+    """One more gather by every patch, from groups of them; see `gather_pass.PointGather`."""
 
     def __init__(
-        self, compute: Compute, remote: RemoteGather, sampled_light: np.ndarray, groups: int
+        self, compute: ComputeDevice, remote: RemoteGather, sampled_light: np.ndarray, groups: int
     ) -> None:
         self._compute, self._remote, self._groups = compute, remote, groups
         self._sampled_light = sampled_light
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather; see `LightGather.gather`."""
+        """Gather; see `PointGather.gather`."""
         return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance on this device; see `LightGather.gather_from`."""
-        self._light = HalfLight.of(self._compute, radiance, self._groups)
+        """Gather from radiance on this device; see `PointGather.gather_from`."""
+        self._light = HalfRadiance.of(self._compute, radiance, self._groups)
         gathered = yield from self._remote.final(self._light)
         add_colors(gathered, self._sampled_light)
         return gathered
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Gather L1; see `LightGather.gather_l1`."""
+        """Gather L1; see `PointGather.gather_l1`."""
         return (yield from self._remote.final_l1(self._light))

@@ -8,13 +8,13 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.time_slicer import sliced
 from ..settings import Settings
 from ..visibility.rays.receiver_records import RECEIVER
-from ..visibility.sampler import Sampling, directional_options
+from ..visibility.sampler import SampleLayout, directional_options
 from ..visibility.views.hemicube import rotation_salt
-from .visibility_cache import Rows
+from .visibility_cache import SampleRows
 
 
 class RowKernel:
@@ -29,8 +29,8 @@ class RowKernel:
 
     def __init__(
         self,
-        compute: Compute,
-        sampling: Sampling,
+        compute: ComputeDevice,
+        sampling: SampleLayout,
         receivers: cl.Buffer,
         settings: Settings,
         pattern: np.ndarray,
@@ -52,7 +52,7 @@ class RowKernel:
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate), sampling.tints_on(compute),
         )  # fmt: skip
 
-    def run(self, rows: Rows, *arguments: object) -> Generator[float, None, None]:
+    def run(self, rows: SampleRows, *arguments: object) -> Generator[float, None, None]:
         """Sum over rows, with the kernel's other arguments; yield the fraction done."""
         queue, (group,) = self._compute.queue, self._kernel.group(*self._compute.work_sizes.gather)
 

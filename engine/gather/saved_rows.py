@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..resume.checkpoint import Arrays, Checkpoint
 
 
@@ -42,7 +42,7 @@ class SavedRows:
 
     def __init__(
         self,
-        compute: Compute,
+        compute: ComputeDevice,
         checkpoint: Checkpoint,
         identity: str,
         patches: tuple[int, int],

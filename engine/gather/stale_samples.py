@@ -7,7 +7,7 @@ import pyopencl as cl
 
 from ..device.buffers import zeros
 from ..patches.moved_triangles import ball_around, moved_triangles
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..visibility.rays.ray_sampler import MovedBuffers
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
@@ -19,7 +19,7 @@ _MORE = 1 << 13
 _NOTHING = np.zeros((1, 3, 3), np.float32)
 
 
-class MovedPatches:
+class StaleSamples:
     """The difference between patches as they were when samples were found, and as they are.
 
     parts, rays  as they are
@@ -29,7 +29,7 @@ class MovedPatches:
     """
 
     def __init__(
-        self, parts: Subdivision, rays: RayScene, triangles: np.ndarray, buffers: MovedBuffers, begun: bool
+        self, parts: PatchScene, rays: RayScene, triangles: np.ndarray, buffers: MovedBuffers, begun: bool
     ) -> None:
         self.parts, self.rays, self.triangles, self.buffers = parts, rays, triangles, buffers
         self.begun = begun
@@ -37,11 +37,11 @@ class MovedPatches:
     @classmethod
     def between(
         cls,
-        before: tuple[Subdivision, cl.Buffer],
-        parts: Subdivision,
+        before: tuple[PatchScene, cl.Buffer],
+        parts: PatchScene,
         rays: RayScene,
-        begun: MovedPatches | None,
-    ) -> MovedPatches | None:
+        begun: StaleSamples | None,
+    ) -> StaleSamples | None:
         """Return what has moved; None if looking anew is better.
 
         before  the patches when samples were found, and their receivers

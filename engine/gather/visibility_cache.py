@@ -9,22 +9,22 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import zeros
-from ..device.cl_device import Compute
-from ..patches.patch_scene import Subdivision
+from ..device.cl_device import ComputeDevice
+from ..patches.patch_scene import PatchScene
 from ..resume.checkpoint import Checkpoint
 from ..scene.digests import same_values
-from ..visibility.rays.ray_sampler import RayIdentity
+from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.sampler import Identity, Sampling, SeenBuffers
+from ..visibility.sampler import SampleLayout, VisibilityBuffers, VisibilitySampler
 from .saved_rows import SavedRows, Table
-from .stale_samples import MovedPatches
+from .stale_samples import StaleSamples
 
 #: The largest piece of a cache, bytes.
 _PIECE = 1 << 30
 
 
 @dataclass(frozen=True)
-class Rows:
+class SampleRows:
     """The samples of the patches first ... last."""
 
     cache: cl.Buffer
@@ -32,20 +32,21 @@ class Rows:
     last: int
 
 
-class Backs:
-    """The light of backs, on the OpenCL device: what an `Identity` finds beside samples.
+class BackfaceLight:
+    """The light of backs, on the OpenCL device: what a `VisibilitySampler` finds beside samples.
 
-    light, patches_seen, seen, l1  as `back_light`, `patches_seen`, `backs_seen`, `back_l1` of `SeenBuffers`
+    light, patches_seen, seen, l1  as `back_light`, `patches_seen`, `backs_seen`, `back_l1` of
+                                   `VisibilityBuffers`
     """
 
-    def __init__(self, compute: Compute, count: int, sources: int, directional: bool) -> None:
+    def __init__(self, compute: ComputeDevice, count: int, sources: int, directional: bool) -> None:
         self.light, self.patches_seen = zeros(compute, 16 * count), zeros(compute, 4 * count)
         self.seen = zeros(compute, -(-(sources + 1) // 4) * 4)
         self.l1 = zeros(compute, 48 * count) if directional else None
 
-    def found_with(self, cache: cl.Buffer, first: int) -> SeenBuffers:
+    def found_with(self, cache: cl.Buffer, first: int) -> VisibilityBuffers:
         """Return where an identity writes what patches from `first` on see."""
-        return SeenBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
+        return VisibilityBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
 
     def tables(self) -> dict[str, Table]:
         """Return all of it by name."""
@@ -54,7 +55,7 @@ class Backs:
         return {**tables, **l1, "seen": Table(self.seen, 0)}
 
 
-class KeptSamples:
+class VisibilityCache:
     """What patches see of each other, found by the first sweep of a bake.
 
     It holds for any light of the same patches, but for emission of backs that are seen, which is not kept
@@ -67,9 +68,9 @@ class KeptSamples:
 
     def __init__(
         self,
-        compute: Compute,
-        sampling: Sampling,
-        parts: Subdivision,
+        compute: ComputeDevice,
+        sampling: SampleLayout,
+        parts: PatchScene,
         rays: RayScene,
         emission: np.ndarray,
         directional: bool,
@@ -80,9 +81,9 @@ class KeptSamples:
         """
         self._compute, self.sampling, self.count = compute, sampling, len(parts.patches)
         self._parts, self._receivers, self._emission = parts, rays.receivers, emission
-        self._moved: MovedPatches | None = None
-        self.backs = Backs(compute, self.count, len(emission), directional)
-        self.pieces: list[Rows] = []
+        self._moved: StaleSamples | None = None
+        self.backs = BackfaceLight(compute, self.count, len(emission), directional)
+        self.pieces: list[SampleRows] = []
         self._found = 0
 
     @property
@@ -100,12 +101,12 @@ class KeptSamples:
         """Memory of the device that it takes."""
         return sum(rows.cache.size for rows in self.pieces) + self.backs.light.size
 
-    def find(self, identity: Identity, checkpoint: Checkpoint) -> Generator[float, None, None]:
+    def find(self, identity: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
         """Find what all patches see, from where a cancelled bake has come to on.
 
         Yields the fraction done of what no checkpoint holds.
         """
-        if self._moved is not None and isinstance(identity, RayIdentity):
+        if self._moved is not None and isinstance(identity, RaySampler):
             yield from self._find_again(identity, self._moved)
         known = 0
         while not self.complete:
@@ -126,24 +127,24 @@ class KeptSamples:
                 f"What {known:,} of {self.count:,} patches see went on from a bake that was interrupted."
             )
 
-    def _find_again(self, identity: RayIdentity, moved: MovedPatches) -> Generator[float, None, None]:
+    def _find_again(self, identity: RaySampler, moved: StaleSamples) -> Generator[float, None, None]:
         """Find what has changed of what patches see since something has moved; yield the fraction done."""
         moved.begun = True
         for rows in self.pieces:
             last = min(rows.last, self._found)
             if last > rows.first:
                 seen = self.backs.found_with(rows.cache, rows.first)
-                for done in identity.find_again(rows.first, last, seen, moved.buffers):
+                for done in identity.update_moved(rows.first, last, seen, moved.buffers):
                     yield (rows.first + done * (last - rows.first)) / self.count
         self._parts, self._receivers, self._moved = moved.parts, moved.rays.receivers, None
 
-    def _saved_rows(self, rows: Rows, checkpoint: Checkpoint) -> SavedRows:
+    def _saved_rows(self, rows: SampleRows, checkpoint: Checkpoint) -> SavedRows:
         """Return what reads and writes the rows of a piece."""
         tables = {"samples": Table(rows.cache, self.sampling.row_bytes, rows.first), **self.backs.tables()}
         patches = (rows.first, rows.last)
         return SavedRows(self._compute, checkpoint, self.sampling.name, patches, tables)
 
-    def _unfinished_piece(self) -> Rows:
+    def _unfinished_piece(self) -> SampleRows:
         """Return the piece of the first patch that is not found; a new one if no piece has it."""
         if self.pieces and self._found < self.pieces[-1].last:
             return self.pieces[-1]
@@ -151,10 +152,10 @@ class KeptSamples:
         largest = min(_PIECE, self._compute.device.max_mem_alloc_size)
         first, last = self._found, min(self._found + max(1, largest // row), self.count)
         cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, row * (last - first))
-        self.pieces.append(Rows(cache, first, last))
+        self.pieces.append(SampleRows(cache, first, last))
         return self.pieces[-1]
 
-    def holds_for(self, parts: Subdivision, rays: RayScene, emission: np.ndarray) -> bool:
+    def holds_for(self, parts: PatchScene, rays: RayScene, emission: np.ndarray) -> bool:
         """Return whether it holds for patches that emit radiance, (m, 3) float32; rays: from them.
 
         Groups of patches may be others than they were, since light decides where they end. What is not found
@@ -169,7 +170,7 @@ class KeptSamples:
         self._emission = emission
         return True
 
-    def _follows(self, parts: Subdivision, rays: RayScene) -> bool:
+    def _follows(self, parts: PatchScene, rays: RayScene) -> bool:
         """Return whether patches are those that look, where they were or elsewhere; make note of what moved.
 
         Drawn hemicubes are not found again by parts.
@@ -179,10 +180,10 @@ class KeptSamples:
             patches, mine = parts.patches, there.patches
             same = same_values(patches.texel, mine.texel) and same_values(patches.atlas, mine.atlas)
             return same and same_values(parts.texel_to_patch, there.texel_to_patch)
-        if self.sampling.name != RayIdentity.name:
+        if self.sampling.name != RaySampler.name:
             return False
         begun = self._moved if self._moved is not None and self._moved.begun else None
-        self._moved = MovedPatches.between((self._parts, self._receivers), parts, rays, begun)
+        self._moved = StaleSamples.between((self._parts, self._receivers), parts, rays, begun)
         return self._moved is not None
 
     @property
@@ -199,7 +200,7 @@ class KeptSamples:
         return seen
 
 
-def _finished(identity: Identity, found: int) -> int:
+def _finished(identity: VisibilitySampler, found: int) -> int:
     """Return how many rows are surely in the cache, of `found` that an identity has reported.
 
     A batch is in the cache once the identity goes on to the next.

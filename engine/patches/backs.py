@@ -13,7 +13,7 @@ import numpy as np
 from ..scene.model import OCCLUDER, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
-from .unmapped_meshes import place_meshes, place_occluders, texel_size
+from .unmapped_meshes import place_meshes, place_unmapped, texel_size
 
 #: Order of a triangle's corners seen from its back.
 _FLIPPED = [0, 2, 1]
@@ -25,7 +25,7 @@ def with_places(scene: Scene, resolution: int, surfaces: OpenSurfaces | None = N
     surfaces: of the scene before, if there was one
     """
     texel, surfaces = texel_size(scene, resolution), surfaces or OpenSurfaces()
-    placed = place_occluders(scene, resolution)
+    placed = place_unmapped(scene, resolution)
     return place_backs(placed, surfaces.of(placed.meshes), resolution, texel)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_once
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 
@@ -48,7 +48,7 @@ class BorderTexels:
 class DeviceBorder:
     """Border texels on the OpenCL device."""
 
-    def __init__(self, compute: Compute, geometry: PatchGeometry, border: BorderTexels) -> None:
+    def __init__(self, compute: ComputeDevice, geometry: PatchGeometry, border: BorderTexels) -> None:
         self._compute, self._border = compute, border
         names = "nearest_patches", "covered_middles"
         self._nearest, self._middles = compute.kernels(SOURCE, *names, options=OPTIONS)

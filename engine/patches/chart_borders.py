@@ -27,7 +27,7 @@ class ChartBorders:
     outward: np.ndarray
 
 
-def free_borders(edges: ChartEdges, pairs: EdgePairs) -> ChartBorders:
+def borders_without_seam(edges: ChartEdges, pairs: EdgePairs) -> ChartBorders:
     """Return points along those edges of charts that belong to no pair, ends included."""
     free = np.ones(len(edges), bool)
     free[pairs.first] = free[pairs.second] = False

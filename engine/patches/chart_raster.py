@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 
 #: What is kept where several fragments meet in a texel.
 _LAST, _NEAREST, _SUM = range(3)
@@ -44,7 +44,9 @@ OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f1"),), _SUM)
 _TYPES = {"u4": np.uint32, "f4": np.float32, "f1": np.uint8}
 
 
-def draw_charts(graphics: Graphics, drawing: Drawing, uvs: np.ndarray, resolution: int) -> list[np.ndarray]:
+def draw_charts(
+    graphics: GraphicsContext, drawing: Drawing, uvs: np.ndarray, resolution: int
+) -> list[np.ndarray]:
     """Draw triangles, uvs (t, 3, 2) float32, into targets of a lightmap's size.
 
     Returns one (r * r, components) array of each target, texel by texel; 0 where nothing is drawn.

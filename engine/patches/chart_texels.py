@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.cl_device import Compute
-from ..device.gl_context import Graphics
+from ..device.cl_device import ComputeDevice
+from ..device.gl_context import GraphicsContext
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from ..settings import Settings
 from .border_texels import BorderTexels
-from .edge_patch_points import away_from_edges
+from .edge_patch_points import inset_edge_patches
 from .geometry import patch_geometry
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList
-from .texel_coverage import border_texels, check_overlap, covered_texels, note_uncovered
+from .texel_coverage import border_texels, check_overlap, covered_texels, warn_uncovered
 
 
 @dataclass(frozen=True)
-class Charts:
+class ChartTexels:
     """The charts of a scene's lightmaps, as texels see them.
 
     names        of the meshes
@@ -51,14 +51,18 @@ class Charts:
 
 
 def read_charts(
-    graphics: Graphics, compute: Compute | None, scene: Scene, triangles: Triangles, settings: Settings
-) -> Charts:
+    graphics: GraphicsContext,
+    compute: ComputeDevice | None,
+    scene: Scene,
+    triangles: Triangles,
+    settings: Settings,
+) -> ChartTexels:
     """Find the texels that charts cover and touch; raises Scene-, Settings-, PatchFileError."""
     covered = list_or_load_patches(graphics, scene, triangles, settings)
     own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
-    covered = away_from_edges(compute, geometry, covered, own)
+    covered = inset_edge_patches(compute, geometry, covered, own)
     texels = covered_texels(scene, geometry)
-    warnings = note_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)
+    warnings = warn_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)
     border = border_texels(graphics, triangles, own)
     names = tuple(mesh.name for mesh in scene.meshes)
-    return Charts(names, covered, geometry.on_triangle, own, border, tuple(warnings))
+    return ChartTexels(names, covered, geometry.on_triangle, own, border, tuple(warnings))

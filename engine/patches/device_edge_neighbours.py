@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from .border_texels import OPTIONS, SOURCE
 from .edge_boxes import FACTORS, EdgeBoxes
 
@@ -17,7 +17,7 @@ _OF_EACH, _LEAST = 4, 1 << 16
 class DeviceNeighbours:
     """Finds boxes that overlap by a kernel; see `EdgeNeighbours`. Made by the thread that bakes."""
 
-    def __init__(self, compute: Compute) -> None:
+    def __init__(self, compute: ComputeDevice) -> None:
         self._beside = compute.beside(SOURCE, "find_edge_neighbours", OPTIONS)
 
     def overlapping(self, boxes: EdgeBoxes) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.buffers import download_bytes, replace_rows_once, upload_once, words_of, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..row_ops import any_in_rows
 from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
 from .geometry import PatchGeometry
@@ -19,8 +19,8 @@ _ON_EDGE = 0.02
 _LEADING = 0.3
 
 
-def away_from_edges(
-    compute: Compute | None, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
+def inset_edge_patches(
+    compute: ComputeDevice | None, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
 ) -> PatchList:
     """Return patches, those on the edge of a chart in the middle of what their triangle covers of the texel.
 
@@ -45,7 +45,7 @@ def away_from_edges(
 
 
 def _found_on_edges(
-    compute: Compute, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
+    compute: ComputeDevice, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
 ) -> np.ndarray:
     """Return what `_at_ends_of_charts` does, by the device."""
     (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..row_ops import some_rows
+from ..row_ops import take_rows
 from ..scene.triangles import Triangles
 from ..sorted_runs import run_counts
 from .patch_list import PatchList
@@ -63,7 +63,7 @@ class PatchGeometry:
 
     def part(self, chosen: slice | np.ndarray) -> PatchGeometry:
         """Return the geometry of some patches."""
-        where = some_rows(self.triangle, chosen), some_rows(self.barycentric, chosen)
+        where = take_rows(self.triangle, chosen), take_rows(self.barycentric, chosen)
         return PatchGeometry(self.triangles, self.steps, *where)
 
     def at(self, patches: PatchList) -> PatchGeometry:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..scene.digests import same_values
 from ..scene.triangles import Triangles
-from .patch_scene import Subdivision
+from .patch_scene import PatchScene
 
 #: If more than this part of the triangles has moved, looking anew takes as long.
 _MOST = 0.5
@@ -15,7 +15,7 @@ _MOST = 0.5
 _ROUNDING = 1e-5
 
 
-def moved_triangles(before: Subdivision, after: Subdivision) -> np.ndarray | None:
+def moved_triangles(before: PatchScene, after: PatchScene) -> np.ndarray | None:
     """Return the triangles that have moved, as they were and as they are, (k, 3, 3) float32.
 
     Metres from `Triangles.origin`. A ray that starts and ends where it did and meets none of them meets what
@@ -53,7 +53,7 @@ def ball_around(triangles: np.ndarray) -> np.ndarray:
     return np.array([*(low + high) / 2, half + _ROUNDING * (half + np.abs(corners).max())])
 
 
-def _same_patches(before: Subdivision, after: Subdivision) -> bool:
+def _same_patches(before: PatchScene, after: PatchScene) -> bool:
     """Return whether the same texels are patches."""
     one, other = before.patches, after.patches
     return (
@@ -64,7 +64,7 @@ def _same_patches(before: Subdivision, after: Subdivision) -> bool:
     )
 
 
-def _same_cutouts(before: Subdivision, after: Subdivision) -> bool:
+def _same_cutouts(before: PatchScene, after: PatchScene) -> bool:
     """Return whether light passes through the same parts of the same triangles."""
     if not (before.cutouts.needed or after.cutouts.needed):
         return True

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 from ..errors import PatchFileError
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
@@ -32,7 +32,7 @@ _BARYCENTRIC_TOLERANCE = 1e-3
 
 
 def list_or_load_patches(
-    graphics: Graphics, scene: Scene, triangles: Triangles, settings: Settings
+    graphics: GraphicsContext, scene: Scene, triangles: Triangles, settings: Settings
 ) -> PatchList:
     """Load the patch list from `settings.patch_file`; without such a file make the list and store it there.
 

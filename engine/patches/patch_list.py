@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 from ..errors import SceneError
-from ..row_ops import some_rows
+from ..row_ops import take_rows
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
-from ..threaded_slabs import in_slabs, taken
+from ..threaded_slabs import map_slabs, taken
 from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 
 #: The arrays of a patch list, one entry a patch.
@@ -68,7 +68,7 @@ class PatchList:
             def number(slab: slice) -> None:
                 flat[key[slab]] = np.arange(slab.start + 1, slab.stop + 1, dtype=np.uint32)
 
-            in_slabs(count, 8, number)
+            map_slabs(count, 8, number)
             entries.flags.writeable = False
             self._on_texels.clear()
             self._on_texels[atlases] = entries
@@ -82,11 +82,11 @@ class PatchList:
 
     def part(self, chosen: slice | np.ndarray) -> PatchList:
         """Return some patches, by a mask or their numbers."""
-        return PatchList(self.resolution, *(some_rows(getattr(self, name), chosen) for name in _COLUMNS))
+        return PatchList(self.resolution, *(take_rows(getattr(self, name), chosen) for name in _COLUMNS))
 
 
 def list_patches(
-    graphics: Graphics, scene: Scene, triangles: Triangles, resolution: int, align: bool = False
+    graphics: GraphicsContext, scene: Scene, triangles: Triangles, resolution: int, align: bool = False
 ) -> PatchList:
     """Rasterise the lightmap UVs of every atlas and compact the covered texels.
 
@@ -117,7 +117,7 @@ def concatenate(parts: list[PatchList]) -> PatchList:
 
 
 def _patches_in(
-    graphics: Graphics, drawing: Drawing, triangles: Triangles, atlas: int, resolution: int
+    graphics: GraphicsContext, drawing: Drawing, triangles: Triangles, atlas: int, resolution: int
 ) -> PatchList:
     """Return the patches of one atlas."""
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
@@ -142,7 +142,7 @@ def _on_triangle(drawn: np.ndarray) -> np.ndarray:
         np.subtract(1 - first, second, out=third)
         not_on.append(slab.start + np.flatnonzero(~(barycentric[slab] >= 0)) // 3)
 
-    in_slabs(len(barycentric), 12, complete)
+    map_slabs(len(barycentric), 12, complete)
     off = np.unique(np.concatenate(not_on))
     inside = np.clip(np.nan_to_num(barycentric[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)

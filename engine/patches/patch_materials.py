@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..device.buffers import upload, upload_once
-from ..device.cl_device import Compute
-from ..device.device_array import DeviceValues, Values, colors_on_host, some_of
-from ..row_ops import any_in_rows, nonzero_rows, some_rows
+from ..device.cl_device import ComputeDevice
+from ..device.device_array import DeviceArray, Values, colors_on_host, values_at
+from ..row_ops import any_in_rows, nonzero_rows, take_rows
 from ..scene.digests import same_values
 from ..scene.model import Scene
 from ..scene.texture import Texture
@@ -33,7 +33,7 @@ _Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 
 
 @dataclass(frozen=True)
-class PatchSurfaces:
+class PatchMaterials:
     """Surfaces as the solver needs them.
 
     reflectance    (n, 3) float32, where it was made: of translucent surfaces the sum of diffuse reflectance
@@ -65,19 +65,19 @@ class PatchSurfaces:
         """Mean of patches at even distances in their list, of the channels; 0 without any."""
         count = len(self.reflectance)
         some = np.arange(0, count, max(1, count // _ASKED))
-        return float(some_of(self.reflectance, some).mean()) if count else 0.0
+        return float(values_at(self.reflectance, some).mean()) if count else 0.0
 
-    def shine_as(self, others: PatchSurfaces) -> bool:
+    def shine_as(self, others: PatchMaterials) -> bool:
         """Return whether the same patches emit."""
         same = self.emission is others.emission and self.back_emission is others.back_emission
         return same or np.array_equal(self.shining, others.shining)
 
-    def black_at(self, patches: np.ndarray) -> PatchSurfaces:
+    def black_at(self, patches: np.ndarray) -> PatchMaterials:
         """Return the same, but that some patches, (n,) bool, reflect nothing."""
         places = np.flatnonzero(patches)
         if not len(places):
             return self
-        if isinstance(self.reflectance, DeviceValues):
+        if isinstance(self.reflectance, DeviceArray):
             return replace(self, reflectance=self.reflectance.black_at(places))
         reflectance = self.reflectance.copy()
         reflectance[places] = 0
@@ -89,7 +89,7 @@ class KnownSurfaces:
     """What patches reflected and emitted in a scene before: most of them still do."""
 
     scene: Scene
-    surfaces: PatchSurfaces
+    surfaces: PatchMaterials
 
     def shown_by(self, scene: Scene, kind: str) -> np.ndarray:
         """Return which materials of a scene of the same geometry have the same of a kind, (m,) bool."""
@@ -104,12 +104,12 @@ class KnownSurfaces:
 
 
 def patch_surfaces(
-    compute: Compute | None,
+    compute: ComputeDevice | None,
     scene: Scene,
     geometry: PatchGeometry,
     resolution: int,
     known: KnownSurfaces | None = None,
-) -> PatchSurfaces:
+) -> PatchMaterials:
     """Return what every patch of lightmaps of a resolution reflects and emits.
 
     known: of the same patches in a scene of the same geometry; None to read all textures
@@ -133,16 +133,16 @@ def patch_surfaces(
         stays = same & [texture is not None for texture in maps]
         if stays.any():
             rows = np.flatnonzero(stays[geometry.material])
-            made[rows] = some_of(before, rows)
+            made[rows] = values_at(before, rows)
     device = compute if compute is not None and _fits(compute, list(textures.values())) else None
     _multiply(device, scene, geometry, resolution, [(values[kind], textures[kind]) for kind in textures])
     backs = _back_emission(compute, scene, geometry, resolution)
-    return PatchSurfaces(values["reflectance"], colors_on_host(values["emission"]), backs)
+    return PatchMaterials(values["reflectance"], colors_on_host(values["emission"]), backs)
 
 
 def _made_surfaces(
-    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
-) -> PatchSurfaces:
+    compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> PatchMaterials:
     """Return what `patch_surfaces` does where nothing is known; a device keeps what patches reflect."""
     maps = [_maps(scene, kind) for kind in _KINDS]
     device = compute if compute is not None and _fits(compute, maps) else None
@@ -151,7 +151,7 @@ def _made_surfaces(
     )
     emission = _constants(scene, "emission", geometry)
     _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
-    surfaces = PatchSurfaces(reflectance, emission, _back_emission(compute, scene, geometry, resolution))
+    surfaces = PatchMaterials(reflectance, emission, _back_emission(compute, scene, geometry, resolution))
 
     # Few materials emit: all other patches need not be asked.
     if surfaces.back_emission is None:
@@ -160,7 +160,7 @@ def _made_surfaces(
 
 
 def _back_emission(
-    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
+    compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry, resolution: int
 ) -> np.ndarray | None:
     """Return the radiance of the back of each patch, (n, 3) float32; None if it is that of the front."""
     if all(material.back is None for material in scene.materials):
@@ -179,8 +179,8 @@ def _back_emission(
 
 
 def _translucent_surfaces(
-    compute: Compute | None, scene: Scene, geometry: PatchGeometry, resolution: int
-) -> PatchSurfaces:
+    compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry, resolution: int
+) -> PatchMaterials:
     """Return what `patch_surfaces` does where some materials are translucent."""
     surfaces = _made_surfaces(compute, scene, geometry, resolution)
     transmitted = _constants(scene, "translucency", geometry)
@@ -201,16 +201,16 @@ def _maps(scene: Scene, kind: str) -> list[Texture | None]:
 
 
 def _shining(scene: Scene, geometry: PatchGeometry, emission: np.ndarray) -> np.ndarray:
-    """Return `PatchSurfaces.shining`: patches of materials that emit whose textures leave some of it."""
+    """Return `PatchMaterials.shining`: patches of materials that emit whose textures leave some of it."""
     emits = np.array([material.emission.any() for material in scene.materials], bool)
     if not emits.any():
         return np.zeros(0, np.int64)
     patches = np.flatnonzero(taken(emits.take(geometry.triangles.material), geometry.triangle))
-    return patches[any_in_rows(some_rows(emission, patches))]
+    return patches[any_in_rows(take_rows(emission, patches))]
 
 
 def _multiply(
-    compute: Compute | None,
+    compute: ComputeDevice | None,
     scene: Scene,
     geometry: PatchGeometry,
     resolution: int,
@@ -232,7 +232,7 @@ def _multiply(
             multiply(values, _on_patches(textures, textured))
 
 
-def _fits(compute: Compute, maps: Sequence[Sequence[Texture | None]]) -> bool:
+def _fits(compute: ComputeDevice, maps: Sequence[Sequence[Texture | None]]) -> bool:
     """Return whether a device holds each of some textures."""
     sizes = [texture.pixels.nbytes for textures in maps for texture in textures if texture]
     return max(sizes, default=0) <= int(compute.device.max_mem_alloc_size)
@@ -246,10 +246,10 @@ def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
     return taken(_of_triangles(colors, geometry), geometry.triangle)
 
 
-def _constants_on(compute: Compute, scene: Scene, geometry: PatchGeometry) -> DeviceValues:
+def _constants_on(compute: ComputeDevice, scene: Scene, geometry: PatchGeometry) -> DeviceArray:
     """Return what each patch's material reflects, on a device."""
     colors = _of_triangles([material.reflectance for material in scene.materials], geometry)
-    of_triangle = DeviceValues(compute, upload(compute, colors), len(colors))
+    of_triangle = DeviceArray(compute, upload(compute, colors), len(colors))
     return of_triangle.taken(upload_once(compute, geometry.triangle), len(geometry.triangle))
 
 

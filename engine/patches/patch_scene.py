@@ -7,22 +7,22 @@ from functools import cached_property
 
 import numpy as np
 
-from ..device.cl_device import Compute
-from ..device.gl_context import Graphics
+from ..device.cl_device import ComputeDevice
+from ..device.gl_context import GraphicsContext
 from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.model import Scene
 from ..scene.triangles import Triangles, join_meshes
 from ..settings import Settings
-from .chart_texels import Charts, read_charts
+from .chart_texels import ChartTexels, read_charts
 from .geometry import PatchGeometry, texel_steps
 from .patch_list import PatchList
-from .patch_materials import KnownSurfaces, PatchSurfaces, patch_surfaces
+from .patch_materials import KnownSurfaces, PatchMaterials, patch_surfaces
 from .sides import Sides, pair_sides
 from .texel_to_patch import IndexMap, index_map
 
 
 @dataclass(frozen=True)
-class Subdivision:
+class PatchScene:
     """Which texels are patches, where they are, and what they are made of.
 
     cutouts         what light passes through on the triangles
@@ -37,19 +37,19 @@ class Subdivision:
     cutouts: Cutouts
     patches: PatchList
     geometry: PatchGeometry
-    surfaces: PatchSurfaces
+    surfaces: PatchMaterials
     texel_to_patch: np.ndarray
     warnings: tuple[str, ...]
     back_to_back: bool = False
-    charts: Charts | None = None
+    charts: ChartTexels | None = None
     index: IndexMap | None = None
     sides: Sides | None = None
 
-    def part(self, chosen: np.ndarray | slice) -> Subdivision:
+    def part(self, chosen: np.ndarray | slice) -> PatchScene:
         """Return some patches, which see all of them."""
         return self.seen_from(self.patches.part(chosen), self.geometry.part(chosen))
 
-    def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> Subdivision:
+    def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> PatchScene:
         """Return other patches on the same triangles, which see these ones."""
         others = replace(self, patches=patches, geometry=geometry, sides=None)
 
@@ -57,7 +57,7 @@ class Subdivision:
         vars(others)["sources"] = self.sources
         return others
 
-    def with_surfaces(self, surfaces: PatchSurfaces) -> Subdivision:
+    def with_surfaces(self, surfaces: PatchMaterials) -> PatchScene:
         """Return the same patches of other materials."""
         own = surfaces.own
         sides = None if own is None else pair_sides(self.triangles, self.patches, own)
@@ -69,13 +69,13 @@ class Subdivision:
         return int(self.texel_to_patch.max(initial=0))
 
 
-def subdivide(
-    graphics: Graphics,
-    compute: Compute | None,
+def make_patch_scene(
+    graphics: GraphicsContext,
+    compute: ComputeDevice | None,
     scene: Scene,
     settings: Settings,
-    before: tuple[Subdivision, Scene | None] | None = None,
-) -> Subdivision:
+    before: tuple[PatchScene, Scene | None] | None = None,
+) -> PatchScene:
     """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
 
     before: those of the scene before something moved, by the same settings, and that scene, if it is known.
@@ -97,12 +97,12 @@ def subdivide(
     if before and before[1] and last and _same_materials(last, triangles, patches):
         known = KnownSurfaces(before[1], last.surfaces)
     surfaces = patch_surfaces(compute, scene, geometry, settings.resolution, known)
-    return Subdivision(
+    return PatchScene(
         triangles, read_cutouts(scene), patches, geometry, surfaces, index.texel_to_patch, charts.warnings,
         charts=charts, index=index,
     ).with_surfaces(surfaces)  # fmt: skip
 
 
-def _same_materials(before: Subdivision, triangles: Triangles, patches: PatchList) -> bool:
+def _same_materials(before: PatchScene, triangles: Triangles, patches: PatchList) -> bool:
     """Return whether patches are those of before, and their triangles of the same materials."""
     return before.patches is patches and np.array_equal(before.triangles.material, triangles.material)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 from ..errors import OverlapError
-from ..object_message import naming
+from ..object_message import object_message
 from ..row_ops import any_in_rows
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
@@ -21,7 +21,9 @@ from .patch_list import PatchList
 _OVERLAP_TOLERANCE = 0.005
 
 
-def border_texels(graphics: Graphics, triangles: Triangles, texel_to_patch: np.ndarray) -> BorderTexels:
+def border_texels(
+    graphics: GraphicsContext, triangles: Triangles, texel_to_patch: np.ndarray
+) -> BorderTexels:
     """Return all texels that a triangle touches and that are 0 in an index map, (atlases, r, r) uint32."""
     found = [
         _border_texels_in(graphics, triangles, atlas, covered) for atlas, covered in enumerate(texel_to_patch)
@@ -31,7 +33,7 @@ def border_texels(graphics: Graphics, triangles: Triangles, texel_to_patch: np.n
 
 
 def _border_texels_in(
-    graphics: Graphics, triangles: Triangles, atlas: int, covered: np.ndarray
+    graphics: GraphicsContext, triangles: Triangles, atlas: int, covered: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the border texels of one atlas, and the triangle that touches each nearest to its centre."""
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
@@ -40,7 +42,7 @@ def _border_texels_in(
     return atlas * covered.size + texel, chosen[number[texel, 0] - 1]
 
 
-def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
+def warn_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
     """Return warnings that name the objects without an area, and those whose UVs cover no texel's centre.
 
     texels: see `covered_texels`
@@ -61,7 +63,7 @@ def note_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
         "Unwrap them again or raise the resolution.": small,
         "Scaled to nothing, so that no light falls on them: {}. Give them a scale.": list(shrunk),
     }
-    return [naming(sentence, names) for sentence, names in sentences.items() if names]
+    return [object_message(sentence, names) for sentence, names in sentences.items() if names]
 
 
 def _have_area(positions: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
@@ -79,7 +81,7 @@ def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
 
 
 def check_overlap(
-    graphics: Graphics, scene: Scene, triangles: Triangles, patches: PatchList, texels: np.ndarray
+    graphics: GraphicsContext, scene: Scene, triangles: Triangles, patches: PatchList, texels: np.ndarray
 ) -> list[str]:
     """Return a warning for each object a few of whose texels are covered by several triangles.
 
@@ -101,7 +103,7 @@ def check_overlap(
     if bad.any():
         raise OverlapError(_overlap_message(scene, triangles, patches, twice[bad[mesh]]))
     return [
-        naming(
+        object_message(
             f"Object {{}}: {doubled[index]} lightmap texels are covered twice.", [scene.meshes[index].name]
         )
         for index in np.flatnonzero(doubled)
@@ -119,7 +121,7 @@ def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, dou
         f"Lightmap UVs overlap in atlas '{atlas}' ({fraction:.0%} of the texels of {{}}). "
         "Unwrap or pack them without overlaps, or give the objects atlases of their own."
     )
-    return naming(sentence, names)
+    return object_message(sentence, names)
 
 
 def _meshes_at(triangles: Triangles, patches: PatchList, patch: int) -> np.ndarray:

@@ -10,8 +10,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
-from ..device.cl_device import Compute
-from ..row_ops import joined_rows, some_rows
+from ..device.cl_device import ComputeDevice
+from ..row_ops import joined_rows, take_rows
 from ..scene.triangles import Triangles
 from ..sorted_runs import order_of
 
@@ -25,7 +25,7 @@ _OF_POINT = (4, 4, 12, 8, 4)
 
 
 @dataclass(frozen=True)
-class TexelPieces:
+class TexelFragments:
     """Parts of texels that lie in one triangle each.
 
     atlas     (m,) int32
@@ -47,10 +47,10 @@ class TexelPieces:
         keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
         return keys
 
-    def part(self, chosen: np.ndarray | slice) -> TexelPieces:
+    def part(self, chosen: np.ndarray | slice) -> TexelFragments:
         """Return some pieces, by a mask or their numbers."""
         columns = self.atlas, self.texel, self.triangle, self.area
-        return TexelPieces(*(some_rows(column, chosen) for column in columns))
+        return TexelFragments(*(take_rows(column, chosen) for column in columns))
 
 
 class TexelPoints(NamedTuple):
@@ -72,16 +72,16 @@ class TexelPoints(NamedTuple):
     weight: np.ndarray
 
 
-def joined_pieces(several: list[TexelPieces]) -> TexelPieces:
+def joined_pieces(several: list[TexelFragments]) -> TexelFragments:
     """Return some pieces, then others; there is one list at least."""
-    names = TexelPieces.__dataclass_fields__
-    return TexelPieces(*(joined_rows([getattr(pieces, name) for pieces in several]) for name in names))
+    names = TexelFragments.__dataclass_fields__
+    return TexelFragments(*(joined_rows([getattr(pieces, name) for pieces in several]) for name in names))
 
 
 class TexelClipper:
     """Clips triangles of lightmaps at texels, on the OpenCL device, which keeps what it needs of them."""
 
-    def __init__(self, compute: Compute, triangles: Triangles, resolution: int) -> None:
+    def __init__(self, compute: ComputeDevice, triangles: Triangles, resolution: int) -> None:
         self.compute, self._triangles, self._resolution = compute, triangles, resolution
         self._kernels = dict(zip(_NAMES, compute.kernels("texel_pieces.cl", *_NAMES), strict=True))
         self._uvs = upload(compute, triangles.uvs.astype(np.float32, copy=False))
@@ -96,7 +96,7 @@ class TexelClipper:
             self._listed[atlases] = self._list_rows(atlases)
         return self._listed[atlases]
 
-    def border_pieces(self, wanted: np.ndarray) -> TexelPieces:
+    def border_pieces(self, wanted: np.ndarray) -> TexelFragments:
         """Return the pieces of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
 
         They are in the order of these texels.
@@ -122,14 +122,14 @@ class TexelClipper:
         )
         return pieces.part(order_of(pieces.keys(self._resolution)))
 
-    def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelPieces:
+    def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelFragments:
         """Return what triangles, (m,), cover of texels, (m,), of their own atlases, where it is anything."""
         count = len(texel)
         areas = zeros(self.compute, 4 * max(1, count))
         self._run("piece_areas", count, self._uvs, *self._where(triangle, texel), areas)
         return self._pieces(triangle, texel, self._read(areas, count, "f4"))
 
-    def points_in_texels(self, pieces: TexelPieces, starts: np.ndarray, side: int) -> TexelPoints:
+    def points_in_texels(self, pieces: TexelFragments, starts: np.ndarray, side: int) -> TexelPoints:
         """Return the points of texels, `side` squared for each; see kernels/texel_pieces.cl.
 
         pieces  in the order of their texels
@@ -173,9 +173,9 @@ class TexelClipper:
         row += np.repeat((first - before).astype(np.int32), count)
         return np.repeat(chosen.astype(np.int32), count), row
 
-    def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelPieces:
+    def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelFragments:
         """Return pieces that have an area."""
-        pieces = TexelPieces(self._triangles.atlas[triangle], texel, triangle, area)
+        pieces = TexelFragments(self._triangles.atlas[triangle], texel, triangle, area)
         return pieces.part(area > _LEAST_PIECE)
 
     def _where(self, *arrays: np.ndarray) -> tuple:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.buffers import insert_rows_once
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..threaded_slabs import taken
 from .border_texels import BorderTexels, DeviceBorder
-from .chart_texels import Charts
+from .chart_texels import ChartTexels
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList
@@ -40,7 +40,7 @@ class IndexMap:
 
 
 def index_map(
-    compute: Compute | None, geometry: PatchGeometry, charts: Charts, before: IndexMap | None
+    compute: ComputeDevice | None, geometry: PatchGeometry, charts: ChartTexels, before: IndexMap | None
 ) -> IndexMap:
     """Give every touched texel a patch.
 
@@ -72,7 +72,7 @@ def index_map(
 
 
 def _with_thin(
-    compute: Compute | None, patches: PatchList, thin: BorderTexels, middle: np.ndarray
+    compute: ComputeDevice | None, patches: PatchList, thin: BorderTexels, middle: np.ndarray
 ) -> PatchList:
     """Return patches, and those on thin surfaces with barycentrics (k, 3), by atlas and texel.
 

@@ -8,8 +8,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_once
-from ..device.cl_device import Compute
-from ..device.device_array import DeviceValues, Values
+from ..device.cl_device import ComputeDevice
+from ..device.device_array import DeviceArray, Values
 from ..scene.cutouts import EXTENSIONS
 from ..scene.model import Mesh
 from ..scene.texture import Texture
@@ -27,7 +27,7 @@ class TextureMeans:
     finer are averaged over squares first.
     """
 
-    def __init__(self, compute: Compute, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:
+    def __init__(self, compute: ComputeDevice, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:
         self._compute, self._geometry, self._meshes = compute, geometry, meshes
         self._points = upload_once(compute, geometry.triangle), upload_once(compute, geometry.barycentric)
         self._image: tuple[tuple, cl.Buffer] | None = None
@@ -43,7 +43,7 @@ class TextureMeans:
         for textured, _ in maps:
             places[textured.triangles] = np.arange(len(textured.triangles))
         inputs = (*self._points, upload(self._compute, places))
-        buffer = values.buffer if isinstance(values, DeviceValues) else upload(self._compute, values)
+        buffer = values.buffer if isinstance(values, DeviceArray) else upload(self._compute, values)
         for textured, texture in sorted(maps, key=lambda both: id(both[1].pixels)):
             self._multiply(buffer, inputs, textured, texture)
         if isinstance(values, np.ndarray):

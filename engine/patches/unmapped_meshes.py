@@ -42,7 +42,7 @@ class _Places:
     texels: int
 
 
-def place_occluders(scene: Scene, resolution: int) -> Scene:
+def place_unmapped(scene: Scene, resolution: int) -> Scene:
     """Return the scene with lightmap UVs for its occluders in further atlases, if it has any.
 
     An occluder that lies in several of these becomes a mesh in each.

@@ -10,20 +10,20 @@ from functools import partial
 import numpy as np
 
 from ..device.device_array import colors_on_host
-from ..gather.cached_gather import CachedSweep
-from ..gather.device_gather import Sweep
+from ..gather.cached_gather import CachedGather
+from ..gather.device_gather import DeviceGather
 from ..gather.glsl_cached import fits_glsl_cache
-from ..gather.hemicube_gather import Gather, GlslGather, PaperGather
+from ..gather.hemicube_gather import GlslGather, HostGather, PaperGather
 from ..scene.digests import digest_of
 from ..settings import Settings
-from ..solve.black_solution import Darkness
+from ..solve.black_solution import BlackSolution
 from ..solve.device_radiosity import DeviceRadiosity
-from ..solve.final_gather import LastGather
+from ..solve.final_gather import FinalGather
 from ..solve.grouped_solution import GroupedSolution
 from ..solve.host_radiosity import HostRadiosity
 from ..solve.interpolated_gather import InterpolatedGather
 from ..solve.interpolation import Interpolation
-from ..solve.patch_groups import PatchGroups, SinglePatches, leaders, numbered
+from ..solve.patch_groups import PatchGroups, SinglePatches, group_representatives, numbered
 from ..solve.radiosity_state import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
@@ -34,10 +34,10 @@ from ..visibility.rays.near_openness import backs_met, openness
 from ..visibility.sample_counts import ray_count
 from .choose_gather import choose_sweep
 from .memory import MORE_RAYS, group_width, is_adaptive, is_smoothed
-from .receivers import Receivers, last_gather, separates_direct
+from .receivers import Receivers, make_final_gather, separates_direct
 from .solve_job import SolveJob
-from .solver_choice import Choice
-from .substitute_patches import stand_ins
+from .solver_choice import SolverChoice
+from .substitute_patches import substitute_patches
 
 #: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
 #: rays of a patch. Three times the error of these: much of it is noise of the groups, which the plane takes
@@ -54,7 +54,7 @@ _NEAR = 2.0
 _GATHERING = 0.25
 
 
-def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
+def choose_solver(job: SolveJob) -> tuple[Solution, SolverChoice, SolveJob]:
     """Return what solves a bake's light, the way that was chosen for patches to gather, and what is solved.
 
     That is the job itself, or that of groups of its patches.
@@ -62,7 +62,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     if job.dark:
         job.kept.light = None
         why = "No light reaches any patch: nothing is looked for."
-        return Darkness(job.count), Choice("none", "none", 0, (why,)), job
+        return BlackSolution(job.count), SolverChoice("none", "none", 0, (why,)), job
     width, reasons = group_width(job)
     if width == 1:
         return *(_smoothed_solution(job) if is_smoothed(job) else _solver(job)), job
@@ -70,17 +70,17 @@ def choose_solver(job: SolveJob) -> tuple[Solution, Choice, SolveJob]:
     return solution, replace(choice, reasons=(*reasons, *choice.reasons)), squares
 
 
-def solver_like(job: SolveJob, choice: Choice, stand_in: np.ndarray | None) -> Solver:
+def solver_like(job: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None) -> Solver:
     """Return what solves for a part of the light, with samples and stand-ins as of all of it."""
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
     part = replace(job, settings=settings, indirect=None, direct=None, front=None)
     return _solver(part, lambda _: stand_in)[0]
 
 
-def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, Choice]:
+def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, SolverChoice]:
     """Return what solves for every patch on its own; see `Solver`."""
     if find_stand_ins is None and job.near is not None:
-        find_stand_ins = partial(stand_ins, job.parts, job.near, beside=job.kept.seen_beside)
+        find_stand_ins = partial(substitute_patches, job.parts, job.near, beside=job.kept.find_substitutes)
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
@@ -91,9 +91,9 @@ def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[
     return solver, replace(choice, patches=job.count)
 
 
-def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choice, SolveJob]:
+def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:
     """Return what solves for squares of patches, then gathers for each patch."""
-    leader = leaders(job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width)
+    leader = group_representatives(job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width)
     groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
     emission = groups.mean(job.emission)
     backs = None if job.backs is None else groups.mean(job.backs)
@@ -120,11 +120,11 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Choic
         between = _interpolated(job, squares, solver, choice, _widths(job, groups))
         return GroupedSolution(solver, groups, between), choice, squares
     receivers = Receivers(job.parts, job.rays, job.sampled_light)
-    last, samples = last_gather(squares, choice, receivers, job.settings)
+    last, samples = make_final_gather(squares, choice, receivers, job.settings)
     return GroupedSolution(solver, groups, last), replace(choice, final_samples=samples), squares
 
 
-def _smoothed_solution(job: SolveJob) -> tuple[GroupedSolution, Choice]:
+def _smoothed_solution(job: SolveJob) -> tuple[GroupedSolution, SolverChoice]:
     """Return what solves for every patch; planes then take noise out of the light around each."""
     solver, choice = _solver(job)
     between = _interpolated(job, job, solver, choice, [])
@@ -157,22 +157,22 @@ _Squares = tuple[np.ndarray, np.ndarray, int]
 def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
     """Return the squares that are solved as one, and smaller ones."""
     inside = job.kept.inside(job.rays)
-    smaller = numbered(leaders(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
+    smaller = numbered(group_representatives(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
     return [(groups.group, groups.leader, groups.width), (*smaller, _SMALLER)]
 
 
 def _interpolated(
-    job: SolveJob, solved: SolveJob, solver: Solver, choice: Choice, widths: Sequence[_Squares]
+    job: SolveJob, solved: SolveJob, solver: Solver, choice: SolverChoice, widths: Sequence[_Squares]
 ) -> InterpolatedGather:
     """Return what gathers for the patches that differ from those around them.
 
     solved: patches, or the squares of them that come first in `widths`, of which `solver` tells the light
     """
 
-    def last_of(chosen: np.ndarray) -> LastGather:
+    def last_of(chosen: np.ndarray) -> FinalGather:
         parts = job.parts.part(chosen)
         receivers = Receivers(parts, job.rays.of(parts), job.sampled_light[chosen])
-        return last_gather(solved, choice, receivers, job.settings)[0]
+        return make_final_gather(solved, choice, receivers, job.settings)[0]
 
     # Only groups know nothing of what is near the patches between them.
     opening = openness(job.rays, _NEAR) if widths else None
@@ -196,7 +196,7 @@ def _by_hemicubes(job: SolveJob) -> bool:
     return job.settings.method == "paper" or job.compute is None
 
 
-def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
+def _device_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     """Return the light of all patches on the OpenCL device, gathered through identities."""
     sweep, choice = choose_sweep(job)
     radiosity = DeviceRadiosity(
@@ -207,18 +207,18 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     return radiosity, choice
 
 
-def _begins_sparse(job: SolveJob, sweep: Sweep) -> bool:
+def _begins_sparse(job: SolveJob, sweep: DeviceGather) -> bool:
     """Return whether the first sweeps gather from a few samples of each patch.
 
     They do where many sweeps are to come: not from light that is known.
     """
-    if not isinstance(sweep, CachedSweep) or not sweep.can_be_sparse:
+    if not isinstance(sweep, CachedGather) or not sweep.can_be_sparse:
         return False
     settings = job.settings
     return settings.accelerated and settings.tolerance > 0 and job.indirect is None
 
 
-def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
+def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     """Return the light of all patches in host memory, gathered by OpenGL or as the paper does."""
     gather, choice = _choose_gather(job)
     reflectance = colors_on_host(job.parts.surfaces.reflectance)
@@ -232,7 +232,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, Choice]:
     return radiosity, choice
 
 
-def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
+def _choose_gather(job: SolveJob) -> tuple[HostGather, SolverChoice]:
     """Return how hemicubes are drawn and summed."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
     seen = (job.parts, job.back_emission, job.sky, settings)
@@ -240,8 +240,10 @@ def _choose_gather(job: SolveJob) -> tuple[Gather, Choice]:
     if settings.method != "paper":
         if fits_glsl_cache(job.graphics, tiles, job.count):
             reason = "Hemicubes are drawn once and summed by OpenGL: there is no OpenCL."
-            return GlslGather(job.graphics, *seen), Choice("cached", "raster", samples, (reason,), "glsl")
+            return GlslGather(job.graphics, *seen), SolverChoice(
+                "cached", "raster", samples, (reason,), "glsl"
+            )
         why = "there is no OpenCL, and they are too many to be kept by OpenGL"
     reason = f"Hemicubes are drawn anew in every iteration: {why}."
     paper = PaperGather(job.graphics, job.compute, *seen)
-    return paper, Choice("paper", "raster", samples, (reason,), paper.integrator)
+    return paper, SolverChoice("paper", "raster", samples, (reason,), paper.integrator)

@@ -6,27 +6,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..numpy_pickle import Portable
-from ..postprocess.push_off import WaysOut
-from ..postprocess.texel_samples import DisplaySamples
+from ..numpy_pickle import NumpyPickle
+from ..postprocess.push_off import PushOffs
+from ..postprocess.texel_samples import TexelSamples
 
 
 @dataclass(frozen=True)
-class LitSamples(Portable):
-    """Some samples, where they are after they were pushed out, and what they receive; see `DisplayLight`.
+class GatheredSamples(NumpyPickle):
+    """Some samples, where they are after they were pushed out, and what they receive; see `TexelSampleLight`.
 
     irradiance  (s, 3) float32, E/pi of all light
     """
 
-    samples: DisplaySamples
-    ways: WaysOut
+    samples: TexelSamples
+    ways: PushOffs
     visible: np.ndarray
     normals: np.ndarray
     irradiance: np.ndarray
     values: dict[str, np.ndarray]
 
-    def part(self, chosen: slice) -> LitSamples:
+    def part(self, chosen: slice) -> GatheredSamples:
         """Return some of them."""
         some = self.samples.part(chosen), self.ways.part(chosen)
         rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
-        return LitSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})
+        return GatheredSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

@@ -17,7 +17,7 @@ _LEAST, _MOST = 0.01, 0.99
 _RECENT = 3
 
 
-def sweeps_left(residuals: Sequence[float], settings: Settings, reflectance: float) -> int:
+def iterations_left(residuals: Sequence[float], settings: Settings, reflectance: float) -> int:
     """Return how many sweeps are expected to come.
 
     residuals    after each sweep so far, falling by one factor; NaN or infinite where unknown

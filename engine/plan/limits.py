@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..device.cl_device import Compute
-from ..device.gl_context import Graphics
+from ..device.cl_device import ComputeDevice
+from ..device.gl_context import GraphicsContext
 from ..errors import SettingsError
 from ..scene.model import Scene
 from ..settings import Settings
@@ -18,7 +18,9 @@ _LIST_BYTES = 2 * 16
 _OWNER_BYTES, _TOUCHED_BYTES = 4, 4
 
 
-def check_limits(graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings) -> None:
+def check_limits(
+    graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, settings: Settings
+) -> None:
     """Raise SettingsError if the lightmaps are too large for the devices."""
     limits = graphics.context.info
     widest, layers = limits["GL_MAX_TEXTURE_SIZE"], limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]

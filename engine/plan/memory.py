@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..settings import Settings
 from ..visibility.sample_counts import most_samples, sample_bytes
-from ..visibility.sampler import Identity
+from ..visibility.sampler import VisibilitySampler
 from .solve_job import SolveJob
 
 #: Width of the squares of patches that are solved as one, texels.
@@ -28,12 +28,12 @@ def memory_budget(job: SolveJob) -> int:
     return min(job.settings.memory_budget or memory // 2, memory)
 
 
-def is_kept(job: SolveJob, identity: Identity) -> bool:
+def is_kept(job: SolveJob, identity: VisibilitySampler) -> bool:
     """Return whether the samples of all patches are kept from the first sweep on."""
     return job.settings.method != "stream" and identity.row_bytes * job.count <= memory_budget(job)
 
 
-def finding_sweeps(job: SolveJob, identity: Identity) -> int:
+def finding_sweeps(job: SolveJob, identity: VisibilitySampler) -> int:
     """Return how many sweeps find what patches see: the first if it is kept, else every one."""
     return 1 if is_kept(job, identity) else max(2, job.settings.iterations)
 

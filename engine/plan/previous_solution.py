@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..device.device_array import DeviceValues, Values, colors_on_host, rows_of
-from ..direct.contact import NearFaces
+from ..device.device_array import DeviceArray, Values, colors_on_host, rows_of
+from ..direct.contact import Contacts
 from ..patches.patch_list import PatchList
 from ..scene.color import rest_of
 from ..scene.digests import same_values
@@ -16,7 +16,7 @@ from ..solve.solution import Solution
 
 
 @dataclass(frozen=True)
-class LastLight:
+class PreviousSolution:
     """What is known of the light of n patches.
 
     light    (n, 4) float32, E/pi, and the fraction of each patch's view that no back takes
@@ -31,7 +31,7 @@ class LastLight:
     front: np.ndarray
     sampled: np.ndarray
     direct: Values
-    near: NearFaces
+    near: Contacts
     sources: tuple | None = None
 
     @classmethod
@@ -40,9 +40,9 @@ class LastLight:
         solution: Solution,
         patches: PatchList,
         sampled: np.ndarray,
-        near: NearFaces,
+        near: Contacts,
         sources: tuple | None,
-    ) -> LastLight:
+    ) -> PreviousSolution:
         """Return the light of a solution so far; sampled: (n, 3) float32, E/pi by shadow rays."""
         light, direct = solution.so_far
         return cls(patches, light, solution.front, sampled, direct, near, sources)
@@ -57,7 +57,7 @@ class LastLight:
         """Return `direct` if other sources are the same; None if it may be another."""
         return self.direct if sources is not None and same_values(sources, self.sources) else None
 
-    def prepared(self) -> LastLight:
+    def prepared(self) -> PreviousSolution:
         """Return this, ready for the next bake, whose first image waits for what is left over."""
         _ = self.gathered, self.indirect
         return self
@@ -70,11 +70,11 @@ class LastLight:
     @cached_property
     def indirect(self) -> Values:
         """E/pi of the light that was reflected, (n, 3) float32; on the device, if that has all light."""
-        if isinstance(self.light, DeviceValues):
+        if isinstance(self.light, DeviceArray):
             return self.light.plus(self.direct, -1)
         return rest_of(self.light, colors_on_host(self.direct))
 
-    def on(self, patches: PatchList) -> LastLight:
+    def on(self, patches: PatchList) -> PreviousSolution:
         """Return the light of other patches: that of their texels, black where none was known."""
         if same_values(patches.key, self.patches.key) and patches.resolution == self.patches.resolution:
             return self
@@ -84,10 +84,10 @@ class LastLight:
             lit: np.ndarray = np.where(known[:, None] if values.ndim > 1 else known, values[found], elsewhere)
             return lit.astype(values.dtype)
 
-        near = NearFaces(of(self.near.hide), of(self.near.back_to_back), of(self.near.shine))
+        near = Contacts(of(self.near.hide), of(self.near.back_to_back), of(self.near.shine))
         light = of(rows_of(self.light), np.array([0, 0, 0, 1], np.float32))
         front, direct = of(self.front, 1), colors_on_host(self.direct)
-        return LastLight(patches, light, front, of(self.sampled), of(direct), near)
+        return PreviousSolution(patches, light, front, of(self.sampled), of(direct), near)
 
     def _numbers_of(self, patches: PatchList) -> tuple[np.ndarray, np.ndarray]:
         """Return which patch of this light has the texel of each other one, (m,) int64, and if any has."""

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..gather.gather_pass import FinalGather, LightGather
-from ..gather.remote_gather import RemoteFinal
-from ..patches.patch_scene import Subdivision
+from ..gather.gather_pass import GatherPass, PointGather
+from ..gather.remote_gather import RemoteGatherPass
+from ..patches.patch_scene import PatchScene
 from ..settings import Settings
-from ..solve.final_gather import LastGather
+from ..solve.final_gather import FinalGather
 from ..visibility.rays.ray_scene import RayScene
 from .choose_gather import stream_sweep
 from .solve_job import SolveJob
-from .solver_choice import Choice
-from .visibility_trial import make_identity
+from .solver_choice import SolverChoice
+from .visibility_trial import make_sampler
 
 
 @dataclass(frozen=True)
@@ -25,26 +25,26 @@ class Receivers:
     sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
     """
 
-    parts: Subdivision
+    parts: PatchScene
     rays: RayScene
     sampled_light: np.ndarray
 
 
-def last_gather(
-    solved: SolveJob, choice: Choice, receivers: Receivers, settings: Settings
-) -> tuple[LastGather, int]:
+def make_final_gather(
+    solved: SolveJob, choice: SolverChoice, receivers: Receivers, settings: Settings
+) -> tuple[FinalGather, int]:
     """Return what gathers from the patches of a job, and how many samples it takes of all receivers together.
 
     The receivers look for themselves, but see the patches of the job.
     """
-    final: LightGather
+    final: PointGather
     if solved.remote is not None:
         lit = receivers.sampled_light
-        final, samples = RemoteFinal(solved.opencl, solved.remote, lit, solved.count), choice.samples
+        final, samples = RemoteGatherPass(solved.opencl, solved.remote, lit, solved.count), choice.samples
     else:
         final, samples = final_gather(solved, choice.visibility, receivers, settings)
     reflectance = solved.parts.surfaces.reflectance
-    last = LastGather(
+    last = FinalGather(
         final,
         receivers.sampled_light,
         solved.emission,
@@ -57,11 +57,11 @@ def last_gather(
 
 def final_gather(
     solved: SolveJob, visibility: str, receivers: Receivers, settings: Settings
-) -> tuple[FinalGather, int]:
+) -> tuple[GatherPass, int]:
     """Return what gathers on this device from the patches of a job, and the samples of each receiver."""
     lookers = looking(solved, receivers, settings)
-    identity = make_identity(lookers, visibility)
-    final = FinalGather(solved.opencl, stream_sweep(lookers, identity), receivers.sampled_light)
+    identity = make_sampler(lookers, visibility)
+    final = GatherPass(solved.opencl, stream_sweep(lookers, identity), receivers.sampled_light)
     return final, identity.samples
 
 

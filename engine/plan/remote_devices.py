@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Protocol
 
-from ..direct.shadow_rays import Casting
-from ..gather.half_radiance import HalfLight
+from ..direct.shadow_rays import ShadowCaster
+from ..gather.half_radiance import HalfRadiance
 from ..gather.remote_gather import RemoteGather
-from ..postprocess.texel_samples import DisplaySamples
+from ..postprocess.texel_samples import TexelSamples
 from ..settings import Settings
-from .gathered_samples import LitSamples
-from .solver_choice import Choice
+from .gathered_samples import GatheredSamples
+from .solver_choice import SolverChoice
 
 
-class RemoteDevices(Casting, RemoteGather, Protocol):
+class RemoteDevices(ShadowCaster, RemoteGather, Protocol):
     """Devices of other processes, such as `cluster.cluster_devices.ClusterDevices`."""
 
     def describe(self) -> str:
         """Return a sentence for the report: who works."""
 
-    def light_at(
-        self, samples: DisplaySamples, light: HalfLight, choice: Choice, settings: Settings
-    ) -> Generator[float, None, list[LitSamples]]:
-        """Return what points of texels gather from the light of all; see `texel_sample_gather.light_at`."""
+    def gather_at(
+        self, samples: TexelSamples, light: HalfRadiance, choice: SolverChoice, settings: Settings
+    ) -> Generator[float, None, list[GatheredSamples]]:
+        """Return what points of texels gather from the light of all; see `texel_sample_gather.gather_at`."""
         ...

@@ -9,25 +9,25 @@ from pathlib import Path
 
 import numpy as np
 
-from ..device.cl_device import Compute
-from ..device.gl_context import Graphics
-from ..direct.contact import NearFaces
-from ..direct.direct_light_cache import SampledLight
-from ..direct.emitters import BrightTriangles, bright_triangles
+from ..device.cl_device import ComputeDevice
+from ..device.gl_context import GraphicsContext
+from ..direct.contact import Contacts
+from ..direct.direct_light_cache import DirectLightCache
+from ..direct.emitters import SampledTriangles, choose_sampled_triangles
 from ..direct.lighting import DirectLighting
 from ..direct.sky import Sky, split_sky
-from ..gather.background_light import StaticLight
-from ..gather.visibility_cache import KeptSamples
+from ..gather.background_light import BackgroundLight
+from ..gather.visibility_cache import VisibilityCache
 from ..patches.areas import surface_areas
 from ..patches.device_edge_neighbours import DeviceNeighbours
 from ..patches.patch_list import PatchList
 from ..patches.patch_materials import KnownSurfaces, patch_surfaces
-from ..patches.patch_scene import Subdivision, subdivide
+from ..patches.patch_scene import PatchScene, make_patch_scene
 from ..patches.seams import Seams
 from ..patches.texel_fragments import TexelClipper
-from ..postprocess.lightmap_points import LightmapPoints, thin_patches
+from ..postprocess.lightmap_points import LightmapPoints, off_centre_patches
 from ..postprocess.seam_lookups import display_seams
-from ..postprocess.store import LightmapStore
+from ..postprocess.store import LightmapImages
 from ..resume.checkpoint import Checkpoints
 from ..scene.digests import ArrayDigests, geometry_digest, surfaces_digest
 from ..scene.model import Scene
@@ -35,11 +35,11 @@ from ..scene.open_surfaces import OpenSurfaces
 from ..settings import Settings
 from ..validity.invalid import patches_inside
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.upper_levels import Treetop
+from ..visibility.rays.upper_levels import UpperLevels
 from ..visibility.sampler import directional_options
 from ..visibility.unoccluded_sky import open_sky
-from .previous_solution import LastLight
-from .substitute_patches import PatchPairs, seen_beside
+from .previous_solution import PreviousSolution
+from .substitute_patches import PatchPairs, find_substitutes
 
 #: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
 _LEAVING_VISIBILITY = frozenset({
@@ -56,7 +56,7 @@ _MOST_SKY = 1 << 26
 _PART = 4
 
 
-class Kept:
+class SessionCache:
     """The patches of a scene, the rays through it, and what patches see, on the devices of a session.
 
     It serves any bake of the same geometry, lightmap UVs and transparency by the same settings, as far as
@@ -70,28 +70,28 @@ class Kept:
     checkpoints  what a bake that was interrupted has left in files, and what the current one writes
     """
 
-    samples: KeptSamples | None
-    light: LastLight | None = None
-    sampled: SampledLight | None = None
+    samples: VisibilityCache | None
+    light: PreviousSolution | None = None
+    sampled: DirectLightCache | None = None
     key: tuple | None
     checkpoints: Checkpoints
-    _parts: Subdivision | None
+    _parts: PatchScene | None
     _follows: bool
     _rays: RayScene | None
-    _top: Treetop | None
+    _top: UpperLevels | None
     _seams: Future[Seams] | None
     _areas: Future[np.ndarray] | None
     _inside: np.ndarray | None
-    _near: NearFaces | None
+    _near: Contacts | None
     _clipper: TexelClipper | None
     _thin: tuple[np.ndarray, LightmapPoints] | None
     _sky: tuple[np.ndarray, np.ndarray | None] | None = None
     _split: tuple[np.ndarray, Sky] | None = None
-    _static: tuple[np.ndarray, StaticLight] | None
+    _static: tuple[np.ndarray, BackgroundLight] | None
     _surfaces_of: Scene | None
-    _bright: tuple[np.ndarray, np.ndarray | None, BrightTriangles] | None
+    _bright: tuple[np.ndarray, np.ndarray | None, SampledTriangles] | None
     _beside: tuple[PatchList, np.ndarray, PatchPairs] | None
-    _store: LightmapStore | None = None
+    _store: LightmapImages | None = None
 
     def __init__(self) -> None:
         self.key, self.surfaces = None, OpenSurfaces()
@@ -106,10 +106,12 @@ class Kept:
         self._static = self._bright = self._beside = None
         self._follows = False
 
-    def subdivide(
-        self, graphics: Graphics, compute: Compute | None, scene: Scene, settings: Settings
-    ) -> Subdivision:
-        """Return the patches of a scene whose occluders have places; see `patches.patch_scene.subdivide`.
+    def make_patch_scene(
+        self, graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, settings: Settings
+    ) -> PatchScene:
+        """Return the patches of a scene whose occluders have places.
+
+        See `patches.patch_scene.make_patch_scene`.
 
         All that is kept of other geometry, or by other settings, is dropped. On a warm start what is kept of
         other geometry stays to be compared with: its samples hold where nothing has moved.
@@ -126,7 +128,7 @@ class Kept:
         if self._parts is None:
             self._follows = before is not None
             followed = (before, self._surfaces_of) if before else None
-            self._parts = subdivide(graphics, compute, scene, settings, followed)
+            self._parts = make_patch_scene(graphics, compute, scene, settings, followed)
         elif surfaces != self._surfaces_key:
             last = self._surfaces_of
             known = None if last is None else KnownSurfaces(last, self._parts.surfaces)
@@ -138,14 +140,14 @@ class Kept:
         self._surfaces_of = scene if settings.warm_start else None
         return self._parts
 
-    def ray_scene(self, compute: Compute | None, parts: Subdivision) -> RayScene:
+    def ray_scene(self, compute: ComputeDevice | None, parts: PatchScene) -> RayScene:
         """Return what casts rays from the patches of the scene."""
         if self._rays is None:
             self._rays = RayScene(compute, parts, self._top)
         return self._rays
 
     def begin(
-        self, compute: Compute | None, parts: Subdivision, atlases: int, settings: Settings
+        self, compute: ComputeDevice | None, parts: PatchScene, atlases: int, settings: Settings
     ) -> tuple[Future[np.ndarray], Future[Seams] | None]:
         """Begin to find the area that each patch stands for, in a thread beside the devices.
 
@@ -161,12 +163,12 @@ class Kept:
         thread.shutdown(wait=False)
         return self._areas, self._seams if settings.hide_seams else None
 
-    def bright_triangles(self, parts: Subdivision) -> BrightTriangles:
-        """Return the triangles that are sampled as lights; see `direct.emitters.bright_triangles`."""
+    def choose_sampled_triangles(self, parts: PatchScene) -> SampledTriangles:
+        """Return the triangles that are sampled as lights; see `direct.emitters.choose_sampled_triangles`."""
         last, surfaces = self._bright, parts.surfaces
         emission, backs = surfaces.emission, surfaces.back_emission
         if last is None or last[0] is not emission or last[1] is not backs:
-            self._bright = last = emission, backs, bright_triangles(parts)
+            self._bright = last = emission, backs, choose_sampled_triangles(parts)
         return last[2]
 
     def split_sky(self, world: np.ndarray) -> Sky:
@@ -177,17 +179,17 @@ class Kept:
         self._split = last if world.nbytes <= _MOST_SKY else None
         return last[1]
 
-    def near_faces(self, lighting: DirectLighting) -> NearFaces:
+    def contacts(self, lighting: DirectLighting) -> Contacts:
         """Return what faces nearby do to the patches; it changes with which of them emit alone."""
         if self._near is None:
-            self._near = lighting.near_faces()
+            self._near = lighting.contacts()
         return self._near
 
-    def seen_beside(self, parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
-        """Return which patches may stand in for hidden ones; see `substitute_patches.seen_beside`."""
+    def find_substitutes(self, parts: PatchScene, hidden: np.ndarray) -> PatchPairs:
+        """Return which patches may stand in for hidden ones; see `substitute_patches.find_substitutes`."""
         last = self._beside
         if last is None or last[0] is not parts.patches or not np.array_equal(last[1], hidden):
-            self._beside = last = parts.patches, hidden, seen_beside(parts, hidden)
+            self._beside = last = parts.patches, hidden, find_substitutes(parts, hidden)
         return last[2]
 
     def inside(self, rays: RayScene) -> np.ndarray:
@@ -196,26 +198,35 @@ class Kept:
             self._inside = patches_inside(rays, rays.count)
         return self._inside
 
-    def thin_patches(self, compute: Compute | None, parts: Subdivision) -> tuple[np.ndarray, LightmapPoints]:
-        """Return the patches that are not at their texel's centre; see `lightmap_points.thin_patches`."""
+    def off_centre_patches(
+        self, compute: ComputeDevice | None, parts: PatchScene
+    ) -> tuple[np.ndarray, LightmapPoints]:
+        """Return the patches that are not at their texel's centre.
+
+        See `lightmap_points.off_centre_patches`.
+        """
         if self._thin is None:
-            self._thin = thin_patches(compute, parts.triangles, parts.patches)
+            self._thin = off_centre_patches(compute, parts.triangles, parts.patches)
         return self._thin
 
-    def clipper(self, compute: Compute, parts: Subdivision) -> TexelClipper:
+    def clipper(self, compute: ComputeDevice, parts: PatchScene) -> TexelClipper:
         """Return what clips the triangles at texels."""
         if self._clipper is None:
             self._clipper = TexelClipper(compute, parts.triangles, parts.patches.resolution)
         return self._clipper
 
-    def begin_texels(self, compute: Compute, parts: Subdivision, atlases: int, settings: Settings) -> None:
+    def begin_texels(
+        self, compute: ComputeDevice, parts: PatchScene, atlases: int, settings: Settings
+    ) -> None:
         """Make what images of the first `atlases` lightmaps need that is the same for any light."""
         if settings.texel_samples > 1:
             self.clipper(compute, parts).rows(atlases)
         if settings.hide_seams:
-            self.thin_patches(compute, parts)
+            self.off_centre_patches(compute, parts)
 
-    def static_light(self, sky: np.ndarray, found: bool, make: Callable[[], StaticLight]) -> StaticLight:
+    def static_light(
+        self, sky: np.ndarray, found: bool, make: Callable[[], BackgroundLight]
+    ) -> BackgroundLight:
         """Return the static light of `samples`, made anew if these or the sky are others than before.
 
         sky    (h, w, 3) float32, radiance, equirectangular, as patches see it
@@ -239,24 +250,24 @@ class Kept:
         return last[1]
 
     def store(
-        self, patches: PatchList, atlases: int, settings: Settings, compute: Compute | None
-    ) -> LightmapStore:
+        self, patches: PatchList, atlases: int, settings: Settings, compute: ComputeDevice | None
+    ) -> LightmapImages:
         """Return what puts values of patches into lightmaps: the last one, if it is of the same texels.
 
         Which of them are hidden, and what it fills images with, is kept for a warm start alone.
         """
         if self._store is not None and self._store.suits(patches, atlases, settings.dilation):
-            self._store.begin_anew()
+            self._store.reset()
             if not settings.warm_start:
                 self._store.show_all()
         else:
-            self._store = LightmapStore(patches, atlases, settings.dilation, compute)
+            self._store = LightmapImages(patches, atlases, settings.dilation, compute)
         self._store.keeps_fill = settings.warm_start
         return self._store
 
     def light_on(
-        self, compute: Compute | None, parts: Subdivision, atlases: int, settings: Settings
-    ) -> LastLight | None:
+        self, compute: ComputeDevice | None, parts: PatchScene, atlases: int, settings: Settings
+    ) -> PreviousSolution | None:
         """Return the light of the last bake on patches for a warm start.
 
         None without one; then areas and seams begin to be found, see `begin`.
@@ -266,13 +277,13 @@ class Kept:
         self.begin(compute, parts, atlases, settings)
         return None
 
-    def limit(self, compute: Compute | None, budget: int) -> None:
+    def limit(self, compute: ComputeDevice | None, budget: int) -> None:
         """Drop what patches see if it takes more memory of the device than a budget, bytes.
 
         0 is a quarter of the device's.
         """
         if self._store is not None:
-            self._store.begin_anew()
+            self._store.reset()
         if compute is None or self.samples is None:
             return
         if self.samples.bytes > (budget or compute.device.global_mem_size // _PART):

@@ -10,14 +10,14 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload_float4_once
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, colors_on_host
-from ..device.gl_context import Graphics
+from ..device.gl_context import GraphicsContext
 from ..device.program_cache import device_digest
 from ..device.source import source_digest
-from ..direct.contact import NearFaces
+from ..direct.contact import Contacts
 from ..errors import DeviceError
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..resume.checkpoint import Checkpoint
 from ..scene.color import channel_sum
 from ..scene.digests import digest_of
@@ -25,10 +25,10 @@ from ..settings import Settings
 from ..solve.anderson import COLUMNS
 from ..solve.radiosity_state import PLAIN_COLUMNS
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.sampler import Surroundings, surroundings
-from .previous_solution import LastLight
+from ..visibility.sampler import Background, upload_background
+from .previous_solution import PreviousSolution
 from .remote_devices import RemoteDevices
-from .session_cache import Kept, visibility_settings
+from .session_cache import SessionCache, visibility_settings
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class SolveJob:
     backs          (n, 3) float32, radiance of the back of each patch; None if it is `emission`
     """
 
-    graphics: Graphics
-    compute: Compute | None
-    parts: Subdivision
+    graphics: GraphicsContext
+    compute: ComputeDevice | None
+    parts: PatchScene
     rays: RayScene
     emission: np.ndarray
     sky: np.ndarray
@@ -59,12 +59,12 @@ class SolveJob:
     area: np.ndarray
     settings: Settings
     remote: RemoteDevices | None = None
-    kept: Kept = field(default_factory=Kept)
+    kept: SessionCache = field(default_factory=SessionCache)
     indirect: Values | None = None
     direct: Values | None = None
     front: np.ndarray | None = None
     part_of: SolveJob | None = None
-    near: NearFaces | None = None
+    near: Contacts | None = None
     backs: np.ndarray | None = None
 
     @property
@@ -81,16 +81,16 @@ class SolveJob:
         return int(np.count_nonzero(self.parts.geometry.triangle < triangles.solid)) or self.count
 
     @property
-    def opencl(self) -> Compute:
+    def opencl(self) -> ComputeDevice:
         """The OpenCL device; raises DeviceError if there is none."""
         if self.compute is None:
             raise DeviceError("Only what OpenGL can do alone is possible without OpenCL.")
         return self.compute
 
     @cached_property
-    def surroundings(self) -> Surroundings:
+    def surroundings(self) -> Background:
         """What patches see beside each other's fronts, on the OpenCL device."""
-        return surroundings(self.opencl, self.back_emission, self.sky, self.kept.open_sky)
+        return upload_background(self.opencl, self.back_emission, self.sky, self.kept.open_sky)
 
     @cached_property
     def front_emission(self) -> cl.Buffer:
@@ -109,7 +109,7 @@ class SolveJob:
         """What is in files of what these patches see, and of their light."""
         return self.kept.checkpoints.of(self._visibility_key)
 
-    def after(self, last: LastLight | None) -> SolveJob:
+    def after(self, last: PreviousSolution | None) -> SolveJob:
         """Return the same, but that it begins with the light of an earlier bake, if there is any."""
         if last is None:
             return self

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Choice:
+class SolverChoice:
     """How patches gather.
 
     method      "paper", "cached" or "stream"; "none" where there is no light to gather

@@ -15,11 +15,11 @@ from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
 from ..settings import MOST_LIGHTS, Settings
 from ..visibility.sample_counts import expected_samples
-from .iterations_left import sweeps_left
+from .iterations_left import iterations_left
 
 if TYPE_CHECKING:
     from ..solve.solution import Solution
-    from .solver_choice import Choice
+    from .solver_choice import SolverChoice
 
 #: Seconds, guessed until they are measured, to open devices and to choose a method;
 _OPENING, _CHOOSING = 0.5, 0.5
@@ -184,7 +184,7 @@ class BakeStages(Schedule):
         self._shown = time.perf_counter()
         return self.progress(1.0, self.direct.name, intermediate=image)
 
-    def chosen(self, choice: Choice) -> Progress:
+    def chosen(self, choice: SolverChoice) -> Progress:
         """Learn how patches gather, as the last step of choosing it."""
         self._kept, self._found = choice.method == "cached", choice.found
         self._samples_of_sweep = choice.patches * choice.samples
@@ -270,7 +270,7 @@ class BakeStages(Schedule):
 
     def _expect_sweeps(self) -> None:
         """Set the work of the bounces to come."""
-        sweeps = sweeps_left(self._residuals, self._settings, self._reflectance)
+        sweeps = iterations_left(self._residuals, self._settings, self._reflectance)
         if self._finds_first and not self._residuals:
             sweeps -= 1
         self.bounces.amount = self.bounces.done + sweeps * self._samples_of_sweep

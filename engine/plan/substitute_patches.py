@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..direct.contact import NearFaces
-from ..patches.patch_scene import Subdivision
+from ..direct.contact import Contacts
+from ..patches.patch_scene import PatchScene
 from ..patches.texels_around import beside_any, entries_around
 from ..row_ops import nonzero_entries
 from ..scene.color import channel_sum
 from ..solve.solver import Seen
 from ..threaded_slabs import taken
-from ..validity.invalid import is_hidden
+from ..validity.invalid import is_invalid
 
 #: Texels that are looked around at once.
 _TEXELS = 1 << 18
@@ -26,7 +26,7 @@ _ALIKE, _NEAR = 0.9, 0.5
 PatchPairs = tuple[np.ndarray, np.ndarray]
 
 
-def seen_beside(parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
+def find_substitutes(parts: PatchScene, hidden: np.ndarray) -> PatchPairs:
     """Return hidden patches, and those that are seen in texels beside theirs, on the same plane.
 
     hidden: (n,) bool, of all patches, some of them
@@ -42,11 +42,11 @@ def seen_beside(parts: Subdivision, hidden: np.ndarray) -> PatchPairs:
     return patch, beside
 
 
-def stand_ins(
-    parts: Subdivision,
-    near: NearFaces,
+def substitute_patches(
+    parts: PatchScene,
+    near: Contacts,
     seen_light: Seen,
-    beside: Callable[[Subdivision, np.ndarray], PatchPairs] = seen_beside,
+    beside: Callable[[PatchScene, np.ndarray], PatchPairs] = find_substitutes,
 ) -> np.ndarray | None:
     """Return the patch that stands in for each one, (n,) int64: itself, if it is seen; None if all are.
 
@@ -56,9 +56,9 @@ def stand_ins(
 
     near        what faces nearby do to the patches
     seen_light  what they have gathered
-    beside      `seen_beside`, or what remembers its last result
+    beside      `find_substitutes`, or what remembers its last result
     """
-    hidden = is_hidden(seen_light.front, near)
+    hidden = is_invalid(seen_light.front, near)
     if not hidden.any():
         return None
     patch, seen = beside(parts, hidden)
@@ -71,8 +71,8 @@ def stand_ins(
     return result
 
 
-def _seen_beside(parts: Subdivision, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:
-    """Return what `seen_beside` does, of some texels.
+def _seen_beside(parts: PatchScene, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:
+    """Return what `find_substitutes` does, of some texels.
 
     texels: (k,) int64, of hidden patches, see `PatchList.key`
     """

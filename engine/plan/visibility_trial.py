@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 import pyopencl as cl
 
-from ..gather.visibility_cache import Backs
+from ..gather.visibility_cache import BackfaceLight
 from ..settings import Settings
-from ..visibility.raster.raster_sampler import RasterIdentity
-from ..visibility.rays.ray_sampler import RayIdentity
-from ..visibility.sampler import Identity
+from ..visibility.raster.raster_sampler import RasterSampler
+from ..visibility.rays.ray_sampler import RaySampler
+from ..visibility.sampler import VisibilitySampler
 from .memory import finding_sweeps, memory_budget
 from .rates import DrawingRates
 from .solve_job import SolveJob
@@ -30,7 +30,7 @@ _SHORT = 0.5
 _CLEARLY = 4
 
 
-def make_identity(job: SolveJob, visibility: str) -> Identity:
+def make_sampler(job: SolveJob, visibility: str) -> VisibilitySampler:
     """Return a way to find what patches see, "rays" or "raster"."""
     return _makers(job)[visibility]()
 
@@ -40,7 +40,7 @@ def untried_visibility(settings: Settings) -> str:
     return "raster" if settings.visibility == "raster" else "rays"
 
 
-def choose_identity(job: SolveJob) -> tuple[Identity, list[str], float]:
+def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
     """Return the way to find what patches see, the faster one if the settings leave it open; and why.
 
     Last comes the time of a sample, s; NaN if nothing was tried.
@@ -53,7 +53,7 @@ def choose_identity(job: SolveJob) -> tuple[Identity, list[str], float]:
             else f"The settings ask for {wanted}."
         )
         return makers[wanted](), [why], math.nan
-    tried: dict[str, Identity] = {}
+    tried: dict[str, VisibilitySampler] = {}
     rates: dict[str, float] = {}
     why_alone = ""
     for name, make in makers.items():
@@ -78,7 +78,7 @@ def choose_identity(job: SolveJob) -> tuple[Identity, list[str], float]:
     return chosen, reasons, 1 / (rates[best] * chosen.samples)
 
 
-def _why_alone(job: SolveJob, identity: Identity, rate: float) -> str:
+def _why_alone(job: SolveJob, identity: VisibilitySampler, rate: float) -> str:
     """Return why a way that finds `rate` views in a second is not compared with drawing, empty if it is."""
     if rate * _SHORT > job.count * finding_sweeps(job, identity):
         return f"{identity.name} find all of them in {job.count / rate:.2g} s"
@@ -96,15 +96,15 @@ def _drawing_rates(job: SolveJob) -> tuple[DrawingRates, int]:
     return rates, 3 * settings.hemicube**2
 
 
-def _makers(job: SolveJob) -> dict[str, Callable[[], Identity]]:
+def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
     """Return what makes each way to find what patches see, first the one that is quickly tried."""
     return {
-        "rays": lambda: RayIdentity(job.opencl, job.rays, job.parts, job.surroundings, job.settings),
-        "raster": lambda: RasterIdentity(job.graphics, job.opencl, job.parts, job.surroundings, job.settings),
+        "rays": lambda: RaySampler(job.opencl, job.rays, job.parts, job.surroundings, job.settings),
+        "raster": lambda: RasterSampler(job.graphics, job.opencl, job.parts, job.surroundings, job.settings),
     }
 
 
-def _patches_per_second(job: SolveJob, identity: Identity) -> float:
+def _patches_per_second(job: SolveJob, identity: VisibilitySampler) -> float:
     """Return how many patches' views an identity finds in a second, timed on more and more of them.
 
     Fixed overhead, as the copy of a whole batch of hemicubes, is subtracted. Once it shows that all of them
@@ -123,11 +123,11 @@ def _patches_per_second(job: SolveJob, identity: Identity) -> float:
         tried = min(tried * _MORE, largest)
 
 
-def _time(job: SolveJob, identity: Identity, tried: int) -> float:
+def _time(job: SolveJob, identity: VisibilitySampler, tried: int) -> float:
     """Return the seconds that the views of some patches in the middle take."""
     compute, first = job.opencl, (job.count - tried) // 2
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * tried)
-    backs = Backs(compute, job.count, len(job.emission), job.settings.directional)
+    backs = BackfaceLight(compute, job.count, len(job.emission), job.settings.directional)
     began = time.perf_counter()
     for _ in identity.find(first, first + tried, backs.found_with(cache, first)):
         pass

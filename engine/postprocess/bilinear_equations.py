@@ -8,7 +8,7 @@ import numpy as np
 
 from ..patches.seams import Seams
 from .bilinear import beside_centres, cell_sides, footprints
-from .ell_matrix import SparseRows
+from .ell_matrix import EllMatrix
 from .lightmap_points import LightmapPoints
 from .texel_stencil import TexelStencil
 
@@ -25,7 +25,7 @@ _TELLS = 1e-3
 
 
 @dataclass(frozen=True)
-class DisplayEquations:
+class BilinearEquations:
     """Equations of those texels that have more to show than the light in their centre.
 
     texel       (n,) int64, flat index of each unknown
@@ -42,13 +42,13 @@ class DisplayEquations:
     footprints: np.ndarray
     weights: np.ndarray
     points: TexelStencil
-    seams: SparseRows
-    smooth: SparseRows
+    seams: EllMatrix
+    smooth: EllMatrix
 
 
 def display_equations(
     points: LightmapPoints, seams: Seams, resolution: int, atlases: int
-) -> DisplayEquations:
+) -> BilinearEquations:
     """Return the equations of the lightmaps.
 
     Unknown are texels that points beside centres read, and texels that both sides of a seam read, if some
@@ -71,7 +71,7 @@ def display_equations(
     read, weights = footprints(points.atlas[point], points.position[point], resolution)
     read, weight = _numbered(number, read, weights), points.weight[point].astype(np.float64)
     stencil = TexelStencil(read, weights, weight, count)
-    seam_rows = SparseRows(
+    seam_rows = EllMatrix(
         _numbered(number, sides, differences), differences * np.sqrt(_SEAM * length)[:, None], count
     )
     cells = cell_sides(
@@ -80,7 +80,7 @@ def display_equations(
         len(told),
     )
     smooth = _smoothness(number[cells].astype(np.intp), stencil.diagonal)
-    return DisplayEquations(
+    return BilinearEquations(
         np.flatnonzero(unknown), point, read, weights * weight[:, None], stencil, seam_rows, smooth
     )
 
@@ -105,8 +105,8 @@ def _seam_sides(seams: Seams, told: np.ndarray, resolution: int) -> tuple[np.nda
     return sides, np.concatenate([first[1], -second[1]], axis=1)[one], seams.weight[one]
 
 
-def _smoothness(sides: np.ndarray, diagonal: np.ndarray) -> SparseRows:
+def _smoothness(sides: np.ndarray, diagonal: np.ndarray) -> EllMatrix:
     """Return the rows of those neighbours, (s, 2) int64, of which one is hardly known."""
     unknown = 1 - diagonal[sides].min(axis=1) / _KNOWN
     sides, weight = sides[unknown > 0], _SMOOTHNESS * unknown[unknown > 0]
-    return SparseRows(sides, np.sqrt(weight)[:, None] * [1.0, -1.0], len(diagonal))
+    return EllMatrix(sides, np.sqrt(weight)[:, None] * [1.0, -1.0], len(diagonal))

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..patches.seams import Seams
 from .bilinear_equations import display_equations
-from .bounded_cg import BoundedGradients
+from .bounded_cg import BoundedCg
 from .lightmap_points import LightmapPoints
 
 #: Texels may leave the range of the points around them by this part of it.
@@ -32,7 +32,7 @@ class BilinearFit:
     def __init__(self, resolution: int, atlases: int, points: LightmapPoints, seams: Seams) -> None:
         self._equations = display_equations(points, seams, resolution, atlases)
         equations = self._equations
-        self._solver = BoundedGradients([equations.points, equations.seams, equations.smooth])
+        self._solver = BoundedCg([equations.points, equations.seams, equations.smooth])
         self._texel = points.texels(resolution)
         self.known = np.zeros((atlases, resolution, resolution), bool)
         self.known.ravel()[self._texel] = self.known.ravel()[equations.texel] = True

@@ -8,13 +8,16 @@ import numpy as np
 
 from ..gather.device_l1 import L1
 from ..patches.sides import Sides
-from .output_maps import Light
+from .output_maps import IrradianceParts
 
 
 class BlendedLight:
-    """What points receive, as a `Light`, of which pairs lie on both sides of translucent surfaces."""
+    """What points receive, as an `IrradianceParts`.
 
-    def __init__(self, light: Light, sides: Sides) -> None:
+    Of which pairs lie on both sides of translucent surfaces.
+    """
+
+    def __init__(self, light: IrradianceParts, sides: Sides) -> None:
         self._light, self._sides = light, sides
 
     @property

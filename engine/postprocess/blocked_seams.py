@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.buffers import download_bytes, upload, words_of, zeros
-from ..device.cl_device import Compute
-from ..patches.patch_scene import Subdivision
+from ..device.cl_device import ComputeDevice
+from ..patches.patch_scene import PatchScene
 from ..patches.seams import Seams
 from ..row_ops import all_in_rows
 from ..visibility.rays.ray_scene import RayScene
@@ -28,9 +28,9 @@ _OTHER_LIGHT = 1
 _SURFACE, _KNOWN = 1, 2
 
 
-def without_parted(
+def drop_blocked_seams(
     seams: Seams,
-    parts: Subdivision,
+    parts: PatchScene,
     rays: RayScene,
     light: DeviceTexels,
     known: np.ndarray,
@@ -60,7 +60,7 @@ def without_parted(
     return seams.part(kept)
 
 
-def _compared(compute: Compute, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
+def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
     """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r) uint8."""
     (kernel,) = compute.kernels("seam_sides.cl", "compare_sides")
     found = zeros(compute, words_of(len(seams)))
@@ -87,7 +87,7 @@ def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.
     return beside
 
 
-def _something_between(parts: Subdivision, rays: RayScene, patches: np.ndarray) -> np.ndarray:
+def _something_between(parts: PatchScene, rays: RayScene, patches: np.ndarray) -> np.ndarray:
     """Return whether something steep stands between pairs of patches, (m, 2), as (m,) bool."""
     if not len(patches):
         return np.zeros(0, bool)

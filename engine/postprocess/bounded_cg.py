@@ -25,7 +25,7 @@ class Normal(Protocol):
         """Return the product with values, (n,) float64."""
 
 
-class BoundedGradients:
+class BoundedCg:
     """Solves the normal equations of a sum of matrices.
 
     parts  the matrices; their sum is positive definite

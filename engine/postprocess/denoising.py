@@ -23,9 +23,9 @@ from ..errors import DenoiseError
 from ..scene.color import luminance
 from ..settings import Settings
 from .dilation import Dilation, grown
-from .independent_estimate import SecondLook, part_of_changes
-from .membrane_fill import SmoothFill
-from .noise_fraction import part_of_noise
+from .independent_estimate import IndependentEstimate, denoise_weight
+from .membrane_fill import MembraneFill
+from .noise_fraction import noise_fraction
 from .texel_charts import TexelCharts
 
 #: Texels at the sides of a window that the filter reads and does not write: how far it looks.
@@ -53,7 +53,7 @@ class Denoising:
         self.reasons: list[str] = []
 
     def run(
-        self, images: dict[str, np.ndarray], again: SecondLook | None = None
+        self, images: dict[str, np.ndarray], again: IndependentEstimate | None = None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
         """Return images, (atlases, r, r, 3) float32, without noise; yield the fraction done.
 
@@ -88,7 +88,7 @@ class Denoising:
         return DenoiseDevice(library, "cpu")
 
     def _filtered(
-        self, device: DenoiseDevice, images: dict[str, np.ndarray], again: SecondLook | None
+        self, device: DenoiseDevice, images: dict[str, np.ndarray], again: IndependentEstimate | None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
         """Filter every window of every image; black ones stay black."""
         windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
@@ -121,7 +121,7 @@ class Denoising:
         image: np.ndarray,
         filtered: np.ndarray,
         noise: np.ndarray,
-        again: SecondLook | None,
+        again: IndependentEstimate | None,
     ) -> np.ndarray:
         """Return the light of known texels, (k, 3) float32, changed as far as the change is noise.
 
@@ -140,7 +140,7 @@ class Denoising:
         images: dict[str, np.ndarray],
         filtered: dict[str, np.ndarray],
         charts: TexelCharts,
-        again: SecondLook | None,
+        again: IndependentEstimate | None,
     ) -> np.ndarray:
         """Return the part of the change of each known texel that is noise, (k,) float32 of [0, 1]."""
         name = next((name for name in again.images if name in images), None) if again is not None else None
@@ -148,10 +148,10 @@ class Denoising:
             noisy, quiet = (
                 luminance(sum(image[self._known] for image in maps.values())) for maps in (images, filtered)
             )
-            return part_of_noise(noisy, quiet, charts)
+            return noise_fraction(noisy, quiet, charts)
         light, there = images[name][self._known], again.centres[self._known, None]
         seen = np.where(there, again.images[name][self._known], light)
-        return part_of_changes(light, filtered[name][self._known], seen, charts)
+        return denoise_weight(light, filtered[name][self._known], seen, charts)
 
     def _product(self, image: np.ndarray, factors: np.ndarray) -> np.ndarray:
         """Return an image whose known texels are multiplied by factors, (k, 3); others keep their bits."""
@@ -168,7 +168,7 @@ class _Gutters:
 
     def __init__(self, known: np.ndarray) -> None:
         extended = grown(known)
-        self._fills = Dilation(known, 1), SmoothFill(extended, np.ones_like(extended))
+        self._fills = Dilation(known, 1), MembraneFill(extended, np.ones_like(extended))
 
     def fill(self, image: np.ndarray) -> None:
         """Fill a contiguous (h, w, 3) float32 image."""

@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, download_bytes, upload, words_of, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..patches.seams import Seams
 from .lightmap_points import LightmapPoints
 
@@ -19,7 +19,7 @@ _NAMES = (
 _LINKS, _CORNERS = 9, 8
 
 
-class DeviceEquations:
+class DeviceBilinearEquations:
     """Equations of those texels that have more to show than the light in their centre.
 
     resolution  width and height of the lightmaps
@@ -39,7 +39,9 @@ class DeviceEquations:
     inverse     float of each unknown, of the diagonal
     """
 
-    def __init__(self, compute: Compute, centres: np.ndarray, beside: LightmapPoints, seams: Seams) -> None:
+    def __init__(
+        self, compute: ComputeDevice, centres: np.ndarray, beside: LightmapPoints, seams: Seams
+    ) -> None:
         self._compute, self.resolution, self.size = compute, centres.shape[1], centres.size
         self._kernels = dict(zip(_NAMES, compute.kernels("display_equations.cl", *_NAMES), strict=True))
         self.points, self.seams = len(beside), len(seams)

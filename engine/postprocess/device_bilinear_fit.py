@@ -8,8 +8,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, words_of, zeros
-from ..device.cl_device import Compute
-from .device_bilinear_equations import DeviceEquations
+from ..device.cl_device import ComputeDevice
+from .device_bilinear_equations import DeviceBilinearEquations
 
 _NAMES = (
     "sum_points", "spread_along_links", "spread_along_seams", "widen_ranges", "ranges_of_seams", "bound",
@@ -26,14 +26,16 @@ _GROUP, _ADDING = 64, 256
 _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
 
 
-class DeviceFit:
+class DeviceBilinearFit:
     """Texels from the light at points; see `BilinearFit`.
 
     tight: whether a texel is no brighter than the points nearest to it, where it has some, and not than those
     around it
     """
 
-    def __init__(self, compute: Compute, equations: DeviceEquations, tight: bool = False) -> None:
+    def __init__(
+        self, compute: ComputeDevice, equations: DeviceBilinearEquations, tight: bool = False
+    ) -> None:
         self._compute, self._equations, self._tight = compute, equations, np.int32(tight)
         self._kernels = dict(zip(_NAMES, compute.kernels("display_fit.cl", *_NAMES), strict=True))
         count = self._count = np.int32(equations.count)

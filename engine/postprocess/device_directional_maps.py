@@ -6,12 +6,12 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_rows_once
-from ..device.device_array import DeviceValues
+from ..device.device_array import DeviceArray
 from ..gather.device_l1 import DeviceL1
 from ..visibility.rays.receiver_records import RECEIVER
 
 
-class DeviceDirections:
+class DeviceDirectionalMaps:
     """Where the light of n points comes from; see `directional_maps.maps_of_directions`.
 
     gathered    L1 of the light that points gather
@@ -25,23 +25,23 @@ class DeviceDirections:
         axes = upload(self._compute, sampled.transpose(1, 0, 2))
         self._given = rows, np.int32(stride), axes, gathered.buffer
 
-    def tilted(self) -> list[DeviceValues]:
+    def tilted(self) -> list[DeviceArray]:
         """Return L0 and L1 along x, y and z; see `directional_maps.directional_maps`."""
         return self._made("tilted_maps", 4, self._receivers)
 
-    def dominant(self) -> DeviceValues:
+    def dominant(self) -> DeviceArray:
         """Return where most light comes from; see `directional_maps.dominant_direction`."""
         (direction,) = self._made("dominant_direction", 1)
         return direction
 
-    def projected(self) -> list[DeviceValues]:
+    def projected(self) -> list[DeviceArray]:
         """Return SH L0 and SH L1 along x, y and z; see `directional_maps.projected_maps`."""
         return self._made("projected_maps", 4, self._receivers)
 
-    def _made(self, name: str, maps: int, *arguments: cl.Buffer) -> list[DeviceValues]:
+    def _made(self, name: str, maps: int, *arguments: cl.Buffer) -> list[DeviceArray]:
         """Return the maps of a kernel."""
         compute, count = self._compute, self._count
         (kernel,) = compute.kernels((RECEIVER, "directional_maps.cl"), name)
         buffers = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count) for _ in range(maps)]
         compute.run(kernel, count, *self._given, *arguments, *buffers, np.int32(count))
-        return [DeviceValues(compute, buffer, count) for buffer in buffers]
+        return [DeviceArray(compute, buffer, count) for buffer in buffers]

@@ -1,4 +1,4 @@
-"""`Dilation` and `SmoothFill` on the OpenCL device."""
+"""`Dilation` and `MembraneFill` on the OpenCL device."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 
 _NAMES = (
     "distance_in_row", "distance_in_column", "grow", "classify", "coarser_states", "coarser", "finer",
@@ -45,7 +45,7 @@ class DeviceFill:
 
     def __init__(
         self,
-        compute: Compute,
+        compute: ComputeDevice,
         known: np.ndarray,
         surface: np.ndarray,
         inside: np.ndarray,

@@ -1,4 +1,4 @@
-"""`DisplayFit` on the OpenCL device: the host hands over texels and gets finished images."""
+"""`FinalImages` on the OpenCL device: the host hands over texels and gets finished images."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload_float4
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..patches.seams import Seams
-from .device_bilinear_equations import DeviceEquations
-from .device_bilinear_fit import DeviceFit
+from .device_bilinear_equations import DeviceBilinearEquations
+from .device_bilinear_fit import DeviceBilinearFit
 from .device_fill import DeviceFill
 from .device_images import DeviceImages, DeviceTexels, texels_of
 from .final_images import RINGS
 from .lightmap_points import LightmapPoints
 
 
-class DeviceDisplay:
-    """Lightmaps of the user's from the light at points; see `DisplayFit`.
+class DeviceFinalImages:
+    """Lightmaps of the user's from the light at points; see `FinalImages`.
 
     centres    (atlases, r, r) bool, texels whose light is known at their centre
     beside     points elsewhere, ordered by the texels that they lie in
@@ -27,7 +27,7 @@ class DeviceDisplay:
 
     def __init__(
         self,
-        compute: Compute,
+        compute: ComputeDevice,
         centres: np.ndarray,
         beside: LightmapPoints,
         seams: Seams,
@@ -35,8 +35,8 @@ class DeviceDisplay:
         dilation: int,
     ) -> None:
         self._compute = compute
-        equations = DeviceEquations(compute, centres, beside, seams)
-        self._fit = DeviceFit(compute, equations) if equations.count else None
+        equations = DeviceBilinearEquations(compute, centres, beside, seams)
+        self._fit = DeviceBilinearFit(compute, equations) if equations.count else None
         known = centres.copy()
         known.ravel()[equations.texel] = True
         surface = centres.copy()

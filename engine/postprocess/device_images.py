@@ -8,8 +8,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4, zeros
-from ..device.cl_device import Compute
-from ..device.device_array import DeviceValues, Values, rows_on_device
+from ..device.cl_device import ComputeDevice
+from ..device.device_array import DeviceArray, Values, rows_on_device
 from .device_fill import DeviceFill
 
 _SOURCE = "images.cl"
@@ -25,9 +25,9 @@ _MEMORY = 1 << 28
 _EACH = 64
 
 
-def texels_of(compute: Compute, texels: np.ndarray) -> DeviceTexels:
+def texels_of(compute: ComputeDevice, texels: np.ndarray) -> DeviceTexels:
     """Return what texels show for themselves, (..., c) float32, on the device."""
-    buffer, channels, largest = upload(compute, texels), texels.shape[-1], Largest(compute)
+    buffer, channels, largest = upload(compute, texels), texels.shape[-1], MaxReduction(compute)
     largest.take(buffer, channels, channels, texels.size // channels)
     return DeviceTexels(compute, buffer, channels, largest)
 
@@ -42,7 +42,7 @@ class DeviceImages:
     The host hands over and gets texels in a row in memory.
     """
 
-    def __init__(self, compute: Compute, known: np.ndarray, fill: DeviceFill) -> None:
+    def __init__(self, compute: ComputeDevice, known: np.ndarray, fill: DeviceFill) -> None:
         self._compute, self._shape, self._fill = compute, known.shape, fill
         self._spread, self._pack = compute.kernels(_SOURCE, "spread_channels", "pack_channels")
         self._known = upload(compute, known.view(np.uint8))
@@ -77,7 +77,9 @@ class DeviceTexels:
     channels  of each texel
     """
 
-    def __init__(self, compute: Compute, buffer: cl.Buffer, channels: int, largest: Largest) -> None:
+    def __init__(
+        self, compute: ComputeDevice, buffer: cl.Buffer, channels: int, largest: MaxReduction
+    ) -> None:
         self._compute, self.buffer, self.channels, self._largest = compute, buffer, channels, largest
         (self._put,) = compute.kernels(_SOURCE, "put_texels")
 
@@ -113,10 +115,10 @@ class DeviceTexels:
         self._largest.take(light, 4, 3, count)
 
 
-class Largest:
+class MaxReduction:
     """The largest absolute value of all that it has taken."""
 
-    def __init__(self, compute: Compute) -> None:
+    def __init__(self, compute: ComputeDevice) -> None:
         self._compute, self._found = compute, zeros(compute, 4)
         (self._kernel,) = compute.kernels(_SOURCE, "largest_value")
 
@@ -131,7 +133,7 @@ class Largest:
         return float(download(self._compute, self._found, (1,))[0])
 
 
-def light_at(compute: Compute, outputs: Sequence[DeviceTexels], chosen: np.ndarray) -> cl.Buffer:
+def light_at(compute: ComputeDevice, outputs: Sequence[DeviceTexels], chosen: np.ndarray) -> cl.Buffer:
     """Return what some texels, (k,) flat indices, show of each output, float4, one output after the other."""
     count = np.uint32(len(chosen))
     light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, len(chosen) * len(outputs)))
@@ -150,7 +152,7 @@ class DevicePatches:
     entries  (atlases, r, r) uint32, the patch + 1 that each texel shows, 0 for none
     """
 
-    def __init__(self, compute: Compute, entries: np.ndarray) -> None:
+    def __init__(self, compute: ComputeDevice, entries: np.ndarray) -> None:
         self._compute, self._shape = compute, entries.shape
         (self._pick,) = compute.kernels(_SOURCE, "pick_patches")
         self._entries = upload(compute, entries)
@@ -159,12 +161,12 @@ class DevicePatches:
         """Return what texels show of the patches' values, (n, c) float32; 0 elsewhere."""
         compute = self._compute
         rows, stride = rows_on_device(compute, values)
-        channels = values.channels if isinstance(values, DeviceValues) else values.shape[1]
+        channels = values.channels if isinstance(values, DeviceArray) else values.shape[1]
         count = int(np.prod(self._shape)) * channels
         texels = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
         sizes = np.int32(stride), np.int32(channels)
         compute.run(self._pick, count, rows, *sizes, self._entries, texels, np.uint32(count))
-        largest = Largest(compute)
+        largest = MaxReduction(compute)
         largest.take(rows, stride, channels, len(values))
         return DeviceTexels(compute, texels, channels, largest)
 

@@ -19,7 +19,7 @@ _L0, *_L1 = DIRECTIONAL_MAPS
 _SH_L0, *_SH_L1 = PROJECTED_MAPS
 
 
-def carried_maps(maps: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def encode_signed_maps(maps: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return what carries directional maps, images of light by name, each (..., 3) float32.
 
     A signed map M is the difference of two lights, C + M and C - M, of a light C that is brighter: both have
@@ -40,7 +40,7 @@ def restored_maps(
     """Return directional maps without noise, by name.
 
     maps      with noise
-    filtered  combined and `carried_maps` without it
+    filtered  combined and `encode_signed_maps` without it
     normals   (..., 3) float32 of the texels: L0 + L1 . n stays combined
     """
     restored = {}

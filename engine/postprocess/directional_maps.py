@@ -9,7 +9,7 @@ from ..gather.device_l1 import L1, DeviceL1
 from ..patches.geometry import PatchGeometry
 from ..scene.color import luminance
 from ..settings import Settings
-from .device_directional_maps import DeviceDirections
+from .device_directional_maps import DeviceDirectionalMaps
 from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 
 
@@ -23,7 +23,7 @@ def maps_of_directions(
     gathered    the same of all other light
     """
     if isinstance(gathered, DeviceL1):
-        return _on_device(settings, DeviceDirections(gathered, irradiance, sampled))
+        return _on_device(settings, DeviceDirectionalMaps(gathered, irradiance, sampled))
     l1 = sampled + gathered
     if settings.projected:
         return dict(projected_maps(irradiance, l1, geometry.normal))
@@ -35,7 +35,7 @@ def maps_of_directions(
     return made
 
 
-def _on_device(settings: Settings, device: DeviceDirections) -> dict[str, Values]:
+def _on_device(settings: Settings, device: DeviceDirectionalMaps) -> dict[str, Values]:
     """Return the same, made on the device."""
     if settings.projected:
         return dict(zip(PROJECTED_MAPS, device.projected(), strict=True))

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 
-class SparseRows:
+class EllMatrix:
     """A sparse matrix A whose rows have the same number of entries, and its normal equations A^T A.
 
     columns  (m, k) int, the unknowns of each row; one may stand there several times

@@ -8,13 +8,13 @@ from ..patches.seams import Seams
 from .bilinear_fit import BilinearFit
 from .dilation import Dilation, grown
 from .lightmap_points import LightmapPoints, centre_points, joined_points
-from .membrane_fill import SmoothFill
+from .membrane_fill import MembraneFill
 
 #: Rings around what the fit knows that show nothing but the nearest chart: a look-up there reads them.
 RINGS = 2
 
 
-class DisplayFit:
+class FinalImages:
     """Lightmaps of the user's from the light at points.
 
     centres    (atlases, r, r) bool, texels whose light is known at their centre
@@ -53,7 +53,7 @@ class DisplayFit:
 
 def _fills(
     known: np.ndarray, surface: np.ndarray, has_patch: np.ndarray, dilation: int
-) -> tuple[Dilation, SmoothFill]:
+) -> tuple[Dilation, MembraneFill]:
     """Return what fills an atlas around its known texels, of which some lie on charts, (r, r) bool each."""
     rings = min(RINGS, dilation)
     near = known
@@ -62,4 +62,4 @@ def _fills(
     extended = near
     for _ in range(dilation - rings):
         extended = grown(extended)
-    return Dilation(known, rings, surface), SmoothFill(near, has_patch | extended)
+    return Dilation(known, rings, surface), MembraneFill(near, has_patch | extended)

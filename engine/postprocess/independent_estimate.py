@@ -22,7 +22,7 @@ _SPREAD = 0.1
 
 
 @dataclass(frozen=True)
-class SecondLook:
+class IndependentEstimate:
     """Light whose noise has nothing to do with that of the lightmaps.
 
     images   (atlases, r, r, 3) float32, E/pi, of each output that is light, by name
@@ -35,7 +35,7 @@ class SecondLook:
     part: float
 
 
-def part_of_changes(
+def denoise_weight(
     noisy: np.ndarray, quiet: np.ndarray, again: np.ndarray, charts: TexelCharts
 ) -> np.ndarray:
     """Return the part of the change of each texel that is nearest to the light, (k,) float32 of [0, 1].

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.buffers import download_bytes, upload, upload_once, words_of, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, rows_on_device
 
 #: Light has an edge where it differs from the mean of its neighbours by more than this part.
@@ -52,7 +52,9 @@ class PatchLight:
     hidden: np.ndarray
 
 
-def find_edges(compute: Compute, entries: np.ndarray, known: PatchLight) -> tuple[np.ndarray, np.ndarray]:
+def find_edges(
+    compute: ComputeDevice, entries: np.ndarray, known: PatchLight
+) -> tuple[np.ndarray, np.ndarray]:
     """Return texels on an edge, and those at an end of their chart along an axis, two (atlases, r, r) bool.
 
     entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none, which is at an end; nobody

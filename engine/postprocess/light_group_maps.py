@@ -9,7 +9,7 @@ import numpy as np
 _FAINT = 1e-7
 
 
-def summing_up(maps: dict[str, np.ndarray], combined: np.ndarray) -> dict[str, np.ndarray]:
+def scale_to_sum(maps: dict[str, np.ndarray], combined: np.ndarray) -> dict[str, np.ndarray]:
     """Return maps of light groups, (atlases, r, r, 3) float32 each, by name, whose sum is that of all light.
 
     Each texel and channel is divided in the proportions of the groups' maps.

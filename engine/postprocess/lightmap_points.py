@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.buffers import download_bytes, upload_once, words_of, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
 
@@ -42,8 +42,8 @@ class LightmapPoints:
         return texel
 
 
-def thin_patches(
-    compute: Compute | None, triangles: Triangles, patches: PatchList
+def off_centre_patches(
+    compute: ComputeDevice | None, triangles: Triangles, patches: PatchList
 ) -> tuple[np.ndarray, LightmapPoints]:
     """Return the numbers, (k,) int64, and the points of the patches that are not at their texel's centre.
 
@@ -61,7 +61,7 @@ def thin_patches(
     return number, LightmapPoints(patches.atlas[number], position, np.ones(len(number), np.float32))
 
 
-def _found_thin(compute: Compute, triangles: Triangles, patches: PatchList) -> np.ndarray:
+def _found_thin(compute: ComputeDevice, triangles: Triangles, patches: PatchList) -> np.ndarray:
     """Return the numbers of thin patches, (k,) int64, found on the device."""
     (kernel,) = compute.kernels("thin_patches.cl", "find_thin")
     arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel

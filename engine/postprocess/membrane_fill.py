@@ -8,7 +8,7 @@ import numpy as np
 _RELAXATIONS = 4
 
 
-class SmoothFill:
+class MembraneFill:
     """Fills unknown texels with a membrane over the known ones.
 
     known   (h, w) bool, texels that keep their bits

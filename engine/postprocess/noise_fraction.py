@@ -16,7 +16,7 @@ _NOISE, _DETAIL = 5.0, 10.0
 _OF_MEDIAN = 1.48
 
 
-def part_of_noise(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) -> np.ndarray:
+def noise_fraction(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) -> np.ndarray:
     """Return which part of the change of each texel is taken for noise, (k,) float32 of [0, 1].
 
     noisy, quiet  (k,) float32, luminance before and after

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..device.device_array import DeviceValues, Values
+from ..device.device_array import DeviceArray, Values
 from ..direct.lighting import DirectLighting
 from ..gather.device_l1 import L1
 from ..patches.geometry import PatchGeometry
@@ -18,7 +18,7 @@ from .directional_maps import maps_of_directions
 from .outputs import light_group_maps, output_names
 
 
-class Light(Protocol):
+class IrradianceParts(Protocol):
     """What points receive: E/pi of all light and of its parts, (n, 3) float32."""
 
     @property
@@ -42,7 +42,7 @@ class Light(Protocol):
         ...
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """L1 of all light but the sampled, (n, 3, 3); see `Sweep.gather_l1`."""
+        """L1 of all light but the sampled, (n, 3, 3); see `DeviceGather.gather_l1`."""
         ...
 
 
@@ -75,9 +75,11 @@ class Outputs:
             return solution.indirect
         light, direct = solution.so_far
         shown = light if first == "combined" else direct
-        return shown if isinstance(shown, DeviceValues) else shown[:, :3]
+        return shown if isinstance(shown, DeviceArray) else shown[:, :3]
 
-    def make(self, solution: Light, geometry: PatchGeometry) -> Generator[float, None, dict[str, Values]]:
+    def make(
+        self, solution: IrradianceParts, geometry: PatchGeometry
+    ) -> Generator[float, None, dict[str, Values]]:
         """Make every output but light groups, (n, 3) or (n,) float32, by name; yield the fraction of each.
 
         geometry  of each point
@@ -120,7 +122,7 @@ class Outputs:
         return sampled, gathered
 
 
-def light_output(name: str, solution: Light) -> Values:
+def light_output(name: str, solution: IrradianceParts) -> Values:
     """Return E/pi of all light, or of a part of it, (n, 3) float32."""
     if name == "combined":
         return solution.light

@@ -9,7 +9,7 @@ from ..settings import LIGHT_OUTPUTS, Settings
 
 
 def output_names(scene: Scene, settings: Settings) -> list[str]:
-    """Return the names of `Lightmap.passes`, in their order; instances of a light get numbers.
+    """Return the names of `BakeResult.passes`, in their order; instances of a light get numbers.
 
     Raises SceneError if there is nothing to give.
     """

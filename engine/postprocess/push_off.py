@@ -8,10 +8,10 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, download_bytes, upload, upload_once, words_of, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..patches.geometry import PatchGeometry
-from ..row_ops import joined_rows, row_products, some_rows
+from ..row_ops import joined_rows, row_products, take_rows
 from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
@@ -24,7 +24,7 @@ _ON_TRIANGLE = 1e-6
 
 
 @dataclass(frozen=True)
-class WaysOut:
+class PushOffs:
     """The way out for points inside of something, (s, ...) each.
 
     offset     (s, 3) float32, m, along the surface to just outside of the nearest wall; 0 where there is none
@@ -39,7 +39,7 @@ class WaysOut:
     wall: np.ndarray
     inside: np.ndarray
 
-    def without(self, points: np.ndarray) -> WaysOut:
+    def without(self, points: np.ndarray) -> PushOffs:
         """Return the ways of all but some points, (s,) bool, which are not inside of anything."""
         rows, arrays = np.flatnonzero(points), (self.offset, self.thickness, self.wall, self.inside)
         if not len(rows):
@@ -47,22 +47,22 @@ class WaysOut:
         others = [array.copy() for array in arrays]
         for array, nothing in zip(others, (0, np.inf, -1, False), strict=True):
             array[rows] = nothing
-        return WaysOut(*others)
+        return PushOffs(*others)
 
-    def part(self, chosen: slice) -> WaysOut:
+    def part(self, chosen: slice) -> PushOffs:
         """Return the ways of some points."""
-        return WaysOut(*(some_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
+        return PushOffs(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
 
-def joined_ways(several: list[WaysOut]) -> WaysOut:
+def joined_ways(several: list[PushOffs]) -> PushOffs:
     """Return ways of points, then those of others; there are some at least."""
-    names = WaysOut.__dataclass_fields__
-    return WaysOut(*(joined_rows([getattr(ways, name) for ways in several]) for name in names))
+    names = PushOffs.__dataclass_fields__
+    return PushOffs(*(joined_rows([getattr(ways, name) for ways in several]) for name in names))
 
 
-def ways_out(
+def push_off_points(
     scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | None = None
-) -> WaysOut:
+) -> PushOffs:
     """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels.
 
     normals: (t, 3) float32, unit, of the triangles; lit: see `validity.lit_backs`, None if no back face has
@@ -83,14 +83,14 @@ def ways_out(
     if len(between):
         way, wall[between], side = _taken(compute, take, found, between)
         offset[between] = way[:, :3]
-        one, other = (some_rows(normals, triangle) for triangle in side.T)
+        one, other = (take_rows(normals, triangle) for triangle in side.T)
         apart = row_products(one, other) < _APART
         thickness[between[apart]] = way[apart, 3]
-    return WaysOut(offset, thickness, wall, inside)
+    return PushOffs(offset, thickness, wall, inside)
 
 
 def _taken(
-    compute: Compute, kernel: Kernel, found: list[cl.Buffer], points: np.ndarray
+    compute: ComputeDevice, kernel: Kernel, found: list[cl.Buffer], points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return ways, walls and sides of some points, (k, 4) float32, (k,) int32 and (k, 2) int32."""
     count = len(points)

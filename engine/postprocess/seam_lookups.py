@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patches.chart_borders import ChartBorders, free_borders
+from ..patches.chart_borders import ChartBorders, borders_without_seam
 from ..patches.chart_edges import chart_edges
 from ..patches.edge_boxes import EdgeNeighbours
 from ..patches.edge_pairs import edge_pairs
@@ -32,7 +32,7 @@ def display_seams(
     seams = seams_of(edges, pairs)
     if not len(seams):
         return seams
-    return own_sides(seams, free_borders(edges, pairs), atlases, resolution)
+    return own_sides(seams, borders_without_seam(edges, pairs), atlases, resolution)
 
 
 def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int) -> Seams:

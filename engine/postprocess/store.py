@@ -6,24 +6,24 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values
-from ..direct.contact import NearFaces
+from ..direct.contact import Contacts
 from ..patches.patch_list import PatchList
 from ..patches.seams import Seams
 from ..scene.digests import same_values
-from ..validity.invalid import is_hidden
+from ..validity.invalid import is_invalid
 from .device_fill import DeviceFill
-from .device_final_images import DeviceDisplay
+from .device_final_images import DeviceFinalImages
 from .device_images import DeviceImages, DevicePatches, DeviceTexels, light_at, texels_of
 from .dilation import Dilation
-from .final_images import DisplayFit
+from .final_images import FinalImages
 from .lightmap_points import LightmapPoints
 from .texel_means import TexelMeans
-from .thin_wall_fit import WallFit
+from .thin_wall_fit import ThinWallFit
 
 
-class LightmapStore:
+class LightmapImages:
     """The images of every atlas of the user's; patches of occluders lie in further ones, which are left out.
 
     has_patch   (atlases, r, r) bool, texels that are patches
@@ -31,7 +31,7 @@ class LightmapStore:
     """
 
     def __init__(
-        self, patches: PatchList, atlases: int, dilation: int, compute: Compute | None = None
+        self, patches: PatchList, atlases: int, dilation: int, compute: ComputeDevice | None = None
     ) -> None:
         self._patches, self._chosen = patches, slice(patches.count_in(atlases))
         self._texel = patches.key[self._chosen]
@@ -43,7 +43,7 @@ class LightmapStore:
         self.keeps_fill = False
         self._hidden, self._hidden_texels = np.zeros(len(self._texel), bool), self._texel[:0]
         self._dark = np.zeros(len(patches), bool)
-        self.begin_anew()
+        self.reset()
         on_texels = patches.on_texels(atlases)
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
 
@@ -52,10 +52,10 @@ class LightmapStore:
         same = self._patches.resolution == patches.resolution and len(self.has_patch) == atlases
         return same and self._rings == dilation and same_values(self._patches.key, patches.key)
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Show the patches' centres alone, and take no account of seams."""
-        self._fit: DisplayFit | DeviceDisplay | None = None
-        self._walls: WallFit | None = None
+        self._fit: FinalImages | DeviceFinalImages | None = None
+        self._walls: ThinWallFit | None = None
         self._means: TexelMeans | None = None
         self._thin_texels = self._texel[:0]
         self._dilations, self._gutters = [], None
@@ -65,7 +65,7 @@ class LightmapStore:
         self._show_but(np.zeros(len(self._patches), bool))
         self._fill(self._dark)
 
-    def hide(self, front: np.ndarray, near: NearFaces) -> None:
+    def hide(self, front: np.ndarray, near: Contacts) -> None:
         """Choose the patches whose texels are filled for display.
 
         front  (n,) float32, the fraction of each patch's view that no back takes: patches inside closed
@@ -75,7 +75,7 @@ class LightmapStore:
         Those of before are chosen no more: faces move away.
         """
         self._show_but(near.hide)
-        self._fill(is_hidden(front, near))
+        self._fill(is_invalid(front, near))
 
     def _show_but(self, dark: np.ndarray) -> None:
         """Show patches but for dark ones, (n,) bool."""
@@ -113,18 +113,18 @@ class LightmapStore:
         self._fill(hidden)
         self._means, self._dilations, self._gutters = means, [], None
 
-    def part(self, walls: WallFit | None) -> None:
+    def part(self, walls: ThinWallFit | None) -> None:
         """Let texels beside thin walls show what these part."""
         self._walls = walls
 
     def hide_seams(self, thin: tuple[np.ndarray, LightmapPoints], seams: Seams) -> None:
         """Let `final` images show the same on both sides of the seams between charts of a scene.
 
-        thin: patches that are not at their texel's centre, see `thin_patches`
+        thin: patches that are not at their texel's centre, see `off_centre_patches`
         """
         centres, beside = self._light_points(*thin)
         where = centres, beside, seams, self.has_patch, self._rings
-        self._fit = DisplayFit(*where) if self._compute is None else DeviceDisplay(self._compute, *where)
+        self._fit = FinalImages(*where) if self._compute is None else DeviceFinalImages(self._compute, *where)
 
     def texels(self, values: Values, samples: np.ndarray | None) -> np.ndarray:
         """Return what every texel shows for itself, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
@@ -168,7 +168,7 @@ class LightmapStore:
         for first in range(0, len(names), most):
             together = names[first : first + most]
             shown = [self._on_patches(compute, values[name], samples.get(name)) for name in together]
-            if isinstance(self._fit, DeviceDisplay):
+            if isinstance(self._fit, DeviceFinalImages):
                 images.extend(self._fit.images_of(shown, light_at(compute, shown, self._thin_texels)))
             else:
                 images.extend(self._filled(compute, shown))
@@ -241,13 +241,13 @@ class LightmapStore:
             dilation.fill(image)
         return filled
 
-    def _on_device(self, compute: Compute) -> DevicePatches:
+    def _on_device(self, compute: ComputeDevice) -> DevicePatches:
         """Return where the patches are on the lightmaps, on the device."""
         if self._device is None:
             self._device = DevicePatches(compute, self._entry.reshape(self.has_patch.shape))
         return self._device
 
-    def _on_patches(self, compute: Compute, values: Values, samples: np.ndarray | None) -> DeviceTexels:
+    def _on_patches(self, compute: ComputeDevice, values: Values, samples: np.ndarray | None) -> DeviceTexels:
         """Return what `texels` does, on the device."""
         texels = self._on_device(compute).texels(_rows(values))
         if samples is not None and self._means is not None:
@@ -258,11 +258,11 @@ class LightmapStore:
                 )
         return texels
 
-    def _filling(self, compute: Compute) -> DeviceImages | DeviceDisplay:
+    def _filling(self, compute: ComputeDevice) -> DeviceImages | DeviceFinalImages:
         """Return what makes the images to keep."""
-        return self._fit if isinstance(self._fit, DeviceDisplay) else self._plain_fill(compute)
+        return self._fit if isinstance(self._fit, DeviceFinalImages) else self._plain_fill(compute)
 
-    def _plain_fill(self, compute: Compute) -> DeviceImages:
+    def _plain_fill(self, compute: ComputeDevice) -> DeviceImages:
         """Return what fills hidden texels and dilates charts."""
         if self._gutters is None:
             known, last = self.known, self._filled_last
@@ -272,7 +272,7 @@ class LightmapStore:
             self._filled_last, self._gutters = last if self.keeps_fill else None, last[1]
         return self._gutters
 
-    def _filled(self, compute: Compute, outputs: Sequence[DeviceTexels]) -> np.ndarray:
+    def _filled(self, compute: ComputeDevice, outputs: Sequence[DeviceTexels]) -> np.ndarray:
         """Return texels of outputs as images with hidden texels filled and charts dilated.
 
         (outputs, atlases, r, r, 3) float32

@@ -6,10 +6,10 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..sorted_runs import run_starts
 from .device_images import NOWHERE, DeviceTexels
-from .texel_samples import DisplaySamples
+from .texel_samples import TexelSamples
 
 _NAMES = (
     "list_samples", "look_at_texels", "mark_cut", "mark_beyond", "texel_means", "range_of_all", "fit_planes",
@@ -48,7 +48,7 @@ class TexelMeans:
     """
 
     def __init__(
-        self, compute: Compute, samples: DisplaySamples, visible: np.ndarray, shape: tuple[int, ...]
+        self, compute: ComputeDevice, samples: TexelSamples, visible: np.ndarray, shape: tuple[int, ...]
     ) -> None:
         self._compute, self._resolution = compute, np.int32(shape[1])
         self._kernels = dict(zip(_NAMES, compute.kernels("texel_means.cl", *_NAMES), strict=True))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..numpy_pickle import Portable
-from ..patches.patch_scene import Subdivision
-from ..patches.texel_fragments import TexelClipper, TexelPieces, joined_pieces
-from ..row_ops import joined_rows, row_products, some_rows
+from ..numpy_pickle import NumpyPickle
+from ..patches.patch_scene import PatchScene
+from ..patches.texel_fragments import TexelClipper, TexelFragments, joined_pieces
+from ..row_ops import joined_rows, row_products, take_rows
 from ..scene.triangles import Triangles
 from ..segment_sums import segment_sums
 from ..sorted_runs import run_numbers, run_starts
@@ -31,7 +31,7 @@ _SLIVER = 0.01
 
 
 @dataclass(frozen=True)
-class DisplaySamples(Portable):
+class TexelSamples(NumpyPickle):
     """Points on surfaces, ordered by atlas and texel.
 
     atlas        (s,) int32
@@ -57,27 +57,27 @@ class DisplaySamples(Portable):
         keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
         return keys
 
-    def part(self, chosen: slice | np.ndarray) -> DisplaySamples:
+    def part(self, chosen: slice | np.ndarray) -> TexelSamples:
         """Return some samples."""
-        return DisplaySamples(*(some_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
+        return TexelSamples(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
 
-def no_samples() -> DisplaySamples:
+def no_samples() -> TexelSamples:
     """Return no samples."""
     none = np.zeros(0, np.int32)
     weight, position = np.zeros(0, np.float32), np.zeros((0, 2), np.float32)
-    return DisplaySamples(none, none, position, weight, none, np.zeros((0, 3), np.float32))
+    return TexelSamples(none, none, position, weight, none, np.zeros((0, 3), np.float32))
 
 
-def joined_samples(several: list[DisplaySamples]) -> DisplaySamples:
+def joined_samples(several: list[TexelSamples]) -> TexelSamples:
     """Return samples, then others; there are some at least."""
-    names = DisplaySamples.__dataclass_fields__
-    return DisplaySamples(*(joined_rows([getattr(samples, name) for samples in several]) for name in names))
+    names = TexelSamples.__dataclass_fields__
+    return TexelSamples(*(joined_rows([getattr(samples, name) for samples in several]) for name in names))
 
 
 def display_samples(
-    clipper: TexelClipper, parts: Subdivision, atlases: int, known: PatchLight, points: int
-) -> tuple[DisplaySamples, int]:
+    clipper: TexelClipper, parts: PatchScene, atlases: int, known: PatchLight, points: int
+) -> tuple[TexelSamples, int]:
     """Return so many `points` in each texel of the first atlases that shows more than its centre.
 
     These are texels that are partly covered, show several faces, or lie on an edge of light or of what is
@@ -126,10 +126,10 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
     return kept, points
 
 
-def _shows_several(parts: Subdivision, border: TexelPieces, key: np.ndarray, own: np.ndarray) -> np.ndarray:
+def _shows_several(parts: PatchScene, border: TexelFragments, key: np.ndarray, own: np.ndarray) -> np.ndarray:
     """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes.
 
-    key: of the pieces, see `TexelPieces.keys`; ascending
+    key: of the pieces, see `TexelFragments.keys`; ascending
     """
     triangle, starts = border.triangle, run_starts(key)
     texel = key[starts]
@@ -139,7 +139,7 @@ def _shows_several(parts: Subdivision, border: TexelPieces, key: np.ndarray, own
     first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))
     others = np.flatnonzero(triangle != first)
     normals = parts.geometry.steps.geometric
-    bent = row_products(some_rows(normals, triangle[others]), some_rows(normals, first[others])) < _FLAT
+    bent = row_products(take_rows(normals, triangle[others]), take_rows(normals, first[others])) < _FLAT
     partly = (covered > 0) & (covered < _WHOLE)
     partly[np.searchsorted(starts, others[bent], "right") - 1] = True
 
@@ -150,7 +150,7 @@ def _shows_several(parts: Subdivision, border: TexelPieces, key: np.ndarray, own
     return several.reshape(own.shape)
 
 
-def _samples_of(clipper: TexelClipper, pieces: TexelPieces, resolution: int, points: int) -> DisplaySamples:
+def _samples_of(clipper: TexelClipper, pieces: TexelFragments, resolution: int, points: int) -> TexelSamples:
     """Return the samples of texels whose pieces are given, `points` of each, a square number.
 
     Texels that are mostly covered have the points of a grid that lie on a triangle: light that is averaged
@@ -162,7 +162,7 @@ def _samples_of(clipper: TexelClipper, pieces: TexelPieces, resolution: int, poi
     order = np.argsort(keys, kind="stable")
     pieces, starts = pieces.part(order), run_starts(keys[order])
     found = clipper.points_in_texels(pieces, starts, math.isqrt(points))
-    return DisplaySamples(
+    return TexelSamples(
         found.atlas, found.texel, found.position, found.weight, found.triangle, found.barycentric
     )
 

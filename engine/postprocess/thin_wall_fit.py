@@ -12,14 +12,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..device.buffers import upload_float4
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..patches.seams import no_seams
 from ..sorted_runs import run_numbers, run_starts
-from .device_bilinear_equations import DeviceEquations
-from .device_bilinear_fit import DeviceFit
+from .device_bilinear_equations import DeviceBilinearEquations
+from .device_bilinear_fit import DeviceBilinearFit
 from .device_images import DeviceTexels
 from .lightmap_points import LightmapPoints, centre_points, joined_points
-from .texel_samples import DisplaySamples
+from .texel_samples import TexelSamples
 
 #: Light below this part of the brightest around counts as if it were that bright.
 _FAINT = 1 / 20
@@ -34,7 +34,7 @@ _AROUND = 2
 _FIXED = 100.0
 
 
-class WallFit:
+class ThinWallFit:
     """What texels within one of a thin wall show: the least squares of the relative error of their display.
 
     samples  of all texels
@@ -50,8 +50,8 @@ class WallFit:
 
     def __init__(
         self,
-        compute: Compute,
-        samples: DisplaySamples,
+        compute: ComputeDevice,
+        samples: TexelSamples,
         visible: np.ndarray,
         light: np.ndarray,
         inside: np.ndarray,
@@ -92,8 +92,8 @@ class WallFit:
         points = joined_points(chosen, LightmapPoints(centres.atlas, centres.position, weight))
         self._order = np.argsort(points.texels(resolution), kind="stable")
         nowhere = np.zeros(known.shape, bool)
-        equations = DeviceEquations(compute, nowhere, points.part(self._order), no_seams())
-        self._compute, self._fit = compute, DeviceFit(compute, equations, tight=True)
+        equations = DeviceBilinearEquations(compute, nowhere, points.part(self._order), no_seams())
+        self._compute, self._fit = compute, DeviceBilinearFit(compute, equations, tight=True)
         self._unknown = np.searchsorted(equations.texel, self.texels)
 
     def light(self, samples: np.ndarray, at_centres: np.ndarray) -> np.ndarray:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..object_message import naming
-from ..patches.patch_scene import Subdivision
+from ..object_message import object_message
+from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
 from ..sorted_runs import run_starts
-from .push_off import WaysOut
-from .texel_samples import DisplaySamples
+from .push_off import PushOffs
+from .texel_samples import TexelSamples
 
 #: Light on both sides that differs by more than this part shows through.
 _DIFFERS = 0.25
@@ -19,7 +19,7 @@ _PARTING = 2.0
 
 
 def in_thin_walls(
-    parts: Subdivision, samples: DisplaySamples, ways: WaysOut, visible: np.ndarray, light: np.ndarray
+    parts: PatchScene, samples: TexelSamples, ways: PushOffs, visible: np.ndarray, light: np.ndarray
 ) -> np.ndarray:
     """Return the samples, (k,) int64, inside of things thinner than two texels with other light behind them.
 
@@ -37,8 +37,8 @@ def in_thin_walls(
     return shows[ways.thickness[shows] < _PARTING * _texel(parts, samples, shows)]
 
 
-def note_thin_walls(
-    scene: Scene, parts: Subdivision, samples: DisplaySamples, ways: WaysOut, inside: np.ndarray
+def warn_thin_walls(
+    scene: Scene, parts: PatchScene, samples: TexelSamples, ways: PushOffs, inside: np.ndarray
 ) -> list[str]:
     """Return a warning that names the walls that samples, (k,) int64, are inside of; see `in_thin_walls`."""
     if not len(inside):
@@ -54,10 +54,10 @@ def note_thin_walls(
         f"{_rounded(density)} texels per metre would part both sides, now there are {_rounded(now)}; "
         "or cut the lightmap UVs along them."
     )
-    return [naming(sentence, [scene.meshes[mesh].name for mesh in meshes], "cut_along_walls")]
+    return [object_message(sentence, [scene.meshes[mesh].name for mesh in meshes], "cut_along_walls")]
 
 
-def _texel(parts: Subdivision, samples: DisplaySamples, chosen: np.ndarray) -> np.ndarray:
+def _texel(parts: PatchScene, samples: TexelSamples, chosen: np.ndarray) -> np.ndarray:
     """Return how wide the texels of chosen samples are, (k,), m."""
     width: np.ndarray = np.sqrt(parts.geometry.steps.area[samples.triangle[chosen]])
     return width

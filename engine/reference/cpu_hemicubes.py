@@ -99,7 +99,7 @@ class CpuHemicubes:
         )
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once for all patches; see `gather.Gather.iteration`."""
+        """Gather once for all patches; see `gather.HostGather.iteration`."""
         views = [self.view(patch) for patch in range(len(self._eye))]
         yield 0.0
         return self.gather(views, radiance)

@@ -14,7 +14,7 @@ import numpy as np
 from ..patches.geometry import PatchGeometry
 from ..scene.model import Scene
 from .analytic import polygon
-from .planar_pieces import Surfaces, blockers, surfaces
+from .planar_pieces import PlanarPieces, blockers, surfaces
 
 #: Patches nearer than this many edge lengths get Lambert's formula: beyond it, the point formula
 #: A cos cos / (pi r^2) errs by less than edge^2 / (3 r^2) = 0.17 %.
@@ -57,7 +57,7 @@ def form_factors(geometry: PatchGeometry, scene: Scene) -> np.ndarray:
     return matrix
 
 
-def _faces(geometry: PatchGeometry, rows: np.ndarray, pieces: Surfaces, target: int) -> bool:
+def _faces(geometry: PatchGeometry, rows: np.ndarray, pieces: PlanarPieces, target: int) -> bool:
     """Return whether any of the patches has any part of a piece above its horizon."""
     normal = geometry.normal[rows]
     height = normal @ pieces.corners()[target].T - (normal * geometry.center[rows]).sum(1)[:, None]
@@ -72,7 +72,7 @@ def _chunks(rows: np.ndarray, columns: int) -> Iterator[np.ndarray]:
 
 
 def _block(
-    geometry: PatchGeometry, rows: np.ndarray, columns: np.ndarray, pieces: Surfaces, walls: np.ndarray
+    geometry: PatchGeometry, rows: np.ndarray, columns: np.ndarray, pieces: PlanarPieces, walls: np.ndarray
 ) -> np.ndarray:
     """Return the form factors from the patches `rows` to the patches `columns`, (r, c) float32."""
     factor, square = _far(geometry, rows, columns)
@@ -115,7 +115,7 @@ def _edge_lengths(geometry: PatchGeometry, patches: np.ndarray) -> np.ndarray:
 
 
 def _near(
-    geometry: PatchGeometry, source: np.ndarray, target: np.ndarray, pieces: Surfaces, walls: np.ndarray
+    geometry: PatchGeometry, source: np.ndarray, target: np.ndarray, pieces: PlanarPieces, walls: np.ndarray
 ) -> np.ndarray:
     """Return the form factors of pairs of close patches, signed as in the matrix, (p,) float64."""
     center = geometry.center[source].astype(np.float64)
@@ -142,7 +142,7 @@ def _near(
 
 
 def _misses(
-    here: np.ndarray, there: np.ndarray, pieces: Surfaces, wall: int, paired: bool = False
+    here: np.ndarray, there: np.ndarray, pieces: PlanarPieces, wall: int, paired: bool = False
 ) -> np.ndarray:
     """Return whether the lines between points miss a piece.
 
@@ -168,7 +168,7 @@ def _misses(
     return miss
 
 
-def _local(points: np.ndarray, pieces: Surfaces, wall: int) -> list[np.ndarray]:
+def _local(points: np.ndarray, pieces: PlanarPieces, wall: int) -> list[np.ndarray]:
     """Return height above a piece (metres) and its coordinates a, b of points, each (p,) float32."""
     edges = np.stack([pieces.normal[wall], pieces.edge_u[wall], pieces.edge_v[wall]], axis=1)
     coordinates = np.linalg.solve(edges, (points - pieces.origin[wall]).T)

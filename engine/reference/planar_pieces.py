@@ -17,7 +17,7 @@ Piece = tuple[np.ndarray, np.ndarray, np.ndarray, bool]
 
 
 @dataclass(frozen=True)
-class Surfaces:
+class PlanarPieces:
     """Every planar piece: a parallelogram (a quad of two triangles) or a single triangle.
 
     A point of piece s is origin + a * edge_u + b * edge_v with a, b in [0, 1], and a + b <= 1 for
@@ -43,7 +43,7 @@ class Surfaces:
         return np.stack([self.origin, self.origin + self.edge_u, last, self.origin + self.edge_v], axis=1)
 
 
-def surfaces(scene: Scene, triangles: Triangles) -> Surfaces:
+def surfaces(scene: Scene, triangles: Triangles) -> PlanarPieces:
     """Return the planar pieces of a scene: two triangles of a face that make a parallelogram are one."""
     corners = triangles.positions.astype(np.float64)
     face = _global_faces(scene)
@@ -62,7 +62,7 @@ def surfaces(scene: Scene, triangles: Triangles) -> Surfaces:
     return _surfaces(pieces, of_triangle)
 
 
-def blockers(pieces: Surfaces) -> np.ndarray:
+def blockers(pieces: PlanarPieces) -> np.ndarray:
     """Return which pieces may block the view between two others.
 
     A piece cannot block if both others lie wholly on one side of its plane, or if it is one of them.
@@ -110,11 +110,11 @@ def _parallelogram(pair: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return None
 
 
-def _surfaces(pieces: list[Piece], of_triangle: np.ndarray) -> Surfaces:
+def _surfaces(pieces: list[Piece], of_triangle: np.ndarray) -> PlanarPieces:
     """Stack pieces into arrays."""
     origin, edge_u, edge_v = (np.stack([piece[k] for piece in pieces]) for k in range(3))
     normal = np.cross(edge_u, edge_v)
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
     triangular = np.array([piece[3] for piece in pieces])
-    return Surfaces(origin, edge_u, edge_v, normal, triangular, of_triangle)
+    return PlanarPieces(origin, edge_u, edge_v, normal, triangular, of_triangle)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .array_file import read_arrays
 from .checkpoint_folder import CheckpointFolder
-from .write_throttle import WritingTime
+from .write_throttle import WriteThrottle
 
 #: Names of files of rows: that of an identity, the first patch, and the one after the last.
 _ROWS = re.compile(r"([a-z]+)-(\d+)-(\d+)")
@@ -31,7 +31,7 @@ class Checkpoints:
     """
 
     def __init__(self, cache_dir: str | None = None, limit: int = 0, interval: float = 0) -> None:
-        self.folder, self.time = CheckpointFolder(cache_dir, limit), WritingTime(interval)
+        self.folder, self.time = CheckpointFolder(cache_dir, limit), WriteThrottle(interval)
         self.resumed: list[str] = []
         self._used: list[Checkpoint] = []
 
@@ -49,8 +49,8 @@ class Checkpoints:
 class Checkpoint:
     """What is known of the patches of one key.
 
-    Rows are samples of what patches see, as an `Identity` of a name finds them. A file that is damaged, or
-    cannot be read or written, is as good as none.
+    Rows are samples of what patches see, as a `VisibilitySampler` of a name finds them. A file that is
+    damaged, or cannot be read or written, is as good as none.
     """
 
     def __init__(self, shared: Checkpoints, key: Callable[[], str]) -> None:
@@ -74,7 +74,7 @@ class Checkpoint:
 
     @property
     def room(self) -> int:
-        """Bytes that may be written now; see `WritingTime.room`."""
+        """Bytes that may be written now; see `WriteThrottle.room`."""
         return self._shared.time.room
 
     def rows_from_the_first(self, identity: str) -> int:

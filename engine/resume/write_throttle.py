@@ -11,7 +11,7 @@ _PART = 0.1
 _RATE, _LEAST = 200e6, 1 << 24
 
 
-class WritingTime:
+class WriteThrottle:
     """Tells when to write, and how much.
 
     interval  seconds between two times, and before the first

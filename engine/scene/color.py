@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..threaded_slabs import in_slabs
+from ..threaded_slabs import map_slabs
 
 #: What each channel brings to luminance (ITU-R BT.709).
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -25,7 +25,7 @@ def channel_sum(values: np.ndarray) -> np.ndarray:
         for channel in others:
             np.add(sums[slab], channel, out=sums[slab])
 
-    in_slabs(len(values), 4 * values.shape[1], add)
+    map_slabs(len(values), 4 * values.shape[1], add)
     return sums
 
 
@@ -46,7 +46,7 @@ def luminance(values: np.ndarray, dtype: npt.DTypeLike = None) -> np.ndarray:
             np.multiply(colors[slab, channel], _LUMINANCE[channel], out=part, dtype=total.dtype)
             here += part
 
-    in_slabs(len(colors), 4 * total.itemsize, add)
+    map_slabs(len(colors), 4 * total.itemsize, add)
     return total.reshape(values.shape[:-1])
 
 

@@ -14,12 +14,12 @@ from .model import Light, Material, Mesh, Scene
 
 Part = TypeVar("Part", Material, Mesh)
 
-#: Fields of a scene that `Changes` may change.
+#: Fields of a scene that `SceneChanges` may change.
 _CHANGING = ("lights", "world", "materials", "meshes")
 
 
 @dataclass(frozen=True)
-class Changes:
+class SceneChanges:
     """Changes of a scene; what is None or not named stays.
 
     lights     all lamps from now on: those that are left out are gone
@@ -48,7 +48,7 @@ class Changes:
         _check_numbers("meshes", (*self.meshes, *self.moves), len(scene.meshes))
         meshes = [self.meshes.get(number, mesh) for number, mesh in enumerate(scene.meshes)]
         for number, matrix in self.moves.items():
-            meshes[number] = moved(meshes[number], matrix)
+            meshes[number] = transformed(meshes[number], matrix)
         return replace(
             scene,
             lights=scene.lights if self.lights is None else self.lights,
@@ -58,7 +58,7 @@ class Changes:
         )
 
 
-def changes_between(before: Scene, after: Scene) -> Changes | None:
+def changes_between(before: Scene, after: Scene) -> SceneChanges | None:
     """Return what makes one scene the other; None if no changes do: of numbers of parts, or lightmaps."""
     counts = [(len(scene.meshes), len(scene.materials)) for scene in (before, after)]
     others = [entry.name for entry in fields(Scene) if entry.name not in _CHANGING]
@@ -66,7 +66,7 @@ def changes_between(before: Scene, after: Scene) -> Changes | None:
         same_values(getattr(before, name), getattr(after, name)) for name in others
     ):
         return None
-    return Changes(
+    return SceneChanges(
         lights=None if same_values(before.lights, after.lights) else after.lights,
         world=None if same_values(before.world, after.world) else after.world,
         materials=_replaced(before.materials, after.materials),
@@ -74,7 +74,7 @@ def changes_between(before: Scene, after: Scene) -> Changes | None:
     )
 
 
-def moved(mesh: Mesh, matrix: np.ndarray) -> Mesh:
+def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     """Return a mesh whose positions a matrix, (4, 4) float64, maps; a mirrored one stays counter-clockwise.
 
     Raises SceneError for a matrix that flattens it.

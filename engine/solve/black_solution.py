@@ -6,10 +6,10 @@ from collections.abc import Generator
 
 import numpy as np
 
-from ..bake_result import Energy
+from ..bake_result import FluxBalance
 
 
-class Darkness:
+class BlackSolution:
     """A `Solution` that is done from the start; see `Solver`."""
 
     iterations = 0
@@ -30,9 +30,9 @@ class Darkness:
         yield 1.0
         return np.zeros((len(self.gathered), 3, 3), np.float32)
 
-    def energy(self, emission: np.ndarray) -> Energy:
+    def energy(self, emission: np.ndarray) -> FluxBalance:
         """Return that there is no light; see `solution.Solution.energy`."""
-        return Energy(0.0, 0.0, 0.0, 0.0)
+        return FluxBalance(0.0, 0.0, 0.0, 0.0)
 
     def iteration(self) -> Generator[float, None, None]:
         """Do nothing."""

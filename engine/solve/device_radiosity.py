@@ -9,13 +9,13 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4_once, zeros
-from ..device.cl_device import Compute
-from ..device.device_array import DeviceValues, Values, float4_on_device, float4_once
-from ..gather.device_gather import Sweep
+from ..device.cl_device import ComputeDevice
+from ..device.device_array import DeviceArray, Values, float4_on_device, float4_once
+from ..gather.device_gather import DeviceGather
 from ..gather.device_l1 import L1
 from ..patches.sides import Sides
 from .device_sides import DeviceSides
-from .radiosity_state import Balance, Step, Sums
+from .radiosity_state import FluxSums, IterationStep, IterationSums
 
 #: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
 #: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact;
@@ -47,8 +47,8 @@ class DeviceRadiosity:
 
     def __init__(
         self,
-        compute: Compute,
-        sweep: Sweep,
+        compute: ComputeDevice,
+        sweep: DeviceGather,
         reflectance: Values,
         emission: cl.Buffer,
         area: np.ndarray,
@@ -85,7 +85,7 @@ class DeviceRadiosity:
             held, column = float4_on_device(compute, indirect), 16 * self.count * (columns - 1)
             cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=column)
         elif indirect is not None:
-            held = DeviceValues(compute, float4_on_device(compute, indirect), self.count, _STRIDE)
+            held = DeviceArray(compute, float4_on_device(compute, indirect), self.count, _STRIDE)
             first = held.plus(sampled_light if direct is None else direct).buffer
         self._irradiance = zeros(compute, 16 * self.count)
         if first is not None:
@@ -113,7 +113,7 @@ class DeviceRadiosity:
         if self._sides is not None:
             self._sides.blend(self.outputs(column))
 
-    def sums(self, newest: int, least: float) -> Sums:
+    def sums(self, newest: int, least: float) -> IterationSums:
         """Return the sums after a sweep; see `solve.Radiosity.sums`."""
         self._compute.run(
             self._products, self._items,
@@ -123,9 +123,9 @@ class DeviceRadiosity:
         sums, (rows, columns) = self._read_sums(self._numbers), self._pairs
         products = np.zeros((self.columns, self.columns, 3))
         products[rows, columns] = products[columns, rows] = sums[:-3]
-        return Sums(products, sums[-3] * self.area, sums[-2] * self.area, sums[-1, 0] / self.count)
+        return IterationSums(products, sums[-3] * self.area, sums[-2] * self.area, sums[-1, 0] / self.count)
 
-    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
+    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
         """Make the next irradiance; see `solve.Radiosity.mix`."""
         self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
         self._mixture[:-1, 3] = weights[:, 0]
@@ -138,19 +138,19 @@ class DeviceRadiosity:
         )  # fmt: skip
         self._make_radiance()
         change, relative, flux = self._read_sums(1)[0]
-        return Step(change / self.count, relative / self._fronts, np.pi * flux * self.area)
+        return IterationStep(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
-    def let_stand_in(self, stand_in: np.ndarray) -> None:
-        """Let patches send out what others reflect; see `solve.Radiosity.let_stand_in`."""
+    def set_substitutes(self, stand_in: np.ndarray) -> None:
+        """Let patches send out what others reflect; see `solve.Radiosity.set_substitutes`."""
         self._stand_in = upload(self._compute, stand_in.astype(np.uint32))
         self._make_radiance()
 
-    def balance(self, newest: int, emission: np.ndarray, direct: Values) -> Balance:
+    def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums:
         """Return where light goes; see `solve.Radiosity.balance`."""
         emitted = upload_float4_once(self._compute, emission, first=1)
         first = (
             float4_on_device(self._compute, direct)
-            if isinstance(direct, DeviceValues)
+            if isinstance(direct, DeviceArray)
             else upload_float4_once(self._compute, direct)
         )
         self._compute.run(
@@ -158,7 +158,7 @@ class DeviceRadiosity:
             self._gathered, self._defects, np.int32(newest), self._reflectance, emitted, first, self._area,
             self.patches_seen, np.int32(self.count), self._sums,
         )  # fmt: skip
-        return Balance(*(self._read_sums(len(fields(Balance))) * self.area))
+        return FluxSums(*(self._read_sums(len(fields(FluxSums))) * self.area))
 
     def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the last sweep; see `solve.Radiosity.gather_l1`."""
@@ -191,7 +191,7 @@ class DeviceRadiosity:
             return download(compute, buffer, (self.count, 4), first)
         light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
         cl.enqueue_copy(self._queue, light, buffer, src_offset=first, byte_count=size)
-        return DeviceValues(compute, light, self.count, _STRIDE)
+        return DeviceArray(compute, light, self.count, _STRIDE)
 
     def _state_buffers(self) -> dict[str, cl.Buffer]:
         """Return the buffers that sweeps change and later ones read."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.buffers import upload
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..patches.sides import Sides
 
 
 class DeviceSides:
     """Pairs of patches on both sides of translucent surfaces."""
 
-    def __init__(self, compute: Compute, sides: Sides) -> None:
+    def __init__(self, compute: ComputeDevice, sides: Sides) -> None:
         self._compute, self._count = compute, len(sides.pairs)
         own = np.zeros((self._count, 2, 4), np.float32)
         own[:, :, :3] = sides.own

@@ -6,14 +6,14 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4_once, zeros
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, float4_once, rows_on_device
 
 _SOURCE = "send_out.cl"
 
 
-def sent_light(
-    compute: Compute,
+def exitant_radiance(
+    compute: ComputeDevice,
     emission: np.ndarray,
     reflectance: Values,
     irradiance: Values,
@@ -37,8 +37,13 @@ def sent_light(
     return radiance
 
 
-def replace_radiance(compute: Compute, radiance: cl.Buffer, patches: np.ndarray, values: np.ndarray) -> None:
-    """Let some patches, (k,) int64, send out other radiance, (k, 3) float32; radiance: as of `sent_light`."""
+def replace_radiance(
+    compute: ComputeDevice, radiance: cl.Buffer, patches: np.ndarray, values: np.ndarray
+) -> None:
+    """Let some patches, (k,) int64, send out other radiance, (k, 3) float32.
+
+    Radiance: as of `exitant_radiance`.
+    """
     if len(patches):
         (kernel,) = compute.kernels(_SOURCE, "replace_radiance")
         inputs = upload(compute, values.astype(np.float32)), upload(compute, patches.astype(np.uint32))

@@ -9,13 +9,13 @@ import pyopencl as cl
 
 from ..device.device_array import Values, colors_on_host
 from ..gather.device_l1 import L1
-from ..gather.gather_pass import LightGather
-from ..progress import part_of
+from ..gather.gather_pass import PointGather
+from ..progress import run_as_fraction
 from ..scene.color import rest_of
 from .reflected_radiance import reflected_light
 
 
-class LastGather:
+class FinalGather:
     """The light of n points, gathered once from m sources.
 
     sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
@@ -27,7 +27,7 @@ class LastGather:
 
     def __init__(
         self,
-        final: LightGather,
+        final: PointGather,
         sampled_light: np.ndarray,
         emission: np.ndarray,
         reflectance: Values,
@@ -53,20 +53,20 @@ class LastGather:
         yield from self._all_light(self._final.gather(radiance))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, None]:
-        """Gather from sources whose radiance is on the device, see `FinalGather.gather_from`."""
+        """Gather from sources whose radiance is on the device, see `GatherPass.gather_from`."""
         yield from self._all_light(self._final.gather_from(radiance))
 
     def _all_light(self, gather: Generator[float, None, np.ndarray]) -> Generator[float, None, None]:
         """Gather all light, and before it what was not reflected if that is told apart."""
         if self.separate_direct:
-            self.direct = (yield from part_of(0.0, 0.5, self._final.gather(self._emission)))[:, :3]
-        self.gathered = yield from part_of(1 - 1 / self.gathers, 1.0, gather)
+            self.direct = (yield from run_as_fraction(0.0, 0.5, self._final.gather(self._emission)))[:, :3]
+        self.gathered = yield from run_as_fraction(1 - 1 / self.gathers, 1.0, gather)
         if not self._bounces:
             self.direct = self.gathered[:, :3]
         self.done = True
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of all light but the sampled, (n, 3, 3) float32; see `Sweep.gather_l1`."""
+        """Return the L1 of all light but the sampled, (n, 3, 3) float32; see `DeviceGather.gather_l1`."""
         return (yield from self._final.gather_l1())
 
     @property

@@ -6,11 +6,11 @@ from collections.abc import Generator
 
 import numpy as np
 
-from ..bake_result import Energy
+from ..bake_result import FluxBalance
 from ..device.device_array import Values
 from ..gather.device_l1 import L1
 from ..scene.color import rest_of
-from .final_gather import LastGather
+from .final_gather import FinalGather
 from .interpolated_gather import InterpolatedGather
 from .patch_groups import PatchGroups, SinglePatches
 from .solver import Solver
@@ -24,7 +24,7 @@ class GroupedSolution:
     """
 
     def __init__(
-        self, solver: Solver, groups: PatchGroups | SinglePatches, last: LastGather | InterpolatedGather
+        self, solver: Solver, groups: PatchGroups | SinglePatches, last: FinalGather | InterpolatedGather
     ) -> None:
         self._solver, self.groups, self.last = solver, groups, last
 
@@ -70,7 +70,7 @@ class GroupedSolution:
             return
         yield from self.last.gather(self._solver.irradiance, self._solver.stand_in)
 
-    def energy(self, emission: np.ndarray) -> Energy | None:
+    def energy(self, emission: np.ndarray) -> FluxBalance | None:
         """Return where the light of the groups goes; see `solution.Solution.energy`."""
         return self._solver.energy(emission)
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..device.device_array import Values
 from ..errors import DeviceError
-from ..gather.hemicube_gather import Gather
+from ..gather.hemicube_gather import HostGather
 from ..patches.sides import Sides
-from .radiosity_state import PLAIN_COLUMNS, Step, Sums
+from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums
 from .reflected_radiance import reflected_light
 
 
@@ -33,7 +33,7 @@ class HostRadiosity:
 
     def __init__(
         self,
-        gather: Gather,
+        gather: HostGather,
         reflectance: np.ndarray,
         emission: np.ndarray,
         area: np.ndarray,
@@ -64,8 +64,8 @@ class HostRadiosity:
         """What the patches send out, (n, 3) float32."""
         return self._emission + reflected_light(self._reflectance, self._irradiance, self._stand_in)
 
-    def let_stand_in(self, stand_in: np.ndarray) -> None:
-        """Let patches send out what others reflect; see `solve.Radiosity.let_stand_in`."""
+    def set_substitutes(self, stand_in: np.ndarray) -> None:
+        """Let patches send out what others reflect; see `solve.Radiosity.set_substitutes`."""
         self._stand_in = stand_in
 
     def sweep(self, column: int) -> Generator[float, None, None]:
@@ -77,21 +77,21 @@ class HostRadiosity:
         self._gathered[column, :, :3] += self._sampled_light
         self._defects[column] = self._gathered[column, :, :3] - self._irradiance
 
-    def sums(self, newest: int, least: float) -> Sums:
+    def sums(self, newest: int, least: float) -> IterationSums:
         """Return the sums after a sweep; see `solve.Radiosity.sums`."""
         total = self._gathered[newest, :, :3].sum(axis=1, dtype=np.float64)
         weight = 1 / np.maximum(total, least) ** 2
         differences = self._defects.astype(np.float64) - self._defects[newest]
         differences[newest] = self._defects[newest]
         reflecting = self._areas[:, None] * self._reflectance
-        return Sums(
+        return IterationSums(
             np.einsum("n,inc,jnc->ijc", weight, differences, differences, optimize=True),
             (reflecting * self._defects[newest]).sum(axis=0),
             (reflecting * self._gathered[newest, :, 3:]).sum(axis=0),
             float(total.mean()),
         )
 
-    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
+    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
         """Make the next irradiance; see `solve.Radiosity.mix`."""
         used = np.flatnonzero(weights.any(axis=1))
         following = sum(self._gathered[column, :, :3] * weights[column].astype(np.float32) for column in used)
@@ -101,7 +101,7 @@ class HostRadiosity:
         relative = change / np.maximum(following.sum(axis=1, dtype=np.float64), least)
         flux = np.pi * (self._areas * (self._reflectance * step).sum(axis=1, dtype=np.float64)).sum()
         self._irradiance = following
-        return Step(float(change.mean()), float(relative[: self._fronts].mean()), float(flux))
+        return IterationStep(float(change.mean()), float(relative[: self._fronts].mean()), float(flux))
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> None:
         """Return None: hemicubes that are summed at once do not tell sky from patches."""

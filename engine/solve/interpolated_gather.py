@@ -6,9 +6,9 @@ from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 
-from ..progress import part_of
+from ..progress import run_as_fraction
 from ..scene.color import add_colors, channel_sum, colors_of
-from .final_gather import LastGather
+from .final_gather import FinalGather
 from .interpolation import Interpolation
 from .solver import Solver
 
@@ -18,7 +18,7 @@ _GatherFor = Callable[[list[np.ndarray], np.ndarray], Generator[float, None, Non
 
 
 class InterpolatedGather:
-    """What a `LastGather` is, for n patches whose m groups a solver solves for, or they themselves.
+    """What a `FinalGather` is, for n patches whose m groups a solver solves for, or they themselves.
 
     Where the light that the groups around a patch gather lies in a plane, the patch has it from there, with
     what planes leave out of curved light. Of all others those gather first that lead smaller squares, and
@@ -46,7 +46,7 @@ class InterpolatedGather:
         tolerance: float,
         separate_direct: bool,
         directional: bool,
-        last_of: Callable[[np.ndarray], LastGather],
+        last_of: Callable[[np.ndarray], FinalGather],
     ) -> None:
         self._solver, self._last_of = solver, last_of
         self._squares, self._neighbours = squares, neighbours
@@ -59,7 +59,7 @@ class InterpolatedGather:
     def gather(
         self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
     ) -> Generator[float, None, None]:
-        """Gather from groups of E/pi, (m, 3) float32; see `LastGather.gather`; yield the fraction done."""
+        """Gather from groups of E/pi, (m, 3) float32; see `FinalGather.gather`; yield the fraction done."""
         sampled, beside = self.direct, channel_sum(self.direct)
 
         def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
@@ -152,7 +152,7 @@ class InterpolatedGather:
             leads[squares.leader] = True
             leads &= left
             if leads.any():
-                yield from part_of(
+                yield from run_as_fraction(
                     step / steps, (step + 1) / steps, gather_for(values, np.flatnonzero(leads))
                 )
             found, fits = fit(squares, [layer[squares.leader] for layer in values])
@@ -162,11 +162,11 @@ class InterpolatedGather:
             left &= ~fits
             own |= leads
         if left.any():
-            yield from part_of(1 - 1 / steps, 1, gather_for(values, np.flatnonzero(left)))
+            yield from run_as_fraction(1 - 1 / steps, 1, gather_for(values, np.flatnonzero(left)))
         return values, own | left
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Return the L1 of what was gathered, (n, 3, 3) float32; see `Sweep.gather_l1`.
+        """Return the L1 of what was gathered, (n, 3, 3) float32; see `DeviceGather.gather_l1`.
 
         A patch has it from the groups from which it has its light.
         """

@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
@@ -24,7 +24,7 @@ class Interpolation:
     def __init__(
         self,
         rays: RayScene,
-        parts: Subdivision,
+        parts: PatchScene,
         group: np.ndarray,
         leader: np.ndarray,
         width: int,

@@ -15,10 +15,10 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.device_array import colors_on_host
-from ..patches.patch_materials import PatchSurfaces
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_materials import PatchMaterials
+from ..patches.patch_scene import PatchScene
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
@@ -36,11 +36,11 @@ class PatchGroups:
     """
 
     def __init__(
-        self, rays: RayScene, parts: Subdivision, area: np.ndarray, leader: np.ndarray, width: int
+        self, rays: RayScene, parts: PatchScene, area: np.ndarray, leader: np.ndarray, width: int
     ) -> None:
         """Take what casts rays from patches, what is known of them, and the patch that each follows.
 
-        area: (n,) float32, m^2; leader: (n,) uint32, see `leaders`
+        area: (n,) float32, m^2; leader: (n,) uint32, see `group_representatives`
         """
         self.width = width
         self.group, self.leader = numbered(leader)
@@ -51,10 +51,10 @@ class PatchGroups:
         self.texel_to_group = entries[parts.texel_to_patch]
 
     @cached_property
-    def parts(self) -> Subdivision:
-        """Groups as a Subdivision."""
+    def parts(self) -> PatchScene:
+        """Groups as a PatchScene."""
         parts, leader = self._parts, self.leader
-        surfaces = PatchSurfaces(
+        surfaces = PatchMaterials(
             self.mean(colors_on_host(parts.surfaces.reflectance)),
             self.mean(parts.surfaces.emission),
             None if parts.surfaces.back_emission is None else self.mean(parts.surfaces.back_emission),
@@ -108,7 +108,7 @@ class _GroupMeans:
     """
 
     def __init__(
-        self, compute: Compute, parts: Subdivision, leader: np.ndarray, leading: np.ndarray, width: int
+        self, compute: ComputeDevice, parts: PatchScene, leader: np.ndarray, leading: np.ndarray, width: int
     ) -> None:
         self._compute, self._count, patches = compute, len(leading), parts.patches
         (self._kernel,) = compute.kernels("group_means.cl", "group_means")
@@ -139,8 +139,8 @@ def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return number[leader], leading
 
 
-def leaders(
-    rays: RayScene, parts: Subdivision, radiance: np.ndarray, inside: np.ndarray, width: int
+def group_representatives(
+    rays: RayScene, parts: PatchScene, radiance: np.ndarray, inside: np.ndarray, width: int
 ) -> np.ndarray:
     """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl.
 

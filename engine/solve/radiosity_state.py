@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..bake_result import Energy
+from ..bake_result import FluxBalance
 from ..device.device_array import Values
 from ..gather.device_l1 import L1
 
@@ -17,7 +17,7 @@ PLAIN_COLUMNS = 2
 
 
 @dataclass(frozen=True)
-class Sums:
+class IterationSums:
     """Sums over all patches after a sweep; see kernels/solve.cl.
 
     products   (c, c, 3) float64, c columns, see `Anderson.weights`
@@ -33,7 +33,7 @@ class Sums:
 
 
 @dataclass(frozen=True)
-class Balance:
+class FluxSums:
     """Where light goes: radiance times area, summed over all patches, (3,) float64 each, W/sr.
 
     incident   gathered
@@ -52,15 +52,15 @@ class Balance:
     under_way: np.ndarray
 
     @property
-    def energy(self) -> Energy:
+    def energy(self) -> FluxBalance:
         """The same as flux."""
         absorbed = self.incident - self.reflected + self.on_backs
         flows = (self.sources, absorbed, self.escaped, self.under_way)
-        return Energy(*(float(np.pi * flow.mean()) for flow in flows))
+        return FluxBalance(*(float(np.pi * flow.mean()) for flow in flows))
 
 
 @dataclass(frozen=True)
-class Step:
+class IterationStep:
     """What the next irradiance differs by, mean over the patches.
 
     change    of E/pi, sum of the channels
@@ -98,13 +98,13 @@ class Radiosity(Protocol):
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield the fraction done."""
 
-    def sums(self, newest: int, least: float) -> Sums:
+    def sums(self, newest: int, least: float) -> IterationSums:
         """Return the sums after a sweep; patches weigh 1 / light^2, but have at least the light `least`."""
 
-    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> Step:
+    def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
         """Make the next irradiance: iterates times (columns, 3), and (3,) wherever patches are seen."""
 
-    def let_stand_in(self, stand_in: np.ndarray) -> None:
+    def set_substitutes(self, stand_in: np.ndarray) -> None:
         """Let each patch send out what another one reflects, (n,) int64, itself for most, and its emission.
 
         That goes for the current radiance, too.
@@ -116,7 +116,7 @@ class Radiosity(Protocol):
     def mixed(self, column: int) -> Values:
         """Return the next irradiance, and a column's fraction that is no back, (n, 4) float32: a copy."""
 
-    def balance(self, newest: int, emission: np.ndarray, direct: Values) -> Balance | None:
+    def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums | None:
         """Return where light goes after a sweep; None where it is not known what part of a view patches take.
 
         emission  (n, 3) float32, radiance of each patch, all of it
@@ -124,7 +124,9 @@ class Radiosity(Protocol):
         """
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last sweep, (n, 3, 3) float32, see `Sweep.gather_l1`; yield the fraction done.
+        """Return the L1 of the last sweep, (n, 3, 3) float32, see `DeviceGather.gather_l1`.
+
+        Yield the fraction done.
 
         Raises DeviceError where no directions are known.
         """

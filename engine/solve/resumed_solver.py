@@ -9,7 +9,7 @@ import numpy as np
 from ..device.device_array import Values
 from ..resume.checkpoint import Arrays, Checkpoint
 from ..settings import Settings
-from .radiosity_state import Radiosity, Step
+from .radiosity_state import IterationStep, Radiosity
 from .solver import FindStandIns, Solver
 
 
@@ -72,7 +72,7 @@ class ResumedSolver(Solver):
         self._let_stand_in(state.get("stand_in"))
         self._newest, self._total = int(state["ring"][0]), float(state["total"][0])
         self._direct = state["direct"]
-        self._steps = [Step(*step) for step in state["steps"].tolist()]
+        self._steps = [IterationStep(*step) for step in state["steps"].tolist()]
         self._factors = state["factors"].tolist()
         self._sparse, self._refined = bool(state["refined"][0]), int(state["refined"][1])
         if self._anderson is not None:

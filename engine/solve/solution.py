@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..bake_result import Energy
+from ..bake_result import FluxBalance
 from ..device.device_array import Values
 from ..gather.device_l1 import L1
 
 
 class Solution(Protocol):
-    """What is known of a bake's light: `Solver`, `GroupedSolution` or `Darkness`."""
+    """What is known of a bake's light: `Solver`, `GroupedSolution` or `BlackSolution`."""
 
     def iteration(self) -> Generator[float, None, None]:
         """Sweep once; yield the fraction done."""
@@ -22,7 +22,7 @@ class Solution(Protocol):
         """Return the L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
         ...
 
-    def energy(self, emission: np.ndarray) -> Energy | None:
+    def energy(self, emission: np.ndarray) -> FluxBalance | None:
         """Return where the light goes, see `Report`.
 
         emission: (m, 3) float32, radiance of what the patches see, themselves or groups of them, all of it.

@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..bake_result import Energy
-from ..device.device_array import DeviceValues, Values, colors_on_host, rows_of
+from ..bake_result import FluxBalance
+from ..device.device_array import DeviceArray, Values, colors_on_host, rows_of
 from ..gather.device_l1 import L1
 from ..scene.color import rest_of
 from ..settings import Settings
 from .anderson import Anderson
-from .radiosity_state import PLAIN_COLUMNS, Radiosity, Step, Sums
+from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, Radiosity
 
 
 class Seen(Protocol):
@@ -93,7 +93,7 @@ class Solver:
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
         self._direct: Values = sampled_light if direct is None else direct
-        self._steps: list[Step] = []
+        self._steps: list[IterationStep] = []
         self._factors: list[float] = []
 
         # Whether sweeps are sparse, and how many were before the first one from all samples.
@@ -120,7 +120,7 @@ class Solver:
 
         # The same array each time: the device keeps what it was given once.
         light = self._newest_light
-        if isinstance(light, DeviceValues):
+        if isinstance(light, DeviceArray):
             return light.colors
         if self._light is None or self._light[0] is not light:
             self._light = light, light[:, :3]
@@ -129,7 +129,7 @@ class Solver:
     @property
     def light(self) -> Values:
         """What `irradiance` is, where it is: the device may hold it."""
-        device = self._newest >= 0 and isinstance(self._newest_light, DeviceValues)
+        device = self._newest >= 0 and isinstance(self._newest_light, DeviceArray)
         return self._newest_light if device else self.irradiance
 
     @property
@@ -158,14 +158,14 @@ class Solver:
         if self._front is None:
             light = self._newest_light
             self._front = (
-                light.fourth if isinstance(light, DeviceValues) else np.ascontiguousarray(light[:, 3])
+                light.fourth if isinstance(light, DeviceArray) else np.ascontiguousarray(light[:, 3])
             )
         return self._front
 
     def light_of(self, patches: np.ndarray) -> np.ndarray:
         """Return E/pi of some patches, (k,) int64, as (k, 3) float32."""
         light = self._newest_light
-        some: np.ndarray = light.some(patches) if isinstance(light, DeviceValues) else light[patches, :3]
+        some: np.ndarray = light.some(patches) if isinstance(light, DeviceArray) else light[patches, :3]
         return some
 
     @property
@@ -213,7 +213,7 @@ class Solver:
         """Let patches send out what others reflect; None for none."""
         self.stand_in = stand_in
         if stand_in is not None:
-            self._radiosity.let_stand_in(stand_in)
+            self._radiosity.set_substitutes(stand_in)
 
     @property
     def _nearly_done(self) -> bool:
@@ -238,7 +238,7 @@ class Solver:
         """Return the L1 of the last sweep; see `Radiosity.gather_l1`."""
         return (yield from self._radiosity.gather_l1())
 
-    def energy(self, emission: np.ndarray) -> Energy | None:
+    def energy(self, emission: np.ndarray) -> FluxBalance | None:
         """Return where the light goes; see `solution.Solution.energy`."""
         if not self._steps:
             return None
@@ -255,7 +255,7 @@ class Solver:
         self._radiosity.mix(weights, np.zeros(3), _DARKEST)
         self._gathered = self._radiosity.mixed(0)
 
-    def _mixture(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
+    def _mixture(self, sums: IterationSums) -> tuple[np.ndarray, np.ndarray]:
         """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""
         weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
         weights[self._newest] = 1
@@ -299,7 +299,7 @@ class Solver:
 
 def _colors(light: Values) -> Values:
     """Return the colours of light, (n, 4): (n, 3), where it is."""
-    return light if isinstance(light, DeviceValues) else light[:, :3]
+    return light if isinstance(light, DeviceArray) else light[:, :3]
 
 
 def _schwarz_quotient(products: np.ndarray, newest: int) -> float:
@@ -308,7 +308,7 @@ def _schwarz_quotient(products: np.ndarray, newest: int) -> float:
     Patches count by f as much as by g: those whose light has settled do not, however many they are. For a
     symmetric operator such quotients rise towards its largest eigenvalue (Collatz 1949, Schwarz quotients).
 
-    products  of two or more columns, see `Sums`
+    products  of two or more columns, see `IterationSums`
     """
     before = (newest - 1) % len(products)
     size = float(products[newest, newest].sum())

@@ -10,18 +10,18 @@ import numpy as np
 from ..device.device_array import Values, channel_sums
 from ..patches.seams import Seams
 from ..plan.stages import BakeStages
-from ..postprocess.blocked_seams import without_parted
+from ..postprocess.blocked_seams import drop_blocked_seams
 from ..postprocess.denoising import Denoising
-from ..postprocess.directional_denoising import carried_maps, restored_maps
-from ..postprocess.independent_estimate import SecondLook
-from ..postprocess.light_group_maps import summing_up
+from ..postprocess.directional_denoising import encode_signed_maps, restored_maps
+from ..postprocess.independent_estimate import IndependentEstimate
+from ..postprocess.light_group_maps import scale_to_sum
 from ..postprocess.outputs import is_light, is_of_light_group
-from ..postprocess.store import LightmapStore
-from ..progress import Progress, part_of
+from ..postprocess.store import LightmapImages
+from ..progress import Progress, run_as_fraction
 from ..solve.solution import Solution
-from .independent_gather import look_twice
-from .texel_sample_gather import DisplayLight
-from .texel_sample_points import DisplayJob
+from .independent_gather import gather_independent_estimate
+from .texel_sample_gather import TexelSampleLight
+from .texel_sample_points import TexelGatherJob
 
 
 class Finishing:
@@ -36,11 +36,11 @@ class Finishing:
 
     def __init__(
         self,
-        store: LightmapStore,
-        texels: DisplayJob,
+        store: LightmapImages,
+        texels: TexelGatherJob,
         solution: Solution,
         made: Mapping[str, Values],
-        lit: DisplayLight,
+        lit: TexelSampleLight,
     ) -> None:
         self._store, self._job, self._texels, self._solution = store, texels.job, texels, solution
         self._made, self._lit = made, lit
@@ -70,7 +70,7 @@ class Finishing:
             quiet = yield from stages.run(stages.denoising, self._without_noise())
         yield stages.begin(stages.images)
         if seams:
-            thin = self._job.kept.thin_patches(self._job.compute, self._job.parts)
+            thin = self._job.kept.off_centre_patches(self._job.compute, self._job.parts)
             self._store.hide_seams(thin, self._in_sight(seams.result()))
         images = {name: self._store.final(image) for name, image in quiet.items()}
         left = {name: values for name, values in self._made.items() if name not in quiet}
@@ -78,7 +78,7 @@ class Finishing:
         images = {name: images[name] for name in self._made}
         groups = {name: image for name, image in images.items() if is_of_light_group(name)}
         if groups:
-            images |= summing_up(groups, images["combined"])
+            images |= scale_to_sum(groups, images["combined"])
         yield stages.end()
         return images
 
@@ -92,14 +92,16 @@ class Finishing:
         normals = store.texels(self._job.parts.geometry.normal, lit.normals)
 
         # A second look by few rays tells noise from detail.
-        values, part = yield from part_of(0.0, 0.4, look_twice(self._texels, self._solution))
+        values, part = yield from run_as_fraction(
+            0.0, 0.4, gather_independent_estimate(self._texels, self._solution)
+        )
         seen = {name: store.image(light) for name, light in values.items()}
-        again = SecondLook(seen, store.centres, part) if seen else None
+        again = IndependentEstimate(seen, store.centres, part) if seen else None
 
         # Directional maps are filtered as light, too.
         names = [name for name in shown if is_light(name)]
-        light = {name: shown[name] for name in names} | carried_maps(shown)
-        filtered = yield from part_of(0.4, 1.0, self._denoising.run(light, again))
+        light = {name: shown[name] for name in names} | encode_signed_maps(shown)
+        filtered = yield from run_as_fraction(0.4, 1.0, self._denoising.run(light, again))
         if filtered is light:
             return {}
         quiet = {name: filtered[name] for name in names}
@@ -111,7 +113,7 @@ class Finishing:
             return seams
         store, job = self._store, self._job
         light = store.texels_on_device(*self._light_of_texels())
-        return without_parted(seams, job.parts, job.rays, light, store.known, store.hidden)
+        return drop_blocked_seams(seams, job.parts, job.rays, light, store.known, store.hidden)
 
     def _light_of_texels(self) -> tuple[Values, np.ndarray | None]:
         """Return all light of the patches, (n, 1), and of samples, (s,) or None, sum of the channels."""

@@ -9,13 +9,13 @@ import numpy as np
 
 from ..device.device_array import Values
 from ..patches.sides import both_sides
-from ..plan.receivers import Receivers, last_gather
+from ..plan.receivers import Receivers, make_final_gather
 from ..postprocess.output_maps import light_output
-from ..progress import part_of
+from ..progress import run_as_fraction
 from ..settings import Settings
 from ..solve.solution import Solution
 from ..visibility.sample_counts import ray_count
-from .texel_sample_points import DisplayJob
+from .texel_sample_points import TexelGatherJob
 from .valid_patches import radiance_of
 
 #: Rays of a patch, and those to each light.
@@ -25,8 +25,8 @@ _RAYS, _LIGHT_RAYS = 32, 16
 _OTHER = 0x9E3779B9
 
 
-def look_twice(
-    what: DisplayJob, solution: Solution
+def gather_independent_estimate(
+    what: TexelGatherJob, solution: Solution
 ) -> Generator[float, None, tuple[dict[str, Values], float]]:
     """Return each output that is light anew, (n, 3) float32 by name, and what part of all rays it took.
 
@@ -38,10 +38,10 @@ def look_twice(
         return {}, 0.0
     settings = _few_rays(job.settings)
     lighting = what.lighting.of(job.rays, settings)
-    sampled = yield from part_of(0.0, 0.5, lighting.gather())
-    last, _ = last_gather(what.solved, what.choice, Receivers(job.parts, job.rays, sampled), settings)
+    sampled = yield from run_as_fraction(0.0, 0.5, lighting.gather())
+    last, _ = make_final_gather(what.solved, what.choice, Receivers(job.parts, job.rays, sampled), settings)
     radiance = radiance_of(what.solved, solution.settled, solution.stand_in)
-    yield from part_of(0.5, 1.0, last.gather_from(radiance))
+    yield from run_as_fraction(0.5, 1.0, last.gather_from(radiance))
     rays = ray_count(settings)
     outputs = {name: light_output(name, last) for name in job.settings.light_outputs}
     sides = job.parts.sides

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pyopencl as cl
 
-from ..device.device_array import Values, colors_on_host, some_of
+from ..device.device_array import Values, colors_on_host, values_at
 from ..patches.texels_around import entries_around
 from ..plan.solve_job import SolveJob
-from ..row_ops import any_in_rows, some_rows
+from ..row_ops import any_in_rows, take_rows
 from ..scene.color import channel_sum
 from ..segment_sums import segment_sums
 from ..solve.exitant_radiance import replace_radiance
-from .texel_sample_points import DisplayJob
+from .texel_sample_points import TexelGatherJob
 
 #: Texels between a hidden patch and the visible ones that it may have light from, at most.
 _REACH = 2
@@ -23,7 +23,7 @@ _REACH = 2
 _FAINTEST = 1e-4
 
 
-class HiddenLight:
+class InvalidTexelFill:
     """Gives hidden patches the light of visible patches beside them.
 
     A ray that meets the visible part of a texel whose centre is hidden has to find the light beside the
@@ -34,13 +34,13 @@ class HiddenLight:
     hidden  (n,) bool, patches of the job that nobody sees
     """
 
-    def __init__(self, what: DisplayJob, hidden: np.ndarray) -> None:
+    def __init__(self, what: TexelGatherJob, hidden: np.ndarray) -> None:
         parts, self._hidden, self._solved = what.job.parts, np.flatnonzero(hidden), what.solved
         entries = entries_around(parts.texel_to_patch, parts.patches.key[self._hidden])
 
         # Most are far from what is seen, and stay black.
         self._reached = _within_reach(hidden, self._hidden, entries)
-        reached, beside = self._hidden[self._reached], some_rows(entries, self._reached)
+        reached, beside = self._hidden[self._reached], take_rows(entries, self._reached)
 
         # The others and the patches around them are numbered from 1 on, in the order of all patches.
         near = np.zeros(len(hidden) + 1, bool)
@@ -74,13 +74,14 @@ class HiddenLight:
     def replace(self, radiance: cl.Buffer, settled: Values) -> None:
         """Let hidden patches send out, on the device, what those beside them do.
 
-        radiance  as of `sent_light`, of the patches that send light out, in which that of hidden ones changes
+        radiance  as of `exitant_radiance`, of the patches that send light out, in which that of hidden ones
+                  changes
         settled   (m, 3) float32, their E/pi
         """
         if not len(self._hidden):
             return
         changed, light = self._others(settled)
-        sent = some_rows(self._solved.emission, changed)
+        sent = take_rows(self._solved.emission, changed)
         if self._solved.settings.bounces:
             sent = sent + self._others(self._solved.parts.surfaces.reflectance)[1] * light
         replace_radiance(self._solved.opencl, radiance, changed, sent)
@@ -96,7 +97,7 @@ class HiddenLight:
 
         light: (m, 3 g) float32, of all of them
         """
-        near = some_of(light, self._sender)
+        near = values_at(light, self._sender)
         of_hidden = np.zeros((len(self._hidden), near.shape[1]), np.float32)
         if len(near):
             brightest = float(channel_sum(near).max())
@@ -115,15 +116,15 @@ class HiddenLight:
         for _ in range(_REACH):
             counts = (beside > 0) & known[beside - 1]
             reached = any_in_rows(counts)
-            mine, near = left[reached], some_rows(beside, reached)
-            counts = some_rows(counts, reached).astype(np.float32)
-            sums = np.einsum("hk,hkc->hc", counts, some_rows(light, near - 1))
+            mine, near = left[reached], take_rows(beside, reached)
+            counts = take_rows(counts, reached).astype(np.float32)
+            sums = np.einsum("hk,hkc->hc", counts, take_rows(light, near - 1))
             light[mine] = sums * _darkened(total[near - 1], counts, faintest)[:, None]
             total[mine] = channel_sum(light[mine])
             known[mine] = True
-            left, beside = left[~reached], some_rows(beside, ~reached)
+            left, beside = left[~reached], take_rows(beside, ~reached)
         light[left] = 0
-        return some_rows(light, self._mine)
+        return take_rows(light, self._mine)
 
 
 def _within_reach(hidden: np.ndarray, patches: np.ndarray, entries: np.ndarray) -> np.ndarray:
@@ -165,7 +166,7 @@ class _HiddenGroups:
 
         light: (m, 3 g) float32, of groups; of_hidden: (h, 3 g) float32
         """
-        before, lit = some_of(light, self.changed), any_in_rows(of_hidden)
+        before, lit = values_at(light, self.changed), any_in_rows(of_hidden)
         visible = self._visible * any_in_rows(before)
         count = len(self.changed)
         number = visible + np.bincount(self._group[lit], minlength=count)

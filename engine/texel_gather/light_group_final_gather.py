@@ -10,14 +10,14 @@ import numpy as np
 from ..device.device_array import colors_on_host
 from ..gather.light_group_gather import LightGroupLook
 from ..plan.choose_gather import static_light
-from ..plan.receivers import Receivers, last_gather, looking
+from ..plan.receivers import Receivers, looking, make_final_gather
 from ..plan.solve_job import SolveJob
-from ..plan.solver_choice import Choice
-from ..plan.visibility_trial import make_identity
-from ..progress import part_of
+from ..plan.solver_choice import SolverChoice
+from ..plan.visibility_trial import make_sampler
+from ..progress import run_as_fraction
 from ..settings import Settings
 from ..solve.reflected_radiance import reflected_light
-from ..visibility.sampler import Sampling
+from ..visibility.sampler import SampleLayout
 
 
 def of_all_light(settings: Settings) -> Settings:
@@ -28,7 +28,7 @@ def of_all_light(settings: Settings) -> Settings:
 def gather_light_groups(
     groups: Sequence[SolveJob],
     settled: Sequence[np.ndarray],
-    choice: Choice,
+    choice: SolverChoice,
     receivers: Receivers,
     sampled: np.ndarray,
     settings: Settings,
@@ -57,23 +57,23 @@ def gather_light_groups(
             )
             for number in together
         ]
-        found = yield from part_of(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))
+        found = yield from run_as_fraction(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))
         light[together] += found.transpose(1, 0, 2)
     for count, number in enumerate(apart, bool(together)):
         where = Receivers(receivers.parts, receivers.rays, sampled[number])
-        last, _ = last_gather(groups[number], choice, where, settings)
-        yield from part_of(count / looks, (count + 1) / looks, last.gather(settled[number], stand_in))
+        last, _ = make_final_gather(groups[number], choice, where, settings)
+        yield from run_as_fraction(count / looks, (count + 1) / looks, last.gather(settled[number], stand_in))
         light[number] = last.irradiance
     return light
 
 
 def _look(
-    groups: Sequence[SolveJob], choice: Choice, receivers: Receivers, settings: Settings
+    groups: Sequence[SolveJob], choice: SolverChoice, receivers: Receivers, settings: Settings
 ) -> LightGroupLook:
     """Return what looks for receivers, for groups without emission."""
     jobs = [looking(group, receivers, settings) for group in groups]
-    identity = make_identity(jobs[0], choice.visibility)
-    sampling, first = Sampling.of(identity), jobs[0]
+    identity = make_sampler(jobs[0], choice.visibility)
+    sampling, first = SampleLayout.of(identity), jobs[0]
     fitting = max(settings.batch_bytes // identity.row_bytes, identity.batch)
     static = [static_light(job, sampling) for job in jobs]
     return LightGroupLook(first.opencl, identity, first.count, len(first.emission), static, fitting)

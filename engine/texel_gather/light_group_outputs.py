@@ -8,18 +8,18 @@ import numpy as np
 
 from ..patches.sides import both_sides
 from ..postprocess.outputs import light_group_maps
-from ..progress import part_of
+from ..progress import run_as_fraction
 from ..solve.solution import Solution
-from .light_group_solver import Sources, settled_groups
-from .texel_sample_gather import DisplayLight, light_groups_in_texels
-from .texel_sample_points import DisplayJob
+from .light_group_solver import GroupEmission, solve_light_groups
+from .texel_sample_gather import TexelSampleLight, light_groups_in_texels
+from .texel_sample_points import TexelGatherJob
 
 #: What one map holds: by its name, E/pi of the patches, or of the samples, (n, 3) float32.
 Maps = dict[str, np.ndarray]
 
 
 def light_by_groups(
-    what: DisplayJob, solution: Solution, lit: DisplayLight
+    what: TexelGatherJob, solution: Solution, lit: TexelSampleLight
 ) -> Generator[float, None, tuple[Maps, Maps]]:
     """Return the light of light groups by the names of their maps, of patches and of samples.
 
@@ -30,15 +30,15 @@ def light_by_groups(
     names = light_group_maps(what.scene)
     if what.choice.method == "none":
         return {name: np.zeros((what.job.count, 3), np.float32) for name in names}, {}
-    sampled = yield from part_of(0.0, 0.1, what.lighting.gather_by_group())
+    sampled = yield from run_as_fraction(0.0, 0.1, what.lighting.gather_by_group())
     sampled = np.stack([both_sides(what.job.parts.sides, light) for light in sampled])
     left = map(what.lighting.left_to_hemicubes, range(len(names)))
     sources = [
-        Sources(emission, sky, light, backs)
+        GroupEmission(emission, sky, light, backs)
         for (emission, sky, backs), light in zip(left, sampled, strict=True)
     ]
-    solving = settled_groups(what.job, what.solved, what.choice, solution, sources)
-    groups = yield from part_of(0.1, 0.6, solving)
+    solving = solve_light_groups(what.job, what.solved, what.choice, solution, sources)
+    groups = yield from run_as_fraction(0.1, 0.6, solving)
     patches = {name: group.irradiance for name, group in zip(names, groups, strict=True)}
-    samples = yield from part_of(0.6, 1.0, light_groups_in_texels(what, lit, groups))
+    samples = yield from run_as_fraction(0.6, 1.0, light_groups_in_texels(what, lit, groups))
     return patches, dict(zip(names, samples, strict=False))

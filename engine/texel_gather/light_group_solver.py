@@ -9,20 +9,20 @@ import numpy as np
 
 from ..device.buffers import upload_float4
 from ..device.device_array import colors_on_host
-from ..gather.light_group_gather import TOGETHER, LightGroupSweep
-from ..gather.visibility_cache import KeptSamples
+from ..gather.light_group_gather import TOGETHER, LightGroupGather
+from ..gather.visibility_cache import VisibilityCache
 from ..plan.choose_gather import static_light
 from ..plan.choose_solver import solver_like
 from ..plan.receivers import Receivers
-from ..plan.session_cache import Kept
+from ..plan.session_cache import SessionCache
 from ..plan.solve_job import SolveJob
-from ..plan.solver_choice import Choice
-from ..progress import part_of
+from ..plan.solver_choice import SolverChoice
+from ..progress import run_as_fraction
 from ..scene.color import add_colors
 from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.grouped_solution import GroupedSolution
 from ..solve.interpolated_gather import InterpolatedGather
-from ..solve.radiosity_state import Sums
+from ..solve.radiosity_state import IterationSums
 from ..solve.solution import Solution
 from ..solve.solver import Solver
 from .light_group_final_gather import gather_light_groups, of_all_light
@@ -32,7 +32,7 @@ _DARKEST = 1e-30
 
 
 @dataclass(frozen=True)
-class Sources:
+class GroupEmission:
     """What one light group sends out; see `SolveJob`.
 
     emission       (n, 3) float32
@@ -48,7 +48,7 @@ class Sources:
 
 
 @dataclass(frozen=True)
-class SettledGroup:
+class LightGroupSolution:
     """The light of one light group.
 
     irradiance  (n, 3) float32, E/pi of all patches
@@ -61,9 +61,9 @@ class SettledGroup:
     solved: SolveJob
 
 
-def settled_groups(
-    job: SolveJob, solved: SolveJob, choice: Choice, solution: Solution, groups: Sequence[Sources]
-) -> Generator[float, None, list[SettledGroup]]:
+def solve_light_groups(
+    job: SolveJob, solved: SolveJob, choice: SolverChoice, solution: Solution, groups: Sequence[GroupEmission]
+) -> Generator[float, None, list[LightGroupSolution]]:
     """Return the light of each light group; yield the fraction done.
 
     job       the patches of all texels, and all light
@@ -72,17 +72,17 @@ def settled_groups(
     """
     job, solved = (replace(one, settings=of_all_light(one.settings)) for one in (job, solved))
     parts = [_part_of(job, solved, solution, sources) for sources in groups]
-    gathered = yield from part_of(0.0, 0.5, _gathered(solved, choice, parts, solution.stand_in))
+    gathered = yield from run_as_fraction(0.0, 0.5, _gathered(solved, choice, parts, solution.stand_in))
     settled = [light[:, :3] for light in gathered]
     of_patches: Sequence[np.ndarray] | np.ndarray = settled
     if isinstance(solution, GroupedSolution):
         sampled = np.stack([sources.sampled_light for sources in groups])
         gathering = _of_patches(job, parts, choice, solution, gathered, sampled)
-        of_patches = yield from part_of(0.5, 1.0, gathering)
-    return [SettledGroup(*each) for each in zip(of_patches, settled, parts, strict=True)]
+        of_patches = yield from run_as_fraction(0.5, 1.0, gathering)
+    return [LightGroupSolution(*each) for each in zip(of_patches, settled, parts, strict=True)]
 
 
-def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sources) -> SolveJob:
+def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: GroupEmission) -> SolveJob:
     """Return what is to be solved of a light group."""
     if not isinstance(solution, GroupedSolution):
         return replace(job, **vars(sources), part_of=job, indirect=None, direct=None, front=None)
@@ -103,7 +103,7 @@ def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Sourc
 def _of_patches(
     job: SolveJob,
     parts: Sequence[SolveJob],
-    choice: Choice,
+    choice: SolverChoice,
     solution: GroupedSolution,
     gathered: Sequence[np.ndarray],
     sampled: np.ndarray,
@@ -134,7 +134,7 @@ def _of_patches(
 
 
 def _gathered(
-    solved: SolveJob, choice: Choice, parts: Sequence[SolveJob], stand_in: np.ndarray | None
+    solved: SolveJob, choice: SolverChoice, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
     """Return what every part gathers once its light has settled, (m, 4) float32; yield the fraction done.
 
@@ -151,29 +151,29 @@ def _gathered(
             solving = _solved_alone(some[0], choice, stand_in)
         else:
             solving = _solved_together(kept, some, stand_in)
-        found = yield from part_of(count / len(runs), (count + 1) / len(runs), solving)
+        found = yield from run_as_fraction(count / len(runs), (count + 1) / len(runs), solving)
         for number, light in zip(run, found, strict=True):
             gathered[number] = light
     return gathered
 
 
-def _common_samples(solved: SolveJob) -> KeptSamples | None:
+def _common_samples(solved: SolveJob) -> VisibilityCache | None:
     """Return what was kept of what patches see, if it holds for every part: no back that is seen shines."""
     kept = solved.kept.samples
     return None if kept is None or not kept.complete or kept.has_light_of_backs else kept
 
 
 def _solved_alone(
-    part: SolveJob, choice: Choice, stand_in: np.ndarray | None
+    part: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
     """Return what a part gathers, found anew what patches see; yield the fraction done."""
-    solver = solver_like(replace(part, kept=Kept()), choice, stand_in)
+    solver = solver_like(replace(part, kept=SessionCache()), choice, stand_in)
     yield from _settle(solver)
     return [solver.gathered]
 
 
 def _solved_together(
-    kept: KeptSamples, parts: Sequence[SolveJob], stand_in: np.ndarray | None
+    kept: VisibilityCache, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
     """Return what several parts gather, over rows that were kept; yield the fraction done.
 
@@ -189,7 +189,7 @@ def _solved_together(
         )
         for part, scale in zip(parts, scales, strict=True)
     ]
-    sweep = LightGroupSweep(job.opencl, kept, [static_light(part, kept.sampling) for part in bright])
+    sweep = LightGroupGather(job.opencl, kept, [static_light(part, kept.sampling) for part in bright])
     sampled, sides = _beside(part.sampled_light for part in bright), job.parts.sides
     radiosity = _Radiosity(
         job.opencl,
@@ -215,7 +215,7 @@ def _solved_together(
 class _Radiosity(DeviceRadiosity):
     """Light groups have no ambient light in common: what is mixed of one adds nothing to another."""
 
-    def sums(self, newest: int, least: float) -> Sums:
+    def sums(self, newest: int, least: float) -> IterationSums:
         """Return the sums after a sweep but for what is reflected."""
         sums = super().sums(newest, least)
         return replace(sums, reflected=np.zeros_like(sums.reflected))

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pyopencl as cl
 
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, channel_sums
-from ..direct.contact import NearFaces
-from ..gather.half_radiance import HalfLight
+from ..direct.contact import Contacts
+from ..gather.half_radiance import HalfRadiance
 from ..patches.sides import both_sides
-from ..plan.gathered_samples import LitSamples
-from ..plan.receivers import Receivers, last_gather
+from ..plan.gathered_samples import GatheredSamples
+from ..plan.receivers import Receivers, make_final_gather
 from ..plan.solve_job import SolveJob
-from ..plan.solver_choice import Choice
+from ..plan.solver_choice import SolverChoice
 from ..postprocess.blended_light import BlendedLight
 from ..postprocess.device_images import DeviceTexels
 from ..postprocess.irradiance_edges import PatchLight
@@ -25,25 +25,25 @@ from ..postprocess.output_maps import Outputs
 from ..postprocess.push_off import joined_ways
 from ..postprocess.texel_means import TexelMeans
 from ..postprocess.texel_samples import (
-    DisplaySamples,
+    TexelSamples,
     display_samples,
     joined_samples,
     no_samples,
 )
-from ..postprocess.thin_wall_fit import WallFit
-from ..postprocess.thin_walls import in_thin_walls, note_thin_walls
-from ..progress import part_of
+from ..postprocess.thin_wall_fit import ThinWallFit
+from ..postprocess.thin_walls import in_thin_walls, warn_thin_walls
+from ..progress import run_as_fraction
 from ..row_ops import joined_rows
 from ..scene.color import channel_sum
 from ..settings import Settings
 from ..solve.solution import Solution
 from ..sorted_runs import run_starts
-from ..validity.invalid import is_hidden
+from ..validity.invalid import is_invalid
 from ..visibility.sample_counts import ray_count
-from .invalid_texel_fill import HiddenLight
+from .invalid_texel_fill import InvalidTexelFill
 from .light_group_final_gather import gather_light_groups, of_all_light
-from .light_group_solver import SettledGroup
-from .texel_sample_points import DisplayJob, DisplayPoints, with_other_sides
+from .light_group_solver import LightGroupSolution
+from .texel_sample_points import TexelGatherJob, TexelSamplePoints, with_other_sides
 from .valid_patches import invalid_patches, lit_backs_of, radiance_of
 
 #: Least rays of a sample, and to each light.
@@ -54,7 +54,7 @@ _BATCH = 1 << 19
 
 
 @dataclass(frozen=True)
-class DisplayLight:
+class TexelSampleLight:
     """What display samples receive.
 
     visible  (s,) bool, samples that somebody sees
@@ -69,7 +69,7 @@ class DisplayLight:
     warnings  sentences for the user
     """
 
-    samples: DisplaySamples
+    samples: TexelSamples
     visible: np.ndarray
     normals: np.ndarray
     light: np.ndarray
@@ -81,20 +81,22 @@ class DisplayLight:
     reasons: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
-    def means(self, compute: Compute, shape: tuple[int, ...]) -> TexelMeans:
+    def means(self, compute: ComputeDevice, shape: tuple[int, ...]) -> TexelMeans:
         """Return what texels of lightmaps, (atlases, r, r), show of the samples; there is one at least."""
         return TexelMeans(compute, self.samples, self.visible, shape)
 
-    def beside_walls(self, compute: Compute, shown: DeviceTexels, known: np.ndarray) -> WallFit | None:
-        """Return what texels beside thin walls show; None where there are none. See `WallFit`."""
+    def beside_walls(
+        self, compute: ComputeDevice, shown: DeviceTexels, known: np.ndarray
+    ) -> ThinWallFit | None:
+        """Return what texels beside thin walls show; None where there are none. See `ThinWallFit`."""
         if not len(self.inside):
             return None
-        return WallFit(compute, self.samples, self.visible, self.light, self.inside, shown, known)
+        return ThinWallFit(compute, self.samples, self.visible, self.light, self.inside, shown, known)
 
 
-def light_in_texels(
-    what: DisplayJob, atlases: int, near: NearFaces, solution: Solution, front: np.ndarray
-) -> Generator[float, None, DisplayLight]:
+def gather_texel_samples(
+    what: TexelGatherJob, atlases: int, near: Contacts, solution: Solution, front: np.ndarray
+) -> Generator[float, None, TexelSampleLight]:
     """Return the light at the display samples of a solution; yield the fraction done.
 
     atlases: lightmaps of the user's; near: of the patches; front: from `valid_front`
@@ -114,19 +116,19 @@ def light_in_texels(
     if what.job.parts.sides is not None:
         # Other processes do not hold what both sides of a surface weigh.
         what, remote = replace(what, solved=replace(what.solved, remote=None)), None
-    HiddenLight(what, known.hidden).replace(radiance, solution.settled)
+    InvalidTexelFill(what, known.hidden).replace(radiance, solution.settled)
     if remote is not None:
-        sent = HalfLight.of(compute, radiance, what.solved.count)
-        lit = yield from remote.light_at(samples, sent, what.choice, settings)
+        sent = HalfRadiance.of(compute, radiance, what.solved.count)
+        lit = yield from remote.gather_at(samples, sent, what.choice, settings)
     else:
         lit = []
         for batch, done in _batches(samples):
-            lit.append((yield from part_of(*done, light_at(what, radiance, batch, settings))))
+            lit.append((yield from run_as_fraction(*done, gather_at(what, radiance, batch, settings))))
     return _joined(what, lit, known, count)
 
 
 def light_groups_in_texels(
-    what: DisplayJob, lit: DisplayLight, groups: list[SettledGroup]
+    what: TexelGatherJob, lit: TexelSampleLight, groups: list[LightGroupSolution]
 ) -> Generator[float, None, list[np.ndarray]]:
     """Return E/pi of light groups at the samples of all light, (s, 3) float32 each.
 
@@ -136,34 +138,34 @@ def light_groups_in_texels(
         return []
     settings = of_all_light(_settings_of_samples(what.job.settings, lit.count))
     side_by_side = np.concatenate([group.settled for group in groups], axis=1)
-    hidden = HiddenLight(what, lit.hidden)
+    hidden = InvalidTexelFill(what, lit.hidden)
     seen = hidden.seen(side_by_side).reshape(len(side_by_side), len(groups), 3)
     solved = [hidden.on_surfaces(group.solved) for group in groups]
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
         both, sides = with_other_sides(batch, what.job.parts)
-        points = DisplayPoints(what, both, settings)
-        found = yield from part_of(*done, _gather_groups(what, solved, seen, points))
+        points = TexelSamplePoints(what, both, settings)
+        found = yield from run_as_fraction(*done, _gather_groups(what, solved, seen, points))
         light.append(np.stack([both_sides(sides, group)[: len(batch)] for group in found]))
     return list(np.concatenate(light, axis=1))
 
 
 def _gather_groups(
-    what: DisplayJob, solved: list[SolveJob], seen: np.ndarray, points: DisplayPoints
+    what: TexelGatherJob, solved: list[SolveJob], seen: np.ndarray, points: TexelSamplePoints
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups at points of texels, (g, s, 3) float32, from that of patches, (m, g, 3).
 
     solved: of each group, with surfaces as they are seen
     """
     lighting = what.lighting.of(points.rays, points.settings)
-    sampled = yield from part_of(0.0, 0.3, lighting.gather_by_group())
+    sampled = yield from run_as_fraction(0.0, 0.3, lighting.gather_by_group())
     settled = list(seen.transpose(1, 0, 2))
     receivers = Receivers(points.parts, points.rays, sampled[0])
     gathering = gather_light_groups(solved, settled, what.choice, receivers, sampled, points.settings)
-    return (yield from part_of(0.3, 1.0, gathering))
+    return (yield from run_as_fraction(0.3, 1.0, gathering))
 
 
-def _batches(samples: DisplaySamples) -> Iterator[tuple[DisplaySamples, tuple[float, float]]]:
+def _batches(samples: TexelSamples) -> Iterator[tuple[TexelSamples, tuple[float, float]]]:
     """Yield samples that gather together, and which fraction of all is before them and after them."""
     if len(samples) <= _BATCH:
         yield samples, (0.0, 1.0)
@@ -173,51 +175,53 @@ def _batches(samples: DisplaySamples) -> Iterator[tuple[DisplaySamples, tuple[fl
         yield samples.part(slice(first, last)), (first / len(samples), last / len(samples))
 
 
-def _why_centres_only(job: SolveJob, choice: Choice) -> str:
+def _why_centres_only(job: SolveJob, choice: SolverChoice) -> str:
     """Return why every texel shows the light at its centre alone, empty if some show it at more points."""
     if choice.method == "paper":
         return "Every texel shows the light at its centre, as the paper's method has it."
     return "" if job.compute else "Every texel shows the light at its centre: there is no OpenCL."
 
 
-def _nothing(*reasons: str) -> DisplayLight:
+def _nothing(*reasons: str) -> TexelSampleLight:
     """Return the light of no samples, and why there are none."""
     nothing = np.zeros(0, np.float32)
     normals, inside = np.zeros((0, 3), np.float32), nothing.astype(np.int64)
     found = no_samples(), nothing > 0, normals, nothing, nothing, inside
-    return DisplayLight(*found, {}, nothing > 0, 1, reasons)
+    return TexelSampleLight(*found, {}, nothing > 0, 1, reasons)
 
 
-def light_at(
-    what: DisplayJob, radiance: cl.Buffer, samples: DisplaySamples, settings: Settings
-) -> Generator[float, None, LitSamples]:
+def gather_at(
+    what: TexelGatherJob, radiance: cl.Buffer, samples: TexelSamples, settings: Settings
+) -> Generator[float, None, GatheredSamples]:
     """Return the light at points of texels; yield the fraction done.
 
     radiance: on the device, float4 of each patch that sends light out, between two black entries
     """
     count = len(samples)
     samples, sides = with_other_sides(samples, what.job.parts)
-    points = DisplayPoints(what, samples, settings)
+    points = TexelSamplePoints(what, samples, settings)
     ways = points.push_out(what.lighting.lit_by_backs(points.rays), lit_backs_of(what, radiance))
     yield 0.1
 
     # Direct light, then all other light from what the patches send out.
     lighting = what.lighting.of(points.rays, settings)
-    sampled = yield from part_of(0.1, 0.3, lighting.gather())
+    sampled = yield from run_as_fraction(0.1, 0.3, lighting.gather())
     receivers = Receivers(points.parts, points.rays, sampled)
-    last, _ = last_gather(what.solved, what.choice, receivers, settings)
-    yield from part_of(0.3, 0.8, last.gather_from(radiance))
+    last, _ = make_final_gather(what.solved, what.choice, receivers, settings)
+    yield from run_as_fraction(0.3, 0.8, last.gather_from(radiance))
     outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
     received = last if sides is None else BlendedLight(last, sides)
-    made = yield from part_of(0.8, 1.0, outputs.make(received, geometry))
+    made = yield from run_as_fraction(0.8, 1.0, outputs.make(received, geometry))
     values = {name: np.asarray(light) for name, light in made.items()}
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
-    visible = ~(is_hidden(last.gathered[:, 3], lighting.near_faces()) | ways.inside)
-    lit = LitSamples(points.samples, ways, visible, normals, received.irradiance, values)
+    visible = ~(is_invalid(last.gathered[:, 3], lighting.contacts()) | ways.inside)
+    lit = GatheredSamples(points.samples, ways, visible, normals, received.irradiance, values)
     return lit if sides is None else lit.part(slice(count))
 
 
-def _joined(what: DisplayJob, lit: list[LitSamples], known: PatchLight, count: int) -> DisplayLight:
+def _joined(
+    what: TexelGatherJob, lit: list[GatheredSamples], known: PatchLight, count: int
+) -> TexelSampleLight:
     """Return the light of all batches, and what the report says of it."""
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
@@ -233,9 +237,9 @@ def _joined(what: DisplayJob, lit: list[LitSamples], known: PatchLight, count: i
     )
     light = channel_sum(irradiance)
     inside = in_thin_walls(parts, samples, ways, visible, light)
-    warnings = note_thin_walls(what.scene, parts, samples, ways, inside)
+    warnings = warn_thin_walls(what.scene, parts, samples, ways, inside)
     found = samples, visible, normals, light, known.light, inside, values
-    return DisplayLight(*found, known.hidden, count, (reason,), tuple(warnings))
+    return TexelSampleLight(*found, known.hidden, count, (reason,), tuple(warnings))
 
 
 def _settings_of_samples(settings: Settings, count: int) -> Settings:

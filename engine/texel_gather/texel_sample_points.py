@@ -11,13 +11,13 @@ import pyopencl as cl
 from ..direct.lighting import DirectLighting
 from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList
-from ..patches.patch_scene import Subdivision
+from ..patches.patch_scene import PatchScene
 from ..patches.sides import Sides, own_sides
 from ..plan.solve_job import SolveJob
-from ..plan.solver_choice import Choice
-from ..postprocess.push_off import WaysOut, pushed_barycentrics, ways_out
-from ..postprocess.texel_samples import DisplaySamples, joined_samples, on_lightmap
-from ..row_ops import any_in_rows, some_rows
+from ..plan.solver_choice import SolverChoice
+from ..postprocess.push_off import PushOffs, push_off_points, pushed_barycentrics
+from ..postprocess.texel_samples import TexelSamples, joined_samples, on_lightmap
+from ..row_ops import any_in_rows, take_rows
 from ..scene.model import Scene
 from ..settings import Settings
 
@@ -26,7 +26,7 @@ _PUSHED = 1e-3
 
 
 @dataclass(frozen=True)
-class DisplayJob:
+class TexelGatherJob:
     """What light in texels is gathered for.
 
     job      the patches of all texels
@@ -36,7 +36,7 @@ class DisplayJob:
     scene: Scene
     job: SolveJob
     solved: SolveJob
-    choice: Choice
+    choice: SolverChoice
     lighting: DirectLighting
     _steps: dict[float, TexelSteps] = field(default_factory=dict)
 
@@ -47,7 +47,7 @@ class DisplayJob:
         return self._steps[side]
 
 
-def with_other_sides(samples: DisplaySamples, parts: Subdivision) -> tuple[DisplaySamples, Sides | None]:
+def with_other_sides(samples: TexelSamples, parts: PatchScene) -> tuple[TexelSamples, Sides | None]:
     """Return samples followed by points on the other sides of those on translucent surfaces, and the pairs.
 
     None if there are none. parts: the patches that the samples' texels belong to
@@ -69,15 +69,15 @@ def with_other_sides(samples: DisplaySamples, parts: Subdivision) -> tuple[Displ
     return joined_samples([samples, others]), Sides(pairs, np.repeat(own[chosen, None], 2, axis=1))
 
 
-class DisplayPoints:
+class TexelSamplePoints:
     """Display samples as patches that gather.
 
     settings  by which they do; each is one of `texel_samples` of its texel
-    parts     as a Subdivision
+    parts     as a PatchScene
     rays      casts rays from them
     """
 
-    def __init__(self, what: DisplayJob, samples: DisplaySamples, settings: Settings) -> None:
+    def __init__(self, what: TexelGatherJob, samples: TexelSamples, settings: Settings) -> None:
         self._job, self.settings = what.job, settings
 
         # A sample stands for a part of its texel.
@@ -85,7 +85,7 @@ class DisplayPoints:
         self._steps = what.steps(self._side)
         self._place(samples)
 
-    def _place(self, samples: DisplaySamples) -> None:
+    def _place(self, samples: TexelSamples) -> None:
         parts = self._job.parts
         geometry = PatchGeometry(parts.triangles, self._steps, samples.triangle, samples.barycentric)
         patches = PatchList(
@@ -94,17 +94,17 @@ class DisplayPoints:
         self.samples, self.parts = samples, parts.seen_from(patches, geometry)
         self.rays = self._job.rays.of(self.parts)
 
-    def push_out(self, lit: np.ndarray, lit_backs: cl.Buffer | None) -> WaysOut:
+    def push_out(self, lit: np.ndarray, lit_backs: cl.Buffer | None) -> PushOffs:
         """Move samples that are inside of something to just outside of it; return the ways.
 
         Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are;
         lit_backs: see `validity.lit_backs`
         """
         samples, parts = self.samples, self.parts
-        ways = ways_out(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
+        ways = push_off_points(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
         ways = ways.without(lit)
         inside = np.flatnonzero(ways.inside)
-        inside = inside[any_in_rows(some_rows(ways.offset, inside))]
+        inside = inside[any_in_rows(take_rows(ways.offset, inside))]
         if not len(inside):
             return ways
         moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])

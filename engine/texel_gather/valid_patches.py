@@ -7,34 +7,34 @@ import pyopencl as cl
 
 from ..device.buffers import upload_float4
 from ..device.device_array import Values
-from ..direct.contact import NearFaces
+from ..direct.contact import Contacts
 from ..plan.solve_job import SolveJob
-from ..postprocess.push_off import ways_out
-from ..solve.exitant_radiance import sent_light
+from ..postprocess.push_off import push_off_points
+from ..solve.exitant_radiance import exitant_radiance
 from ..solve.solution import Solution
-from ..validity.invalid import is_doubtful, is_hidden
+from ..validity.invalid import is_doubtful, is_invalid
 from ..validity.lit_backs import lit_backs
-from .texel_sample_points import DisplayJob
+from .texel_sample_points import TexelGatherJob
 
 
 def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None = None) -> cl.Buffer:
-    """Return the radiance of patches of E/pi (m, 3) on the device; see `FinalGather.gather_from`.
+    """Return the radiance of patches of E/pi (m, 3) on the device; see `GatherPass.gather_from`.
 
-    stand_in: (m,) int64, see `sent_light`
+    stand_in: (m,) int64, see `exitant_radiance`
     """
     if not solved.settings.bounces:
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
     reflectance = solved.parts.surfaces.reflectance
-    return sent_light(solved.opencl, solved.emission, reflectance, settled, stand_in)
+    return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, stand_in)
 
 
-def lit_backs_of(what: DisplayJob, radiance: cl.Buffer) -> cl.Buffer | None:
+def lit_backs_of(what: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
     """Return which triangles have a back face that sends out light; see `validity.lit_backs`."""
     solved = what.solved
     return lit_backs(solved.opencl, solved.parts, radiance, len(solved.emission))
 
 
-def valid_front(what: DisplayJob, atlases: int, near: NearFaces, solution: Solution) -> np.ndarray:
+def valid_front(what: TexelGatherJob, atlases: int, near: Contacts, solution: Solution) -> np.ndarray:
     """Return the fraction of each patch's view that no back face takes, (n,) float32; 0 for those inside.
 
     Back faces with patches of their own do not count in it: it is 0 for patches that probes find among dark
@@ -47,19 +47,19 @@ def valid_front(what: DisplayJob, atlases: int, near: NearFaces, solution: Solut
         return front
     lit = lit_backs_of(what, radiance_of(what.solved, solution.settled))
     shown = np.arange(job.parts.patches.count_in(atlases))
-    unsure = shown[~(is_hidden(front, near) | near.shine)[shown]]
+    unsure = shown[~(is_invalid(front, near) | near.shine)[shown]]
     front = front.copy()
     front[unsure[_inside(what, unsure, lit)]] = 0
     return front
 
 
-def invalid_patches(what: DisplayJob, front: np.ndarray, near: NearFaces) -> np.ndarray:
+def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> np.ndarray:
     """Return which patches nobody sees, (n,) bool.
 
     Those inside of something may see the front of what ends there, as a wall's inside that of a ceiling.
     front: (n,) float32, from `valid_front`
     """
-    hidden = is_hidden(front, near)
+    hidden = is_invalid(front, near)
     if what.job.parts.triangles.backs is None:
         unsure = np.flatnonzero(is_doubtful(front))
         unsure = unsure[~(hidden[unsure] | near.shine[unsure])]
@@ -67,11 +67,11 @@ def invalid_patches(what: DisplayJob, front: np.ndarray, near: NearFaces) -> np.
     return hidden
 
 
-def _inside(what: DisplayJob, patches: np.ndarray, lit: cl.Buffer | None) -> np.ndarray:
+def _inside(what: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | None) -> np.ndarray:
     """Return which of some patches, (k,) int64, probes find inside of something, (k,) bool."""
     if not len(patches):
         return np.zeros(0, bool)
     parts = what.job.parts
     points = what.job.rays.of(parts.part(patches))
-    ways = ways_out(points, len(patches), 1.0, parts.geometry.steps.geometric, lit)
+    ways = push_off_points(points, len(patches), 1.0, parts.geometry.steps.geometric, lit)
     return ways.without(what.lighting.lit_by_backs(points)).inside

@@ -16,7 +16,7 @@ _FIRST_ROWS = 256
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class ChartBitmap:
     """The texels of a chart, in a box of its size. Charts with the same texels should share theirs.
 
     spans  row, first column and length of its runs of texels; the first column of all is 0
@@ -30,7 +30,7 @@ class Shape:
     def tests(self) -> list[tuple[int, int, int, int]]:
         """The longest span, then all in leaps, as row, first column, level and rest of its length.
 
-        `level` and `rest` are those of `Page`. Neighbouring rows mostly fit together, or do not.
+        `level` and `rest` are those of `AtlasBitmap`. Neighbouring rows mostly fit together, or do not.
         """
         longest = max(self.spans, key=lambda span: span[2])
         count = len(self.spans)
@@ -66,7 +66,7 @@ class Shape:
 
 
 @dataclass
-class Page:
+class AtlasBitmap:
     """A page of some width that is as high as it has to be.
 
     Level k of a row has a bit for each column at which 2^k texels in a row are free. So a run of n texels,
@@ -81,8 +81,8 @@ class Page:
     height: int = 0
     _levels: list[list[int]] = field(default_factory=list, repr=False)
     _runs: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32), repr=False)
-    _starts: dict[Shape, int] = field(default_factory=dict, repr=False)
-    _near: dict[Shape, list[int]] = field(default_factory=dict, repr=False)
+    _starts: dict[ChartBitmap, int] = field(default_factory=dict, repr=False)
+    _near: dict[ChartBitmap, list[int]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         free, self._fresh = (1 << self.width) - 1, []
@@ -91,7 +91,7 @@ class Page:
             free &= free >> (1 << level)
         self._levels = [[] for _ in self._fresh]
 
-    def find(self, shape: Shape) -> tuple[int, int]:
+    def find(self, shape: ChartBitmap) -> tuple[int, int]:
         """Return column and row of the lowest free place for a shape, of these the leftmost."""
         spans = shape.tests
         start = self._starts.get(shape, 0)
@@ -104,7 +104,7 @@ class Page:
             start = max(start, len(self._levels[0]) - shape.height + 1)
             self._grow(start + shape.height)
 
-    def _rows_with_room(self, shape: Shape, start: int) -> Iterator[int]:
+    def _rows_with_room(self, shape: ChartBitmap, start: int) -> Iterator[int]:
         """Yield the rows from `start` on at which a shape may begin: free runs are as long as its spans."""
         end, count = len(self._levels[0]) - shape.height + 1, _FIRST_ROWS
         while start < end:
@@ -112,7 +112,7 @@ class Page:
             yield from self._rows_among(shape, start, count)
             start, count = start + count, 2 * count
 
-    def _rows_among(self, shape: Shape, start: int, count: int) -> list[int]:
+    def _rows_among(self, shape: ChartBitmap, start: int, count: int) -> list[int]:
         """Return which of `count` rows have room for a shape."""
         runs = self._runs[start : start + count + shape.height]
         room = np.ones(count, bool)
@@ -136,7 +136,7 @@ class Page:
                 break
         return columns
 
-    def put(self, shape: Shape, column: int, row: int) -> None:
+    def put(self, shape: ChartBitmap, column: int, row: int) -> None:
         """Take the texels of a shape, and those that are too near to it."""
         self.height = max(self.height, row + shape.height)
         self._grow(row + shape.height + self.padding)
@@ -146,7 +146,7 @@ class Page:
             if place >= 0:
                 self._take(place, near << column >> self.padding)
 
-    def _near_texels(self, shape: Shape) -> list[int]:
+    def _near_texels(self, shape: ChartBitmap) -> list[int]:
         """Return the texels that are too near to a shape, of its rows and `padding` more on both sides.
 
         Bit k is column k - `padding`.

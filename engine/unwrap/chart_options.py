@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Cutting:
+class ChartOptions:
     """What a chart may be like; but for the first, what xatlas weighs where surfaces bend.
 
     crease        angle between the normals of faces from which on an edge parts smooth surfaces, radians
@@ -29,4 +29,4 @@ class Cutting:
 
 
 #: What suits most meshes.
-USUAL = Cutting()
+USUAL = ChartOptions()

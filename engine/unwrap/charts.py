@@ -11,14 +11,14 @@ from collections.abc import Callable
 import numpy as np
 
 from ..scene.degenerate import is_collapsed
-from .coincident_faces import sheets
-from .polygon_mesh import Charts, PolygonMesh, areas, signed_areas
+from .coincident_faces import coincident_groups
+from .polygon_mesh import MeshCharts, PolygonMesh, areas, signed_areas
 
 #: Part of its area that a polygon keeps in the plane, unless it is folded.
 _LEAST_FLAT = 0.01
 
 
-def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts:
+def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCharts:
     """Return a mesh's charts such that every loop has one UV.
 
     uvs    (t, 3, 2) float64 metres, of each triangle corner
@@ -47,7 +47,7 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> Charts
         loop_uvs[corners] = flatten(mesh.positions[mesh.corners[corners]], local)
         chart[of_polygon] = unused + number[:, None]
     chart[empty[mesh.polygon]] = -1
-    return Charts(loop_uvs, chart)
+    return MeshCharts(loop_uvs, chart)
 
 
 def _empty_polygons(mesh: PolygonMesh) -> np.ndarray:
@@ -74,7 +74,7 @@ def _doubled_polygons(mesh: PolygonMesh, chart: np.ndarray) -> np.ndarray:
     """Return the polygons that lie on an earlier one of their chart."""
     of_polygon = np.full(len(mesh.starts) - 1, -1)
     of_polygon[mesh.polygon] = chart
-    _, first = np.unique(np.stack([sheets(mesh), of_polygon]), axis=1, return_index=True)
+    _, first = np.unique(np.stack([coincident_groups(mesh), of_polygon]), axis=1, return_index=True)
     return np.setdiff1d(np.arange(len(of_polygon)), first)
 
 

@@ -13,7 +13,7 @@ from .polygon_mesh import PolygonMesh
 _STEPS = 1 << 18
 
 
-def sheets(mesh: PolygonMesh) -> np.ndarray:
+def coincident_groups(mesh: PolygonMesh) -> np.ndarray:
     """Return a number for each polygon, (p,) int64: the same for those that have the same corners."""
     corners = mesh.positions[mesh.corners]
     size = np.ptp(mesh.positions, axis=0).max()
@@ -29,7 +29,7 @@ def sheets(mesh: PolygonMesh) -> np.ndarray:
 def make_layers(sheet: np.ndarray, part: np.ndarray) -> np.ndarray:
     """Return a layer for each polygon, (p,) int64 from 0: no two of a sheet have the same but by chance.
 
-    sheet  (p,) int64, see `sheets`
+    sheet  (p,) int64, see `coincident_groups`
     part   (p,) int64, the smooth part of the surface that each polygon belongs to: large ones come first,
            and each stays in one layer unless it lies on itself
     """

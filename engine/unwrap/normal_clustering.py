@@ -24,7 +24,7 @@ _FAR = np.cos(np.radians(55))
 _ROUNDS, _SMOOTHING = 4, 6
 
 
-def split_by_facing(
+def split_by_normal(
     normals: np.ndarray, adjacency: Adjacency, smooth: np.ndarray, part: np.ndarray, bent: np.ndarray
 ) -> np.ndarray:
     """Return the part of each polygon, (p,) int64, with those that are large and bent in pieces.

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..progress import finished
 from .alignment import Alignment
-from .atlas_bitmap import Page, Shape
-from .polygon_mesh import Charts, PolygonMesh
+from .atlas_bitmap import AtlasBitmap, ChartBitmap
+from .polygon_mesh import MeshCharts, PolygonMesh
 from .quarter_turns import may_be_turned, turned_points
 from .row_spans import border_spans
-from .unplaced_charts import Loose, loosen
+from .unplaced_charts import UnplacedCharts, orient_charts
 
 #: Least distance of two charts, texels: bilinear filtering reads one beyond each.
 PADDING = 2
@@ -47,7 +47,7 @@ _CAUTION = 0.99
 
 def pack_charts(
     meshes: Sequence[PolygonMesh],
-    charts: Sequence[Charts],
+    charts: Sequence[MeshCharts],
     resolution: int,
     padding: int = PADDING,
     align: bool = True,
@@ -70,9 +70,11 @@ def pack_charts(
     return np.split(uvs, np.cumsum([len(mesh.corners) for mesh in meshes])[:-1])
 
 
-def _loosened(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> Generator[float, None, Loose]:
+def _loosened(
+    meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]
+) -> Generator[float, None, UnplacedCharts]:
     """Return the charts of all meshes, lying; yield the part of packing that this is."""
-    work = loosen(meshes, charts)
+    work = orient_charts(meshes, charts)
     for done in range(len(meshes)):
         next(work)
         yield _LOOSENING * (done + 1) / len(meshes)
@@ -80,7 +82,7 @@ def _loosened(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> Genera
 
 
 def _largest(
-    loose: Loose, width: int, padding: int, align: bool
+    loose: UnplacedCharts, width: int, padding: int, align: bool
 ) -> Generator[float, None, np.ndarray | None]:
     """Return where the loops are, (l, 2) texels, at the largest scale at which the charts fit a square."""
     least = np.sqrt(_LEAST_CHART * len(loose.size) / loose.area.sum())
@@ -109,18 +111,18 @@ def _largest(
     return best
 
 
-def _boxes(loose: Loose, scale: float) -> np.ndarray:
+def _boxes(loose: UnplacedCharts, scale: float) -> np.ndarray:
     """Return columns and rows of each chart, (c, 2) int64: each has at least one."""
     return np.maximum(np.round(loose.size * scale), 1).astype(np.int64)
 
 
-def _taken(loose: Loose, boxes: np.ndarray, padding: int) -> np.ndarray:
+def _taken(loose: UnplacedCharts, boxes: np.ndarray, padding: int) -> np.ndarray:
     """Return about how many texels each chart takes with half of the gaps around it, (c,)."""
     full = np.clip(loose.area / np.maximum(loose.size.prod(axis=1), 1e-300), 0, 1)
     return full * boxes.prod(axis=1) + padding * boxes.sum(axis=1) + padding**2
 
 
-def _scale_that_covers(loose: Loose, texels: float, high: float, padding: int) -> float:
+def _scale_that_covers(loose: UnplacedCharts, texels: float, high: float, padding: int) -> float:
     """Return the largest scale up to `high` at which charts take no more texels than given; 0 without."""
     if _taken(loose, _boxes(loose, high), padding).sum() <= texels:
         return high
@@ -140,12 +142,12 @@ class _Packed:
 
 
 def _pack_at(
-    loose: Loose, scale: float, width: int, padding: int, align: bool, attempt: int
+    loose: UnplacedCharts, scale: float, width: int, padding: int, align: bool, attempt: int
 ) -> Generator[float, None, _Packed]:
     """Pack at a scale, until a chart reaches out of the page."""
     boxes = np.minimum(_boxes(loose, scale), [width, np.iinfo(np.int64).max])
     laid = _Laid(loose, boxes, align)
-    page, corner = Page(width, padding), np.zeros((len(boxes), 2))
+    page, corner = AtlasBitmap(width, padding), np.zeros((len(boxes), 2))
     turns = np.zeros(len(boxes), np.int64)
     order = np.lexsort((-boxes[:, 0], -boxes[:, 1]))
     taken, room = _taken(loose, boxes, padding), 0.0
@@ -175,9 +177,9 @@ def _part_done(attempt: int, fraction: float) -> float:
 class _Laid:
     """Charts at a scale, without places."""
 
-    def __init__(self, loose: Loose, boxes: np.ndarray, align: bool) -> None:
+    def __init__(self, loose: UnplacedCharts, boxes: np.ndarray, align: bool) -> None:
         self._loose, self._boxes = loose, boxes
-        self._known: dict[tuple, Shape] = {}
+        self._known: dict[tuple, ChartBitmap] = {}
         self._stretch = boxes / np.where(loose.size > 0, loose.size, np.inf)
         loops, which = np.unique(loose.borders, return_inverse=True)
         borders, chart = which.reshape(-1, 2), loose.chart[loops]
@@ -187,7 +189,7 @@ class _Laid:
         order = np.argsort(of_edge, kind="stable")
         self._ends, self._starts = ends[order], np.searchsorted(of_edge[order], np.arange(len(boxes) + 1))
 
-    def shapes(self, charts: np.ndarray, width: int) -> dict[int, list[Shape]]:
+    def shapes(self, charts: np.ndarray, width: int) -> dict[int, list[ChartBitmap]]:
         """Return the texels that charts touch, turned by quarters where that is of use, for a page."""
         upright = self._shapes(charts, 0)
         round_ones = np.array([chart for chart in upright if may_be_turned(upright[chart], width)], np.int64)
@@ -207,7 +209,7 @@ class _Laid:
     def _moved(self, texels: np.ndarray, chart: np.ndarray) -> np.ndarray:
         return texels if self._alignment is None else self._alignment.moved(texels, chart)
 
-    def _shapes(self, charts: np.ndarray, turns: int) -> dict[int, Shape]:
+    def _shapes(self, charts: np.ndarray, turns: int) -> dict[int, ChartBitmap]:
         """Return the texels that charts touch that are turned by some quarters."""
         first, count = self._starts[charts], np.diff(self._starts)[charts]
         local = np.repeat(np.arange(len(charts)), count)
@@ -225,15 +227,15 @@ class _Laid:
             )
         }
 
-    def _shape(self, columns: int, rows: int, spans: tuple[tuple[int, int, int], ...]) -> Shape:
+    def _shape(self, columns: int, rows: int, spans: tuple[tuple[int, int, int], ...]) -> ChartBitmap:
         """Return a shape; charts with the same texels share one."""
         key = columns, rows, spans
         if key not in self._known:
-            self._known[key] = Shape(*key)
+            self._known[key] = ChartBitmap(*key)
         return self._known[key]
 
 
-def _lowest(page: Page, shapes: Sequence[Shape]) -> tuple[Shape, tuple[int, int], int]:
+def _lowest(page: AtlasBitmap, shapes: Sequence[ChartBitmap]) -> tuple[ChartBitmap, tuple[int, int], int]:
     """Return which of some shapes reaches least high where it is free, its column and row, and its number."""
     places = [page.find(shape) for shape in shapes]
     tops = [(row + shape.height, row, column) for shape, (column, row) in zip(shapes, places, strict=True)]

@@ -14,7 +14,7 @@ from ..segment_sums import segment_sums
 from .adjacency import components, find_adjacency, polygon_normals, triangle_normals, weld
 from .chart_options import USUAL
 from .chart_overlap import doubly_covered
-from .normal_clustering import split_by_facing
+from .normal_clustering import split_by_normal
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
 #: Smooth parts are projected that keep this fraction of their area, and each of whose triangles keeps that
@@ -58,7 +58,7 @@ def project_flat(mesh: PolygonMesh, crease: float = USUAL.crease) -> PlanarChart
     part = components(polygons, adjacency.first[smooth], adjacency.second[smooth])
 
     flat = _flat_parts(mesh, _mean_normals(normals, part), part[mesh.polygon])
-    part = split_by_facing(normals, adjacency, smooth, part, ~flat)
+    part = split_by_normal(normals, adjacency, smooth, part, ~flat)
     steep = _steep_polygons(mesh, normals, part)
     together = smooth & (part[adjacency.first] == part[adjacency.second])
     together &= steep[adjacency.first] == steep[adjacency.second]

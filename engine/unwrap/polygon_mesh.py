@@ -45,7 +45,7 @@ class PolygonMesh:
 
 
 @dataclass(frozen=True)
-class Charts:
+class MeshCharts:
     """Flattened polygons, not packed yet.
 
     uvs    (l, 2) float64, of each loop, metres

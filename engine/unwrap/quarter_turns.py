@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .atlas_bitmap import Shape
+from .atlas_bitmap import ChartBitmap
 
 #: Charts that take less than this part of a page waste little, whichever way they lie.
 _LITTLE = 1 / 1024
 
 
-def may_be_turned(shape: Shape, width: int) -> bool:
+def may_be_turned(shape: ChartBitmap, width: int) -> bool:
     """Return whether turning a shape may be of use on a page of some width."""
     return not shape.is_rectangle and shape.width * shape.height >= _LITTLE * width**2
 

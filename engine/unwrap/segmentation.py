@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from .chart_options import USUAL, Cutting
-from .coincident_faces import make_layers, sheets
+from .chart_options import USUAL, ChartOptions
+from .coincident_faces import coincident_groups, make_layers
 from .planar import PlanarCharts, project_flat
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
@@ -47,7 +47,7 @@ def has_xatlas() -> bool:
 
 
 def segment(
-    meshes: Sequence[PolygonMesh], cutting: Cutting = USUAL
+    meshes: Sequence[PolygonMesh], cutting: ChartOptions = USUAL
 ) -> Generator[float, None, list[Segments]]:
     """Yield the part of the work that is done; return each mesh's segments. Coordinates have to be finite."""
     planar: list[PlanarCharts] = []
@@ -73,7 +73,7 @@ def segment(
 def _curved_pieces(mesh: PolygonMesh, planar: PlanarCharts) -> list[np.ndarray]:
     """Return the triangles of what is not flat, in small pieces that do not lie on themselves."""
     polygons = np.unique(mesh.polygon[planar.chart < 0])
-    layer = make_layers(sheets(mesh)[polygons], planar.part[polygons])
+    layer = make_layers(coincident_groups(mesh)[polygons], planar.part[polygons])
     layers = [polygons[layer == number] for number in range(layer.max(initial=-1) + 1)]
     return [piece for members in layers if len(members) for piece in _pieces(mesh, members)]
 
@@ -125,7 +125,7 @@ def _longest(mesh: PolygonMesh) -> float:
     return float(np.ptp(mesh.positions, axis=0).max() * _unit_area_scale(mesh))
 
 
-def _segment_batch(meshes: Sequence[PolygonMesh], cutting: Cutting) -> list[Segments]:
+def _segment_batch(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> list[Segments]:
     """Return the segments of meshes that are laid out on one page."""
     xatlas = import_module("xatlas")
 
@@ -159,7 +159,7 @@ def _unit_area_scale(mesh: PolygonMesh) -> float:
     return float(1 / np.sqrt(mean)) if mean > 0 else 1.0
 
 
-def _chart_options(cutting: Cutting) -> Any:
+def _chart_options(cutting: ChartOptions) -> Any:
     """Return what xatlas weighs as it grows charts."""
     options = import_module("xatlas").ChartOptions()
     options.max_cost, options.max_iterations = cutting.largest_cost, cutting.iterations

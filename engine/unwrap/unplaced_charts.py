@@ -9,7 +9,7 @@ import numpy as np
 
 from .borders import border_loops
 from .orientation import lying, turned
-from .polygon_mesh import Charts, PolygonMesh, signed_areas
+from .polygon_mesh import MeshCharts, PolygonMesh, signed_areas
 
 #: A chart is halved if it is longer than this part of the side of a square with the area of all charts,
 _LONGEST = 0.9
@@ -22,7 +22,7 @@ _HALVINGS = 8
 
 
 @dataclass(frozen=True)
-class Loose:
+class UnplacedCharts:
     """Charts that lie but have no place yet.
 
     uvs      (l, 2) float64 metres, of each loop, from the lower left corner of its chart
@@ -39,22 +39,24 @@ class Loose:
     area: np.ndarray
 
 
-def loosen(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> Generator[None, None, Loose]:
+def orient_charts(
+    meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]
+) -> Generator[None, None, UnplacedCharts]:
     """Return the charts of all meshes, each turned to lie in a small box; yields after each mesh."""
     side = _side(meshes, charts)
-    parts: list[Loose] = []
+    parts: list[UnplacedCharts] = []
     loops = count = 0
     for mesh, made in zip(meshes, charts, strict=True):
         part = _loosened(mesh, made, side)
         parts.append(replace(part, chart=part.chart + count, borders=part.borders + loops))
         loops, count = loops + len(mesh.corners), count + len(part.size)
         yield
-    joined = {name: [getattr(part, name) for part in parts] for name in Loose.__dataclass_fields__}
-    whole = Loose(**{name: np.concatenate(arrays) for name, arrays in joined.items()})
+    joined = {name: [getattr(part, name) for part in parts] for name in UnplacedCharts.__dataclass_fields__}
+    whole = UnplacedCharts(**{name: np.concatenate(arrays) for name, arrays in joined.items()})
     return replace(whole, chart=np.minimum(whole.chart, max(count - 1, 0)))
 
 
-def _side(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> float:
+def _side(meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]) -> float:
     """Return the side of a square that has the area of all charts."""
     total = 0.0
     for mesh, made in zip(meshes, charts, strict=True):
@@ -63,7 +65,7 @@ def _side(meshes: Sequence[PolygonMesh], charts: Sequence[Charts]) -> float:
     return float(np.sqrt(total))
 
 
-def _loosened(mesh: PolygonMesh, made: Charts, side: float) -> Loose:
+def _loosened(mesh: PolygonMesh, made: MeshCharts, side: float) -> UnplacedCharts:
     """Return the charts of one mesh; side: of the square of all areas."""
     triangles, known = mesh.triangles[made.chart >= 0], np.unique(made.chart[made.chart >= 0])
 
@@ -77,7 +79,7 @@ def _loosened(mesh: PolygonMesh, made: Charts, side: float) -> Loose:
     area = np.bincount(chart[triangles[:, 0]], np.abs(signed_areas(uvs[triangles])), count)
     borders = np.stack([border, mesh.after[border]], axis=1)
     uvs[chart < 0] = 0
-    return Loose(uvs, np.maximum(chart, 0), borders, size, area)
+    return UnplacedCharts(uvs, np.maximum(chart, 0), borders, size, area)
 
 
 def _laid_down(

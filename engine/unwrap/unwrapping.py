@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..progress import Progress, Schedule, Stage, part_of
-from .chart_options import USUAL, Cutting
+from ..progress import Progress, Schedule, Stage, run_as_fraction
+from .chart_options import USUAL, ChartOptions
 from .charts import make_charts
 from .packing import PADDING, pack_charts
-from .polygon_mesh import Charts, PolygonMesh, signed_areas
+from .polygon_mesh import MeshCharts, PolygonMesh, signed_areas
 from .segmentation import segment
 
 #: Seconds that a triangle takes to be in a chart, and a chart to be packed, before any was measured.
@@ -22,7 +22,7 @@ _LARGEST = 16384
 
 
 @dataclass(frozen=True)
-class Square:
+class PackJob:
     """Meshes whose charts lie side by side.
 
     meshes      their numbers
@@ -42,7 +42,7 @@ class Square:
 
 
 @dataclass(frozen=True)
-class FilledSquare:
+class PackResult:
     """A square, or one of those that its meshes were spread over because they did not fit.
 
     square  number of the one that was asked for
@@ -63,16 +63,16 @@ class Unwrapped:
                square that would do, 0 if even the largest would not
     """
 
-    charts: tuple[Charts, ...]
-    squares: tuple[FilledSquare, ...]
+    charts: tuple[MeshCharts, ...]
+    squares: tuple[PackResult, ...]
     too_small: tuple[tuple[int, int], ...] = ()
 
 
 def unwrap(
     meshes: Sequence[PolygonMesh],
-    charts: Sequence[Charts | None],
-    squares: Sequence[Square],
-    cutting: Cutting = USUAL,
+    charts: Sequence[MeshCharts | None],
+    squares: Sequence[PackJob],
+    cutting: ChartOptions = USUAL,
 ) -> Generator[Progress, None, Unwrapped]:
     """Cut meshes into charts, those without, and fill squares with them.
 
@@ -110,7 +110,7 @@ def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Genera
             yield schedule.progress(1.0)
 
 
-def fitting_resolution(mesh: PolygonMesh, charts: Charts, square: Square) -> Generator[float, None, int]:
+def fitting_resolution(mesh: PolygonMesh, charts: MeshCharts, square: PackJob) -> Generator[float, None, int]:
     """Return the resolution, of those twice as large each, at which a mesh fits; 0 if none does."""
     resolution = square.resolution
     while 2 * resolution <= _LARGEST:
@@ -122,14 +122,14 @@ def fitting_resolution(mesh: PolygonMesh, charts: Charts, square: Square) -> Gen
 
 
 def cut(
-    meshes: Sequence[PolygonMesh], cutting: Cutting = USUAL
-) -> Generator[Progress, None, tuple[Charts, ...]]:
+    meshes: Sequence[PolygonMesh], cutting: ChartOptions = USUAL
+) -> Generator[Progress, None, tuple[MeshCharts, ...]]:
     """Cut meshes into charts, without packing them."""
     stage = Stage("Unwrapping", pace=_CUTTING * sum(len(mesh.triangles) for mesh in meshes))
     return tuple((yield from Schedule([stage]).run(stage, _cut(meshes, cutting))))
 
 
-def _cut(meshes: Sequence[PolygonMesh], cutting: Cutting) -> Generator[float, None, list[Charts]]:
+def _cut(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> Generator[float, None, list[MeshCharts]]:
     """Return the charts of meshes."""
     segments = yield from segment(meshes, cutting)
     charts = []
@@ -140,23 +140,23 @@ def _cut(meshes: Sequence[PolygonMesh], cutting: Cutting) -> Generator[float, No
 
 
 def _fill_all(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], squares: Sequence[Square]
-) -> Generator[float, None, list[FilledSquare]]:
+    meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], squares: Sequence[PackJob]
+) -> Generator[float, None, list[PackResult]]:
     """Fill all squares."""
-    filled: list[FilledSquare] = []
+    filled: list[PackResult] = []
     for number, square in enumerate(squares):
         work = _fill(meshes, charts, square, number)
-        filled += yield from part_of(number / len(squares), (number + 1) / len(squares), work)
+        filled += yield from run_as_fraction(number / len(squares), (number + 1) / len(squares), work)
     return filled
 
 
 def _fill(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], square: Square, number: int
-) -> Generator[float, None, list[FilledSquare]]:
+    meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], square: PackJob, number: int
+) -> Generator[float, None, list[PackResult]]:
     """Fill a square, or as many as are asked for, or more if they have no room for all."""
     pages = min(max(square.pages, 1), len(square.meshes))
     while True:
-        filled: list[FilledSquare] = []
+        filled: list[PackResult] = []
         for members in _spread(meshes, square.meshes, pages):
             filled += yield from _fill_one(meshes, charts, replace(square, meshes=members), number)
         sparse = [_density(meshes, page, square.resolution) < square.density for page in filled]
@@ -177,7 +177,7 @@ def _spread(meshes: Sequence[PolygonMesh], chosen: Sequence[int], pages: int) ->
     return [tuple(sorted(group)) for group in groups if group]
 
 
-def _density(meshes: Sequence[PolygonMesh], page: FilledSquare, resolution: int) -> float:
+def _density(meshes: Sequence[PolygonMesh], page: PackResult, resolution: int) -> float:
     """Return the texels per metre of a filled square."""
     flat = space = 0.0
     for index, uvs in zip(page.meshes, page.uvs, strict=True):
@@ -187,8 +187,8 @@ def _density(meshes: Sequence[PolygonMesh], page: FilledSquare, resolution: int)
 
 
 def _fill_one(
-    meshes: Sequence[PolygonMesh], charts: Sequence[Charts], square: Square, number: int
-) -> Generator[float, None, list[FilledSquare]]:
+    meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], square: PackJob, number: int
+) -> Generator[float, None, list[PackResult]]:
     """Fill a square, or several if one has no room for all."""
     chosen = square.meshes
     packed = yield from pack_charts(
@@ -199,7 +199,7 @@ def _fill_one(
         square.align,
     )
     if packed is not None:
-        return [FilledSquare(number, chosen, tuple(packed))]
+        return [PackResult(number, chosen, tuple(packed))]
     if len(chosen) == 1:
         return []
     filled = []

@@ -14,7 +14,7 @@ from .thresholds import DOUBTFUL, INVALID, KERNEL_OPTIONS
 
 
 class Contacts(Protocol):
-    """What touching faces do to points, (n,) bool each; see `direct.contact.NearFaces`."""
+    """What touching faces do to points, (n,) bool each; see `direct.contact.Contacts`."""
 
     @property
     def hide(self) -> np.ndarray:
@@ -27,7 +27,7 @@ class Contacts(Protocol):
         ...
 
 
-def is_hidden(front: np.ndarray, near: Contacts) -> np.ndarray:
+def is_invalid(front: np.ndarray, near: Contacts) -> np.ndarray:
     """Return which points are invalid, (n,) bool: covered by a face, or inside geometry.
 
     front: (n,) float32, fraction of each point's view that is no back face
@@ -37,7 +37,7 @@ def is_hidden(front: np.ndarray, near: Contacts) -> np.ndarray:
 
 
 def is_doubtful(front: np.ndarray) -> np.ndarray:
-    """Return which patches may be invalid, (n,) bool, so that probes decide; front as of `is_hidden`."""
+    """Return which patches may be invalid, (n,) bool, so that probes decide; front as of `is_invalid`."""
     doubtful: np.ndarray = front < 1 - DOUBTFUL
     return doubtful
 

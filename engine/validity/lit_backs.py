@@ -6,8 +6,8 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
-from ..device.cl_device import Compute
-from ..patches.patch_scene import Subdivision
+from ..device.cl_device import ComputeDevice
+from ..patches.patch_scene import PatchScene
 from ..scene.color import luminance
 from .thresholds import DARK_BACK
 
@@ -15,7 +15,9 @@ from .thresholds import DARK_BACK
 _SAMPLED = 1 << 16
 
 
-def lit_backs(compute: Compute, sources: Subdivision, radiance: cl.Buffer, count: int) -> cl.Buffer | None:
+def lit_backs(
+    compute: ComputeDevice, sources: PatchScene, radiance: cl.Buffer, count: int
+) -> cl.Buffer | None:
     """Return which triangles have a back face that sends out light, uint8 of each on the device.
 
     None if no triangle has a back face with patches.
@@ -40,7 +42,7 @@ def lit_backs(compute: Compute, sources: Subdivision, radiance: cl.Buffer, count
     return upload(compute, ((sent > 0) & (sent >= DARK_BACK * mean)).astype(np.uint8))
 
 
-def _mean_luminance(compute: Compute, radiance: cl.Buffer, count: int) -> float:
+def _mean_luminance(compute: ComputeDevice, radiance: cl.Buffer, count: int) -> float:
     """Return the mean luminance of what patches send out; of some at even distances where they are many."""
     (kernel,) = compute.kernels("lit_backs.cl", "sample_radiance")
     stride = max(1, -(-count // _SAMPLED))

@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4, upload_float4_once
-from ..device.cl_device import Compute
+from ..device.cl_device import ComputeDevice
 from ..settings import Settings
 from .unoccluded_sky import open_sky
 
@@ -27,11 +27,11 @@ def directional_options(settings: Settings) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class SeenBuffers:
+class VisibilityBuffers:
     """Where an Identity writes on the OpenCL device.
 
     cache         a row of samples for each patch from `cached_from` on, uint16 or uint32: patch + 1 of a
-                  front, `Surroundings.outside` for the surroundings, else 0
+                  front, `Background.outside` for the surroundings, else 0
     cached_from   the first patch of the cache
     back_light    float4 of each patch: E/pi of the backs that it sees, and the fraction of its view that no
                   back takes
@@ -49,7 +49,7 @@ class SeenBuffers:
     back_l1: cl.Buffer | None = None
 
 
-class Identity(Protocol):
+class VisibilitySampler(Protocol):
     """A way to find what patches see.
 
     name        "raster" or "rays"
@@ -67,13 +67,13 @@ class Identity(Protocol):
     multiplier: np.ndarray | None
     tints: np.ndarray | None
 
-    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+    def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
 
 
 @dataclass(frozen=True)
-class Sampling:
-    """How an `Identity` samples views: all that is needed to look up what it has found.
+class SampleLayout:
+    """How a `VisibilitySampler` samples views: all that is needed to look up what it has found.
 
     name, samples, row_bytes, multiplier, tints  as of the Identity
     """
@@ -85,7 +85,7 @@ class Sampling:
     tints: np.ndarray | None = None
 
     @classmethod
-    def of(cls, identity: Identity) -> Sampling:
+    def of(cls, identity: VisibilitySampler) -> SampleLayout:
         """Return how an identity samples."""
         return cls(identity.name, identity.samples, identity.row_bytes, identity.multiplier, identity.tints)
 
@@ -99,7 +99,7 @@ class Sampling:
         """The build options of kernels that read its samples."""
         return identity_options(self.sample_bytes, self.tints is not None)
 
-    def tints_on(self, compute: Compute) -> cl.Buffer | None:
+    def tints_on(self, compute: ComputeDevice) -> cl.Buffer | None:
         """Return the tints on the OpenCL device, None if samples have none."""
         return None if self.tints is None else upload(compute, self.tints)
 
@@ -110,7 +110,7 @@ class Sampling:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class Background:
     """What is seen beside the fronts of patches, on the OpenCL device.
 
     emission  float4 of each patch + 1, radiance of backs; entry 0 is black
@@ -135,16 +135,16 @@ class Surroundings:
         return self.sky, self.width, self.height, self.open_sky
 
 
-def surroundings(
-    compute: Compute,
+def upload_background(
+    compute: ComputeDevice,
     emission: np.ndarray,
     sky: np.ndarray,
     whole: Callable[[np.ndarray], np.ndarray | None] = open_sky,
-) -> Surroundings:
+) -> Background:
     """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32, with what `whole` makes of the sky."""
     backs = upload_float4_once(compute, emission, first=1)
     pixels = upload_float4(compute, sky.reshape(-1, 3))
     size = np.int32(sky.shape[1]), np.int32(sky.shape[0])
     table = whole(sky)
     known = None if table is None else upload_float4(compute, table)
-    return Surroundings(backs, np.uint32(len(emission) + 1), pixels, *size, known, not sky.any())
+    return Background(backs, np.uint32(len(emission) + 1), pixels, *size, known, not sky.any())

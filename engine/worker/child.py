@@ -35,7 +35,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
-from ..bake_result import Lightmap
+from ..bake_result import BakeResult
 from ..device.freed_memory import give_back_freed_memory, keep_freed_memory
 from ..progress import Progress
 from . import messages
@@ -52,7 +52,7 @@ if sys.platform == "win32":
 
 #: A bake, or any other work that tells its progress: what it returns travels as the lightmap does. One that
 #: follows its scene yields each lightmap once it is finished, and is sent lists of changes.
-Bake = Callable[..., Generator[Progress | Lightmap, list[Any] | None, Any]]
+Bake = Callable[..., Generator[Progress | BakeResult, list[Any] | None, Any]]
 
 
 class _CancelError(Exception):
@@ -166,11 +166,11 @@ def _outcome(bake: Bake, arguments: tuple[object, ...], outbox: _Outbox) -> tupl
         return "error", messages.describe_error(error, traceback.format_exc())
 
 
-def _report(job: Generator[Progress | Lightmap, list[Any] | None, Any], outbox: _Outbox) -> NoReturn:
+def _report(job: Generator[Progress | BakeResult, list[Any] | None, Any], outbox: _Outbox) -> NoReturn:
     """Run a bake to its StopIteration; after each slice offer the newest progress and lightmaps."""
     newest = next(job)
     while True:
-        if isinstance(newest, Lightmap):
+        if isinstance(newest, BakeResult):
             outbox.send("settled", newest, outbox.taken)
             newest = job.send(outbox.changes(None))
             continue

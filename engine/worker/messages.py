@@ -18,34 +18,34 @@ from operator import attrgetter
 from typing import Any
 
 from .. import errors
-from ..bake_result import Energy, Lightmap, Report
-from ..device.device_info import DeviceSurvey, FoundDevice
-from ..object_message import Note
+from ..bake_result import BakeResult, FluxBalance, Report
+from ..device.device_info import DeviceInfo, DeviceSurvey
+from ..object_message import ObjectMessage
 from ..progress import Progress
 from ..scene.model import BackSide, Light, Material, Mesh, Scene
 from ..scene.profile import Profile
-from ..scene.scene_changes import Changes
+from ..scene.scene_changes import SceneChanges
 from ..scene.texture import Texture
 from ..scene.transmission import Transmission, Transmittance
 from ..settings import Settings
-from ..unwrap.chart_options import Cutting
-from ..unwrap.polygon_mesh import Charts, PolygonMesh
-from ..unwrap.unwrapping import FilledSquare, Square, Unwrapped
+from ..unwrap.chart_options import ChartOptions
+from ..unwrap.polygon_mesh import MeshCharts, PolygonMesh
+from ..unwrap.unwrapping import PackJob, PackResult, Unwrapped
 
 #: The dataclasses that may travel, by name.
 RECORDS: dict[str, type] = {
     record.__name__: record
     for record in (
         BackSide,
-        Changes,
-        Charts,
-        Cutting,
+        SceneChanges,
+        MeshCharts,
+        ChartOptions,
         DeviceSurvey,
-        Energy,
-        FilledSquare,
-        FoundDevice,
+        FluxBalance,
+        PackResult,
+        DeviceInfo,
         Light,
-        Lightmap,
+        BakeResult,
         Material,
         Mesh,
         PolygonMesh,
@@ -54,7 +54,7 @@ RECORDS: dict[str, type] = {
         Report,
         Scene,
         Settings,
-        Square,
+        PackJob,
         Texture,
         Transmission,
         Transmittance,
@@ -120,8 +120,8 @@ def read(memory: memoryview) -> Any:
 class _Packer(pickle.Pickler):
     def reducer_override(self, value: Any) -> Any:
         """Return a record or note as its class and fields; it is not asked about builtins."""
-        if type(value) is Note:
-            return Note, (str(value), value.objects, value.fix)
+        if type(value) is ObjectMessage:
+            return ObjectMessage, (str(value), value.objects, value.fix)
         values = _FIELDS.get(type(value))
         return NotImplemented if values is None else (type(value), values(value))
 
@@ -129,7 +129,7 @@ class _Packer(pickle.Pickler):
 class _Unpacker(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         """Return this process's own record or note of a name; all else as it is called."""
-        return Note if name == "Note" else RECORDS.get(name) or super().find_class(module, name)
+        return ObjectMessage if name == "Note" else RECORDS.get(name) or super().find_class(module, name)
 
 
 def describe_error(error: Exception, traceback: str) -> tuple[str, str, str]:

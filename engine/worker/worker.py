@@ -7,7 +7,7 @@ import sys
 from collections.abc import Generator, Sequence
 from typing import Any, Self
 
-from ..bake_result import Lightmap
+from ..bake_result import BakeResult
 from ..errors import WorkerError
 from ..progress import Progress
 from ..scene.model import Scene
@@ -78,7 +78,9 @@ class Worker:
         """
         return (yield from self._run(arguments, ("bake",)))
 
-    def follow(self, function: str, *arguments: object) -> Generator[Progress | Lightmap | None, None, None]:
+    def follow(
+        self, function: str, *arguments: object
+    ) -> Generator[Progress | BakeResult | None, None, None]:
         """Let "module:function", as `engine.session:live`, work in the child until the generator is closed.
 
         Yields as `run`, and each Lightmap that is finished, of all changes so far; raises the same errors.
@@ -165,7 +167,7 @@ class Worker:
 
     def _relay(
         self, child: WorkerProcess, block: SharedBlock
-    ) -> Generator[Progress | Lightmap | None, None, str]:
+    ) -> Generator[Progress | BakeResult | None, None, str]:
         """Yield the child's progress until the bake is over; return what the block then holds.
 
         Where the bake goes on, changes are sent meanwhile, and each lightmap that is finished is yielded,

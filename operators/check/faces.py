@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.scene.degenerate import is_degenerate
-from ..scene.objects.coordinate_limits import middle_of, trouble_with
+from ..scene.objects.coordinate_limits import coordinate_issue, middle_of
 from .finding import ERROR, WARNING, Finding, found
 from .meshes import CheckedMesh
 
@@ -33,7 +33,7 @@ def check_coordinates(
     middle = middle_of(boxes)
     yield
     for box in boxes:
-        troubles.append(trouble_with(box, middle))
+        troubles.append(coordinate_issue(box, middle))
         yield
     findings = []
     for trouble in dict.fromkeys(filter(None, troubles)):

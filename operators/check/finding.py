@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ...engine.plan.estimate import Estimate
 
 ERROR, WARNING, INFO = "ERROR", "WARNING", "INFO"
@@ -35,7 +35,7 @@ def found(severity: str, sentence: str, names: Sequence[str], fix: str = "", val
     if not names:
         return []
     ordered = tuple(sorted(set(names)))
-    return [Finding(severity, naming(sentence, ordered), ordered, fix, value)]
+    return [Finding(severity, object_message(sentence, ordered), ordered, fix, value)]
 
 
 @dataclass(frozen=True)

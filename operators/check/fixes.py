@@ -8,25 +8,25 @@ import bmesh
 import bpy
 
 from ...engine.errors import SceneError
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ...engine.progress import finished
 from ..applied_copies import apply_on_copies
 from ..lightmap_size import chosen_width
 from ..object_properties import set_property
 from ..result.preview import hide_preview
-from ..rollback import Changes
+from ..rollback import Rollback
 from ..scene import SceneContext, visible_meshes
 from ..scene.objects.render_settings import show_as_rendered
 from ..scene.uvs.lightmap_layer import lightmap_layer
-from ..scene.uvs.unwrap import Anew, unwrap_missing
+from ..scene.uvs.unwrap import UvAction, unwrap_missing
 from ..scene.uvs.uv_modifier import remove_uv_modifiers
-from ..scene.uvs.wall_cuts import standing_on
+from ..scene.uvs.wall_cuts import objects_on_walls
 
-Fix = Callable[[bpy.types.Context, Sequence[bpy.types.Object], int, Changes], None]
+Fix = Callable[[bpy.types.Context, Sequence[bpy.types.Object], int, Rollback], None]
 
 
 def unwrap(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Make lightmap UVs where they are missing."""
     settings = context.scene.hemibake
@@ -40,7 +40,7 @@ def unwrap(
 
 
 def unwrap_anew(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Make lightmap UVs in another layer, which the objects then use; the one that is of no use stays."""
     for obj in objects:
@@ -49,7 +49,7 @@ def unwrap_anew(
 
 
 def set_resolution(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Make the lightmaps as large as their charts need."""
     settings = context.scene.hemibake
@@ -57,7 +57,7 @@ def set_resolution(
 
 
 def recalculate_normals(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Let the faces of closed meshes look outwards."""
     for mesh in dict.fromkeys(obj.data for obj in objects if obj.data.is_editable):
@@ -74,7 +74,7 @@ def recalculate_normals(
 
 
 def apply_on_copy(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Put a copy with applied modifiers in the place of each object."""
     copies, notes = apply_on_copies(context, objects)
@@ -83,7 +83,7 @@ def apply_on_copy(
 
 
 def use_settings_of_renders(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Let the viewport use the settings that renders use of modifiers, and make lightmap UVs anew."""
     for obj in objects:
@@ -92,7 +92,7 @@ def use_settings_of_renders(
 
 
 def remove_modifiers(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Remove the modifiers that keep lightmap UVs."""
     hide_preview(objects)
@@ -101,23 +101,25 @@ def remove_modifiers(
 
 
 def cut_along_walls(
-    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Changes
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Make new lightmap UVs of what thin walls stand on, with charts that end at edges along the walls."""
     settings, where = context.scene.hemibake, SceneContext(context)
-    floors = standing_on(visible_meshes(where), objects, where.evaluated_depsgraph_get(), settings.uv_layer)
+    floors = objects_on_walls(
+        visible_meshes(where), objects, where.evaluated_depsgraph_get(), settings.uv_layer
+    )
     kept = [obj.name for obj in floors if obj.hemibake.own_uv_layer]
     if kept:
         sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to have them cut."
-        raise SceneError(naming(sentence, kept))
+        raise SceneError(object_message(sentence, kept))
     if not floors:
         sentence = "No edge runs along {}: cut a loop there into what they stand on, or raise the density."
-        raise SceneError(naming(sentence, [obj.name for obj in objects]))
+        raise SceneError(object_message(sentence, [obj.name for obj in objects]))
     for obj in floors:
         set_property(obj, "cut_along_walls", True, changes)
     resolution = chosen_width(where, floors, settings)
     work = unwrap_missing(
-        where, floors, settings.uv_layer, resolution, changes, Anew.CHARTS, visible_meshes(where)
+        where, floors, settings.uv_layer, resolution, changes, UvAction.CHARTS, visible_meshes(where)
     )
     finished(work)
 

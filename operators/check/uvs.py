@@ -10,13 +10,13 @@ import numpy as np
 
 from ..lookup import find
 from ..result.moved_charts import MOVED_CHARTS
-from ..scene.overlap_layout import make_footprints, place_apart
-from ..scene.uv_transform import Charted, Place, make_charted
-from ..scene.uvs.coverage_grid import LARGEST_GRID, Footprint, make_footprint
+from ..scene.overlap_layout import make_footprints, separate_overlaps
+from ..scene.uv_transform import Charted, UvTransform, make_charted
+from ..scene.uvs.coverage_grid import LARGEST_GRID, CoverageGrid, make_footprint
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.uv_faults import is_finite
 from ..scene.uvs.uv_modifier import uv_modifiers
-from ..scene.uvs.uv_targets import serves
+from ..scene.uvs.uv_targets import is_usable_layer
 from .finding import ERROR, INFO, WARNING, Checked, Finding, found
 from .meshes import CheckedMesh
 
@@ -41,8 +41,8 @@ class ChartsOf:
 
     mesh: CheckedMesh
     charted: Charted
-    footprint: Footprint | None
-    place: Place | None
+    footprint: CoverageGrid | None
+    place: UvTransform | None
 
 
 def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
@@ -166,10 +166,10 @@ def _gets_modifier(mesh: CheckedMesh, uv_layer: str) -> bool:
     if obj is None or not (mesh.copies and mesh.editable):
         return False
     layer = lightmap_layer(obj, uv_layer)
-    return layer in obj.data.uv_layers and serves(obj.data, layer)
+    return layer in obj.data.uv_layers and is_usable_layer(obj.data, layer)
 
 
-def _footprint_outside(charted: Charted) -> Generator[None, None, Footprint]:
+def _footprint_outside(charted: Charted) -> Generator[None, None, CoverageGrid]:
     """Return the footprint of charts outside 0-1 once they are moved inside."""
     size = max(float((charted.high - charted.low).max()), 1e-30)
     return (yield from make_footprint((charted.uvs - charted.low) / size, LARGEST_GRID))
@@ -185,9 +185,9 @@ def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[Non
     for (atlas, several), members in atlases.items():
         charted = yield from _all_charted(members)
         footprints = yield from make_footprints(charted, resolution)
-        places: list[Place | None] = [None] * len(members)
+        places: list[UvTransform | None] = [None] * len(members)
         if not several:
-            places = yield from place_apart(charted, footprints, atlas, resolution)
+            places = yield from separate_overlaps(charted, footprints, atlas, resolution)
         charts += map(ChartsOf, members, charted, footprints, places)
         yield
     return charts
@@ -210,7 +210,7 @@ def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
     """
     usable = [one for one in charts if one.footprint is None or not one.footprint.overlaps]
     alone = [one for one in usable if not one.mesh.several]
-    moved = [one.mesh.name for one in alone if one.place not in (None, Place(one.mesh.atlas))]
+    moved = [one.mesh.name for one in alone if one.place not in (None, UvTransform(one.mesh.atlas))]
     lost = [one.mesh for one in alone if one.place is None]
     fitting = 0
     for atlas in dict.fromkeys(mesh.atlas for mesh in lost):
@@ -242,7 +242,7 @@ def _fitting_resolution(
     while 2 * resolution <= _LARGEST:
         resolution *= 2
         footprints = yield from make_footprints(members, resolution)
-        places = yield from place_apart(members, footprints, atlas, resolution)
+        places = yield from separate_overlaps(members, footprints, atlas, resolution)
         if None not in places:
             return resolution
     return 0

@@ -18,7 +18,7 @@ _NOISE = 1e-5
 
 
 @dataclass(frozen=True)
-class LitPlace:
+class GltfUvTransform:
     """Where the light of a surface is: lightmap uv = uv of the layer * scale + offset."""
 
     image: bpy.types.Image
@@ -32,7 +32,7 @@ class LitPlace:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ExportItem:
     """A mesh object, or an instance of one.
 
     source         the object that is shown
@@ -48,10 +48,10 @@ class Surface:
     matrix: np.ndarray
     instancer: str | None
     persistent_id: tuple[int, ...]
-    place: LitPlace | None
+    place: GltfUvTransform | None
 
 
-class Surfaces:
+class ExportItems:
     """All mesh objects and instances that both the viewport and renders show."""
 
     def __init__(self, context: bpy.types.Context) -> None:
@@ -64,11 +64,11 @@ class Surfaces:
         """The lightmaps, each once."""
         return list(dict.fromkeys(surface.place.image for surface in self.all if surface.place))
 
-    def of_object(self, source: bpy.types.Object, matrix: np.ndarray) -> Surface | None:
+    def of_object(self, source: bpy.types.Object, matrix: np.ndarray) -> ExportItem | None:
         """Return the object, or the instance of it, that a matrix puts where it is."""
         return self._by_source[source].nearest(matrix) if source in self._by_source else None
 
-    def of_mesh(self, mesh: str, matrix: np.ndarray) -> Surface | None:
+    def of_mesh(self, mesh: str, matrix: np.ndarray) -> ExportItem | None:
         """Return the instance of a mesh, known by its name only, that a matrix puts where it is."""
         return self._by_mesh[mesh].nearest(matrix) if mesh in self._by_mesh else None
 
@@ -76,12 +76,12 @@ class Surfaces:
 class _Group:
     """Surfaces that differ in their matrices only."""
 
-    def __init__(self, surfaces: Sequence[Surface]) -> None:
+    def __init__(self, surfaces: Sequence[ExportItem]) -> None:
         self._surfaces = surfaces
         self._matrices = np.array([surface.matrix for surface in surfaces])
         self._own = np.array([surface.instancer is None for surface in surfaces])
 
-    def nearest(self, matrix: np.ndarray) -> Surface:
+    def nearest(self, matrix: np.ndarray) -> ExportItem:
         """Return the surface whose matrix differs least from another one; of equal ones an instance.
 
         The depsgraph has an object that the vertices of another one show, too, where it is not shown itself.
@@ -90,7 +90,7 @@ class _Group:
         return self._surfaces[int(np.argmin(np.maximum(differences, _NOISE) + _NOISE * self._own))]
 
 
-def _grouped(surfaces: Iterable[Surface], name: str) -> dict:
+def _grouped(surfaces: Iterable[ExportItem], name: str) -> dict:
     """Return surfaces by an attribute."""
     groups: dict = {}
     for surface in surfaces:
@@ -98,7 +98,7 @@ def _grouped(surfaces: Iterable[Surface], name: str) -> dict:
     return groups
 
 
-def _read(context: bpy.types.Context) -> Iterator[Surface]:
+def _read(context: bpy.types.Context) -> Iterator[ExportItem]:
     scene, visible = context.scene, {obj.session_uid for obj in visible_objects(context)}
     baked = baked_instances(scene)
     for item in scene_items(context.evaluated_depsgraph_get(), visible):
@@ -107,20 +107,20 @@ def _read(context: bpy.types.Context) -> Iterator[Surface]:
             instancer = None if item.instancer is None else item.instancer.name
             place = _own_place(item.source) if instancer is None else _place(item, entry, scene)
             mesh, number = item.object.data.name, item.persistent_id
-            yield Surface(item.source, mesh, item.matrix, instancer, number, place)
+            yield ExportItem(item.source, mesh, item.matrix, instancer, number, place)
 
 
-def _own_place(obj: bpy.types.Object) -> LitPlace | None:
+def _own_place(obj: bpy.types.Object) -> GltfUvTransform | None:
     known = obj.hemibake
     if known.image is None:
         return None
-    return LitPlace(known.image, known.uv_layer, known.uv_scale, tuple(known.uv_offset))
+    return GltfUvTransform(known.image, known.uv_layer, known.uv_scale, tuple(known.uv_offset))
 
 
-def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> LitPlace | None:
+def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> GltfUvTransform | None:
     """Return where the light of an instance is, as the last bake has written it down."""
     image = entry and instance_image(scene, entry)
     if not image:
         return None
     layer = item.source.hemibake.uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)
-    return LitPlace(image, layer, entry["scale"], tuple(entry["offset"]))
+    return GltfUvTransform(image, layer, entry["scale"], tuple(entry["offset"]))

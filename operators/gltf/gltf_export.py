@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import EngineError
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ..command_line.pictures import read_pixels
 from ..compat import gltf_binary_data
 from ..file_format import PLAIN
@@ -25,12 +25,12 @@ from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
 from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
-from ..result.moved_charts import note_moved_charts
+from ..result.moved_charts import warn_changed_uvs
 from ..result.preview import hide_preview, previewed, show_preview
-from ..rollback import Changes
+from ..rollback import Rollback
 from ..scene import SceneContext
 from .encoded import EncodedLightmap, encode
-from .export_items import Surface, Surfaces
+from .export_items import ExportItem, ExportItems
 from .exporter import write_gltf
 from .hooks import LightmapHooks
 from .materials import LitMaterials
@@ -72,17 +72,17 @@ def export_for_engine(context: bpy.types.Context, path: Path, kind: str, use_fil
 
 def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) -> Exported:
     """Do so in Object Mode, the only one that Blender's exporter knows."""
-    surfaces = Surfaces(context)
+    surfaces = ExportItems(context)
     missing = [image for image in surfaces.images if not image.size[0]]
     usable = [image for image in surfaces.images if image.size[0]]
     notes = [_missing(image, surfaces) for image in missing]
     lit = dict.fromkeys(surface.source for surface in surfaces.all if surface.place is not None)
     where, uv_layer = SceneContext(context), context.scene.hemibake.uv_layer
-    notes += note_moved_charts(lit, where, uv_layer)
+    notes += warn_changed_uvs(lit, where, uv_layer)
     notes += note_other_meshes(where, surfaces.all, uv_layer)
     if not usable:
         raise EngineError("\n".join(notes) or _NOTHING_BAKED)
-    changes = Changes()
+    changes = Rollback()
     try:
         try_folder(path.parent, changes)
         with staging_folder(path.parent) as staging, _own_materials(context):
@@ -95,12 +95,12 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
                 work.write_files(hooks.lit, _shown_output(context.scene))
             files = work.keep()
     except (OSError, RuntimeError) as error:
-        changes.take_back()
+        changes.undo()
         raise EngineError(
             f"'{path.name}' cannot be written to '{path.parent}': {reason(error)}. Choose another folder."
         ) from error
     except EngineError:
-        changes.take_back()
+        changes.undo()
         raise
     return Exported(tuple(files), len(hooks.lit), (*notes, *_unlit(hooks)))
 
@@ -122,7 +122,7 @@ class _Export:
         )
         self._manifest: list[Path] = []
 
-    def write(self, surfaces: Surfaces, kind: str) -> LightmapHooks:
+    def write(self, surfaces: ExportItems, kind: str) -> LightmapHooks:
         """Write the glTF file and its images; return what has a lightmap."""
         lightmaps = {image: encode(image.name, _finite_pixels(image), kind) for image in self._maps}
         uris = {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
@@ -131,10 +131,10 @@ class _Export:
         if hooks.error is not None:
             raise hooks.error
         if not hooks.lit:
-            raise EngineError(naming(_GONE, hooks.lost) if hooks.lost else _NOTHING_BAKED)
+            raise EngineError(object_message(_GONE, hooks.lost) if hooks.lost else _NOTHING_BAKED)
         return hooks
 
-    def write_files(self, lit: Sequence[Surface], shown: str) -> None:
+    def write_files(self, lit: Sequence[ExportItem], shown: str) -> None:
         """Write the lightmaps and their directional maps as OpenEXR, with a manifest of whose they are.
 
         shown  the output that is in the lightmaps
@@ -270,7 +270,7 @@ def _shown_output(scene: bpy.types.Scene) -> str:
     return next(name for name in outputs if name in scene.hemibake.outputs)
 
 
-def _fact(surface: Surface) -> dict:
+def _fact(surface: ExportItem) -> dict:
     """Return what the manifest tells of an object or instance: the file has final UVs."""
     instance = {"instancer": surface.instancer, "persistent_id": list(surface.persistent_id)}
     place = {"uv_layer": "TEXCOORD_1", "scale": 1.0, "offset": [0.0, 0.0]}
@@ -282,7 +282,7 @@ def _decoding(output: str) -> dict[str, str]:
     return {name: f"{formula}: {_AXES}" for name, formula in decoding(output).items()}
 
 
-def _missing(image: bpy.types.Image, surfaces: Surfaces) -> str:
+def _missing(image: bpy.types.Image, surfaces: ExportItems) -> str:
     """Return a note about a lightmap that cannot be read."""
     names = _names(
         surface for surface in surfaces.all if surface.place is not None and surface.place.image == image
@@ -290,15 +290,15 @@ def _missing(image: bpy.types.Image, surfaces: Surfaces) -> str:
     sentence = (
         f"The lightmap '{image.name}' of {{}} is missing ({image.filepath}). Bring it back, or bake again."
     )
-    return naming(sentence, names)
+    return object_message(sentence, names)
 
 
 def _unlit(hooks: LightmapHooks) -> Iterator[str]:
     """Yield notes about what the file has without a lightmap."""
     for sentence, names in ((_GONE, hooks.lost), (_DARK, hooks.dark)):
         if names:
-            yield naming(sentence, list(dict.fromkeys(names)))
+            yield object_message(sentence, list(dict.fromkeys(names)))
 
 
-def _names(surfaces: Iterator[Surface] | Sequence[Surface]) -> list[str]:
+def _names(surfaces: Iterator[ExportItem] | Sequence[ExportItem]) -> list[str]:
     return list(dict.fromkeys(surface.source.name for surface in surfaces))

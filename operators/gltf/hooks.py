@@ -16,7 +16,7 @@ from io_scene_gltf2.io.com import gltf2_io
 from mathutils import Matrix, Quaternion
 
 from .encoded import EncodedLightmap
-from .export_items import LitPlace, Surface, Surfaces
+from .export_items import ExportItem, ExportItems, GltfUvTransform
 from .materials import LitMaterials
 
 #: From Blender's axes, z up, to those of glTF, y up.
@@ -34,13 +34,13 @@ class LightmapHooks:
 
     def __init__(
         self,
-        surfaces: Surfaces,
+        surfaces: ExportItems,
         lightmaps: Mapping[bpy.types.Image, EncodedLightmap],
         materials: LitMaterials,
     ) -> None:
         self._surfaces, self._lightmaps, self._materials = surfaces, lightmaps, materials
         self._layers: dict[int, tuple[gltf2_io.Mesh, list[str]]] = {}
-        self.lit: list[Surface] = []
+        self.lit: list[ExportItem] = []
         self.dark: list[str] = []
         self.lost: list[str] = []
         self.error: Exception | None = None
@@ -91,7 +91,11 @@ class LightmapHooks:
         self.lit.append(surface)
 
     def _lit_primitive(
-        self, primitive: gltf2_io.MeshPrimitive, place: LitPlace, lightmap: EncodedLightmap, number: int
+        self,
+        primitive: gltf2_io.MeshPrimitive,
+        place: GltfUvTransform,
+        lightmap: EncodedLightmap,
+        number: int,
     ) -> gltf2_io.MeshPrimitive:
         """Return a primitive whose second UV set is that of the lightmap, which is in one of some number.
 
@@ -115,7 +119,7 @@ def _name(entry: object) -> str:
     return (entry.blender_object or entry.original_object).name
 
 
-def _moved(accessor: gltf2_io.Accessor, place: LitPlace) -> gltf2_io.Accessor:
+def _moved(accessor: gltf2_io.Accessor, place: GltfUvTransform) -> gltf2_io.Accessor:
     """Return UVs as a place in a lightmap has them; v of glTF points down."""
     uvs = np.frombuffer(accessor.buffer_view.data, np.float32).reshape(-1, 2) * (1, -1) + (0, 1)
     moved = np.ascontiguousarray(place.apply(uvs) * (1, -1) + (0, 1), np.float32)

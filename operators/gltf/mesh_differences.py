@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ..scene import SceneContext
 from ..scene.objects.render_differences import uses_render
 from ..scene.uvs.uv_projection import UvMesh, UvProjection
 from ..scene.uvs.viewport_uvs import read_pairs
-from .export_items import Surface
+from .export_items import ExportItem
 
 _OFF = (
     "Exported as in the viewport, whose mesh differs from that of renders, which was baked: {}. Its light is "
@@ -19,7 +19,7 @@ _OFF = (
 )
 
 
-def note_other_meshes(context: SceneContext, surfaces: Sequence[Surface], uv_layer: str) -> list[str]:
+def note_other_meshes(context: SceneContext, surfaces: Sequence[ExportItem], uv_layer: str) -> list[str]:
     """Return a sentence that names objects whose lightmap UVs are off by more than a texel; none without any.
 
     UVs of the viewport's mesh are compared with those of the nearest points of the mesh that was baked.
@@ -37,7 +37,7 @@ def note_other_meshes(context: SceneContext, surfaces: Sequence[Surface], uv_lay
         for uid, (baked, shown) in read_pairs(context, list(objects.values()), uv_layer).items()
         if not _is_same(baked, shown) and _error(baked, shown) * width[uid] > 1
     ]
-    return [naming(_OFF, names)] if names else []
+    return [object_message(_OFF, names)] if names else []
 
 
 def _is_same(baked: UvMesh, shown: UvMesh) -> bool:

@@ -1,1 +1,1 @@
-"""engine.Lightmap -> Blender: images, files, preview materials."""
+"""engine.BakeResult -> Blender: images, files, preview materials."""

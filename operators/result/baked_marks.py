@@ -7,22 +7,22 @@ from collections.abc import Mapping, Sequence
 
 import bpy
 
-from ...engine.bake_result import Lightmap
+from ...engine.bake_result import BakeResult
 from ...engine.postprocess.outputs import DOMINANT_DIRECTION
 from ...engine.scene.light_groups import light_group_names
 from ...engine.settings import Settings
 from ..scene import ReadScene
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import directional_kind
-from .preserved_texels import KeptTexels
+from .preserved_texels import PreservedTexels
 
 
 def mark_lightmaps(
     entries: bpy.types.bpy_prop_collection,
-    lightmap: Lightmap,
+    lightmap: BakeResult,
     read: ReadScene,
     settings: Settings,
-    kept: KeptTexels,
+    kept: PreservedTexels,
 ) -> None:
     """Write on each lightmap in a scene's list which maps it has beside light, and how much of it is used.
 

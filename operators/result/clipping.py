@@ -9,7 +9,7 @@ import numpy as np
 from ...engine.encoding.clipping import find_clipping
 from ...engine.encoding.encoding import Limits
 from ...engine.encoding.srgb import Srgb
-from ...engine.object_message import Note, naming
+from ...engine.object_message import ObjectMessage, object_message
 from ..file_format import RANGED
 from ..scene import ReadScene
 from ..scene.uvs.uv_faults import covered_texels
@@ -19,7 +19,9 @@ from .lightmap_files import LightmapFile
 _DARK = 0.01
 
 
-def clipping_notes(read: ReadScene, files: Sequence[LightmapFile], has_patch: np.ndarray) -> Iterator[Note]:
+def clipping_notes(
+    read: ReadScene, files: Sequence[LightmapFile], has_patch: np.ndarray
+) -> Iterator[ObjectMessage]:
     """Yield a sentence for each thing that a file cannot hold of its lightmap.
 
     files      one a lightmap, atlas after atlas for each output
@@ -30,7 +32,7 @@ def clipping_notes(read: ReadScene, files: Sequence[LightmapFile], has_patch: np
         if limits is None:
             continue
         for sentence, texels in _sentences(file, limits, has_patch[atlas]):
-            yield naming(sentence, _objects_at(read, atlas, texels))
+            yield object_message(sentence, _objects_at(read, atlas, texels))
 
 
 def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

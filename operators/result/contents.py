@@ -11,13 +11,15 @@ from ...engine.postprocess.outputs import DECODING, output_names
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene
-from ..scene.uv_transform import Place
+from ..scene.uv_transform import UvTransform
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .file_names import names_by_template
-from .preserved_texels import KeptTexels
+from .preserved_texels import PreservedTexels
 
 
-def lightmap_contents(read: ReadScene, settings: Settings, uv_layer: str, kept: KeptTexels) -> list[dict]:
+def lightmap_contents(
+    read: ReadScene, settings: Settings, uv_layer: str, kept: PreservedTexels
+) -> list[dict]:
     """Return "atlas", "output" and "objects" of each lightmap, output after output as they are baked."""
     objects = _objects_by_atlas(read, uv_layer)
     for atlas, obj in kept.objects():
@@ -95,7 +97,7 @@ def _as_before(obj: bpy.types.Object) -> dict:
     }
 
 
-def _placed(place: Place, obj: bpy.types.Object, uv_layer: str) -> dict:
+def _placed(place: UvTransform, obj: bpy.types.Object, uv_layer: str) -> dict:
     """Return where charts of an object lie in their atlas, JSON-ready."""
     return {
         "uv_layer": lightmap_layer(obj, uv_layer),

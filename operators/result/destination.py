@@ -12,7 +12,7 @@ import bpy
 
 from ...engine.errors import EngineError
 from ..file_format import PLAIN, FileFormat
-from ..rollback import Changes
+from ..rollback import Rollback
 from .file_names import file_name
 from .files import reason
 from .manifest import NAME, is_ours, read_manifest
@@ -51,7 +51,7 @@ def choose_destination(
     scene: bpy.types.Scene,
     atlases: Sequence[str],
     directory: str,
-    changes: Changes,
+    changes: Rollback,
     formats: Sequence[FileFormat] = (),
     chosen: Sequence[str] = (),
     blend: str | None = None,
@@ -140,7 +140,7 @@ def blend_from(folder: Path, blend: str | None = None) -> str:
         return Path(blend).as_posix()
 
 
-def try_folder(folder: Path, changes: Changes) -> None:
+def try_folder(folder: Path, changes: Rollback) -> None:
     """Make a folder and write a file into it; raises OSError."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     changes.add(lambda: _remove_folders(made))

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from ..rollback import Changes
+from ..rollback import Rollback
 
 #: How the name of a folder of unfinished files starts, and the file in it that its process holds locked.
 _PREFIX, _LOCK = ".hemibake-", "lock"
@@ -47,7 +47,7 @@ def replace_all(staged: Sequence[Path], paths: Sequence[Path], backup: Path) -> 
 
     backup  a folder of the same file system; at no time is a path without its old or its new file
     """
-    changes = Changes()
+    changes = Rollback()
     try:
         for index, (new, path) in enumerate(zip(staged, paths, strict=True)):
             if path.exists():
@@ -58,7 +58,7 @@ def replace_all(staged: Sequence[Path], paths: Sequence[Path], backup: Path) -> 
                 changes.add(lambda path=path: path.unlink(missing_ok=True))
             new.replace(path)
     except OSError:
-        changes.take_back()
+        changes.undo()
         raise
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ...engine.errors import EngineError
 from ...engine.postprocess.outputs import RATIO_MAPS
 from ..lookup import find
-from ..rollback import Changes
+from ..rollback import Rollback
 from ..working_space import REC709, from_rec709, is_rec709
 from .destination import Destination
 from .exr import rgba, write_exr
@@ -33,7 +33,7 @@ def map_name(atlas: str, output: str) -> str:
     return f"{atlas} {output.replace('_', ' ', 1)}"
 
 
-def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes: Changes) -> bpy.types.Image:
+def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes: Rollback) -> bpy.types.Image:
     """Return a scene's own image of an atlas at a resolution, made if there is none.
 
     An image that another scene has, too (the scene was copied), is left to that one. An image of that

@@ -26,7 +26,7 @@ _MOST_SLOTS = 1 << 16
 
 
 @dataclass(frozen=True)
-class InstancePlace:
+class InstanceUvTransform:
     """Where the charts of an instance are: lightmap uv = uv of the mesh * scale + offset.
 
     bits  the random number of the instance x (2^32 - 1)
@@ -58,10 +58,10 @@ def baked_instances(scene: bpy.types.Scene) -> dict[tuple[bpy.types.Object, str,
 
 def instance_places(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
-) -> dict[bpy.types.Object, list[InstancePlace]]:
+) -> dict[bpy.types.Object, list[InstanceUvTransform]]:
     """Return the places of the baked instances of each object, and that of the object itself."""
     baked = baked_instances(scene)
-    places: dict[bpy.types.Object, list[InstancePlace]] = {}
+    places: dict[bpy.types.Object, list[InstanceUvTransform]] = {}
     for instance in depsgraph.object_instances if baked else ():
         if not instance.is_instance:
             continue
@@ -70,12 +70,12 @@ def instance_places(
         image = entry and instance_image(scene, entry)
         if image:
             bits = instance.random_id & 0xFFFFFFFF
-            place = InstancePlace(bits, image, entry["scale"], tuple(entry["offset"]))
+            place = InstanceUvTransform(bits, image, entry["scale"], tuple(entry["offset"]))
             places.setdefault(source, []).append(place)
     for source, others in places.items():
         own = source.hemibake
         if own.image is not None:
-            place = InstancePlace(name_hash(source.name), own.image, own.uv_scale, tuple(own.uv_offset))
+            place = InstanceUvTransform(name_hash(source.name), own.image, own.uv_scale, tuple(own.uv_offset))
             others.append(place)
     return places
 
@@ -89,7 +89,7 @@ def instance_image(scene: bpy.types.Scene, entry: dict) -> bpy.types.Image | Non
     return lightmap.image if lightmap and lightmap.image else bpy.data.images.get(entry["image"])
 
 
-def place_table(places: Sequence[InstancePlace], images: Sequence[bpy.types.Image]) -> PlaceTable:
+def place_table(places: Sequence[InstanceUvTransform], images: Sequence[bpy.types.Image]) -> PlaceTable:
     """Return the table of places, one for each number."""
     numbers = shader_numbers([place.bits for place in places])
     buckets = 1 << max(len(places) - 1, 0).bit_length()

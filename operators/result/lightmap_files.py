@@ -11,7 +11,7 @@ import numpy as np
 from ...engine.encoding.encoding import Encoding, encode_in_bands
 from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
-from ...engine.encoding.signed_norm import Biased
+from ...engine.encoding.signed_norm import SignedNorm
 from ...engine.encoding.srgb import Srgb
 from ...engine.postprocess.outputs import RATIO_MAPS
 from ..file_format import FileFormat
@@ -99,7 +99,7 @@ def _in_words(file: LightmapFile) -> str:
         case "hdr":
             return "Radiance RGBE, scene-linear Rec.709"
         case "png":
-            biased = isinstance(file.encoding, Biased)
+            biased = isinstance(file.encoding, SignedNorm)
             return f"PNG, {format.png_depth}-bit {'biased, no colour space' if biased else 'sRGB'}"
     return f"PNG, 8-bit {format.name.upper() if format.name != 'logluv' else 'LogLuv'}, no colour space"
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import bpy
 
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ..scene import SceneContext
 from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.objects.meshes import read_uvs
@@ -39,7 +39,7 @@ def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str)
     return digest_of(read_uvs(mesh.uv_layers[layer])) != known.baked_uvs
 
 
-def note_moved_charts(objects: Iterable[bpy.types.Object], context: SceneContext, uv_layer: str) -> list[str]:
+def warn_changed_uvs(objects: Iterable[bpy.types.Object], context: SceneContext, uv_layer: str) -> list[str]:
     """Return a sentence that names the objects with other lightmap UVs than were baked; none without any.
 
     uv_layer: that of the scene
@@ -49,7 +49,7 @@ def note_moved_charts(objects: Iterable[bpy.types.Object], context: SceneContext
     if moved:
         # The viewport may have other faces than were baked.
         moved = evaluate(context, lambda evaluation: _moved(moved, evaluation, uv_layer), moved)
-    return [naming(MOVED_CHARTS, [obj.name for obj in moved])] if moved else []
+    return [object_message(MOVED_CHARTS, [obj.name for obj in moved])] if moved else []
 
 
 def _moved(

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene, SceneContext
@@ -23,7 +23,7 @@ from .images import holds_colours
 _NOBODY, _BAKED, _KEPT = range(3)
 
 
-class KeptTexels:
+class PreservedTexels:
     """What the images of a bake's atlases show of objects that were baked before and are not baked now."""
 
     def __init__(
@@ -81,7 +81,7 @@ class KeptTexels:
                 f"The lightmap '{atlas}' holds {{}}, which are not to be baked, and is {image.size[0]} "
                 "texels wide. Choose that resolution, bake all, or assign the others to another lightmap."
             )
-            raise SceneError(naming(sentence, [obj.name for obj in others]))
+            raise SceneError(object_message(sentence, [obj.name for obj in others]))
         return others
 
     def _kept(self, atlas: int, others: Sequence[bpy.types.Object]) -> np.ndarray:

@@ -16,7 +16,7 @@ from ..original_slots import is_filled, own_slots
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import images_beside
-from .instance_uv_table import InstancePlace, instance_places, place_table
+from .instance_uv_table import InstanceUvTransform, instance_places, place_table
 from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
 from .preview_material import MARK, preview_material, remove_unused_previews
@@ -178,7 +178,7 @@ def _show_slot(slot: bpy.types.MaterialSlot, lightmap: ShownLightmap, made: dict
 
 
 def _shown_lightmap(
-    obj: bpy.types.Object, instances: list[InstancePlace] | None, scene: bpy.types.Scene
+    obj: bpy.types.Object, instances: list[InstanceUvTransform] | None, scene: bpy.types.Scene
 ) -> ShownLightmap:
     """Return where the light of an object, or of all its instances, is; the layer where it was not baked."""
     own = obj.hemibake

@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 
 from ..lookup import find
-from ..rollback import Changes
+from ..rollback import Rollback
 from ..scene import SceneContext
 from . import images
-from .preserved_texels import KeptTexels
+from .preserved_texels import PreservedTexels
 
 
 def image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
@@ -19,7 +19,7 @@ def image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
     return [*atlases, *(images.map_name(atlas, output) for output in outputs[1:] for atlas in atlases)]
 
 
-class ShownImages:
+class ProgressImages:
     """Images in Blender of all lightmaps of a bake; each is made once there is something to show in it.
 
     atlases     of the scene
@@ -35,8 +35,8 @@ class ShownImages:
         atlases: Sequence[str],
         names: Sequence[str],
         resolution: int,
-        kept: KeptTexels,
-        changes: Changes,
+        kept: PreservedTexels,
+        changes: Rollback,
     ) -> None:
         self._context, self._kept, self._changes = context, kept, changes
         self._atlases, self._names, self._resolution = atlases, names, resolution

@@ -19,7 +19,7 @@ from .fingerprints import own_part
 from .objects.instancing import instance_pairs, visible_meshes
 from .read import Entry, ReadScene
 from .scene_context import SceneContext
-from .uv_transform import Place
+from .uv_transform import UvTransform
 
 NOTHING_SELECTED = "No selected object gets a lightmap. Select what is to be baked, or choose the target All."
 
@@ -34,8 +34,8 @@ class NothingChangedError(SceneError):
 def target_uids(context: SceneContext, target: str) -> set[int]:
     """Return the session uids of the mesh objects that may be baked: "SELECTED" ones, or all.
 
-    Which are "CHANGED" is known once they have been read: see `ChangedLight`. An instance belongs to what it
-    shows. Raises SceneError if none is selected.
+    Which are "CHANGED" is known once they have been read: see `ChangedObjects`. An instance belongs to what
+    it shows. Raises SceneError if none is selected.
     """
     meshes = {obj.session_uid for obj in visible_meshes(context)}
     if target != "SELECTED":
@@ -124,6 +124,6 @@ def _is_kept(entry: Entry, scene: bpy.types.Scene) -> bool:
     return _same_place(place, obj)
 
 
-def _same_place(place: Place, obj: bpy.types.Object) -> bool:
+def _same_place(place: UvTransform, obj: bpy.types.Object) -> bool:
     before = (obj.hemibake.uv_scale, *obj.hemibake.uv_offset)
     return bool(np.allclose(before, (place.scale, *place.offset), rtol=0, atol=1e-5))

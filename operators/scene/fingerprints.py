@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...engine.scene.model import Light, Material, emits
-from .scene_objects import Reading
+from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
-from .uv_transform import Place
+from .uv_transform import UvTransform
 
 #: Digits of a lamp's position behind the point, m: it was moved to the scene's origin and back.
 _DIGITS = 6
@@ -21,8 +21,8 @@ _SIZE = 16
 
 
 def find_fingerprints(
-    readings: Sequence[Reading],
-    places: Sequence[Place | None],
+    readings: Sequence[ReadObject],
+    places: Sequence[UvTransform | None],
     materials: Sequence[Material],
     surroundings: Sequence[object],
 ) -> Slices[list[str | None]]:

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.object_message import Note
+from ...engine.object_message import ObjectMessage
 from ...engine.scene.checks import check_light, check_material, check_world
 from ...engine.scene.model import Light, Material, Scene
 from .slice_timer import Slices
@@ -21,7 +21,7 @@ _GREY = np.full(3, 0.8, np.float32)
 _BLACK = np.zeros(3, np.float32)
 
 
-def without_faults(scene: Scene, notes: list[str]) -> Slices[Scene]:
+def replace_invalid_values(scene: Scene, notes: list[str]) -> Slices[Scene]:
     """Return a scene whose materials are grey, whose lamps are gone and whose world is black where faulty.
 
     A sentence about each is appended to `notes`.
@@ -32,7 +32,7 @@ def without_faults(scene: Scene, notes: list[str]) -> Slices[Scene]:
             check(part)
         except SceneError as error:
             objects = (part.name,) if isinstance(part, Light) else ()
-            notes.append(Note(f"{error} {instead}", objects))
+            notes.append(ObjectMessage(f"{error} {instead}", objects))
             return True
         return False
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...engine.bake_result import Lightmap
-from ...engine.postprocess.directional_denoising import CARRIED, carried_maps
+from ...engine.bake_result import BakeResult
+from ...engine.postprocess.directional_denoising import CARRIED, encode_signed_maps
 from ...engine.postprocess.outputs import SIGNED_MAPS, is_of_light_group
 from ...engine.scene.digests import same_values
 from ...engine.scene.light_groups import light_group_names
@@ -30,7 +30,7 @@ _FAINTEST = 0.01
 ALL_LIGHT = 1e30
 
 
-def quick_settings(settings: Settings) -> Settings:
+def comparison_settings(settings: Settings) -> Settings:
     """Return settings for the same patches as those of a bake, but few rays of each.
 
     A change that many texels see by a few rays each is met by some of these.
@@ -89,9 +89,9 @@ class QuickBakes:
     before, now  of the light that may differ, as it was and as it is
     """
 
-    whole: Lightmap
-    before: Lightmap
-    now: Lightmap
+    whole: BakeResult
+    before: BakeResult
+    now: BakeResult
 
 
 def light_changes(read: ReadScene, quick: QuickBakes) -> dict[int, float]:
@@ -144,14 +144,14 @@ def _reference(name: str, whole: dict[str, np.ndarray]) -> np.ndarray:
     return whole["combined" if name.endswith(CARRIED) else name]
 
 
-def _light_of(lightmap: Lightmap, texels: tuple) -> dict[str, np.ndarray]:
+def _light_of(lightmap: BakeResult, texels: tuple) -> dict[str, np.ndarray]:
     """Return what some texels show, (n, 3) float32 by name: light, and fractions of it.
 
     Directional maps change with the light that carries them; they are compared to all of that.
     """
     maps = {name: image[texels] for name, image in lightmap.passes.items()}
     light = {name: image for name, image in maps.items() if name not in SIGNED_MAPS}
-    return light | carried_maps(maps)
+    return light | encode_signed_maps(maps)
 
 
 def _largest_step(whole: np.ndarray, before: np.ndarray, now: np.ndarray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ...engine.scene.checks import LARGEST
 
 #: What becomes of the object.
@@ -46,7 +46,7 @@ XATLAS_FAILED = (
 MANY_LAYERS = f"8 UV layers, as many as Blender allows, and none for the lightmap: {_SEEN}. Remove one."
 
 
-def no_room(resolution: int) -> str:
+def no_space_message(resolution: int) -> str:
     """Return the sentence for charts that do not fit a lightmap; 0 if none is large enough."""
     raised = f"Raise the resolution to {resolution}" if resolution else "Raise the resolution"
     return (
@@ -81,6 +81,6 @@ class Troubles:
     def tell(self) -> list[str]:
         """Return a sentence for each kind, with the names."""
         return [
-            naming(f"{'Objects' if len(names) > 1 else 'Object'} {{}}: {sentence}", sorted(names))
+            object_message(f"{'Objects' if len(names) > 1 else 'Object'} {{}}: {sentence}", sorted(names))
             for sentence, names in self._names.items()
         ]

@@ -20,8 +20,8 @@ import numpy as np
 
 from .skyline_packing import GAP, Box, largest_free_box, pack_tiles
 from .slice_timer import Slices
-from .uv_transform import ChartBox, Charted, Place, chart_box
-from .uvs.coverage_grid import LARGEST_GRID, Footprint, crowded, make_footprint
+from .uv_transform import ChartBox, Charted, UvTransform, chart_box
+from .uvs.coverage_grid import LARGEST_GRID, CoverageGrid, find_overlapping, make_footprint
 from .uvs.uv_faults import is_inside
 
 #: Objects move together if their densities differ by no more than this factor.
@@ -62,12 +62,12 @@ class _Group:
     taken: np.ndarray
     members: list[int] = field(default_factory=list)
 
-    def joins(self, box: ChartBox, footprint: Footprint) -> bool:
+    def joins(self, box: ChartBox, footprint: CoverageGrid) -> bool:
         """Return whether an object may have been packed with these."""
         ratio = box.density / self.box.density
         return 1 / _EQUALLY_DENSE < ratio < _EQUALLY_DENSE and not footprint.meets(self.taken)
 
-    def add(self, index: int, box: ChartBox, footprint: Footprint | None) -> None:
+    def add(self, index: int, box: ChartBox, footprint: CoverageGrid | None) -> None:
         """Let an object move with these."""
         self.members.append(index)
         low, high = np.minimum(self.box.low, box.low), np.maximum(self.box.high, box.high)
@@ -76,16 +76,16 @@ class _Group:
             self.taken[footprint.window] |= footprint.covered
 
 
-def place_apart(
-    members: Sequence[Charted], footprints: Sequence[Footprint | None], atlas: str, resolution: int
-) -> Slices[list[Place | None]]:
+def separate_overlaps(
+    members: Sequence[Charted], footprints: Sequence[CoverageGrid | None], atlas: str, resolution: int
+) -> Slices[list[UvTransform | None]]:
     """Return the place of each object of an atlas, such that none lies on another.
 
     They are None for those that move and have no room. Yields after every few milliseconds of work.
 
     footprints  of the objects, see `make_footprints`
     """
-    places: list[Place | None] = [Place(atlas)] * len(members)
+    places: list[UvTransform | None] = [UvTransform(atlas)] * len(members)
     grid = min(resolution, LARGEST_GRID)
     moving = yield from _moving(footprints, grid)
     if not any(moving):
@@ -100,12 +100,12 @@ def place_apart(
     return places
 
 
-def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[Footprint | None]]:
+def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[CoverageGrid | None]]:
     """Return the footprint of each object, None for one that reaches out of the atlas.
 
     Yields after every few milliseconds of work.
     """
-    footprints: list[Footprint | None] = []
+    footprints: list[CoverageGrid | None] = []
     for member in members:
         inside = is_inside(member.uvs)
         grid = min(resolution, LARGEST_GRID)
@@ -114,15 +114,15 @@ def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[
     return footprints
 
 
-def _moving(footprints: Sequence[Footprint | None], grid: int) -> Slices[list[bool]]:
+def _moving(footprints: Sequence[CoverageGrid | None], grid: int) -> Slices[list[bool]]:
     """Return which objects need another place."""
     known = [footprint for footprint in footprints if footprint is not None]
-    inside = iter((yield from crowded(known, grid)))
+    inside = iter((yield from find_overlapping(known, grid)))
     return [footprint is None or next(inside) for footprint in footprints]
 
 
 def _group(
-    members: Sequence[Charted], footprints: Sequence[Footprint | None], moving: Sequence[int], grid: int
+    members: Sequence[Charted], footprints: Sequence[CoverageGrid | None], moving: Sequence[int], grid: int
 ) -> Slices[list[_Group]]:
     """Return the moving objects, by index, in groups that keep their layout.
 
@@ -143,12 +143,12 @@ def _group(
     return groups
 
 
-def _cells(footprint: Footprint | None, grid: int) -> int:
+def _cells(footprint: CoverageGrid | None, grid: int) -> int:
     """Return how many cells an object covers, more than all for one that reaches out of the atlas."""
     return grid**2 + 1 if footprint is None else footprint.cells
 
 
-def _free_room(kept: Sequence[Footprint | None], grid: int, resolution: int) -> Slices[Box]:
+def _free_room(kept: Sequence[CoverageGrid | None], grid: int, resolution: int) -> Slices[Box]:
     """Return the largest rectangle of an atlas, texels, that objects which are kept leave free."""
     if not kept:
         return Box(0, 0, resolution, resolution)

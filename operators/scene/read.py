@@ -9,16 +9,16 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.object_message import first_line, naming
+from ...engine.object_message import first_line, object_message
 from ...engine.progress import Progress, finished
 from ...engine.scene.model import OCCLUDER, Mesh, Scene
 from .fingerprints import combined, find_fingerprints, in_the_world
-from .invalid_values import without_faults
-from .light.lights import Lamps
+from .invalid_values import replace_invalid_values
+from .light.lights import SceneLights
 from .light.world import read_world
 from .materials.engine_materials import textures_of
 from .materials.material_table import MaterialTable
-from .materials.pixels import PixelCache, UnreadError
+from .materials.pixels import PixelCache, PixelsNeededError
 from .materials.shader_bake import Move
 from .messages import Troubles
 from .objects.evaluation import Evaluation
@@ -28,18 +28,18 @@ from .objects.skipped import note_skipped
 from .objects.strands import has_strands
 from .read_stages import ReadStages
 from .scene_context import SceneContext
-from .scene_objects import ItemReader, Reading
+from .scene_objects import ItemReader, ReadObject
 from .scene_watch import SceneWatch
 from .slice_timer import Slice, Slices
 from .units import metres_per_unit
 from .uv_layout import choose_places
-from .uv_transform import Place, takes_textures
+from .uv_transform import UvTransform, takes_textures
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
 
 #: Session uid of a baked object, and where its charts are; of an instance session uid of the instancer,
 #: name of the object shown, persistent id, and where its charts are.
-Entry = tuple[int, Place] | tuple[int, str, tuple[int, ...], Place]
+Entry = tuple[int, UvTransform] | tuple[int, str, tuple[int, ...], UvTransform]
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,12 @@ class ReadScene:
     placed: tuple[Placed, ...] = ()
 
     @property
-    def objects(self) -> tuple[tuple[int, Place], ...]:
+    def objects(self) -> tuple[tuple[int, UvTransform], ...]:
         """The entries of objects."""
         return tuple(entry for entry in self.entries if entry is not None and len(entry) == 2)
 
     @property
-    def instances(self) -> tuple[tuple[int, str, tuple[int, ...], Place], ...]:
+    def instances(self) -> tuple[tuple[int, str, tuple[int, ...], UvTransform], ...]:
         """The entries of instances."""
         return tuple(entry for entry in self.entries if entry is not None and len(entry) == 4)
 
@@ -157,7 +157,7 @@ class _SceneReading:
         glass = bool(watch.context.scene.hemibake.glass_transmits)
         self._table = MaterialTable(watch, uv_layer, self._several, notes, self._cache, glass)
         self._reader = ItemReader(self._table, baked, uv_layer, notes, self._troubles)
-        self._lamps = Lamps(notes)
+        self._lamps = SceneLights(notes)
         self._announced: set[int] = set()
         self._next = 0
 
@@ -186,7 +186,7 @@ class _SceneReading:
         while self._next < self._watch.items:
             try:
                 announcement = self._read_some()
-            except UnreadError as unread:
+            except PixelsNeededError as unread:
                 yield from unread.reading
                 continue
             yield from self._reader.finish_meshes()
@@ -225,7 +225,7 @@ class _SceneReading:
             world_light_group=self._world_group,
             metres_per_unit=self._metres_per_unit,
         )
-        scene = yield from without_faults(scene, self._notes)
+        scene = yield from replace_invalid_values(scene, self._notes)
         entries = tuple(
             _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
         )
@@ -302,13 +302,13 @@ class _SceneReading:
                 try:
                     self._read_item(item, depsgraph, override)
                     break
-                except UnreadError as unread:
+                except PixelsNeededError as unread:
                     finished(unread.reading)
 
     def _read_item(
         self, item: SceneItem, depsgraph: bpy.types.Depsgraph, override: bpy.types.Material | None
     ) -> None:
-        """Read an object or instance; raises UnreadError if an image has to be read first."""
+        """Read an object or instance; raises PixelsNeededError if an image has to be read first."""
         if has_strands(item.object, depsgraph):
             self._reader.add_hair(item, depsgraph, override)
         if not item.shows_self:
@@ -319,7 +319,7 @@ class _SceneReading:
             self._reader.add(item, override)
 
 
-def _entry(reading: Reading, place: Place | None) -> Entry | None:
+def _entry(reading: ReadObject, place: UvTransform | None) -> Entry | None:
     if place is None:
         return None
     if reading.instancer is None:
@@ -327,7 +327,7 @@ def _entry(reading: Reading, place: Place | None) -> Entry | None:
     return reading.instancer, reading.name, reading.persistent_id, place
 
 
-def _moves(readings: Sequence[Reading], places: Sequence[Place | None]) -> dict[int, Move]:
+def _moves(readings: Sequence[ReadObject], places: Sequence[UvTransform | None]) -> dict[int, Move]:
     """Return how the charts of objects, by session uid, get to where textures over them are made."""
     return {
         reading.source: place.apply
@@ -336,7 +336,9 @@ def _moves(readings: Sequence[Reading], places: Sequence[Place | None]) -> dict[
     }
 
 
-def _mesh(reading: Reading, place: Place | None, atlases: list[str], origin: np.ndarray) -> Slices[Mesh]:
+def _mesh(
+    reading: ReadObject, place: UvTransform | None, atlases: list[str], origin: np.ndarray
+) -> Slices[Mesh]:
     """Return a reading in the world, with its charts in their place."""
     atlas = OCCLUDER if place is None else atlases.index(place.atlas)
     return world_mesh(reading, origin, atlas, place)
@@ -351,7 +353,7 @@ def _nothing_left(seen: set[str], notes: Sequence[str]) -> str:
             f"Nothing is left to bake: {{}} {'is' if len(seen) == 1 else 'are'} only seen. "
             f"Set the role of an object to Baked. {reasons}".strip()
         )
-        return "\n".join([naming(sentence, sorted(seen)), *details])
+        return "\n".join([object_message(sentence, sorted(seen)), *details])
     if notes:
         return "\n".join([f"Nothing is left to bake. {reasons}", *details])
     return "The scene has no mesh with faces to bake. Add a mesh object, or enable one in renders."

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Generator, Set
 from dataclasses import replace
 
-from ...engine.progress import Progress, retold
+from ...engine.progress import Progress, map_progress
 from ...engine.scene.model import Scene
-from .invalid_values import without_faults
-from .light.lights import Lamps
+from .invalid_values import replace_invalid_values
+from .light.lights import SceneLights
 from .objects.evaluation import Evaluation
 from .objects.render_differences import is_instancer
 from .objects.visible import visible_objects
@@ -26,7 +26,7 @@ def read_lamps(
     """
     with SceneWatch(context, hurried) as watch:
         work = _read(watch, scene)
-        return (yield from retold(work, _progress))
+        return (yield from map_progress(work, _progress))
 
 
 def _progress(said: float | str | None) -> Progress:
@@ -36,15 +36,15 @@ def _progress(said: float | str | None) -> Progress:
 
 def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:
     notes: list[str] = []
-    lamps = Lamps(notes)
+    lamps = SceneLights(notes)
     sources = [obj for obj in visible_objects(watch.context) if obj.type == "LIGHT" or is_instancer(obj)]
     watch.evaluate(lambda evaluation: _add_lamps(evaluation, watch.visible, lamps), sources)
     suns = (light for light in scene.lights if light.of_world)
     lights = (*(yield from lamps.finish(scene.origin, watch)), *suns)
-    return (yield from without_faults(replace(scene, lights=lights), notes))
+    return (yield from replace_invalid_values(replace(scene, lights=lights), notes))
 
 
-def _add_lamps(evaluation: Evaluation, visible: Set[int], lamps: Lamps) -> None:
+def _add_lamps(evaluation: Evaluation, visible: Set[int], lamps: SceneLights) -> None:
     """Add the lamps of an evaluation; visible: session uids of the objects that renders show."""
     for item in evaluation.items(visible):
         if item.source.type == "LIGHT":

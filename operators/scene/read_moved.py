@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engine.errors import SceneError
 from ...engine.scene.model import Mesh
-from ...engine.scene.scene_changes import moved as moved_mesh
+from ...engine.scene.scene_changes import transformed as moved_mesh
 from .read import ReadScene
 from .scene_context import SceneContext
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ...engine.object_message import naming
+from ...engine.object_message import object_message
 from ..original_slots import own_slots, shown_materials
 from .materials.displacement import displaces
 from .materials.material_table import MaterialTable
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
-from .objects.coordinate_limits import middle_of, trouble_with
+from .objects.coordinate_limits import coordinate_issue, middle_of
 from .objects.items import ItemKey, SceneItem
 from .objects.meshes import LIGHTMAP_UVS, Corners, MeshArrays, make_corners, read_mesh
 from .objects.strand_ribbons import make_ribbons, thin_out
@@ -26,7 +26,7 @@ from .uvs.uv_modifier import uv_source
 
 
 @dataclass(frozen=True)
-class Shape:
+class SharedMesh:
     """A mesh in object space, one for all that show it.
 
     corners    its triangles
@@ -42,7 +42,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadObject:
     """One object or instance.
 
     name           of the object shown
@@ -66,7 +66,7 @@ class Reading:
     matrix: np.ndarray
     scale: float
     light_group: str
-    shape: Shape | None
+    shape: SharedMesh | None
 
     @property
     def box(self) -> np.ndarray:
@@ -118,9 +118,9 @@ class ItemReader:
         self._table, self._baked = table, baked
         self._uv_layer, self._notes, self._troubles = uv_layer, notes, troubles
         self._unfinished: dict[_MeshKey, _Unfinished] = {}
-        self._shapes: dict[_MeshKey, Shape | str] = {}
+        self._shapes: dict[_MeshKey, SharedMesh | str] = {}
         self._uv_troubles: dict[_MeshKey, str | None] = {}
-        self._items: list[tuple[_MeshKey, Reading]] = []
+        self._items: list[tuple[_MeshKey, ReadObject]] = []
         self._degenerate: dict[str, int] = {}
         self._thinned: list[str] = []
         self._displaced_meshes: set[_MeshKey] = set()
@@ -137,7 +137,7 @@ class ItemReader:
 
         override: material of all surfaces, if the view layer has one
 
-        Raises UnreadError if an image has to be read first.
+        Raises PixelsNeededError if an image has to be read first.
         """
         if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
             return
@@ -163,7 +163,7 @@ class ItemReader:
 
         override: material of all surfaces, if the view layer has one
 
-        Raises UnreadError if an image has to be read first; then it must be called again.
+        Raises PixelsNeededError if an image has to be read first; then it must be called again.
         """
         if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
             return
@@ -196,15 +196,15 @@ class ItemReader:
                 self._table.keep(mesh.item, mesh.slots)
             yield 0.0
 
-    def finish(self) -> Slices[tuple[list[Reading], np.ndarray]]:
+    def finish(self) -> Slices[tuple[list[ReadObject], np.ndarray]]:
         """Return what was read, and the point that positions are relative to, (3,) float64, world space."""
         if self._degenerate:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
             sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
-            self._notes.append(naming(sentence, names))
+            self._notes.append(object_message(sentence, names))
         for sentence, found in ((_THINNED, self._thinned), (_DISPLACED, self._displaced)):
             if found:
-                self._notes.append(naming(sentence, sorted(set(found))))
+                self._notes.append(object_message(sentence, sorted(set(found))))
         readings, boxes = [], []
         for reading in self._readings():
             readings.append(reading)
@@ -213,7 +213,7 @@ class ItemReader:
         middle = middle_of(boxes)
         near = []
         for reading, box in zip(readings, boxes, strict=True):
-            trouble = trouble_with(box, middle)
+            trouble = coordinate_issue(box, middle)
             if trouble:
                 self._troubles.add(trouble, reading.name)
             else:
@@ -221,7 +221,7 @@ class ItemReader:
             yield None
         return near, middle
 
-    def _readings(self) -> Iterator[Reading]:
+    def _readings(self) -> Iterator[ReadObject]:
         """Yield all items with their shapes; those whose UVs are of no use become occluders."""
         for key, reading in self._items:
             shape = self._shapes[key]
@@ -233,10 +233,10 @@ class ItemReader:
                 self._troubles.add(trouble, reading.name)
             yield replace(reading, shape=shape, atlas=None if trouble else reading.atlas)
 
-    def _reading(self, item: SceneItem, atlas: str | None) -> Reading:
+    def _reading(self, item: SceneItem, atlas: str | None) -> ReadObject:
         """Return an item whose mesh has not been read yet."""
         instancer = item.instancer
-        return Reading(
+        return ReadObject(
             name=item.source.name,
             source=item.source.session_uid,
             uvs=uv_source(item.source, self._uv_layer),
@@ -276,7 +276,7 @@ class ItemReader:
         return read_mesh(mesh, None if atlas is None or layer not in mesh.uv_layers else layer, maps)
 
 
-def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> Shape | str:
+def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> SharedMesh | str:
     """Return a mesh with its materials, or why it is left out; uvs: (l, 2) float32, the lightmap UVs."""
     if not len(corners.positions):
         return NO_FACES
@@ -286,7 +286,7 @@ def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> Sh
         return NORMALS_NOT_FINITE
     index = np.clip(corners.slot, 0, len(slots) - 1)
     digest = "" if uvs is None else digest_of(uvs)
-    return Shape(corners, np.asarray(slots, np.int32)[index], _box(corners.positions), digest)
+    return SharedMesh(corners, np.asarray(slots, np.int32)[index], _box(corners.positions), digest)
 
 
 def _uv_trouble(uvs: np.ndarray | None) -> str | None:
@@ -303,5 +303,5 @@ def _box(positions: np.ndarray) -> np.ndarray:
 
 
 def _objects(names: Sequence[str]) -> str:
-    """Return the beginning of a sentence for `naming`."""
+    """Return the beginning of a sentence for `object_message`."""
     return "Object {}" if len(names) == 1 else "Objects {}"

@@ -13,11 +13,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from .messages import NO_TILE, Troubles
-from .overlap_layout import make_footprints, place_apart
-from .scene_objects import Reading
+from .overlap_layout import make_footprints, separate_overlaps
+from .scene_objects import ReadObject
 from .skyline_packing import GAP, Box, Corners, pack_tiles
 from .slice_timer import Slices
-from .uv_transform import ChartBox, Charted, Place, chart_box, charted_of
+from .uv_transform import ChartBox, Charted, UvTransform, chart_box, charted_of
 from .uvs.uv_faults import is_inside
 
 #: Largest number of atlases with tiles for one atlas name; tiles shrink until they fit.
@@ -27,11 +27,11 @@ _SHRINK = 0.9
 #: Texels below which the largest tile does not shrink.
 _SMALLEST = 6
 
-Places = Slices[tuple[list[str], list[Place | None]]]
+Places = Slices[tuple[list[str], list[UvTransform | None]]]
 
 
 def choose_places(
-    readings: Sequence[Reading], several: set[int], resolution: int, troubles: Troubles
+    readings: Sequence[ReadObject], several: set[int], resolution: int, troubles: Troubles
 ) -> Places:
     """Return the names of all atlases, and the place of each reading, None for occluders.
 
@@ -41,18 +41,20 @@ def choose_places(
     troubles  is told of readings that become occluders since they have no place
     """
     tiled = _tiled(readings, several)
-    places: list[Place | None] = [None] * len(readings)
+    places: list[UvTransform | None] = [None] * len(readings)
     charted = yield from _all_charted(readings)
     for atlas, members in _by_atlas(readings, np.flatnonzero(~tiled)).items():
         if len(members) > 1 or not is_inside(charted[members[0]].uvs):
             own = [charted[index] for index in members]
             footprints = yield from make_footprints(own, resolution)
-            _set(places, members, (yield from place_apart(own, footprints, atlas, resolution)))
+            _set(places, members, (yield from separate_overlaps(own, footprints, atlas, resolution)))
         else:
-            _set(places, members, [Place(atlas)])
+            _set(places, members, [UvTransform(atlas)])
     kept = list(dict.fromkeys(place.atlas for place in places if place is not None))
     for atlas, members in _by_atlas(readings, np.flatnonzero(tiled)).items():
-        alone = [chart_box(charted[index]) for index, place in enumerate(places) if place == Place(atlas)]
+        alone = [
+            chart_box(charted[index]) for index, place in enumerate(places) if place == UvTransform(atlas)
+        ]
         base = _free_name(atlas, {reading.atlas for reading in readings})
         boxes = [chart_box(charted[index]) for index in members]
         _set(places, members, (yield from _place_tiles(boxes, alone, base, resolution)))
@@ -63,7 +65,7 @@ def choose_places(
     return list(atlases), places
 
 
-def _all_charted(readings: Sequence[Reading]) -> Slices[dict[int, Charted]]:
+def _all_charted(readings: Sequence[ReadObject]) -> Slices[dict[int, Charted]]:
     """Return the charts of the readings that get a lightmap, by index."""
     charted = {}
     for index, reading in enumerate(readings):
@@ -72,7 +74,7 @@ def _all_charted(readings: Sequence[Reading]) -> Slices[dict[int, Charted]]:
     return charted
 
 
-def _by_atlas(readings: Sequence[Reading], indices: Iterable[int]) -> dict[str, list[int]]:
+def _by_atlas(readings: Sequence[ReadObject], indices: Iterable[int]) -> dict[str, list[int]]:
     """Return which of some readings each atlas has."""
     groups: dict[str, list[int]] = {}
     for index in indices:
@@ -82,12 +84,14 @@ def _by_atlas(readings: Sequence[Reading], indices: Iterable[int]) -> dict[str, 
     return groups
 
 
-def _set(places: list[Place | None], members: Sequence[int], chosen: Sequence[Place | None]) -> None:
+def _set(
+    places: list[UvTransform | None], members: Sequence[int], chosen: Sequence[UvTransform | None]
+) -> None:
     for index, place in zip(members, chosen, strict=True):
         places[index] = place
 
 
-def _tiled(readings: Sequence[Reading], several: set[int]) -> np.ndarray:
+def _tiled(readings: Sequence[ReadObject], several: set[int]) -> np.ndarray:
     """Return whether the charts of each reading may be shown by another baked one, too, (n,) bool."""
     users = Counter((reading.uvs, reading.atlas) for reading in readings)
     return np.array(
@@ -106,7 +110,7 @@ def _tiled(readings: Sequence[Reading], several: set[int]) -> np.ndarray:
 
 def _place_tiles(
     boxes: Sequence[ChartBox], alone: Sequence[ChartBox], atlas: str, resolution: int
-) -> Slices[Sequence[Place | None]]:
+) -> Slices[Sequence[UvTransform | None]]:
     """Return a tile for each box: as fine as objects that are alone, else as fine as fits one atlas.
 
     They are None if not all of them fit.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .scene_objects import Reading
+from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
 
 #: Smallest width and height of the box around charts, in UVs, and smallest part of it that they fill.
@@ -14,7 +14,7 @@ _SMALLEST_BOX, _LEAST_FILLED = 1e-4, 0.05
 
 
 @dataclass(frozen=True)
-class Place:
+class UvTransform:
     """A place in an atlas: lightmap uv = uv of the mesh * scale + offset."""
 
     atlas: str
@@ -28,7 +28,7 @@ class Place:
         return (uvs.astype(np.float64) * self.scale + np.array(self.offset)).astype(np.float32)
 
 
-def takes_textures(reading: Reading, place: Place) -> bool:
+def takes_textures(reading: ReadObject, place: UvTransform) -> bool:
     """Return whether textures that are made over a reading's lightmap UVs lie where its charts are put.
 
     Of several that show one mesh, with tiles in an atlas of their own, the mesh itself has the textures.
@@ -53,11 +53,11 @@ class ChartBox:
         """Width and height, (2,) float64, metres."""
         return (self.high - self.low) / self.density
 
-    def place(self, atlas: str, corner: tuple[int, int], scale: float, resolution: int) -> Place:
+    def place(self, atlas: str, corner: tuple[int, int], scale: float, resolution: int) -> UvTransform:
         """Return the place whose lower left corner is a texel, at a scale in texels per metre."""
         factor = scale / self.density / resolution
         x, y = np.array(corner) / resolution - self.low * factor
-        return Place(atlas, float(factor), (float(x), float(y)))
+        return UvTransform(atlas, float(factor), (float(x), float(y)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def make_charted(uvs: np.ndarray, positions: np.ndarray, matrix: np.ndarray, sca
     return Charted(uvs, low, high, flat, surface, scale)
 
 
-def charted_of(reading: Reading) -> Slices[Charted]:
+def charted_of(reading: ReadObject) -> Slices[Charted]:
     """Return the charts of a reading that has lightmap UVs."""
     corners = reading.shape.corners
     return make_charted(corners.uvs, corners.positions, reading.matrix, reading.scale)

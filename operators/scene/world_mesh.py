@@ -6,12 +6,14 @@ import numpy as np
 
 from ...engine.scene.model import Mesh
 from .objects.meshes import LIGHTMAP_UVS
-from .scene_objects import Reading
+from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
-from .uv_transform import Place, takes_textures
+from .uv_transform import UvTransform, takes_textures
 
 
-def world_mesh(reading: Reading, origin: np.ndarray, atlas: int, place: Place | None) -> Slices[Mesh]:
+def world_mesh(
+    reading: ReadObject, origin: np.ndarray, atlas: int, place: UvTransform | None
+) -> Slices[Mesh]:
     """Return a reading's corners along the world's axes.
 
     origin  (3,) float64, world space: what the positions are relative to

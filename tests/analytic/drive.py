@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine import Lightmap, Progress, Scene, Settings, bake
-from engine.gather.hemicube_gather import Gather
+from engine import BakeResult, Progress, Scene, Settings, bake
+from engine.gather.hemicube_gather import HostGather
 from engine.patches.geometry import PatchGeometry, patch_geometry
 from engine.patches.patch_list import PatchList
 from engine.reference.cpu_hemicubes import CpuHemicubes
@@ -17,12 +17,12 @@ from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import Solver
 
 
-def drive(scene: Scene, settings: Settings) -> Lightmap:
+def drive(scene: Scene, settings: Settings) -> BakeResult:
     """Bake to the end."""
     return drive_with_progress(scene, settings)[0]
 
 
-def drive_with_progress(scene: Scene, settings: Settings) -> tuple[Lightmap, list[Progress]]:
+def drive_with_progress(scene: Scene, settings: Settings) -> tuple[BakeResult, list[Progress]]:
     """Bake to the end; return the lightmap and all progress that the bake yielded."""
     generator, progress = bake(scene, settings), []
     while True:
@@ -32,7 +32,7 @@ def drive_with_progress(scene: Scene, settings: Settings) -> tuple[Lightmap, lis
             return stop.value, progress
 
 
-def irradiance(lightmap: Lightmap) -> np.ndarray:
+def irradiance(lightmap: BakeResult) -> np.ndarray:
     """Return E/pi of every patch of a lightmap, (n, 3) float32, in the order of the patch list."""
     return lightmap.image[lightmap.has_patch]
 
@@ -58,7 +58,7 @@ class Prepared:
         texels = map_texels(self.scene, self.patches)
         return CpuHemicubes(self.scene, self.triangles, self.geometry, texels, self.emission, settings)
 
-    def solution(self, gather: Gather, settings: Settings) -> Solver:
+    def solution(self, gather: HostGather, settings: Settings) -> Solver:
         """Return the light after the paper's iterations with a way to gather."""
         dark = np.zeros_like(self.emission)
         radiosity = HostRadiosity(gather, self.reflectance, self.emission, self.geometry.area)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine import Light, Lightmap, Mesh, Scene
+from engine import BakeResult, Light, Mesh, Scene
 from tests.analytic.scenes import GAP, material, quads, rectangle
 
 #: Width of a texel, m.
@@ -82,7 +82,7 @@ def floor_points(mesh: Mesh, points: np.ndarray) -> np.ndarray:
     return uv
 
 
-def shown(lightmap: Lightmap, uvs: np.ndarray) -> np.ndarray:
+def shown(lightmap: BakeResult, uvs: np.ndarray) -> np.ndarray:
     """Return what a viewer sees at UVs, (n, 2), of the first lightmap, (n,): bilinear interpolation."""
     image = lightmap.display[0].mean(axis=-1)
     at = uvs * image.shape[0] - 0.5

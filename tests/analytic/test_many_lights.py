@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from engine import Light, Material, Scene, Settings, finished
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
 from engine.direct.lighting import DirectLighting
-from engine.patches.patch_scene import Subdivision, subdivide
+from engine.patches.patch_scene import PatchScene, make_patch_scene
 from engine.reference.analytic import polygon
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import quads, rectangle
@@ -23,12 +23,12 @@ class Bench:
     """Bakes nothing but sampled light."""
 
     def __init__(self) -> None:
-        self.compute, self.graphics = Compute(), Graphics()
+        self.compute, self.graphics = ComputeDevice(), GraphicsContext()
 
-    def subdivide(self, scene: Scene) -> Subdivision:
-        return subdivide(self.graphics, self.compute, scene, SETTINGS)
+    def make_patch_scene(self, scene: Scene) -> PatchScene:
+        return make_patch_scene(self.graphics, self.compute, scene, SETTINGS)
 
-    def light(self, scene: Scene, parts: Subdivision, **settings: int) -> np.ndarray:
+    def light(self, scene: Scene, parts: PatchScene, **settings: int) -> np.ndarray:
         """Return E/pi of the green channel at each patch."""
         chosen = dataclasses.replace(SETTINGS, **settings)
         rays = RayScene(self.compute, parts)
@@ -75,7 +75,7 @@ def test_many_lamps_bring_what_they_bring_alone(bench):
     sun = Light("Sun", "sun", np.zeros(3), np.eye(3), np.full(3, 0.3, np.float32), half_angle=0.1)
     lamps = (*mixed_lamps(40), sun)
     scene = Scene((floor(2.0), roof), (BLACK,), lights=lamps)
-    parts = bench.subdivide(scene)
+    parts = bench.make_patch_scene(scene)
     alone = sum(
         bench.light(dataclasses.replace(scene, lights=(lamp,)), parts, light_samples=1024) for lamp in lamps
     )
@@ -95,7 +95,7 @@ def test_a_ceiling_of_small_lamps(bench):
         for x, y in centres
     )
     scene = Scene((floor(0.002),), (BLACK,), lights=lamps)
-    image = bench.light(scene, bench.subdivide(scene))
+    image = bench.light(scene, bench.make_patch_scene(scene))
     corners = [rectangle((x - 0.05, y - 0.05, 2), 0.1 * Y, 0.1 * X) for x, y in centres]
     factors = [float(np.abs(polygon(np.zeros((1, 3)), Z[None], lamp)).max()) for lamp in corners]
     assert image.mean() == pytest.approx(5 * sum(factors), rel=2e-3)
@@ -104,7 +104,7 @@ def test_a_ceiling_of_small_lamps(bench):
 
 def test_the_same_lamps_give_the_same_bits(bench):
     scene = Scene((floor(2.0),), (BLACK,), lights=mixed_lamps(100))
-    parts = bench.subdivide(scene)
+    parts = bench.make_patch_scene(scene)
     assert (bench.light(scene, parts) == bench.light(scene, parts)).all()
 
 
@@ -113,4 +113,4 @@ def test_suns_only(bench):
         Light(f"Sun {i}", "sun", np.zeros(3), np.eye(3), np.full(3, 0.1, np.float32)) for i in range(40)
     )
     scene = Scene((floor(2.0),), (BLACK,), lights=suns)
-    assert bench.light(scene, bench.subdivide(scene)) == pytest.approx(4 / np.pi, rel=1e-4)
+    assert bench.light(scene, bench.make_patch_scene(scene)) == pytest.approx(4 / np.pi, rel=1e-4)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
 from engine.device.host_copy import HostCopy
 from engine.device.slice_limits import drawing_limits
-from engine.device.time_slicer import SliceSize
+from engine.device.time_slicer import TimeSlicer
 from engine.gather.opencl_integrator import HemicubeIntegrator
 from engine.patches.patch_list import list_patches
 from engine.reference import cpu_hemicubes
@@ -71,9 +71,9 @@ def hemicubes(room) -> Hemicubes:
 def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Draw and integrate the hemicubes of that sample on the GPU path."""
     tiles = plan_tiles(SETTINGS, len(chosen))
-    graphics = Graphics()
+    graphics = GraphicsContext()
     try:
-        compute = Compute()
+        compute = ComputeDevice()
         texel_to_patch = map_texels(room.scene, room.patches)
         target = RadianceTarget(graphics, tiles, room.emission, (*room.scene.world, 1.0))
         cutouts = read_cutouts(room.scene)
@@ -83,7 +83,7 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
         frame, eye, near = (values[chosen] for values in (points.frame, points.eye, points.near))
         frames = points.frames[chosen]
         views = matrices(frame, eye, near, graphics.reversed_depth)
-        assert list(raster.draw(views, SliceSize(drawing_limits(tiles.capacity)))) == [len(chosen)]
+        assert list(raster.draw(views, TimeSlicer(drawing_limits(tiles.capacity)))) == [len(chosen)]
         copy = HostCopy(compute, target.texture)
         summed = HemicubeIntegrator(compute, tiles, np.zeros((1, 1, 3), np.float32)).integrate(
             copy.update(), frames
@@ -97,7 +97,7 @@ def draw(room: Prepared, chosen: np.ndarray, radiance: np.ndarray) -> tuple[np.n
 
 
 def test_patch_list_is_the_same(room):
-    graphics = Graphics()
+    graphics = GraphicsContext()
     try:
         drawn = list_patches(graphics, room.scene, room.triangles, 128)
     finally:

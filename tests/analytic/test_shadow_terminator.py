@@ -7,9 +7,9 @@ import pyopencl as cl
 import pytest
 
 from engine import Light, Material, Mesh, Scene, Settings
-from engine.device.cl_device import Compute
-from engine.patches.patch_materials import PatchSurfaces
-from engine.patches.patch_scene import Subdivision
+from engine.device.cl_device import ComputeDevice
+from engine.patches.patch_materials import PatchMaterials
+from engine.patches.patch_scene import PatchScene
 from engine.reference.cpu_patches import map_texels
 from engine.scene.cutouts import read_cutouts
 from engine.visibility.rays.ray_scene import RayScene
@@ -121,10 +121,10 @@ def lifted(*meshes):
     scene = Scene(meshes, (BLACK,))
     here = prepare(scene, 64)
     dark = np.zeros((len(here.patches), 3), np.float32)
-    texels, surfaces = map_texels(scene, here.patches), PatchSurfaces(dark, dark)
+    texels, surfaces = map_texels(scene, here.patches), PatchMaterials(dark, dark)
     cutouts = read_cutouts(scene)
-    parts = Subdivision(here.triangles, cutouts, here.patches, here.geometry, surfaces, texels, ())
-    compute = Compute()
+    parts = PatchScene(here.triangles, cutouts, here.patches, here.geometry, surfaces, texels, ())
+    compute = ComputeDevice()
     records = RECEIVER.array(len(here.patches))
     rays = RayScene(compute, parts)
     cl.enqueue_copy(compute.queue, records, rays.receivers)

@@ -81,7 +81,7 @@ def read(node, output):
         try:
             found = textures.read_texture(node.outputs[output], cache, "Test", channels)
             break
-        except pixels.UnreadError as unread:
+        except pixels.PixelsNeededError as unread:
             for _ in unread.reading:
                 pass
     values = found.pixels.reshape(4, -1)

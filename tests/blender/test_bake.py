@@ -119,7 +119,7 @@ def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
     import bpy
 
     images, destination = part("operators.result.images"), part("operators.result.destination")
-    changes, scene = part("operators.rollback").Changes(), bpy.context.scene
+    changes, scene = part("operators.rollback").Rollback(), bpy.context.scene
     values = np.random.default_rng(3).normal(0, 100, (1, 8, 8, 3)).astype(np.float32)
     image = images.lightmap_image(scene, "Noise", 8, changes)
     chosen = destination.choose_destination(scene, ["Noise"], str(tmp_path), changes)
@@ -213,7 +213,9 @@ def test_run_cancelled_in_the_worker_leaves_nothing(tmp_path):
     save_blend(tmp_path)
     furnace()
     before, files = snapshot(), files_below(tmp_path)
-    run = part("operators.bake_run").Run(bpy.context, part("operators.worker_manager").owner.worker().bake)
+    run = part("operators.bake_run").BakeRun(
+        bpy.context, part("operators.worker_manager").owner.worker().bake
+    )
     while not any(image.get("hemibake_atlas") for image in bpy.data.images):
         run.step()
     run.cancel()
@@ -230,7 +232,7 @@ def test_cancelled_run_gives_the_old_image_back(tmp_path):
     before, files = snapshot(), files_below(tmp_path)
     bpy.context.scene.hemibake.resolution = 48
     bpy.context.scene.hemibake.seed = 9
-    run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
     while tuple(bpy.data.images["Lightmap"].size) != (48, 48):
         run.step()
     run.cancel()
@@ -246,16 +248,16 @@ def test_dead_worker_is_an_error_that_leaves_the_last_image(tmp_path):
     bpy.context.scene.hemibake.method = "paper"
     save_blend(tmp_path)
     furnace()
-    run = part("operators.bake_run").Run(bpy.context, owner.worker().bake)
+    run = part("operators.bake_run").BakeRun(bpy.context, owner.worker().bake)
     while not any(image.get("hemibake_atlas") for image in bpy.data.images):
         run.step()
     owner.worker().process.kill()
     with pytest.raises(errors.WorkerError, match="Bake again"):
-        run.drain()
+        run.run_to_end()
     run.cancel(keep_images=True)
     assert pixels(bpy.data.images["Lightmap"])[..., :3].max() > 0
-    again = part("operators.bake_run").Run(bpy.context, owner.worker().bake)
-    again.finish(again.drain())
+    again = part("operators.bake_run").BakeRun(bpy.context, owner.worker().bake)
+    again.finish(again.run_to_end())
     assert pixels(bpy.data.images["Lightmap"])[..., :3].max() == pytest.approx(2, rel=0.01)
 
 
@@ -263,11 +265,11 @@ def test_objects_deleted_during_the_bake_are_no_problem():
     import bpy
 
     obj = furnace()
-    run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
     while not bpy.data.images:
         run.step()
     bpy.data.objects.remove(obj)
-    lightmap = run.drain()
+    lightmap = run.run_to_end()
     bpy.data.images.remove(bpy.data.images["Lightmap"])
     assert run.finish(lightmap)["images"] == ["Lightmap"]
 
@@ -276,7 +278,7 @@ def test_another_file_opened_during_the_bake_is_not_touched(tmp_path):
     import bpy
 
     furnace()
-    run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
     while not bpy.data.images:
         run.step()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

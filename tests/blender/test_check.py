@@ -490,8 +490,8 @@ def test_bake_in_a_window_checks_the_scene_while_the_worker_works():
     # So many rays that they take time: what is done at once has no pace.
     bpy.context.scene.hemibake.samples = 2048
     worker = part("operators.worker_manager").owner.worker()
-    run = part("operators.bake_run").Run(bpy.context, worker.bake)
-    run.finish(run.drain())
+    run = part("operators.bake_run").BakeRun(bpy.context, worker.bake)
+    run.finish(run.run_to_end())
     kept = part("operators.checks").last_check(bpy.context.scene).findings
     assert [one.objects for one in kept if one.severity == "ERROR"] == [("Folded",)]
     assert "Visibility" in " ".join(part("operators.worker_manager").owner.paces)
@@ -697,7 +697,7 @@ def test_a_cancelled_bake_mends_no_moved_charts():
     obj = furnace()
     bpy.ops.hemibake.bake()
     shrink_charts(obj)
-    run = part("operators.bake_run").Run(
+    run = part("operators.bake_run").BakeRun(
         bpy.context, part("operators.worker_manager").owner.bake(), watched=False
     )
     while run._check is None or run._check.step():

@@ -110,7 +110,7 @@ def evaluated(surface, glass=True):
     depends = part("operators.scene.materials.object_nodes").dependence(surface.node_tree)
     obj, depsgraph = square(surface=surface), bpy.context.evaluated_depsgraph_get()
     shape = baker.copy_shape(obj.evaluated_get(depsgraph), "Lightmap", np.eye(4), depsgraph, [surface])
-    assert baker.lay_lightmap_uvs(shape.mesh, "Lightmap", None)
+    assert baker.add_lightmap_uv_map(shape.mesh, "Lightmap", None)
     pixels = {}
     try:
         for each in passes.passes_of(surface, depends, glass):

@@ -208,7 +208,7 @@ def test_atlases_that_map_to_one_file_name_get_numbers(tmp_path):
     import bpy
 
     destination = part("operators.result.destination")
-    changes = part("operators.rollback").Changes()
+    changes = part("operators.rollback").Rollback()
     atlases = ["X/Y", "X:Y", "x_y", "long " * 60, "long " * 60 + "other", "", "..."]
     chosen = destination.choose_destination(bpy.context.scene, atlases, str(tmp_path), changes)
     names = [path.name for path in chosen.paths]
@@ -226,11 +226,11 @@ def test_folder_is_tried_before_the_bake(tmp_path, folder):
     bpy.context.scene.hemibake.directory = folder.format(tmp=tmp_path)
     furnace()
     before = snapshot()
-    run = part("operators.bake_run").Run(
+    run = part("operators.bake_run").BakeRun(
         bpy.context, lambda scene, settings: pytest.fail("the engine was started")
     )
     with pytest.raises(part("engine.errors").EngineError, match="Choose"):
-        run.drain()
+        run.run_to_end()
     run.cancel()
     assert snapshot() == before
 
@@ -241,7 +241,7 @@ def test_cancelled_bake_leaves_no_folder(tmp_path):
     save_blend(tmp_path / "scene.blend")
     bpy.context.scene.hemibake.directory = "//some/where/"
     furnace()
-    run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
     while not (tmp_path / "some").exists():
         run.step()
     run.cancel()
@@ -253,8 +253,8 @@ def test_lightmap_that_cannot_be_written_is_packed_and_told(tmp_path):
 
     bpy.context.scene.hemibake.directory = str(tmp_path / "out")
     furnace()
-    run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
-    lightmap = run.drain()
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
+    lightmap = run.run_to_end()
     (tmp_path / "out").rmdir()
     (tmp_path / "out").write_text("in the way")
     run.finish(lightmap)
@@ -404,7 +404,7 @@ def test_cancelled_bake_over_a_packed_image_restores_it_clean():
     image = bpy.data.images["Lightmap"]
     before, packed = snapshot(), image.packed_file.data
     bpy.context.scene.hemibake.resolution = 48
-    run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
     while tuple(image.size) != (48, 48):
         run.step()
     run.cancel()

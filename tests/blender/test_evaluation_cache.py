@@ -218,7 +218,7 @@ def test_another_file_starts_anew(evaluated):
 
 
 def test_what_was_used_longest_ago_is_dropped_first():
-    kept = part("operators.scene.materials.evaluation_cache").KeptEvaluations(budget=700)
+    kept = part("operators.scene.materials.evaluation_cache").EvaluationCache(budget=700)
     for name in (b"a", b"b", b"c"):
         kept.keep(name, {"reflectance": np.zeros((5, 5, 3), np.float32)})
         kept.get(b"a")

@@ -206,7 +206,7 @@ def test_every_instance_has_its_place(tmp_path, show):
     bpy.context.scene.hemibake.resolution = 128
     bake()
     file = export(tmp_path / "instances.glb")
-    surfaces = part("operators.gltf.export_items").Surfaces(bpy.context)
+    surfaces = part("operators.gltf.export_items").ExportItems(bpy.context)
     wanted = [
         surface
         for surface in surfaces.all

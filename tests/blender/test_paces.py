@@ -23,7 +23,7 @@ def test_paces_of_a_bake_are_there_on_another_day():
     known = json.loads(paces_file().read_text())
     assert known["Saving"] > 0 and known == part("operators.worker_manager").owner.paces
     assert part("operators.user_files").read_paces() == known
-    assert part("operators.worker_manager").WorkerOwner().paces == known
+    assert part("operators.worker_manager").WorkerManager().paces == known
 
 
 def test_file_of_paces_that_is_broken_is_as_none():
@@ -72,7 +72,7 @@ def test_time_of_a_bake_is_foreseen_before_the_scene_is_read():
     foreseen, known = [], []
     for resolution in (32, 256):
         bpy.context.scene.hemibake.resolution = resolution
-        run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
+        run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
         for _ in steps_until(run, "Reading objects"):
             pass
         foreseen.append(run._stages.baking.pace)

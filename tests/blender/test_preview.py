@@ -216,7 +216,7 @@ def test_every_number_of_an_instance_has_its_place(count):
     places = part("operators.result.instance_uv_table")
     random = np.random.default_rng(count)
     chosen = [
-        places.InstancePlace(int(bits), index % 3, float(index), (float(-index), 0.5))
+        places.InstanceUvTransform(int(bits), index % 3, float(index), (float(-index), 0.5))
         for index, bits in enumerate(random.choice(1 << 31, count, replace=False) * 2 + 1)
     ]
     table = places.place_table(chosen, [0, 1, 2])

@@ -316,7 +316,7 @@ def test_uvs_are_made_for_the_faces_of_renders():
     obj = mesh_object("Row", CUBE, INWARD)
     array = obj.modifiers.new("Array", "ARRAY")
     array.count, array.show_viewport = 3, False
-    changes = part("operators.rollback").Changes()
+    changes = part("operators.rollback").Rollback()
     unwrap_missing([obj], 64, changes)
     read = read_scene()
     assert len(read.objects) == 1 and len(read.scene.meshes[0].uvs) == 36
@@ -344,7 +344,7 @@ def test_the_viewport_has_uvs_of_its_own_faces():
     import bpy
 
     obj, subdivision = row()
-    changes = part("operators.rollback").Changes()
+    changes = part("operators.rollback").Rollback()
     unwrap_missing([obj], 64, changes)
     evaluation = part("operators.scene.objects.evaluation")
     shown, shown_uvs = mesh_uvs(obj, evaluation.Evaluation(bpy.context.evaluated_depsgraph_get()))
@@ -364,7 +364,7 @@ def test_the_viewport_has_uvs_of_its_own_faces():
     subdivision.levels = 1
     unwrap_missing([obj], 64, changes)
     assert len(mesh_uvs(obj, evaluation.Evaluation(bpy.context.evaluated_depsgraph_get()))[1]) == 144
-    changes.take_back()
+    changes.undo()
     assert len(obj.modifiers) == 2 and len(bpy.data.objects) == 1 and not bpy.data.node_groups
 
 
@@ -372,7 +372,7 @@ def test_uvs_for_the_viewport_go_once_its_faces_are_those_of_renders():
     import bpy
 
     obj, subdivision = row()
-    changes = part("operators.rollback").Changes()
+    changes = part("operators.rollback").Rollback()
     unwrap_missing([obj], 64, changes)
     carriers, group = len(bpy.data.objects), obj.modifiers[-1].node_group
     subdivision.levels = 2
@@ -392,10 +392,10 @@ def test_export_names_objects_whose_light_is_off():
     move.inputs["Scale"].default_value = (0.1, 0.1, 0.1)
     proxy.modifiers[0].show_render = False
     objects = [square("Same"), row()[0], proxy]
-    unwrap_missing(objects, 47, part("operators.rollback").Changes())
+    unwrap_missing(objects, 47, part("operators.rollback").Rollback())
     for obj in objects:
         obj.hemibake.image, obj.hemibake.uv_layer = bpy.data.images.new("Lightmap", 47, 47), "Lightmap"
-    surfaces = part("operators.gltf.export_items").Surfaces(bpy.context).all
+    surfaces = part("operators.gltf.export_items").ExportItems(bpy.context).all
     note = part("operators.gltf.mesh_differences").note_other_meshes
     (said,) = note(context(), surfaces, "Lightmap")
     assert "'Proxy'" in said and "'Row'" not in said and "'Same'" not in said

@@ -35,7 +35,7 @@ def test_a_window_gets_the_first_line_and_the_info_editor_all(monkeypatch, backg
     telling = part("operators.report_message")
     monkeypatch.setattr(telling, "_without_window", lambda: background)
     told = Told()
-    telling.tell(told, "WARNING", "Many are dark.\nAll 9: 'A', 'B'.\n")
+    telling.report_message(told, "WARNING", "Many are dark.\nAll 9: 'A', 'B'.\n")
     whole = [("WARNING", "Many are dark.\nAll 9: 'A', 'B'.")]
     parts = [("INFO", "All 9: 'A', 'B'."), ("WARNING", "Many are dark.")]
     assert told.reports == (whole if background else parts)
@@ -46,8 +46,8 @@ def test_an_error_is_wrapped_for_the_pop_up_of_a_window(monkeypatch):
     monkeypatch.setattr(telling, "_without_window", lambda: False)
     told = Told()
     sentence = " ".join(["A long sentence about much."] * 20)
-    telling.tell(told, "ERROR", sentence)
-    telling.tell(told, "WARNING", sentence)
+    telling.report_message(told, "ERROR", sentence)
+    telling.report_message(told, "WARNING", sentence)
     (_, error), (_, warning) = told.reports
     assert warning == sentence == error.replace("\n", "")
     assert max(map(len, error.splitlines())) < 100 and len(error.splitlines()) > 4

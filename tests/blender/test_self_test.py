@@ -112,7 +112,7 @@ def test_without_opencl_it_is_right_and_says_what_is_missing(monkeypatch):
 
     part("engine.session").close()
     import_devices = part("engine.device.devices")
-    monkeypatch.setattr(import_devices, "Compute", none)
+    monkeypatch.setattr(import_devices, "ComputeDevice", none)
     try:
         assert bpy.ops.hemibake.self_test() == {"FINISHED"}
     finally:

@@ -59,7 +59,7 @@ def quick_cycles(monkeypatch):
 def new_run():
     import bpy
 
-    return part("operators.bake_run").Run(bpy.context, part("engine").bake)
+    return part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
 
 
 def steps_of_reading() -> int:
@@ -93,7 +93,7 @@ def test_cancel_at_any_step_leaves_nothing_behind(quick_cycles):
 def test_progress_of_a_whole_run_never_falls_and_ends_at_one():
     room()
     run, seen = new_run(), []
-    run.finish(run.drain(seen.append))
+    run.finish(run.run_to_end(seen.append))
     overall = [progress.overall for progress in seen]
     assert overall == sorted(overall) and overall[-1] <= 1
     assert seen[0].stage == "Unwrapping" and seen[-1].stage == "Saving"
@@ -159,7 +159,7 @@ def test_scene_that_changes_while_it_is_read_is_baked_as_it_is_then(change, stag
     until(run, stage)
     run.step()
     change(walls, painted)
-    report = run.finish(run.drain())
+    report = run.finish(run.run_to_end())
     walls = bpy.data.objects["Furnace"]
     gone = change in (delete, hide)
     named = [note for note in report["warnings"] if "Deleted or hidden" in str(note)]
@@ -194,7 +194,7 @@ def test_scene_that_is_removed_while_it_is_read_is_an_error():
     bpy.context.window.scene = other
     bpy.data.scenes.remove(bpy.data.scenes["Scene"])
     with pytest.raises(part("engine.errors").SceneError, match="gone. Bake again"):
-        run.drain()
+        run.run_to_end()
     run.cancel()
 
 
@@ -213,7 +213,7 @@ def test_no_handler_stays_after_a_run_however_it_ends():
     run.cancel()
     assert handlers() == before
     run = new_run()
-    run.finish(run.drain())
+    run.finish(run.run_to_end())
     assert handlers() == before
 
 

@@ -23,7 +23,7 @@ def build(name):
 @pytest.mark.parametrize(("name", "least"), [("demo", 0.7), ("cubes", 0.6), long("level", 0.6)])
 def test_scenes_use_their_lightmap(name, least):
     objects = build(name)
-    unwrapping().drain()
+    unwrapping().run_to_end()
     (used,) = used_texels(objects).values()
     assert least <= used < 1
 
@@ -37,7 +37,7 @@ def test_crowd_is_unwrapped_in_two_minutes_of_two_processors_and_cancelled_at_on
     assert seconds_to_cancel(after=5) < 2
     assert snapshot() == before
     began = processor_time()
-    unwrapping().drain()
+    unwrapping().run_to_end()
     assert processor_time() - began < 240
     used = used_texels(objects)
     assert list(used) == ["Lightmap"] and used["Lightmap"] >= 0.6

@@ -165,10 +165,10 @@ def test_what_is_made_can_be_taken_back(mode):
         each.select_set(True)
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode=mode)
-    before, changes = snapshot(), part("operators.rollback").Changes()
+    before, changes = snapshot(), part("operators.rollback").Rollback()
     made = unwrap_missing([obj, copied], RESOLUTION, changes)
     assert len(made.objects) == 2 and snapshot() != before
-    changes.take_back()
+    changes.undo()
     assert snapshot() == before
 
 
@@ -307,7 +307,7 @@ def test_mesh_that_xatlas_cannot_cut_is_named_and_the_others_go_on(monkeypatch):
     objects = [arch(name) for name in ("First", "Bad", "Second", "Bad too", "Third")]
     for number, obj in enumerate(objects):
         obj.location.x = 3 * number
-    made = unwrap_missing(objects, RESOLUTION, part("operators.rollback").Changes())
+    made = unwrap_missing(objects, RESOLUTION, part("operators.rollback").Rollback())
     assert made.objects == objects and not made.skipped
     (note,) = made.notes
     assert "'Bad', 'Bad too'." in note and "'First'" not in note and "Smart UV" in note
@@ -319,7 +319,7 @@ def test_unwrapping_without_a_process_fails_as_a_whole_and_says_what(monkeypatch
     process = part("operators.scene.uvs.unwrap_process")
     for name in ("_UNWRAP", "_CUT"):
         monkeypatch.setattr(process, name, "no_such_module:work")
-    obj, changes = arch("Arch"), part("operators.rollback").Changes()
+    obj, changes = arch("Arch"), part("operators.rollback").Rollback()
     with pytest.raises(Exception, match="could not be made. The unwrapping process could not start"):
         unwrap_missing([obj], RESOLUTION, changes)
     assert not obj.data.uv_layers
@@ -344,7 +344,7 @@ def test_collapsed_faces_take_no_room_from_the_others(unit):
 
     plate = mesh_object("Plate", *collapsed_faces(307, unit))
     floor = mesh_object("Floor", np.array(SQUARE) * unit, [(0, 1, 2, 3)])
-    unwrap_missing([plate, floor], 64, part("operators.rollback").Changes())
+    unwrap_missing([plate, floor], 64, part("operators.rollback").Rollback())
     width = np.ptp(loop_uvs(floor).reshape(-1, 2), axis=0).min() * 64
     assert width > 25
     assert np.ptp(loop_uvs(plate).reshape(-1, 2)[:4], axis=0).min() * 64 == pytest.approx(width, abs=2)

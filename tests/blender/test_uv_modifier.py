@@ -219,8 +219,8 @@ def test_bake_that_ends_early_leaves_everything_as_before(how, again):
     before = snapshot()
     uvs = evaluated_uvs(chair) if again else None
     if how == "cancel":
-        run = part("operators.bake_run").Run(bpy.context, part("engine").bake)
-        run.drain()
+        run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
+        run.run_to_end()
         run.cancel()
     else:
         bpy.context.scene.hemibake.directory = ""

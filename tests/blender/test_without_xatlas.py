@@ -135,14 +135,14 @@ def test_nothing_of_the_user_changes_and_what_is_made_can_be_taken_back(mode):
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode=mode)
     before, datablocks = snapshot(), names()
-    changes = part("operators.rollback").Changes()
+    changes = part("operators.rollback").Rollback()
     made = unwrap_missing([obj, copied, other], RESOLUTION, changes)
     after = snapshot()
     assert len(made.objects) == 3 and after != before
     for key in ("mode", "active", "selected", "render", "materials", "images"):
         assert after[key] == before[key]
     assert names()[:2] == datablocks[:2] and obj.data.uv_layers.active.name == "One"
-    changes.take_back()
+    changes.undo()
     assert snapshot() == before and names() == datablocks
 
 

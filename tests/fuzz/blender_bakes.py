@@ -115,7 +115,7 @@ def _preview(user: _User, case: Case) -> str:
 def _cancel(user: _User, case: Case) -> str:
     """Cancel a bake after a few slices, as the window does."""
     before, files = user.state(), user.files()
-    run, ending = part("operators.bake_run").Run(bpy.context, part("engine").bake), "cancelled"
+    run, ending = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake), "cancelled"
     try:
         for _ in range(case.slices):
             run.step()

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine import EngineError, Lightmap, PatchFileError, Progress, Scene, Settings
+from engine import BakeResult, EngineError, PatchFileError, Progress, Scene, Settings
 from engine.postprocess.outputs import DECODING, output_names
 from engine.scene.cutouts import has_cutouts
 from engine.session import Session
@@ -54,7 +54,7 @@ def check(case: Case) -> str:
     return "baked"
 
 
-def _bake(scene: Scene, settings: Settings) -> Lightmap:
+def _bake(scene: Scene, settings: Settings) -> BakeResult:
     work = _session.bake(scene, settings)
     while True:
         try:
@@ -94,7 +94,7 @@ def _check_light(name: str, values: np.ndarray) -> None:
         assert values.min(initial=0) >= 0, f"{name} is negative: {values.min()}"
 
 
-def _check_lightmap(lightmap: Lightmap, scene: Scene, settings: Settings) -> None:
+def _check_lightmap(lightmap: BakeResult, scene: Scene, settings: Settings) -> None:
     shape = (len(scene.atlases), settings.resolution, settings.resolution)
     assert lightmap.atlases == scene.atlases
     assert lightmap.display.shape == (*shape, 3)
@@ -112,7 +112,7 @@ def _check_lightmap(lightmap: Lightmap, scene: Scene, settings: Settings) -> Non
     _check_report(lightmap, settings)
 
 
-def _check_report(lightmap: Lightmap, settings: Settings) -> None:
+def _check_report(lightmap: BakeResult, settings: Settings) -> None:
     report = lightmap.report
     assert report.patches >= lightmap.has_patch.sum()
     assert 0 <= report.iterations <= settings.iterations
@@ -123,14 +123,14 @@ def _check_report(lightmap: Lightmap, settings: Settings) -> None:
     json.dumps(asdict(replace(report, residual=residual)), allow_nan=False, default=np.generic.item)
 
 
-def _check_room(lightmap: Lightmap, reflectance: float) -> None:
+def _check_room(lightmap: BakeResult, reflectance: float) -> None:
     """Check the last atlas: E/pi in a closed room of radiance 1 is 1 / (1 - reflectance)."""
     light = lightmap.image[-1][lightmap.has_patch[-1]] * (1 - reflectance)
     assert len(light) and abs(light.mean() - 1) < _MEAN, f"mean of the known room: {light.mean()}"
     assert np.abs(light - 1).max() < _TEXEL, f"known room: {light.min()} to {light.max()}"
 
 
-def _check_patch_file(scene: Scene, settings: Settings, damage: int, expected: Lightmap) -> None:
+def _check_patch_file(scene: Scene, settings: Settings, damage: int, expected: BakeResult) -> None:
     """Check that a bake from a patch file is the same, and that a damaged file is an error."""
     with tempfile.TemporaryDirectory(prefix="hemibake-fuzz-") as folder:
         path = Path(folder) / "patches"
@@ -157,7 +157,7 @@ def _sample(scene: Scene, settings: Settings) -> float:
     return max([*emissions, float(scene.world.max())]) / (2 * settings.hemicube**2)
 
 
-def _check_alike(one: Lightmap, other: Lightmap, scene: Scene, settings: Settings) -> None:
+def _check_alike(one: BakeResult, other: BakeResult, scene: Scene, settings: Settings) -> None:
     """Check that two ways to bake give about the same: no more than a few texels may differ, at edges.
 
     What passes through a half-transparent surface is drawn by lot: light of n samples is off by sqrt(n).

@@ -4,23 +4,23 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
 from tests.gpu.graphics_card import GraphicsCard
 
 
 @pytest.fixture(scope="module")
-def graphics() -> Iterator[Graphics]:
+def graphics() -> Iterator[GraphicsContext]:
     """One OpenGL context a module; no call of a test may leave an OpenGL error behind."""
-    device = Graphics()
+    device = GraphicsContext()
     yield device
     device.release()
 
 
-@pytest.fixture(scope="module", params=[Compute, GraphicsCard], ids=["processor", "card"])
-def compute(request: pytest.FixtureRequest) -> Compute:
+@pytest.fixture(scope="module", params=[ComputeDevice, GraphicsCard], ids=["processor", "card"])
+def compute(request: pytest.FixtureRequest) -> ComputeDevice:
     """The OpenCL device as it is, and taken for a graphics card."""
-    device: Compute = request.param()
+    device: ComputeDevice = request.param()
     return device
 
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.kernel import Kernel
 
 #: Work items that the least of graphics cards has in a group.
 _ITEMS = 256
 
 
-class GraphicsCard(Compute):
+class GraphicsCard(ComputeDevice):
     """An OpenCL device whose groups, of at most 256 items, work on one patch each."""
 
     processor = False

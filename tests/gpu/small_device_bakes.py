@@ -8,8 +8,8 @@ import numpy as np
 
 from engine import Light, Scene, Settings
 from engine.device import devices
-from engine.device.cl_device import Compute
-from engine.device.gl_context import Graphics
+from engine.device.cl_device import ComputeDevice
+from engine.device.gl_context import GraphicsContext
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle
@@ -29,7 +29,7 @@ BAKES = {
 }
 
 
-class WithoutComputeShaders(Graphics):
+class WithoutComputeShaders(GraphicsContext):
     """OpenGL 4.1: OpenCL sums hemicubes."""
 
     def __init__(self):
@@ -48,9 +48,9 @@ def room() -> Scene:
 
 
 if __name__ == "__main__":
-    devices.Graphics = WithoutComputeShaders
-    devices.Compute = GraphicsCard if "card" in sys.argv else Compute
-    compute = devices.Compute()
+    devices.GraphicsContext = WithoutComputeShaders
+    devices.ComputeDevice = GraphicsCard if "card" in sys.argv else ComputeDevice
+    compute = devices.ComputeDevice()
     facts = {"limit": compute.device.max_work_group_size}
     for name, settings in BAKES.items():
         lightmap = drive(room(), settings)

@@ -8,10 +8,10 @@ import pytest
 from benchmarks.interiors import sealed_rooms
 from benchmarks.rooms import hilly_room
 from engine import Light, Settings, finished
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.pipeline import bake
-from engine.plan.session_cache import Kept
+from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from tests.gpu.graphics_card import GraphicsCard
 from tests.rows import long
@@ -38,7 +38,7 @@ def direct_light(compute_class, scene, outputs):
     try:
         stages = BakeStages(Extent.of(scene), settings, {})
         stages.opened(devices.on_card)
-        lightmap = finished(bake(devices, scene, settings, stages, Kept()))
+        lightmap = finished(bake(devices, scene, settings, stages, SessionCache()))
     finally:
         devices.release()
     return lightmap.passes["direct"][lightmap.has_patch][:, :3]
@@ -55,7 +55,7 @@ def direct_light(compute_class, scene, outputs):
 )
 def test_light_is_that_of_rays_through_the_scene(room, outputs):
     scene = room(WIDTH)
-    near, all_of_it = (direct_light(made, scene, outputs) for made in (Compute, GraphicsCard))
+    near, all_of_it = (direct_light(made, scene, outputs) for made in (ComputeDevice, GraphicsCard))
 
     # Rays that graze an edge are rounded either way.
     off = np.abs(near - all_of_it).max(axis=1) > 1e-3 * all_of_it.mean()

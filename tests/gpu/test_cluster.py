@@ -299,14 +299,14 @@ def test_a_slow_device_gets_fewer_blocks():
 
 def count_blocks(seconds):
     """Have this worker count the blocks that it finds, and take so much longer for each."""
-    find, block_visibility.counted = block_visibility.FoundBlock.__init__, 0
+    find, block_visibility.counted = block_visibility.BlockVisibility.__init__, 0
 
     def find_slowly(self, *arguments):
         time.sleep(seconds)
         find(self, *arguments)
         block_visibility.counted += 1
 
-    block_visibility.FoundBlock.__init__ = find_slowly
+    block_visibility.BlockVisibility.__init__ = find_slowly
 
 
 def counted_blocks():

@@ -15,9 +15,9 @@ from engine import Settings
 from engine.cluster import local_workers
 from engine.cluster.machine_files import file_bytes
 from engine.cluster.memory_folder import file_with, memory_folder
-from engine.cluster.radiance_exchange import SweepMemory, write_rows
+from engine.cluster.radiance_exchange import RadianceExchange, write_rows
 from engine.errors import DeviceError
-from engine.gather.half_radiance import HalfLight
+from engine.gather.half_radiance import HalfRadiance
 from engine.progress import finished
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
@@ -98,8 +98,8 @@ def test_contents_travel_through_those_who_see_them(apart):
     count = 10007
     light = np.arange(3 * count, dtype=np.float16).reshape(count, 3)
     with memory_folder() as folder, cluster(1) as made:
-        path, memory = file_with(folder, b"\0scene"), SweepMemory(folder, count)
-        sent = memory.put(HalfLight(light, np.float32(3)))
+        path, memory = file_with(folder, b"\0scene"), RadianceExchange(folder, count)
+        sent = memory.put(HalfRadiance(light, np.float32(3)))
         apart(made, 2)
         (joined,) = (worker for worker, sees in made.client.run(_sees, folder).items() if not sees)
 

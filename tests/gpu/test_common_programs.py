@@ -10,10 +10,10 @@ from engine import Settings, finished
 from engine.device.devices import Devices
 from engine.pipeline import bake
 from engine.plan.common_programs import PROGRAMS, usual_programs
-from engine.plan.session_cache import Kept
+from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.session import Session
-from engine.warm_up import SMALL, usual_room
+from engine.warm_up import SMALL, warm_up_scene
 from tests.gpu.graphics_card import GraphicsCard
 from tests.transparency import transparent
 from tools.usual_programs import recorded
@@ -27,7 +27,7 @@ def test_the_list_is_what_the_warm_up_asks_for():
 @pytest.mark.parametrize(("wide", "see_through"), [(False, False), (True, False), (False, True)])
 def test_most_programs_of_a_bake_are_in_it(wide, see_through, monkeypatch):
     """Lightmaps with more texels than 16 bits can number, and surfaces that light passes through."""
-    scene, settings = usual_room(), Settings(**SMALL)
+    scene, settings = warm_up_scene(), Settings(**SMALL)
     if wide:
         monkeypatch.setattr("engine.visibility.sample_counts._NARROW", 1000)
     if see_through:
@@ -44,7 +44,7 @@ def test_most_programs_of_a_bake_are_in_it(wide, see_through, monkeypatch):
     devices.compute = Card()
     stages = BakeStages(Extent.of(scene), settings, {})
     stages.opened(True)
-    finished(bake(devices, scene, settings, stages, Kept()))
+    finished(bake(devices, scene, settings, stages, SessionCache()))
     devices.release()
     listed = set(usual_programs(scene, settings))
     assert len(asked - listed) <= 1 and len(listed - asked) <= 1
@@ -53,13 +53,13 @@ def test_most_programs_of_a_bake_are_in_it(wide, see_through, monkeypatch):
 def test_a_card_begins_to_build_them_before_the_bake_asks(monkeypatch):
     """And the light is that of a bake that builds nothing ahead."""
     begun = []
-    monkeypatch.setattr("engine.device.devices.Compute", GraphicsCard)
+    monkeypatch.setattr("engine.device.devices.ComputeDevice", GraphicsCard)
     monkeypatch.setattr(GraphicsCard, "build_ahead", lambda self, programs: begun.extend(programs))
-    scene, settings = usual_room(), Settings(**SMALL)
+    scene, settings = warm_up_scene(), Settings(**SMALL)
     plain = finished(Session().bake(scene, settings))
     assert set(begun) == set(usual_programs(scene, settings))
     monkeypatch.undo()
-    monkeypatch.setattr("engine.device.devices.Compute", GraphicsCard)
+    monkeypatch.setattr("engine.device.devices.ComputeDevice", GraphicsCard)
     monkeypatch.setattr(GraphicsCard, "_is_pocl", False)
     session = Session()
     assert np.array_equal(finished(session.bake(scene, settings)).display, plain.display)

@@ -8,9 +8,9 @@ import pytest
 from engine import Material, Scene, Settings, Texture, finished
 from engine.device import devices
 from engine.direct import contact
-from engine.direct.contact import patches_in_contact, patches_lit_by_backs
+from engine.direct.contact import find_contacts, patches_lit_by_backs
 from engine.direct.host_contact import in_contact_on_host
-from engine.patches.patch_scene import subdivide
+from engine.patches.patch_scene import make_patch_scene
 from engine.session import Session
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls
@@ -70,7 +70,7 @@ class StandardDepth(OldGraphics):
 
 
 #: What stands in for the devices of a way.
-OTHERS = {"old": {"Graphics": StandardDepth}, "opengl": {"Compute": NoCompute}}
+OTHERS = {"old": {"GraphicsContext": StandardDepth}, "opengl": {"ComputeDevice": NoCompute}}
 
 
 @pytest.fixture(scope="module")
@@ -183,8 +183,8 @@ def stacks(shift):
 @pytest.mark.parametrize("shift", [NEAR, FAR])
 def test_patches_in_contact_are_the_same_without_opencl(graphics, compute, shift):
     scene = stacks(shift)
-    parts = subdivide(graphics, compute, scene, dataclasses.replace(SETTINGS, resolution=128))
-    hidden, back_to_back = patches_in_contact(RayScene(compute, parts), len(parts.patches))
+    parts = make_patch_scene(graphics, compute, scene, dataclasses.replace(SETTINGS, resolution=128))
+    hidden, back_to_back = find_contacts(RayScene(compute, parts), len(parts.patches))
     found = hidden | back_to_back
     on_host = in_contact_on_host(scene, parts)
     assert 100 < found.sum() < len(found) / 2
@@ -194,7 +194,7 @@ def test_patches_in_contact_are_the_same_without_opencl(graphics, compute, shift
 @pytest.mark.parametrize("shift", [NEAR, FAR])
 def test_patches_in_front_of_all_that_shines_see_none_of_its_backs(graphics, compute, shift, monkeypatch):
     """They do not look, and what all others see is the same as if everyone looked."""
-    parts = subdivide(graphics, compute, stacks(shift), dataclasses.replace(SETTINGS, resolution=128))
+    parts = make_patch_scene(graphics, compute, stacks(shift), dataclasses.replace(SETTINGS, resolution=128))
     scene, positions = RayScene(compute, parts), parts.triangles.positions
     normals = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
     for axis in np.eye(3):

@@ -9,7 +9,7 @@ from engine.encoding.logluv import LogLuv
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
-from engine.encoding.signed_norm import Biased
+from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,8 +23,8 @@ ENCODINGS = [
     Rgbd(7.1, 1.0),
     LogLuv(),
     Rgbe(),
-    Biased(7.5),
-    Biased(1e-3, 8),
+    SignedNorm(7.5),
+    SignedNorm(1e-3, 8),
 ]
 
 _SHADER = """\
@@ -68,7 +68,7 @@ def texels_of(encoding) -> np.ndarray:
     generator = np.random.default_rng(8)
     light = 10 ** generator.uniform(-3, 0, (1, 1009, 3)) * min(encoding.largest, 10.0)
     light[0, 7] = 0
-    if isinstance(encoding, Biased):
+    if isinstance(encoding, SignedNorm):
         light[0, ::2] *= -1
     return encoding.encode(light.astype(np.float32))[0]
 

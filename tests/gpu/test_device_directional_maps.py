@@ -7,8 +7,8 @@ import pytest
 
 from engine import Settings
 from engine.device.buffers import upload
-from engine.device.cl_device import Compute
-from engine.device.device_array import DeviceValues
+from engine.device.cl_device import ComputeDevice
+from engine.device.device_array import DeviceArray
 from engine.gather.device_l1 import DeviceL1
 from engine.postprocess.directional_maps import maps_of_directions
 from engine.visibility.rays.receiver_records import RECEIVER
@@ -23,7 +23,7 @@ class Geometry:
 
 @pytest.mark.parametrize("outputs", [("directional", "dominant_direction"), ("spherical_harmonics",)])
 @pytest.mark.parametrize("count", [1, 613])
-def test_maps_of_directions(compute: Compute, outputs: tuple[str, ...], count: int) -> None:
+def test_maps_of_directions(compute: ComputeDevice, outputs: tuple[str, ...], count: int) -> None:
     """Some points are black, others lit on one channel or from behind; light is three of four columns."""
     random = np.random.default_rng(count)
     normal = random.normal(size=(count, 3)).astype(np.float32)
@@ -41,7 +41,7 @@ def test_maps_of_directions(compute: Compute, outputs: tuple[str, ...], count: i
     given = settings, gathered[:, :3], sampled
     made = maps_of_directions(*given, on_device, Geometry(normal))
     expected = maps_of_directions(*given, other, Geometry(normal))
-    assert list(made) == list(expected) and all(isinstance(light, DeviceValues) for light in made.values())
+    assert list(made) == list(expected) and all(isinstance(light, DeviceArray) for light in made.values())
     for name, light in made.items():
         np.testing.assert_allclose(np.asarray(light), expected[name], rtol=2e-5, atol=2e-5, err_msg=name)
         assert not np.asarray(light)[dark].any() and np.asarray(light).any()

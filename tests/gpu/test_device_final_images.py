@@ -8,21 +8,21 @@ import pyopencl as cl
 import pytest
 
 from engine.device.buffers import download, upload, upload_float4
-from engine.device.cl_device import Compute
-from engine.direct.contact import NearFaces
+from engine.device.cl_device import ComputeDevice
+from engine.direct.contact import Contacts
 from engine.patches.patch_list import PatchList
 from engine.patches.seams import Seams, find_seams, no_seams
 from engine.postprocess import device_images
 from engine.postprocess.bilinear import footprints
-from engine.postprocess.device_bilinear_equations import DeviceEquations
-from engine.postprocess.device_bilinear_fit import DeviceFit
-from engine.postprocess.device_final_images import DeviceDisplay
+from engine.postprocess.device_bilinear_equations import DeviceBilinearEquations
+from engine.postprocess.device_bilinear_fit import DeviceBilinearFit
+from engine.postprocess.device_final_images import DeviceFinalImages
 from engine.postprocess.device_images import texels_of
-from engine.postprocess.final_images import DisplayFit
-from engine.postprocess.lightmap_points import LightmapPoints, thin_patches
-from engine.postprocess.store import LightmapStore
+from engine.postprocess.final_images import FinalImages
+from engine.postprocess.lightmap_points import LightmapPoints, off_centre_patches
+from engine.postprocess.store import LightmapImages
 from engine.postprocess.texel_means import TexelMeans
-from engine.postprocess.texel_samples import DisplaySamples
+from engine.postprocess.texel_samples import TexelSamples
 from tests.gpu.test_texel_fragments import triangles_of
 from tests.unit.test_bilinear_fit import NO_SEAMS, covered, points_at, shown, step
 from tests.unit.test_near_charts import all_over, images_of, near_charts
@@ -53,8 +53,8 @@ def both(compute, case, texels, values):
 
     Where a run ends before it has settled, as in texels that points hardly read, float32 may differ.
     """
-    made = DeviceDisplay(compute, *case).images(texels, values)
-    return made, DisplayFit(*case).images(texels, values)
+    made = DeviceFinalImages(compute, *case).images(texels, values)
+    return made, FinalImages(*case).images(texels, values)
 
 
 def strips(seed):
@@ -80,7 +80,7 @@ def strips(seed):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_images_are_those_of_numpy(compute: Compute, seed: int) -> None:
+def test_images_are_those_of_numpy(compute: ComputeDevice, seed: int) -> None:
     case = strips(seed)
     texels, values = lit(case, seed)
     made, expected = both(compute, case, texels, values)
@@ -90,7 +90,7 @@ def test_images_are_those_of_numpy(compute: Compute, seed: int) -> None:
     assert np.abs(made - expected).mean() < 1e-3 * np.abs(expected).mean()
 
 
-def test_cylinder_has_no_step_and_texels_inside_keep_their_bits(compute: Compute) -> None:
+def test_cylinder_has_no_step_and_texels_inside_keep_their_bits(compute: ComputeDevice) -> None:
     triangles = joined(cylinder(17))
     has_patch, world = covered(triangles, 1)
     seams = find_seams(triangles, 1, R)
@@ -109,52 +109,52 @@ def test_cylinder_has_no_step_and_texels_inside_keep_their_bits(compute: Compute
 
 
 @pytest.mark.parametrize(("gap", "offset"), [(2, 0), (2, 0.6), (2.3, 0.3)])
-def test_seam_is_not_seen_on_a_chart_beside_it(compute: Compute, gap: float, offset: float) -> None:
+def test_seam_is_not_seen_on_a_chart_beside_it(compute: ComputeDevice, gap: float, offset: float) -> None:
     triangles, chart = near_charts(gap, offset)
-    _, fitted, seams = images_of(partial(DeviceDisplay, compute), triangles)
+    _, fitted, seams = images_of(partial(DeviceFinalImages, compute), triangles)
     np.testing.assert_allclose(shown(fitted, 0, all_over(chart)), 0.2, rtol=0.005)
     assert step(fitted, seams) < 1e-3
 
 
-def test_bake_after_bake_gives_the_same_bits(compute: Compute) -> None:
+def test_bake_after_bake_gives_the_same_bits(compute: ComputeDevice) -> None:
     case = strips(3)
     texels, values = lit(case, 3)
-    images = [DeviceDisplay(compute, *case).images(texels, values) for _ in range(2)]
+    images = [DeviceFinalImages(compute, *case).images(texels, values) for _ in range(2)]
     assert (images[0].view(np.uint32) == images[1].view(np.uint32)).all()
 
 
 @pytest.mark.parametrize("seed", [0, 3, 5])
 @pytest.mark.parametrize("before", [0x00, 0x7F, 0xFF])
 def test_what_memory_held_before_does_not_matter(
-    compute: Compute, monkeypatch: pytest.MonkeyPatch, seed: int, before: int
+    compute: ComputeDevice, monkeypatch: pytest.MonkeyPatch, seed: int, before: int
 ) -> None:
     """Bytes 0xFF are NaN."""
     case = strips(seed)
     texels, values = lit(case, seed)
-    expected = DeviceDisplay(compute, *case).images(texels, values)
+    expected = DeviceFinalImages(compute, *case).images(texels, values)
     used = []
 
-    def full(fit: DeviceFit, size: int) -> cl.Buffer:
+    def full(fit: DeviceBilinearFit, size: int) -> cl.Buffer:
         used.append(size)
         return upload(compute, np.full(size, before, np.uint8))
 
-    monkeypatch.setattr(DeviceFit, "_buffer", full)
-    made = DeviceDisplay(compute, *case).images(texels, values)
+    monkeypatch.setattr(DeviceBilinearFit, "_buffer", full)
+    made = DeviceFinalImages(compute, *case).images(texels, values)
     assert len(used) >= 11 and (made.view(np.uint32) == expected.view(np.uint32)).all()
 
 
-def test_nothing_known_stays_black_and_nothing_to_fit_keeps_its_bits(compute: Compute) -> None:
+def test_nothing_known_stays_black_and_nothing_to_fit_keeps_its_bits(compute: ComputeDevice) -> None:
     has_patch = np.random.default_rng(1).random((2, 13, 13)) < 0.4
     texels = np.random.default_rng(2).random((2, 13, 13, 3)).astype(np.float32)
     none = np.zeros((0, 3), np.float32)
     nothing = np.zeros_like(has_patch), NO_POINTS, NO_SEAMS, has_patch, 3
-    assert not DeviceDisplay(compute, *nothing).images(texels, none).any()
+    assert not DeviceFinalImages(compute, *nothing).images(texels, none).any()
     made, expected = both(compute, (has_patch, NO_POINTS, NO_SEAMS, has_patch, 3), texels, none)
     assert (made[has_patch].view(np.uint32) == texels[has_patch].view(np.uint32)).all()
     np.testing.assert_allclose(made, expected, rtol=1e-5, atol=1e-6)
 
 
-def test_a_seam_that_no_point_tells_about_is_none(compute: Compute) -> None:
+def test_a_seam_that_no_point_tells_about_is_none(compute: ComputeDevice) -> None:
     has_patch = np.zeros((1, R, R), bool)
     has_patch[:, 20:40, 4:60] = True
     centres = has_patch.copy()
@@ -167,7 +167,7 @@ def test_a_seam_that_no_point_tells_about_is_none(compute: Compute) -> None:
     np.testing.assert_allclose(made, expected, atol=2e-3)
 
 
-def test_thin_patches_are_those_of_numpy(compute: Compute) -> None:
+def test_thin_patches_are_those_of_numpy(compute: ComputeDevice) -> None:
     random = np.random.default_rng(4)
     uvs = random.random((40, 3, 2))
     triangles = triangles_of(uvs)
@@ -178,13 +178,13 @@ def test_thin_patches_are_those_of_numpy(compute: Compute) -> None:
     patches = PatchList(R, np.zeros(500, np.int32), row * R + column, triangle, barycentric)
     distance = np.abs(at % 1 - 0.5).max(axis=1)
     clear = np.abs(distance - 0.02) > 1e-3
-    number, points = thin_patches(compute, triangles, patches)
+    number, points = off_centre_patches(compute, triangles, patches)
     assert set(np.flatnonzero((distance > 0.02) & clear)) == set(number[clear[number]])
     np.testing.assert_allclose(points.position, at[number], atol=1e-4)
 
 
 @pytest.mark.parametrize("channels", [1, 3])
-def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, channels: int) -> None:
+def test_store_makes_the_same_images_with_and_without_opencl(compute: ComputeDevice, channels: int) -> None:
     """Patches of two atlases, some hidden, some dark, and some of occluders in a third one."""
     random = np.random.default_rng(channels)
     resolution, shape = 17, (3, 17, 17)
@@ -195,9 +195,9 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, c
         np.full((count, 3), 1 / 3, np.float32),
     )  # fmt: skip
     values = random.random((count, 4)).astype(np.float32)[:, :channels]
-    near = NearFaces(random.random(count) < 0.1, *np.zeros((2, count), bool))
+    near = Contacts(random.random(count) < 0.1, *np.zeros((2, count), bool))
     front = np.where(random.random(count) < 0.2, 0, 1).astype(np.float32)
-    stores = [LightmapStore(patches, 2, 3, device) for device in (None, compute)]
+    stores = [LightmapImages(patches, 2, 3, device) for device in (None, compute)]
     for store in stores:
         before = store.display(values)
         store.hide(front, near)
@@ -214,7 +214,7 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: Compute, c
 
 
 @pytest.mark.parametrize("channels", [1, 3])
-def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, channels: int) -> None:
+def test_means_of_samples_are_put_in_texels_on_the_device(compute: ComputeDevice, channels: int) -> None:
     """Texels of two atlases, some without a patch, some with samples, some of which nobody sees."""
     random = np.random.default_rng(channels)
     resolution = 19
@@ -222,12 +222,12 @@ def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, chan
     count = len(texel)
     middle, none = np.full((count, 3), 1 / 3, np.float32), np.zeros(count, np.int32)
     patches = PatchList(resolution, none, texel, none, middle)
-    store = LightmapStore(patches, 2, 2, compute)
+    store = LightmapImages(patches, 2, 2, compute)
     chosen = np.sort(random.integers(2 * resolution**2, size=131))
     atlas, shows = (part.astype(np.int32) for part in np.divmod(chosen, resolution**2))
     weight = random.random(131).astype(np.float32)
     position, corners = np.zeros((131, 2), np.float32), np.zeros((131, 3), np.float32)
-    samples = DisplaySamples(atlas, shows, position, weight, np.zeros(131, np.int32), corners)
+    samples = TexelSamples(atlas, shows, position, weight, np.zeros(131, np.int32), corners)
     means = TexelMeans(compute, samples, random.random(131) < 0.8, (2, resolution, resolution))
     store.refine(means, random.random(count) < 0.1)
     values, light = (random.normal(size=(n, channels)).astype(np.float32) for n in (count, 131))
@@ -235,7 +235,7 @@ def test_means_of_samples_are_put_in_texels_on_the_device(compute: Compute, chan
     assert (made == store.final(store.texels(values, light))).all()
 
 
-def test_no_texels_are_read_and_none_are_put(compute: Compute) -> None:
+def test_no_texels_are_read_and_none_are_put(compute: ComputeDevice) -> None:
     """As beside a thin wall all of whose texels have samples."""
     texels, nothing = texels_of(compute, np.ones((1, 5, 5, 3), np.float32)), np.zeros(0, np.int64)
     assert texels.rows(nothing).shape == (0, 3)
@@ -244,16 +244,18 @@ def test_no_texels_are_read_and_none_are_put(compute: Compute) -> None:
 
 
 @pytest.mark.parametrize("tight", [False, True])
-def test_tight_texels_are_no_brighter_than_the_points_in_them(compute: Compute, tight: bool) -> None:
+def test_tight_texels_are_no_brighter_than_the_points_in_them(compute: ComputeDevice, tight: bool) -> None:
     """Light rises steeply to the right; points are left of the centres of 7 x 5 texels."""
     resolution, random = 11, np.random.default_rng(5)
     row, column = (axis.repeat(4) for axis in np.divmod(np.arange(35), 7))
     position = np.stack([column + random.uniform(0.05, 0.45, 140), row + random.random(140)], axis=1)
     light = np.exp(1.5 * position[:, 0]).astype(np.float32)
     points = LightmapPoints(np.ones(140, np.int32), position, np.full(140, 0.25))
-    equations = DeviceEquations(compute, np.zeros((2, resolution, resolution), bool), points, no_seams())
+    equations = DeviceBilinearEquations(
+        compute, np.zeros((2, resolution, resolution), bool), points, no_seams()
+    )
     colors = np.stack([light, 0 * light, -light], axis=1)
-    fit = DeviceFit(compute, equations, tight)
+    fit = DeviceBilinearFit(compute, equations, tight)
     shown = fit.unknowns(upload_float4(compute, colors), float(light.max()))
     owner = np.searchsorted(equations.texel, points.texels(resolution))
     brightest = np.maximum.reduceat(light, np.arange(0, 140, 4))
@@ -262,7 +264,7 @@ def test_tight_texels_are_no_brighter_than_the_points_in_them(compute: Compute, 
     assert not shown[:, 1].any()
 
 
-def test_every_texel_has_the_points_in_it(compute: Compute) -> None:
+def test_every_texel_has_the_points_in_it(compute: ComputeDevice) -> None:
     """Up to nine a texel, so that one work item begins the range of a texel and another one ends it."""
     resolution, random = 97, np.random.default_rng(7)
     texels = np.sort(random.choice(resolution**2, 5003, replace=False))
@@ -270,7 +272,9 @@ def test_every_texel_has_the_points_in_it(compute: Compute) -> None:
     corner = np.stack([owner % resolution, owner // resolution], axis=1)
     position = corner + random.uniform(0.01, 0.99, (len(owner), 2))
     points = LightmapPoints(np.zeros(len(owner), np.int32), position, np.ones(len(owner)))
-    equations = DeviceEquations(compute, np.zeros((1, resolution, resolution), bool), points, no_seams())
+    equations = DeviceBilinearEquations(
+        compute, np.zeros((1, resolution, resolution), bool), points, no_seams()
+    )
     ranges = download(compute, equations.ranges, (equations.count, 2)).view(np.int32)
     first, last = (np.searchsorted(owner, equations.texel, side) for side in ("left", "right"))
     has_points = first < last
@@ -280,20 +284,20 @@ def test_every_texel_has_the_points_in_it(compute: Compute) -> None:
 
 @pytest.mark.parametrize("memory", [1, 1 << 28])
 def test_outputs_that_are_made_together_have_the_bits_of_each_alone(
-    compute: Compute, monkeypatch: pytest.MonkeyPatch, memory: int
+    compute: ComputeDevice, monkeypatch: pytest.MonkeyPatch, memory: int
 ) -> None:
     """Outputs of other ranges settle after other numbers of steps; also of one channel, and of both signs."""
     monkeypatch.setattr(device_images, "_MEMORY", memory)
     case, random = strips(5), np.random.default_rng(11)
     centres, beside, *_ = case
-    display = DeviceDisplay(compute, *case)
+    display = DeviceFinalImages(compute, *case)
     shown, light = [], []
     for scale, channels in ((1.0, 3), (1e-6, 3), (1e22, 1), (1.0, 3), (0.0, 3)):
         texels = scale * random.normal(size=(*centres.shape, channels)).astype(np.float32)
         values = scale * random.normal(size=(len(beside), channels)).astype(np.float32)
         shown.append(texels), light.append(values)
     alone = np.array([display.images(*pair) for pair in zip(shown, light, strict=True)])
-    together = DeviceDisplay(compute, *case)
+    together = DeviceFinalImages(compute, *case)
     made = []
     for first in range(0, len(shown), together.most):
         some = slice(first, first + together.most)

@@ -7,7 +7,7 @@ import pytest
 
 from engine import DeviceError, Settings, finished
 from engine.device import cl_device, survey
-from engine.device.cl_device import Compute, device_name, found_devices
+from engine.device.cl_device import ComputeDevice, device_name, found_devices
 from engine.session import Session, find_devices
 from engine.worker.worker import Worker
 from tests.analytic.scenes import furnace
@@ -20,7 +20,7 @@ def test_every_device_is_listed_once_and_the_one_of_a_bake_is_marked():
     assert opengl.api == "OpenGL" and opengl.use == "drawing hemicubes" and opengl.driver
     assert sorted(names) == sorted({device_name(device) for device in found_devices()})
     (used,) = [device for device in opencl if device.use]
-    assert used.name == device_name(Compute().device) and used.memory > 1 << 28 and not used.trouble
+    assert used.name == device_name(ComputeDevice().device) and used.memory > 1 << 28 and not used.trouble
     assert not found.missing
 
 
@@ -86,7 +86,7 @@ def workstation(monkeypatch):
     [(None, 0), ("CUDA: Card B", 1), ("Portable Computing Language: cpu", 3)],
 )
 def test_chosen_device_is_taken_and_the_one_that_works_of_those_with_its_name(workstation, name, index):
-    assert Compute(opencl_device=name).device is workstation[index]
+    assert ComputeDevice(opencl_device=name).device is workstation[index]
 
 
 def test_device_that_two_platforms_offer_is_listed_once_as_the_one_that_works(workstation):
@@ -123,7 +123,7 @@ Internal compilation error: nir_shader not fully linked
 
     monkeypatch.setattr(cl_device, "build", build)
     with pytest.raises(DeviceError, match="Internal compilation error: nir_shader not fully linked"):
-        Compute()
+        ComputeDevice()
 
 
 @pytest.mark.parametrize("own", [None, "8"])
@@ -139,7 +139,7 @@ def test_device_that_is_not_there_is_told_with_those_that_are(workstation):
     with pytest.raises(
         DeviceError, match="no OpenCL device 'Card C'. Choose one of 'CUDA: Card A', 'CUDA: Card B', 'P"
     ):
-        Compute(opencl_device="Card C")
+        ComputeDevice(opencl_device="Card C")
     assert "'Card C'" in survey.survey("Card C").missing[0]
 
 
@@ -158,7 +158,7 @@ def test_a_bake_never_goes_to_another_device_than_the_chosen_one():
     session, settings = Session(), Settings(resolution=32, hemicube=8)
     with pytest.raises(DeviceError, match="no OpenCL device 'Card C'"):
         finished(session.bake(furnace(0.5, 1.0), dataclasses.replace(settings, opencl_device="Card C")))
-    name = device_name(Compute().device)
+    name = device_name(ComputeDevice().device)
     chosen = dataclasses.replace(settings, opencl_device=name)
     assert finished(session.bake(furnace(0.5, 1.0), chosen)).report.devices["cl"] in name
     session.close()

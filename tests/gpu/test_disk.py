@@ -4,7 +4,7 @@ import numpy as np
 
 from engine.device import cl_device as module
 from engine.device.buffers import download, upload, zeros
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.visibility.rays.receiver_records import RECEIVER
 
 _PROBE = """
@@ -15,7 +15,7 @@ __kernel void probe(__global const float2 *square, __global float2 *points)
 """
 
 
-def test_points_of_the_square_lie_on_the_disk_by_area(compute: Compute, monkeypatch) -> None:
+def test_points_of_the_square_lie_on_the_disk_by_area(compute: ComputeDevice, monkeypatch) -> None:
     """Also at whole quarters and eighths of a turn, several turns on, in the middle and on the rim."""
     real = module.program_source
     monkeypatch.setattr(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.device.side_queue import Beside
+from engine.device.side_queue import SideQueue
 from engine.patches import device_edge_neighbours, host_edge_neighbours
 from engine.patches.chart_edges import chart_edges
 from engine.patches.device_edge_neighbours import DeviceNeighbours
@@ -78,8 +78,10 @@ def test_device_yields_parts_that_there_is_room_for(compute, monkeypatch, of_eac
 
 def test_memory_for_pairs_has_a_limit(compute, monkeypatch):
     """A crowd of 3,001 boxes has 4.5 million pairs, of which 2^16 are on the device at a time."""
-    sizes, room_for = [], Beside.room_for
-    monkeypatch.setattr(Beside, "room_for", lambda beside, size: sizes.append(size) or room_for(beside, size))
+    sizes, room_for = [], SideQueue.room_for
+    monkeypatch.setattr(
+        SideQueue, "room_for", lambda beside, size: sizes.append(size) or room_for(beside, size)
+    )
     total = sum(len(first) for first, _ in DeviceNeighbours(compute).overlapping(crowd(3001)))
     assert total == 3001 * 3000 // 2
     assert sizes == [8 << 16]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings, bake, finished
-from engine.patches.edge_patch_points import away_from_edges
+from engine.patches.edge_patch_points import inset_edge_patches
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
 from engine.scene.triangles import join_meshes
@@ -43,7 +43,7 @@ def test_only_patches_on_edges_move_and_stay_within_their_texels(graphics, compu
     geometry, own = patch_geometry(triangles, patches), patches.on_texels(1)
     places = {}
     for device in (compute, None):
-        moved = away_from_edges(device, geometry, patches, own)
+        moved = inset_edge_patches(device, geometry, patches, own)
         uvs = np.einsum("nk,nkd->nd", moved.barycentric, triangles.uvs[moved.triangle]) * RESOLUTION
         places[device] = uvs - np.stack([moved.texel % RESOLUTION, moved.texel // RESOLUTION], axis=1)
     assert np.allclose(places[compute], places[None], atol=1e-4)

@@ -5,7 +5,7 @@ import pyopencl as cl
 import pytest
 
 from engine.device.source import program_source
-from engine.direct.emitters import EMITTER_RECORDS, BrightTriangles, lamp_records, surface_records
+from engine.direct.emitters import EMITTER_RECORDS, SampledTriangles, lamp_records, surface_records
 from engine.scene.model import Light
 from engine.scene.triangles import Triangles
 
@@ -60,7 +60,7 @@ def test_the_numbers_of_emissive_triangles_are_exact_however_many_there_are(comp
         *[np.broadcast_to(np.zeros(1, np.int32), MANY)] * 3,
     )
     numbers = np.array([0, 1, 2**23 - 1, 2**24 + 1, 2**24 + 3, MANY - 1])
-    bright = BrightTriangles(
+    bright = SampledTriangles(
         numbers,
         *2 * [np.ones((6, 3), np.float32)],
         np.ones(6, bool),

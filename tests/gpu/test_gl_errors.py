@@ -6,7 +6,7 @@ import pytest
 
 from engine import DeviceError, Settings, finished
 from engine.device import devices
-from engine.device.gl_context import Graphics
+from engine.device.gl_context import GraphicsContext
 from engine.session import Session
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute
@@ -21,14 +21,14 @@ INVALID = "glActiveTexture", 0
 def refused(monkeypatch, program):
     """Let OpenGL refuse something whenever a shader program of a name is asked for."""
     for maker in ("program", "compute_program"):
-        original = getattr(Graphics, maker)
+        original = getattr(GraphicsContext, maker)
 
         def failing(graphics, name, *arguments, original=original):
             if name == program:
                 graphics.raw(*INVALID)
             return original(graphics, name, *arguments)
 
-        monkeypatch.setattr(Graphics, maker, failing)
+        monkeypatch.setattr(GraphicsContext, maker, failing)
 
 
 @pytest.mark.parametrize(
@@ -53,11 +53,11 @@ def test_what_opengl_refuses_is_told(monkeypatch, program, settings, task):
 
 
 @pytest.mark.parametrize(
-    ("settings", "compute"), [(PAPER, devices.Compute), (QUICK, NoCompute)], ids=["paper", "cached"]
+    ("settings", "compute"), [(PAPER, devices.ComputeDevice), (QUICK, NoCompute)], ids=["paper", "cached"]
 )
 def test_what_compute_shaders_refuse_is_told(monkeypatch, settings, compute):
     """Nothing is summed if a buffer is not where the shader looks for it."""
-    monkeypatch.setattr(devices, "Compute", compute)
+    monkeypatch.setattr(devices, "ComputeDevice", compute)
     session = Session()
     with monkeypatch.context() as patched:
         patched.setattr("engine.gather.compute_shader._FRAMES", 1 << 20)

@@ -5,7 +5,7 @@ import pyopencl as cl
 import pytest
 
 from engine.device import gl_interop
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.cl_library import ClLibrary
 from engine.errors import DeviceError
 from tests.gpu.fake_sharing import FakeLibrary
@@ -16,7 +16,7 @@ ACQUIRE, RELEASE = "clEnqueueAcquireGLObjects", "clEnqueueReleaseGLObjects"
 
 @pytest.fixture(scope="module")
 def processor():
-    return Compute()
+    return ComputeDevice()
 
 
 @pytest.fixture(params=["radiance", "identity"])

@@ -37,12 +37,12 @@ def test_the_memory_of_culling_does_not_grow_with_the_hemicubes_of_a_layer(graph
     tiles, tested = Tiles(8, 7, 5, 2), []
     expected = pictures(graphics, tiles, "layer")
     monkeypatch.setattr(raster, "_TESTS", 50)
-    visible = raster.Clusters.visible
+    visible = raster.TriangleClusters.visible
 
     def watched(clusters, matrices):
         tested.append(len(clusters) * len(matrices))
         return visible(clusters, matrices)
 
-    monkeypatch.setattr(raster.Clusters, "visible", watched)
+    monkeypatch.setattr(raster.TriangleClusters, "visible", watched)
     assert pictures(graphics, tiles, "layer") == expected
     assert max(tested) <= 50 and np.sum(tested) == 12 * (tiles.capacity - 1)

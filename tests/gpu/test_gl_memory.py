@@ -8,11 +8,11 @@ import pytest
 
 from engine import Settings, finished
 from engine.device import devices, raw_gl
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.pipeline import bake
 from engine.plan import visibility_trial
-from engine.plan.session_cache import Kept
+from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
@@ -43,7 +43,10 @@ def opened():
 def at_the_first_sweep(opened, settings):
     """Return what lives once it is decided how patches gather, and the report."""
     scene = furnace(0.5, 1.0)
-    work, found = bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {}), Kept()), None
+    work, found = (
+        bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {}), SessionCache()),
+        None,
+    )
     try:
         while True:
             progress = next(work)
@@ -71,16 +74,18 @@ def test_a_rejected_trial_leaves_nothing_behind(opened, monkeypatch, best):
     assert tried == alone
 
 
-@pytest.mark.parametrize("compute", [Compute, NoCompute], ids=["opencl", "opengl"])
+@pytest.mark.parametrize("compute", [ComputeDevice, NoCompute], ids=["opencl", "opengl"])
 def test_bakes_leave_no_objects_behind(monkeypatch, compute):
     """Whatever they were; programs stay for the next one."""
-    monkeypatch.setattr(devices, "Compute", compute)
+    monkeypatch.setattr(devices, "ComputeDevice", compute)
     opened, counts = Devices(), []
     for _ in range(3):
         for changes in ({"method": "paper"}, {"visibility": "raster"}, {"visibility": "auto"}):
             settings = dataclasses.replace(QUICK, **changes)
             scene = furnace(0.5, 1.0)
-            finished(bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {}), Kept()))
+            finished(
+                bake(opened, scene, settings, BakeStages(Extent.of(scene), settings, {}), SessionCache())
+            )
             opened.clear()
         counts.append(living())
     opened.release()

@@ -6,23 +6,25 @@ import numpy as np
 import pytest
 
 from engine import Settings
-from engine.device.cl_device import Compute
-from engine.patches.patch_scene import subdivide
-from engine.solve.patch_groups import PatchGroups, leaders
+from engine.device.cl_device import ComputeDevice
+from engine.patches.patch_scene import make_patch_scene
+from engine.solve.patch_groups import PatchGroups, group_representatives
 from engine.validity.invalid import patches_inside
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import nine_quad_room
 
 
 @pytest.mark.parametrize(("resolution", "width"), [(67, 2), (131, 4), (128, 8)])
-def test_means_are_those_of_the_members(graphics, compute: Compute, resolution: int, width: int) -> None:
+def test_means_are_those_of_the_members(
+    graphics, compute: ComputeDevice, resolution: int, width: int
+) -> None:
     """Two lightmaps whose squares end in the middle of some; patches that differ stay apart; few shine."""
     room = nine_quad_room()
     again = replace(
         room.meshes[0], name="Again", atlas=1, positions=room.meshes[0].positions + np.float32(50)
     )
     scene = replace(room, meshes=(*room.meshes, again), atlases=(*room.atlases, "Again"))
-    parts = subdivide(graphics, compute, scene, Settings(resolution=resolution))
+    parts = make_patch_scene(graphics, compute, scene, Settings(resolution=resolution))
     random, count = np.random.default_rng(width), len(parts.patches)
     light = (random.random((count, 3)) < 0.1).astype(np.float32)
     emission = np.where(random.random(count) < 0.01, 9, 0)[:, None].astype(np.float32) * np.ones(
@@ -31,7 +33,11 @@ def test_means_are_those_of_the_members(graphics, compute: Compute, resolution: 
     parts = replace(parts, surfaces=replace(parts.surfaces, emission=emission))
     rays, area = RayScene(compute, parts), random.random(count).astype(np.float32)
     groups = PatchGroups(
-        rays, parts, area, leaders(rays, parts, light.sum(1), patches_inside(rays, count), width), width
+        rays,
+        parts,
+        area,
+        group_representatives(rays, parts, light.sum(1), patches_inside(rays, count), width),
+        width,
     )
     members = np.bincount(groups.group)
     assert len(np.unique(members)) > 2 and width**2 / 2 < members.max() <= width**2

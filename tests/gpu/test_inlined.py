@@ -5,7 +5,7 @@ import pyopencl as cl
 import pytest
 
 from engine.device.buffers import upload
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.source import program_source
 
 #: Of two numbers a, b, and a vector v of a, b and their difference.
@@ -42,7 +42,7 @@ ROUNDED = {
 
 @pytest.fixture(scope="module")
 def compute():
-    device = Compute()
+    device = ComputeDevice()
     if not (device.processor and device.device.platform.name == "Portable Computing Language"):
         pytest.skip("kernels/inlined.cl is for PoCL on a processor")
     return device

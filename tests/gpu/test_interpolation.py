@@ -7,12 +7,12 @@ import pytest
 
 from benchmarks.rooms import cornell_box
 from engine import Settings
-from engine.device.cl_device import Compute
-from engine.patches.patch_scene import subdivide
+from engine.device.cl_device import ComputeDevice
+from engine.patches.patch_scene import make_patch_scene
 from engine.plan import memory
 from engine.postprocess.outputs import MAPS_OF
 from engine.solve.interpolation import Interpolation
-from engine.solve.patch_groups import PatchGroups, leaders, numbered
+from engine.solve.patch_groups import PatchGroups, group_representatives, numbered
 from engine.validity.invalid import patches_inside
 from engine.visibility.rays.near_openness import openness
 from engine.visibility.rays.ray_scene import RayScene
@@ -33,14 +33,14 @@ def few_are_enough(monkeypatch):
 @pytest.fixture(scope="module")
 def room(graphics, compute):
     """The patches of a room of quads, groups of them, and what interpolates between these."""
-    parts = subdivide(graphics, compute, nine_quad_room(), Settings(resolution=128))
+    parts = make_patch_scene(graphics, compute, nine_quad_room(), Settings(resolution=128))
     rays = RayScene(compute, parts)
     dark = np.zeros(len(parts.patches), np.float32)
     groups = PatchGroups(
         rays,
         parts,
         parts.geometry.area,
-        leaders(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH),
+        group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH),
         WIDTH,
     )
     opening = openness(rays, 2.0)
@@ -165,12 +165,12 @@ def test_patches_between_things_that_no_group_knows_do_not_fit(graphics, compute
     atlas = Atlas(160)
     floor = block(atlas, (-1, -1, -0.4), (1, 1, 0), "Floor")
     fins = [block(atlas, (x, -0.9, -0.01), (x + 0.004, 0.9, 0.09), "Fin") for x in (-0.034, 0.046)]
-    parts = subdivide(
+    parts = make_patch_scene(
         graphics, compute, scene_of([floor, *fins], world=np.ones(3, np.float32)), Settings(resolution=160)
     )
     rays = RayScene(compute, parts)
     dark = np.zeros(len(parts.patches), np.float32)
-    group, leader = numbered(leaders(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH))
+    group, leader = numbered(group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH))
     interpolation = Interpolation(rays, parts, group, leader, WIDTH, openness(rays, 2.0))
     even = np.ones((len(leader), 4), np.float32)
     _, fits = interpolation.fit([even], np.zeros(len(dark), np.float32), 0.02)
@@ -184,7 +184,7 @@ def test_patches_between_things_that_no_group_knows_do_not_fit(graphics, compute
 @pytest.mark.parametrize("outputs", [("combined", "direct", "indirect"), long(("combined",))])
 def test_adaptive_bakes_show_the_same_light(outputs):
     """A ceiling behind a panel, which sees backs, is not taken for what is around it."""
-    if not Compute().processor:
+    if not ComputeDevice().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(
         resolution=152, samples=256, light_samples=64, visibility="rays", outputs=outputs, texel_samples=1,
@@ -210,7 +210,7 @@ def test_adaptive_bakes_show_the_same_light(outputs):
 
 def test_adaptive_bakes_have_as_much_light():
     """Coarse ones were 0.4 % darker than those in which every patch gathers, and indirect light 0.8 %."""
-    if not Compute().processor:
+    if not ComputeDevice().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(
         resolution=160, samples=256, visibility="rays", hide_seams=False, intermediates=False
@@ -223,10 +223,10 @@ def test_adaptive_bakes_have_as_much_light():
 
 def test_groups_of_bright_patches_are_as_even_as_others(graphics, compute):
     """Around a lamp below a ceiling light falls off within a square: its hidden part is not that in sight."""
-    parts = subdivide(graphics, compute, nine_quad_room(), Settings(resolution=128))
+    parts = make_patch_scene(graphics, compute, nine_quad_room(), Settings(resolution=128))
     rays, center = RayScene(compute, parts), parts.geometry.center
     radiance = (0.05 / (0.005 + ((center - center[len(center) // 3]) ** 2).sum(axis=1))).astype(np.float32)
-    leader = leaders(rays, parts, radiance, patches_inside(rays, len(radiance)), WIDTH)
+    leader = group_representatives(rays, parts, radiance, patches_inside(rays, len(radiance)), WIDTH)
     apart = np.abs(radiance - radiance[leader])
     assert radiance.max() > 20 * radiance.mean()
     assert (apart <= 0.5 * radiance.mean() + 0.1 * radiance).all()
@@ -247,7 +247,7 @@ def test_leaders_are_in_the_middle_of_their_groups(room):
 
 @pytest.mark.parametrize("output", ["directional", long("spherical_harmonics")])
 def test_adaptive_bakes_tell_where_light_comes_from(few_are_enough, output):
-    if not Compute().processor:
+    if not ComputeDevice().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(
         resolution=80, samples=128, visibility="rays", outputs=("combined", output), texel_samples=1,
@@ -271,7 +271,7 @@ def test_adaptive_bakes_tell_where_light_comes_from(few_are_enough, output):
 @pytest.mark.parametrize("outputs", [("combined", "direct", "indirect"), long(("combined",))])
 def test_noise_of_few_patches_is_taken_out(outputs):
     """All of them gather; then most have the light of planes through that of those around them."""
-    if not Compute().processor:
+    if not ComputeDevice().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(
         resolution=97, samples=64, visibility="rays", texel_samples=1, hide_seams=False, intermediates=False,
@@ -298,7 +298,7 @@ def test_noise_of_few_patches_is_taken_out(outputs):
 
 
 def test_directions_of_few_patches_follow_their_light():
-    if not Compute().processor:
+    if not ComputeDevice().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(
         resolution=61, samples=64, visibility="rays", outputs=("combined", "directional"), texel_samples=1,
@@ -333,10 +333,10 @@ def sunk_box():
 
 
 def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
-    parts = subdivide(graphics, compute, sunk_box(), Settings(resolution=160))
+    parts = make_patch_scene(graphics, compute, sunk_box(), Settings(resolution=160))
     rays = RayScene(compute, parts)
     dark = np.zeros(len(parts.patches), np.float32)
-    leader = leaders(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
+    leader = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
     center, radius = parts.geometry.center + parts.triangles.origin, 0.2
     on_floor = np.abs(center[:, 2]) < 1e-4
     inside = on_floor & (np.abs(center[:, :2] - (-0.01, 0.04)).max(axis=1) < radius)
@@ -349,7 +349,7 @@ def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
 
 
 def test_light_at_the_foot_of_a_sunk_box_is_that_without_groups(few_are_enough):
-    if not Compute().processor:
+    if not ComputeDevice().processor:
         pytest.skip("graphics cards gather for every patch")
     settings = Settings(
         resolution=160, samples=512, visibility="rays", texel_samples=1, hide_seams=False, intermediates=False

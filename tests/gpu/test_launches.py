@@ -8,7 +8,7 @@ from benchmarks.device_log import COPY, DOWNLOAD, FILL, LAUNCH, UPLOAD, DeviceLo
 from benchmarks.launches import WORK, by_caller, by_kernel, by_stage, report
 from engine import Settings, finished
 from engine.device.buffers import download, upload, zeros
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.slice_sizes import fix_slice_size
@@ -30,7 +30,7 @@ MOST = {"U": 150, "G": 88}
 def test_a_log_has_every_command_with_its_bytes():
     log = DeviceLog()
     with log.logging():
-        compute = Compute()
+        compute = ComputeDevice()
         log.clear()
         buffer = upload(compute, np.arange(37, dtype=np.float32))
         filled = zeros(compute, 44)
@@ -53,7 +53,7 @@ def test_nothing_is_logged_afterwards():
     log = DeviceLog()
     with log.logging():
         pass
-    upload(Compute(), np.ones(5, np.float32))
+    upload(ComputeDevice(), np.ones(5, np.float32))
     assert log.entries == []
 
 

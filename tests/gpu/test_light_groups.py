@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Light, Lightmap, Scene, Settings, SettingsError, bake, finished
-from engine.device.cl_device import Compute
+from engine import BakeResult, Light, Scene, Settings, SettingsError, bake, finished
+from engine.device.cl_device import ComputeDevice
 from engine.plan import choose_gather, memory
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
@@ -82,7 +82,7 @@ def alone(scene: Scene, group: str) -> Scene:
     )
 
 
-def assert_sums(lightmap: Lightmap) -> None:
+def assert_sums(lightmap: BakeResult) -> None:
     """The groups' maps are all light together, texel by texel; none is negative, one is black."""
     combined, groups = lightmap.passes["combined"], [lightmap.passes[name] for name in MAPS]
     total = np.sum(groups, axis=0, dtype=np.float64)
@@ -115,7 +115,7 @@ def test_light_is_the_sum_of_groups_before_anything_makes_it_so(changes, monkeyp
 
     All light is that of a bake without groups, bit for bit.
     """
-    monkeypatch.setattr("engine.texel_gather.finishing.summing_up", lambda maps, combined: maps)
+    monkeypatch.setattr("engine.texel_gather.finishing.scale_to_sum", lambda maps, combined: maps)
     settings = dataclasses.replace(SETTINGS, **changes)
     several = drive(room(), settings)
     assert list(several.passes) == ["combined", *MAPS]
@@ -156,7 +156,7 @@ def test_maps_of_groups_sum_up_to_all_light(monkeypatch, changes):
     monkeypatch.setattr(memory, "_FEWEST", 4096)
     lightmap = drive(room(), dataclasses.replace(SETTINGS, **changes))
     assert_sums(lightmap)
-    interpolated = changes.get("adaptive", False) and Compute().processor
+    interpolated = changes.get("adaptive", False) and ComputeDevice().processor
     assert any("with more rays each" in reason for reason in lightmap.report.reasons) == interpolated
 
 
@@ -187,9 +187,9 @@ def test_accelerated_groups_settle_each_on_its_own():
 def test_what_patches_see_is_found_once(monkeypatch):
     """As long as no back that is seen shines."""
     found = []
-    choose_identity = choose_gather.choose_identity
+    choose_identity = choose_gather.choose_sampler
     monkeypatch.setattr(
-        choose_gather, "choose_identity", lambda job: found.append(job) or choose_identity(job)
+        choose_gather, "choose_sampler", lambda job: found.append(job) or choose_identity(job)
     )
     drive(room(), SETTINGS)
     assert len(found) == 1

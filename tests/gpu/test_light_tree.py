@@ -4,7 +4,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.source import program_source
 from engine.direct.emitters import EMITTER, NO_CONE, POINT
 from engine.direct.light_tree import LIGHT_TREE_RECORDS, build_light_tree
@@ -60,7 +60,7 @@ __kernel void chosen(__global const ReceiverRecord *receivers, __global const Em
 
 @pytest.fixture(scope="module")
 def device():
-    return Compute()
+    return ComputeDevice()
 
 
 @pytest.fixture(scope="module")

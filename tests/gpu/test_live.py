@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine import Changes, Light, Lightmap, Scene, SceneError, Session, Settings, finished
+from engine import BakeResult, Light, Scene, SceneChanges, SceneError, Session, Settings, finished
 from engine.device import device_array
-from engine.gather.cached_gather import CachedSweep
+from engine.gather.cached_gather import CachedGather
 from engine.plan import stages
 from engine.scene.model import OCCLUDER
-from engine.visibility.rays.ray_sampler import RayIdentity
+from engine.visibility.rays.ray_sampler import RaySampler
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
 from tests.gpu.slice_sizes import fix_slice_size
 
@@ -49,50 +49,50 @@ def lamp(random: np.random.Generator) -> Light:
     return Light("Lamp", str(kind), place, axes, strength, radius=0.1, half_angle=0.5, size=size)
 
 
-def change_lights(scene: Scene, random: np.random.Generator) -> Changes:
+def change_lights(scene: Scene, random: np.random.Generator) -> SceneChanges:
     """Add, delete, or replace a lamp."""
     lights = list(scene.lights)
     if lights and random.random() < 0.6:
         lights.pop(int(random.integers(len(lights))))
     if random.random() < 0.7:
         lights.append(lamp(random))
-    return Changes(lights=tuple(lights))
+    return SceneChanges(lights=tuple(lights))
 
 
-def change_world(scene: Scene, random: np.random.Generator) -> Changes:
+def change_world(scene: Scene, random: np.random.Generator) -> SceneChanges:
     """Take other surroundings, or none."""
     worlds = [BLACK, random.random(3, np.float32), random.random((3, 4, 3), np.float32)]
-    return Changes(world=worlds[random.integers(3)])
+    return SceneChanges(world=worlds[random.integers(3)])
 
 
-def change_colour(scene: Scene, random: np.random.Generator) -> Changes:
+def change_colour(scene: Scene, random: np.random.Generator) -> SceneChanges:
     """Paint something, perhaps white as chalk or black."""
     number = int(random.integers(len(scene.materials)))
     colour = np.clip(random.uniform(-0.2, 1.1, 3), 0, 0.95).astype(np.float32)
-    return Changes(materials={number: dataclasses.replace(scene.materials[number], reflectance=colour)})
+    return SceneChanges(materials={number: dataclasses.replace(scene.materials[number], reflectance=colour)})
 
 
-def change_emission(scene: Scene, random: np.random.Generator) -> Changes:
+def change_emission(scene: Scene, random: np.random.Generator) -> SceneChanges:
     """Let something shine, or nothing more of it."""
     number = int(random.integers(len(scene.materials)))
     light = (random.random(3) * (random.random() < 0.6)).astype(np.float32)
-    return Changes(materials={number: dataclasses.replace(scene.materials[number], emission=light)})
+    return SceneChanges(materials={number: dataclasses.replace(scene.materials[number], emission=light)})
 
 
-def move_something(scene: Scene, random: np.random.Generator) -> Changes:
+def move_something(scene: Scene, random: np.random.Generator) -> SceneChanges:
     """Move the pillar or the panel by a little, perhaps into the floor."""
     matrix = np.eye(4)
     matrix[:3, 3] = random.uniform(-0.2, 0.2, 3)
-    return Changes(moves={int(random.integers(1, 3)): matrix})
+    return SceneChanges(moves={int(random.integers(1, 3)): matrix})
 
 
-def bend_something(scene: Scene, random: np.random.Generator) -> Changes:
+def bend_something(scene: Scene, random: np.random.Generator) -> SceneChanges:
     """Deform the pillar or the panel: some of its corners go elsewhere."""
     number = int(random.integers(1, 3))
     mesh = scene.meshes[number]
     high = mesh.positions[..., 2:] > np.median(mesh.positions[..., 2])
     bent = mesh.positions + high * random.uniform(-0.15, 0.15, 3)
-    return Changes(meshes={number: dataclasses.replace(mesh, positions=bent.astype(np.float32))})
+    return SceneChanges(meshes={number: dataclasses.replace(mesh, positions=bent.astype(np.float32))})
 
 
 EDITS = [
@@ -117,7 +117,7 @@ def other():
     unaware.close()
 
 
-def fresh(session: Session, scene: Scene, **changes: object) -> Lightmap:
+def fresh(session: Session, scene: Scene, **changes: object) -> BakeResult:
     """Return a bake that knows nothing of others."""
     session.forget()
     return finished(session.bake(scene, dataclasses.replace(SETTINGS, **changes)))
@@ -140,13 +140,13 @@ def error_of_channels(image: np.ndarray, truth: np.ndarray, has_patch: np.ndarra
 def test_twenty_edits_end_with_the_light_of_a_fresh_bake(session, other, seed, points):
     random = np.random.default_rng(seed)
     live = session.live(ROOM, dataclasses.replace(SETTINGS, texel_samples=points))
-    finished(live.settle())
+    finished(live.converge())
     for step in range(20):
         live.update(random.choice(EDITS)(live.scene, random))
         if random.random() < 0.3:
-            next(live.settle())
+            next(live.converge())
             live.update(random.choice(EDITS)(live.scene, random))
-        lightmap = finished(live.settle())
+        lightmap = finished(live.converge())
         if step % 5 == 4:
             expected = fresh(other, live.scene, texel_samples=points)
             assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
@@ -164,11 +164,11 @@ LIT = (Light("Lamp", "point", np.array([1.0, 2, 1.5]), np.eye(3), np.float32([5,
 @pytest.mark.parametrize(
     ("edit", "least"),
     [
-        (Changes(lights=LIT, materials=PAINTED), 5),
-        (Changes(world=3 * ROOM.world[::-1].copy()), 4),
-        (Changes(materials=PAINTED), 3),
-        (Changes(materials=SHINING), 3),
-        (Changes(moves={1: MOVED}), 3),
+        (SceneChanges(lights=LIT, materials=PAINTED), 5),
+        (SceneChanges(world=3 * ROOM.world[::-1].copy()), 4),
+        (SceneChanges(materials=PAINTED), 3),
+        (SceneChanges(materials=SHINING), 3),
+        (SceneChanges(moves={1: MOVED}), 3),
     ],
     ids=["lamp and paint", "world", "paint", "emission", "move"],
 )
@@ -178,9 +178,9 @@ def test_each_image_is_nearer_to_the_light_than_the_one_before(
     """A lamp comes on, or a wall is painted: the last light is right neither in sum nor in colour."""
     monkeypatch.setattr(stages, "_BETWEEN_IMAGES", 0.0)
     live = session.live(ROOM, dataclasses.replace(SETTINGS, accelerate=accelerate))
-    last = finished(live.settle()).display
+    last = finished(live.converge()).display
     live.update(edit)
-    images = [step.intermediate for step in live.settle() if step.intermediate is not None]
+    images = [step.intermediate for step in live.converge() if step.intermediate is not None]
     truth = fresh(other, live.scene, tolerance=0, iterations=30, hide_seams=False)
     if edit.materials is SHINING:
         # A wall's light is gathered: both images of direct light are those of before, but for their noise.
@@ -197,20 +197,20 @@ def test_each_image_is_nearer_to_the_light_than_the_one_before(
 def sweeps(session, changes, monkeypatch, **settings):
     """Return the sweeps of an edit before its first image, and all; its lightmap."""
     live, count, shown = session.live(ROOM, dataclasses.replace(SETTINGS, **settings)), [], []
-    finished(live.settle())
-    gather = CachedSweep.gather
-    monkeypatch.setattr(CachedSweep, "gather", lambda *light: count.append(1) or gather(*light))
+    finished(live.converge())
+    gather = CachedGather.gather
+    monkeypatch.setattr(CachedGather, "gather", lambda *light: count.append(1) or gather(*light))
     live.update(changes)
-    shown = [len(count) for step in live.settle() if step.intermediate is not None]
+    shown = [len(count) for step in live.converge() if step.intermediate is not None]
     monkeypatch.undo()
     return shown[0], len(count), live.lightmap
 
 
 def test_light_that_was_not_reflected_is_swept_for_only_where_it_has_changed(session, other, monkeypatch):
     parts = {"outputs": ("combined", "direct", "indirect")}
-    first, all_sweeps, world = sweeps(session, Changes(world=2 * ROOM.world), monkeypatch, **parts)
+    first, all_sweeps, world = sweeps(session, SceneChanges(world=2 * ROOM.world), monkeypatch, **parts)
     assert first == 1 and all_sweeps == world.report.iterations + 1
-    first, all_sweeps, painted = sweeps(session, Changes(materials=PAINTED), monkeypatch, **parts)
+    first, all_sweeps, painted = sweeps(session, SceneChanges(materials=PAINTED), monkeypatch, **parts)
     assert first == 1 and all_sweeps == painted.report.iterations
     expected = fresh(
         other, dataclasses.replace(ROOM, materials=(*PAINTED.values(), *ROOM.materials[1:])), **parts
@@ -223,27 +223,27 @@ def test_light_that_was_not_reflected_is_swept_for_only_where_it_has_changed(ses
 def test_direct_light_of_samples_that_are_gone_is_found_again(session, other, monkeypatch):
     """What patches see is dropped between two edits, since it takes too much memory."""
     live = session.live(ROOM, dataclasses.replace(SETTINGS, kept_budget=1))
-    finished(live.settle())
-    live.update(Changes(materials=PAINTED))
-    lightmap, expected = finished(live.settle()), fresh(other, live.scene)
+    finished(live.converge())
+    live.update(SceneChanges(materials=PAINTED))
+    lightmap, expected = finished(live.converge()), fresh(other, live.scene)
     assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
 
 
 def test_sweeps_that_are_faster_than_anybody_sees_have_one_image(session, other, monkeypatch):
     """Few rays, all rays, and light that has settled; what comes meanwhile goes on from the last image."""
     live = session.live(ROOM, SETTINGS)
-    finished(live.settle())
+    finished(live.converge())
     monkeypatch.setattr(stages, "_BETWEEN_IMAGES", 1e9)
     random = np.random.default_rng(8)
     for _ in range(3):
-        live.update(Changes(lights=(lamp(random),), world=ROOM.world * np.float32(random.random())))
-        shown = [step.iteration for step in live.settle() if step.intermediate is not None]
+        live.update(SceneChanges(lights=(lamp(random),), world=ROOM.world * np.float32(random.random())))
+        shown = [step.iteration for step in live.converge() if step.intermediate is not None]
         assert shown == [0, 0, live.lightmap.report.iterations] and shown[-1] > 1
-        live.update(Changes(lights=(lamp(random),)))
-        for step in live.settle():
+        live.update(SceneChanges(lights=(lamp(random),)))
+        for step in live.converge():
             if step.iteration == 2:
                 break
-    lightmap, expected = finished(live.settle()), fresh(other, live.scene)
+    lightmap, expected = finished(live.converge()), fresh(other, live.scene)
     assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
 
 
@@ -251,11 +251,11 @@ def test_sweeps_that_are_faster_than_anybody_sees_have_one_image(session, other,
 def test_light_stays_on_the_device_until_the_first_image(session, other, edit, monkeypatch):
     """Nothing but the image comes from there, and what stands in for hidden patches."""
     live, came = session.live(ROOM, SETTINGS), []
-    finished(live.settle())
-    live.update(Changes(**edit))
+    finished(live.converge())
+    live.update(SceneChanges(**edit))
     fetch = device_array.download
     monkeypatch.setattr(device_array, "download", lambda *where: came.append(where[2]) or fetch(*where))
-    work = live.settle()
+    work = live.converge()
     image = next(step.intermediate for step in work if step.intermediate is not None)
     assert all(shape[1] == 3 for shape in came) and image.any()
     lightmap, expected = finished(work), fresh(other, live.scene)
@@ -264,15 +264,15 @@ def test_light_stays_on_the_device_until_the_first_image(session, other, edit, m
 
 def test_light_that_has_settled_takes_few_sweeps_to_settle_again(session):
     live = session.live(ROOM, SETTINGS)
-    cold = finished(live.settle()).report.iterations
-    live.update(Changes(world=ROOM.world * np.float32(1.01)))
-    assert finished(live.settle()).report.iterations < cold
+    cold = finished(live.converge()).report.iterations
+    live.update(SceneChanges(world=ROOM.world * np.float32(1.01)))
+    assert finished(live.converge()).report.iterations < cold
 
 
 def test_visibility_that_edits_interrupt_is_found_only_once(session, other, monkeypatch):
     """Somebody drags a lamp from the start: each patch looks once all the same."""
     random, found = np.random.default_rng(5), []
-    find = RayIdentity.find
+    find = RaySampler.find
 
     def counted(self, first, last, seen):
         work, before = find(self, first, last, seen), 0
@@ -281,12 +281,12 @@ def test_visibility_that_edits_interrupt_is_found_only_once(session, other, monk
             before = round(done * (last - first))
             yield done
 
-    monkeypatch.setattr(RayIdentity, "find", counted)
+    monkeypatch.setattr(RaySampler, "find", counted)
     fix_slice_size(monkeypatch, 256)
     live, edits = session.live(ROOM, SETTINGS), 0
-    for progress in live.settle():
+    for progress in live.converge():
         if progress.stage.startswith("Visibility") and progress.fraction > 0 and edits < 4:
-            live.update(Changes(lights=(lamp(random),)))
+            live.update(SceneChanges(lights=(lamp(random),)))
             edits += 1
     assert edits and live.lightmap is not None
     count = live.lightmap.report.patches
@@ -298,21 +298,21 @@ def test_visibility_that_edits_interrupt_is_found_only_once(session, other, monk
 
 def test_changes_that_come_faster_than_images_do_not_keep_them_away(session):
     random, live = np.random.default_rng(6), session.live(ROOM, SETTINGS)
-    finished(live.settle())
+    finished(live.converge())
     shown = 0
-    live.update(Changes(lights=(lamp(random),)))
-    for step, progress in enumerate(live.settle()):
+    live.update(SceneChanges(lights=(lamp(random),)))
+    for step, progress in enumerate(live.converge()):
         shown += progress.intermediate is not None
         if step < 40:
-            live.update(Changes(lights=(lamp(random),)))
+            live.update(SceneChanges(lights=(lamp(random),)))
     assert shown > 5
 
 
 def test_what_cannot_be_baked_is_refused_and_leaves_all_as_it_was(session):
     live = session.live(ROOM, SETTINGS)
-    lightmap = finished(live.settle())
+    lightmap = finished(live.converge())
     broken = dataclasses.replace(ROOM.materials[0], reflectance=np.float32([np.nan, 0, 0]))
-    for changes in (Changes(materials={0: broken}), Changes(materials={99: broken})):
+    for changes in (SceneChanges(materials={0: broken}), SceneChanges(materials={99: broken})):
         with pytest.raises(SceneError):
             live.update(changes)
     assert live.lightmap is lightmap and live.scene is ROOM
@@ -320,12 +320,12 @@ def test_what_cannot_be_baked_is_refused_and_leaves_all_as_it_was(session):
 
 def test_a_light_goes_out_and_comes_back(session):
     live = session.live(ROOM, SETTINGS)
-    first = finished(live.settle())
+    first = finished(live.converge())
     dark = {number: dataclasses.replace(paint, emission=BLACK) for number, paint in enumerate(ROOM.materials)}
-    live.update(Changes(lights=(), world=BLACK, materials=dark))
-    assert not finished(live.settle()).display.any()
+    live.update(SceneChanges(lights=(), world=BLACK, materials=dark))
+    assert not finished(live.converge()).display.any()
     live.update(ROOM)
-    again = finished(live.settle())
+    again = finished(live.converge())
     assert error(again.image, first.image, first.has_patch) < 2 * SETTINGS.tolerance
 
 
@@ -340,11 +340,11 @@ def test_floor_is_lit_where_a_box_stood(session, other):
     meshes = floor, dataclasses.replace(box, atlas=1)
     scene = Scene(meshes, (material("Grey", 0.5),), ("Floor", "Box"), lights=(sun,))
     live = session.live(scene, SETTINGS)
-    before = finished(live.settle())
+    before = finished(live.converge())
     away = np.eye(4)
     away[:3, 3] = (1.7, 1.6, 0.4)
-    live.update(Changes(moves={1: away}))
-    after, expected = finished(live.settle()), fresh(other, live.scene)
+    live.update(SceneChanges(moves={1: away}))
+    after, expected = finished(live.converge()), fresh(other, live.scene)
     assert ((before.image[0] == 0) & (expected.image[0] > 0.1)).any(axis=-1).sum() > 50
     assert np.array_equal(after.image == 0, expected.image == 0)
     np.testing.assert_allclose(after.display, expected.display, atol=0.01)
@@ -363,10 +363,10 @@ def test_floor_is_lit_where_a_box_stood(session, other):
 def test_every_way_to_bake_can_be_followed(session, other, changes):
     settings = dataclasses.replace(SETTINGS, **changes)
     live = session.live(ROOM, settings)
-    finished(live.settle())
+    finished(live.converge())
     paint = dataclasses.replace(ROOM.materials[0], reflectance=np.float32([0.9, 0.5, 0.1]))
-    live.update(Changes(materials={0: paint}, world=ROOM.world[::-1].copy()))
-    lightmap = finished(live.settle())
+    live.update(SceneChanges(materials={0: paint}, world=ROOM.world[::-1].copy()))
+    lightmap = finished(live.converge())
     expected = fresh(other, live.scene, **changes)
     assert lightmap.passes.keys() == expected.passes.keys()
     for name in set(lightmap.passes) & {"combined", "direct", "indirect"}:
@@ -377,7 +377,7 @@ def test_every_way_to_bake_can_be_followed(session, other, changes):
 def test_live_starts_no_workers():
     """Each edit would wait for a scheduler, which keeps nothing of the one before."""
     live = Session().live(ROOM, dataclasses.replace(SETTINGS, scheduler="all"))
-    lightmap = finished(live.settle())
+    lightmap = finished(live.converge())
     assert not any("Dask" in reason for reason in lightmap.report.reasons)
 
 
@@ -389,11 +389,11 @@ def test_light_groups_follow_edits(session, other):
     )
     settings = dataclasses.replace(SETTINGS, outputs=("combined", "light_groups"), texel_samples=4)
     live = session.live(scene, settings)
-    finished(live.settle())
+    finished(live.converge())
     dim = dataclasses.replace(lamp, strength=0.3 * lamp.strength)
-    for changes in (Changes(lights=(dim,)), Changes(materials=PAINTED), Changes(world=BLACK)):
+    for changes in (SceneChanges(lights=(dim,)), SceneChanges(materials=PAINTED), SceneChanges(world=BLACK)):
         live.update(changes)
-        lightmap = finished(live.settle())
+        lightmap = finished(live.converge())
     other.forget()
     expected = finished(other.bake(live.scene, settings))
     assert set(lightmap.passes) == set(expected.passes) and len(lightmap.passes) >= 3

@@ -6,20 +6,20 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine import Changes, Scene, Session, Settings, finished
-from engine.device.cl_device import Compute
+from engine import Scene, SceneChanges, Session, Settings, finished
+from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
-from engine.gather.visibility_cache import KeptSamples
+from engine.gather.visibility_cache import VisibilityCache
 from engine.patches import chart_raster, patch_list, texel_coverage
 from engine.patches.backs import with_places
-from engine.patches.patch_scene import subdivide
+from engine.patches.patch_scene import make_patch_scene
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
 from engine.scene.model import OCCLUDER
 from engine.scene.transmission import Transmittance, uniform_transmission
-from engine.visibility.rays.ray_sampler import RayIdentity
+from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.rays.ray_scene import RayScene
-from engine.visibility.sampler import surroundings
+from engine.visibility.sampler import upload_background
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.graphics_card import GraphicsCard
 from tests.gpu.slice_sizes import fix_slice_size
@@ -61,7 +61,7 @@ def see_through(scene: Scene) -> Scene:
     return dataclasses.replace(scene, materials=tuple(materials))
 
 
-def edit(scene: Scene, random: np.random.Generator) -> Changes:
+def edit(scene: Scene, random: np.random.Generator) -> SceneChanges:
     """Move, turn, mirror or deform one or two of the small meshes, by little or by much."""
     numbers = random.choice([1, 2, 3], size=random.integers(1, 3), replace=False)
     if random.random() < 0.3:
@@ -72,7 +72,7 @@ def edit(scene: Scene, random: np.random.Generator) -> Changes:
                 mesh.positions[..., 2:] > 1
             )
             meshes[number] = dataclasses.replace(mesh, positions=bent.astype(np.float32))
-        return Changes(meshes=meshes)
+        return SceneChanges(meshes=meshes)
     moves = {}
     for number in map(int, numbers):
         middle = scene.meshes[number].positions.reshape(-1, 3).astype(np.float64).mean(axis=0)
@@ -81,10 +81,10 @@ def edit(scene: Scene, random: np.random.Generator) -> Changes:
         matrix[:3, :3] = turn
         matrix[:3, 3] = middle - turn @ middle + random.normal(0, 10.0 ** random.integers(-3, 0), 3)
         moves[number] = matrix
-    return Changes(moves=moves)
+    return SceneChanges(moves=moves)
 
 
-def stored(compute, samples: KeptSamples) -> dict[str, np.ndarray]:
+def stored(compute, samples: VisibilityCache) -> dict[str, np.ndarray]:
     """Return all that is kept of what patches see."""
     backs = samples.backs
     buffers = {f"rows {i}": rows.cache for i, rows in enumerate(samples.pieces)}
@@ -97,13 +97,13 @@ def stored(compute, samples: KeptSamples) -> dict[str, np.ndarray]:
     return values
 
 
-def found_anew(session: Session, settings: Settings) -> KeptSamples:
+def found_anew(session: Session, settings: Settings) -> VisibilityCache:
     """Return what the patches that a session keeps see, found by first looks."""
     compute, parts = session._devices.compute, session._kept._parts
     rays, emission = RayScene(compute, parts), session._kept.samples._emission
-    around = surroundings(compute, emission, np.zeros((1, 1, 3), np.float32))
-    identity = RayIdentity(compute, rays, parts, around, settings)
-    samples = KeptSamples(
+    around = upload_background(compute, emission, np.zeros((1, 1, 3), np.float32))
+    identity = RaySampler(compute, rays, parts, around, settings)
+    samples = VisibilityCache(
         compute, session._kept.samples.sampling, parts, rays, emission, settings.directional
     )
     finished(samples.find(identity, Checkpoint(Checkpoints(), lambda: "")))
@@ -123,7 +123,7 @@ def lively():
     """What makes sessions on an OpenCL device: it as it is, or taken for a graphics card."""
     sessions = []
 
-    def make(device: type[Compute]) -> Session:
+    def make(device: type[ComputeDevice]) -> Session:
         session = Session()
         session._devices = Devices(SETTINGS.cache_dir, SETTINGS.opencl_device)
         session._devices.compute = device()
@@ -147,8 +147,8 @@ CASES = {
 @pytest.mark.parametrize(
     ("device", "case"),
     [
-        (Compute, "see-through"),
-        *(long(Compute, case) for case in CASES if case != "see-through"),
+        (ComputeDevice, "see-through"),
+        *(long(ComputeDevice, case) for case in CASES if case != "see-through"),
         *(long(GraphicsCard, case) for case in CASES),
     ],
 )
@@ -157,16 +157,16 @@ def test_rows_are_those_of_a_first_look(lively, device, case):
     settings, session = dataclasses.replace(SETTINGS, **changes), lively(device)
     random, again = np.random.default_rng(len(case)), 0
     live = session.live(scene, settings)
-    finished(live.settle())
+    finished(live.converge())
     for _ in range(EDITS):
         live.update(edit(live.scene, random))
-        report = finished(live.settle()).report
+        report = finished(live.converge()).report
         again += any("found again where something has moved" in reason for reason in report.reasons)
         assert_as_found_anew(session, settings)
     assert again >= EDITS - 3
 
 
-@pytest.mark.parametrize("device", [Compute, long(GraphicsCard)])
+@pytest.mark.parametrize("device", [ComputeDevice, long(GraphicsCard)])
 def test_edits_that_interrupt_the_search_leave_nothing_behind(lively, device, monkeypatch):
     """Somebody goes on dragging, from the first search on, while samples are found again.
 
@@ -175,7 +175,7 @@ def test_edits_that_interrupt_the_search_leave_nothing_behind(lively, device, mo
     fix_slice_size(monkeypatch, 64)
     random, session, interrupted = np.random.default_rng(7), lively(device), 0
     live = session.live(open_room(), SETTINGS)
-    for step, progress in enumerate(live.settle()):
+    for step, progress in enumerate(live.converge()):
         if interrupted < 8 and progress.stage.startswith("Visibility") and step % 3 == 0:
             live.update(edit(live.scene, random))
             interrupted += 1
@@ -185,13 +185,13 @@ def test_edits_that_interrupt_the_search_leave_nothing_behind(lively, device, mo
 
 def test_a_bake_of_its_own_after_live_has_its_own_bits(lively):
     """Live keeps the origin of its first bake; other bakes do not."""
-    session, scene = lively(Compute), open_room(200.0)
+    session, scene = lively(ComputeDevice), open_room(200.0)
     live = session.live(scene, SETTINGS)
-    finished(live.settle())
+    finished(live.converge())
     matrix = np.eye(4)
     matrix[:3, 3] = 0.4
-    live.update(Changes(moves={1: matrix, 2: matrix, 3: matrix}))
-    finished(live.settle())
+    live.update(SceneChanges(moves={1: matrix, 2: matrix, 3: matrix}))
+    finished(live.converge())
     settings = dataclasses.replace(SETTINGS, warm_start=False)
     image = finished(session.bake(live.scene, settings)).display
     session.forget()
@@ -200,9 +200,9 @@ def test_a_bake_of_its_own_after_live_has_its_own_bits(lively):
 
 def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
     """Patches, the index map and what they are made of are those of a scene of its own all the same."""
-    session, random, drawn = lively(Compute), np.random.default_rng(3), []
+    session, random, drawn = lively(ComputeDevice), np.random.default_rng(3), []
     live = session.live(open_room(), SETTINGS)
-    finished(live.settle())
+    finished(live.converge())
     draw = chart_raster.draw_charts
     for module in (patch_list, texel_coverage):
         monkeypatch.setattr(module, "draw_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
@@ -210,13 +210,15 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
         charts = session._kept._parts.triangles.uvs
         live.update(edit(live.scene, random))
         drawn.clear()
-        next(live.settle())
-        finished(live.settle())
+        next(live.converge())
+        finished(live.converge())
         parts = session._kept._parts
         assert bool(drawn) == (not np.array_equal(charts, parts.triangles.uvs))
         scene = with_places(live.scene, SETTINGS.resolution)
         unknown = dataclasses.replace(parts, charts=None), None
-        expected = subdivide(session._devices.graphics, session._devices.compute, scene, SETTINGS, unknown)
+        expected = make_patch_scene(
+            session._devices.graphics, session._devices.compute, scene, SETTINGS, unknown
+        )
         for found, wanted in (
             (parts.patches, expected.patches),
             (parts.texel_to_patch, expected.texel_to_patch),

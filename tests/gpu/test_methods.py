@@ -9,20 +9,20 @@ import pytest
 
 from engine import DeviceError, Light, Scene, Settings
 from engine.device import devices
-from engine.device.gl_context import Graphics
+from engine.device.gl_context import GraphicsContext
 from engine.device.host_copy import HostCopy
 from engine.gather.glsl_cached import GlslCachedIntegrator
-from engine.gather.visibility_cache import Backs
-from engine.patches.patch_scene import subdivide
+from engine.gather.visibility_cache import BackfaceLight
+from engine.patches.patch_scene import make_patch_scene
 from engine.plan import choose_solver, visibility_trial
 from engine.scene.transmission import CLEAR
 from engine.visibility import sample_counts
-from engine.visibility.raster.raster_sampler import RasterIdentity
-from engine.visibility.raster.targets import IdentityTarget
+from engine.visibility.raster.raster_sampler import RasterSampler
+from engine.visibility.raster.targets import ItemBufferTarget
 from engine.visibility.raster.tiles import Tiles
-from engine.visibility.rays.ray_sampler import RayIdentity
+from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.rays.ray_scene import RayScene
-from engine.visibility.sampler import surroundings
+from engine.visibility.sampler import upload_background
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, nine_quad_room, quads, rectangle, room_walls
 from tests.analytic.test_sky_and_cutouts import sky
@@ -68,7 +68,7 @@ class NoCompute:
         raise DeviceError("There is no OpenCL device. Install one.")
 
 
-class OldGraphics(Graphics):
+class OldGraphics(GraphicsContext):
     """OpenGL 4.1: no compute shaders, no draw commands in buffers."""
 
     def __init__(self):
@@ -186,11 +186,11 @@ def test_rays_and_drawing_find_the_same_patches(graphics, compute):
     """
     room = nine_quad_room()
     settings = Settings(resolution=128, hemicube=32, visibility="rays", directions="hemicube")
-    parts = subdivide(graphics, compute, room, settings)
+    parts = make_patch_scene(graphics, compute, room, settings)
     emission, world = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
-    around = surroundings(compute, emission, world)
-    rays = RayIdentity(compute, RayScene(compute, parts), parts, around, settings)
-    raster = RasterIdentity(graphics, compute, parts, around, settings)
+    around = upload_background(compute, emission, world)
+    rays = RaySampler(compute, RayScene(compute, parts), parts, around, settings)
+    raster = RasterSampler(graphics, compute, parts, around, settings)
     cast, drawn = (find(compute, identity, 3000, 3300, len(emission)) for identity in (rays, raster))
     texels = np.concatenate([[-1000], parts.patches.texel])
     rows, columns = np.abs(np.divmod(texels[cast], 128) - np.array(np.divmod(texels[drawn], 128)))
@@ -206,7 +206,7 @@ def test_rays_and_drawing_find_the_same_patches(graphics, compute):
 def find(compute, identity, first, last, count):
     """Return what patches first ... last see, (m, 3n, n) uint16."""
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * (last - first))
-    backs = Backs(compute, count, count, directional=False)
+    backs = BackfaceLight(compute, count, count, directional=False)
     for _ in identity.find(first, last, backs.found_with(cache, first)):
         pass
     seen = np.empty((last - first, 96, 32), np.uint16)
@@ -267,7 +267,7 @@ def test_short_memory_groups_patches():
 
 
 def test_opengl_and_opencl_sum_alike(paper, monkeypatch):
-    monkeypatch.setattr(devices, "Graphics", OldGraphics)
+    monkeypatch.setattr(devices, "GraphicsContext", OldGraphics)
     in_cl = drive(paper[0], dataclasses.replace(SETTINGS, method="paper"))
     assert (paper[1].report.integrator, in_cl.report.integrator) == ("glsl", "opencl")
     assert paper[1].image == pytest.approx(in_cl.image, rel=2e-5, abs=1e-6)
@@ -279,7 +279,7 @@ def test_half_floats_are_for_opengl_alone(paper, monkeypatch):
     half = dataclasses.replace(SETTINGS, method="paper", half_radiance=True)
     rough = drive(paper[0], half).image
     assert rough == pytest.approx(paper[1].image, rel=2e-3, abs=1e-5) and (rough != paper[1].image).any()
-    monkeypatch.setattr(devices, "Graphics", OldGraphics)
+    monkeypatch.setattr(devices, "GraphicsContext", OldGraphics)
     assert drive(paper[0], half).image == pytest.approx(paper[1].image, rel=2e-5, abs=1e-6)
 
 
@@ -312,7 +312,7 @@ def test_memory_that_is_not_enough_is_a_clear_error(monkeypatch):
 
 
 def test_a_machine_without_opencl_gives_the_same_light(paper, monkeypatch):
-    monkeypatch.setattr(devices, "Compute", NoCompute)
+    monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     alone = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto", sample_emission=True))
     assert (alone.report.method, alone.report.integrator) == ("cached", "glsl")
     assert set(alone.report.devices) == {"gl"} and "without OpenCL" in alone.report.warnings[0]
@@ -320,7 +320,7 @@ def test_a_machine_without_opencl_gives_the_same_light(paper, monkeypatch):
 
 
 def test_what_takes_rays_takes_opencl(monkeypatch):
-    monkeypatch.setattr(devices, "Compute", NoCompute)
+    monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     room = scene(np.float32([1, 2, 3]))
     lamp = Light("Lamp", "point", np.ones(3), np.eye(3), np.ones(3, np.float32))
     with pytest.raises(DeviceError, match="needed for the light of lamps.*Install"):
@@ -332,8 +332,8 @@ def test_what_takes_rays_takes_opencl(monkeypatch):
 
 
 def test_neither_opencl_nor_compute_shaders_is_a_clear_error(monkeypatch):
-    monkeypatch.setattr(devices, "Compute", NoCompute)
-    monkeypatch.setattr(devices, "Graphics", OldGraphics)
+    monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
+    monkeypatch.setattr(devices, "GraphicsContext", OldGraphics)
     with pytest.raises(DeviceError, match="no OpenGL 4.3, so OpenCL is needed.*Install"):
         drive(scene(np.float32([1, 2, 3])), SETTINGS)
 
@@ -341,7 +341,7 @@ def test_neither_opencl_nor_compute_shaders_is_a_clear_error(monkeypatch):
 def test_a_batch_larger_than_a_storage_block_is_kept_in_parts(graphics, monkeypatch):
     """Hemicubes whose texels all see one patch gather just its radiance."""
     tiles, count = Tiles(8, 3, 1, 4), 11
-    target = IdentityTarget(graphics, tiles)
+    target = ItemBufferTarget(graphics, tiles)
     seen = np.ones((tiles.layers, tiles.height, tiles.width), np.uint32)
     target.texture.write(seen.tobytes())
     monkeypatch.setitem(graphics.context.info, "GL_MAX_SHADER_STORAGE_BLOCK_SIZE", 4 * 4 * 192)

@@ -11,8 +11,8 @@ import pyopencl as cl
 import pytest
 
 from engine import DeviceError
-from engine.device.async_open import Opening
-from engine.device.cl_device import Compute
+from engine.device.async_open import AsyncOpen
+from engine.device.cl_device import ComputeDevice
 from engine.device.cl_library import start_drivers
 from engine.device.devices import Devices
 
@@ -24,7 +24,7 @@ def test_a_device_waits_for_its_programs_and_nothing_else_does():
         asked.set()
         return list(ahead)
 
-    opening = Opening(open_device)
+    opening = AsyncOpen(open_device)
     assert asked.wait(60)
     opening.build_ahead(programs)
     assert opening.compute() == programs
@@ -51,7 +51,7 @@ def test_an_error_leaves_nothing_open(told):
         release = staticmethod(released.set)
 
     def failing():
-        with Opening(Device) as opening:
+        with AsyncOpen(Device) as opening:
             if told:
                 opening.build_ahead([1])
             raise ImportError
@@ -76,7 +76,7 @@ def test_kernels_that_share_what_starts_them_keep_their_own_arguments():
     __kernel void halved(__global float *x, const float number) { x[get_global_id(0)] = number / 2; }
     __kernel void summed(__global float *x, const int4 all) { x[get_global_id(0)] = all.x + all.y + all.w; }
     """
-    compute = Compute()
+    compute = ComputeDevice()
     made = importlib.import_module("pyopencl.invoker").invoker_cache._made
     made.clear()
     program = cl.Program(compute.context, source).build()

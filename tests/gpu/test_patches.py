@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, SceneError
-from engine.patches.chart_texels import Charts
+from engine.patches.chart_texels import ChartTexels
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
 from engine.patches.texel_coverage import border_texels, check_overlap, covered_texels
@@ -26,7 +26,9 @@ def grown(graphics, compute, scene, resolution):
     covered = list_patches(graphics, scene, triangles, resolution)
     own = covered.on_texels(len(scene.atlases))
     border, geometry = border_texels(graphics, triangles, own), patch_geometry(triangles, covered)
-    index = index_map(compute, geometry, Charts((), covered, geometry.on_triangle, own, border, ()), None)
+    index = index_map(
+        compute, geometry, ChartTexels((), covered, geometry.on_triangle, own, border, ()), None
+    )
     return covered, index.patches, geometry.at(index.patches), index.texel_to_patch
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from engine import Settings, finished
 from engine.device import builders, program_cache
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.program_cache import ProgramCache
 from engine.errors import DeviceError
 from engine.session import Session
@@ -22,7 +22,7 @@ SOURCE = "__kernel void fill(__global float *x) { x[get_global_id(0)] = VALUE; }
 
 @pytest.fixture(scope="module")
 def context():
-    return Compute().context
+    return ComputeDevice().context
 
 
 @pytest.fixture
@@ -149,7 +149,7 @@ def test_a_card_that_refuses_a_context_is_asked_again_without_processes(
     many, tmp_path, monkeypatch, failures
 ):
     """They may have what it lacks; they do not outlive a device that does not open."""
-    started, begin, asked, devices = [], builders.Builders.__init__, [], Compute().context.devices
+    started, begin, asked, devices = [], builders.Builders.__init__, [], ComputeDevice().context.devices
 
     def begun(self, *arguments):
         started.append(self)
@@ -210,13 +210,13 @@ def test_pocl_is_not_asked_for_programs_that_it_keeps_itself(context, tmp_path):
     """It would build all their kernels once more: a first bake took 46 s of a processor instead of 18."""
     if context.devices[0].platform.name != "Portable Computing Language":
         pytest.skip("another driver")
-    Compute(str(tmp_path)).kernels("widen.cl", "widen")
+    ComputeDevice(str(tmp_path)).kernels("widen.cl", "widen")
     assert not files(tmp_path)
 
 
 def test_a_bake_with_programs_of_an_earlier_session_gives_the_same_bits(built, tmp_path, monkeypatch):
-    monkeypatch.setattr(Compute, "_is_pocl", False)
-    monkeypatch.setattr(Compute, "build_ahead", lambda self, programs: None)
+    monkeypatch.setattr(ComputeDevice, "_is_pocl", False)
+    monkeypatch.setattr(ComputeDevice, "build_ahead", lambda self, programs: None)
     settings = Settings(resolution=32, hemicube=8, visibility="rays", cache_dir=str(tmp_path))
     images = []
     for _ in range(2):

@@ -48,7 +48,7 @@ def test_percentage_rises_to_the_end_by_every_method(changes, stages):
 
 
 def test_percentage_rises_to_the_end_without_opencl(monkeypatch):
-    monkeypatch.setattr(devices, "Compute", NoCompute)
+    monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     check(nine_quad_room(), SETTINGS, ["Patches", "Visibility", "Bounce 2"])
 
 

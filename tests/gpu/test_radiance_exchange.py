@@ -15,11 +15,11 @@ from engine import Settings
 from engine.cluster import memory_folder as folders
 from engine.cluster.memory_folder import is_at_hand, memory_folder
 from engine.cluster.patch_rows import PatchRows, unpacked
-from engine.cluster.patch_table import Glow
-from engine.cluster.radiance_exchange import SweepMemory, write_rows
-from engine.cluster.scene_payload import Shipment
+from engine.cluster.patch_table import SparseRadiance
+from engine.cluster.radiance_exchange import RadianceExchange, write_rows
+from engine.cluster.scene_payload import ScenePayload
 from engine.cluster.stored_array import StoredArray
-from engine.gather.half_radiance import HalfLight
+from engine.gather.half_radiance import HalfRadiance
 from engine.numpy_pickle import portable_bytes
 from engine.patches.patch_list import PatchList
 from engine.scene.model import Texture
@@ -44,11 +44,11 @@ def folder():
 
 
 def test_light_arrives_as_it_was_sent_in_every_sweep(folder):
-    memory, random = SweepMemory(folder, COUNT), np.random.default_rng(3)
+    memory, random = RadianceExchange(folder, COUNT), np.random.default_rng(3)
     for unit in (1e-30, 1.0, 7e11):
         parts = random.uniform(0, 65504, (COUNT, 3)).astype(np.float16)
         parts[0], parts[-1] = 0, 65504
-        sent = memory.put(HalfLight(parts, np.float32(unit)))
+        sent = memory.put(HalfRadiance(parts, np.float32(unit)))
         arrived = pickle.loads(pickle.dumps(sent)).opened()
         assert len(pickle.dumps(sent)) < 1000
         assert arrived.parts.tobytes() == parts.tobytes() and arrived.unit == np.float32(unit)
@@ -56,13 +56,16 @@ def test_light_arrives_as_it_was_sent_in_every_sweep(folder):
 
 def test_light_that_is_written_over_is_another(folder):
     """Workers take the light of a sweep to their device once, and know it by this."""
-    memory, light = SweepMemory(folder, COUNT), HalfLight(np.ones((COUNT, 3), np.float16), np.float32(1))
+    memory, light = (
+        RadianceExchange(folder, COUNT),
+        HalfRadiance(np.ones((COUNT, 3), np.float16), np.float32(1)),
+    )
     first, second = (pickle.loads(pickle.dumps(memory.put(light))) for _ in range(2))
     assert first != second and first == pickle.loads(pickle.dumps(first))
 
 
 def test_rows_lie_where_they_belong(folder):
-    memory = SweepMemory(folder, COUNT)
+    memory = RadianceExchange(folder, COUNT)
     wanted = np.random.default_rng(5).normal(size=(COUNT, 3)).astype(np.float32)
     wanted[17] = np.nan
     for first, last in ((5003, COUNT), (0, 1), (1, 5003)):
@@ -71,11 +74,11 @@ def test_rows_lie_where_they_belong(folder):
 
 
 def test_who_still_writes_to_memory_that_was_closed_disturbs_nobody(folder):
-    closed = SweepMemory(folder, COUNT)
+    closed = RadianceExchange(folder, COUNT)
     write_rows(closed.path, 0, np.ones((1, 3), np.float32), COUNT)
     closed.close()
     closed.close()
-    other = SweepMemory(folder, COUNT)
+    other = RadianceExchange(folder, COUNT)
     write_rows(closed.path, 0, np.full((COUNT, 3), 7, np.float32), COUNT)
     assert not other.rows.any()
 
@@ -83,14 +86,14 @@ def test_who_still_writes_to_memory_that_was_closed_disturbs_nobody(folder):
 def test_no_room_is_an_error_that_leaves_nothing(folder, monkeypatch):
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(OSError, match="No space left"):
-        SweepMemory(folder, COUNT)
+        RadianceExchange(folder, COUNT)
     assert not os.listdir(folder)
 
 
 def test_the_folder_ends_with_what_is_in_it():
     with memory_folder() as folder:
         assert is_at_hand(folder)
-        SweepMemory(folder, COUNT)
+        RadianceExchange(folder, COUNT)
     assert not Path(folder).exists() and not is_at_hand(folder)
 
 
@@ -124,11 +127,11 @@ def test_folders_of_killed_processes_are_removed(monkeypatch, tmp_path):
 
 def test_a_scene_travels_in_a_file_where_there_is_room(folder, monkeypatch):
     scene, settings = nine_quad_room(), Settings(resolution=31)
-    in_file = Shipment.of(scene, settings, True, folder)
+    in_file = ScenePayload.of(scene, settings, True, folder)
     monkeypatch.setattr(os, "posix_fallocate", full)
-    inside = Shipment.of(scene, settings, True, folder)
+    inside = ScenePayload.of(scene, settings, True, folder)
     assert len(pickle.dumps(in_file)) < 1000 < len(inside.data) and not inside.path
-    assert in_file.digest == inside.digest == Shipment.of(scene, settings, False).digest
+    assert in_file.digest == inside.digest == ScenePayload.of(scene, settings, False).digest
     for shipment in (in_file, inside):
         arrived, told = pickle.loads(pickle.dumps(shipment)).unpacked()
         assert told == settings and arrived.atlases == scene.atlases
@@ -146,7 +149,7 @@ def test_textures_travel_only_where_light_passes_through_them():
     )
     meshes = (replace(room.meshes[0], texture_uvs=uvs), *room.meshes[1:])
     scene = replace(room, meshes=meshes, materials=(*materials, *room.materials[1:]))
-    arrived, _ = Shipment.of(scene, Settings(), False).unpacked()
+    arrived, _ = ScenePayload.of(scene, Settings(), False).unpacked()
     material = arrived.materials[0]
     assert material.reflectance_map is None and material.emission_map is None
     assert np.array_equal(material.transmission.bounce.texture.pixels, holes.pixels)
@@ -190,7 +193,7 @@ def test_a_block_gets_its_rows_alone(folder, in_files):
 def test_radiance_of_few_patches_arrives_as_that_of_all():
     radiance = np.zeros((COUNT, 3), np.float32)
     radiance[[0, 17, COUNT - 1]] = [(1, 0, 0), (0, 0, 2), (0, np.inf, 3)]
-    glow = Glow.of(radiance)
+    glow = SparseRadiance.of(radiance)
     assert np.array_equal(glow.patch, [0, 17, COUNT - 1])
     assert np.array_equal(pickle.loads(pickle.dumps(glow)).of_all(), radiance)
-    assert Glow.of(radiance[:0]).of_all().shape == (0, 3)
+    assert SparseRadiance.of(radiance[:0]).of_all().shape == (0, 3)

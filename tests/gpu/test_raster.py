@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.device.gl_context import Graphics
+from engine.device.gl_context import GraphicsContext
 from engine.device.slice_limits import drawing_limits
-from engine.device.time_slicer import SliceSize
+from engine.device.time_slicer import TimeSlicer
 from engine.gather.glsl_integrator import GlslIntegrator
 from engine.gather.opencl_integrator import CopiedIntegrator
 from engine.scene.cutouts import read_cutouts
@@ -14,7 +14,7 @@ from engine.visibility.raster.draw_paths import available_paths
 from engine.visibility.raster.raster import HemicubeRaster
 from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import Tiles
-from engine.visibility.raster.triangle_clusters import Clusters
+from engine.visibility.raster.triangle_clusters import TriangleClusters
 from engine.visibility.views.hemicube import face_rows, frames, matrices, multiplier_map, rotations
 from tests.analytic.scenes import furnace, sphere
 from tests.transparency import CLEAR_BACK, transparent
@@ -40,7 +40,7 @@ def drawing(graphics, tiles, count, emission=0.0, eye=(0.5, 0.5, 0.5), nothing=(
         list(
             raster.draw(
                 matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth),
-                SliceSize(drawing_limits(1)),
+                TimeSlicer(drawing_limits(1)),
             )
         )[-1]
         == count
@@ -93,7 +93,8 @@ def pictures(graphics, tiles, path=None, culling=True, **changes):
     frame = frames(normal, rotations(1, np.arange(count)))
     list(
         raster.draw(
-            matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth), SliceSize(drawing_limits(2))
+            matrices(frame, eyes, np.full(count, 1e-4), graphics.reversed_depth),
+            TimeSlicer(drawing_limits(2)),
         )
     )
     return target.texture.read(), raster.path
@@ -131,7 +132,7 @@ def test_no_cluster_that_a_face_sees_is_left_out():
     """A triangle with a corner within a face's frustum belongs to a cluster that the face sees."""
     random = np.random.default_rng(3)
     corners = random.normal(size=(5000, 1, 3)) + random.normal(size=(5000, 3, 3)) * 0.1
-    clusters = Clusters(corners.astype(np.float32), np.zeros(5000, bool))
+    clusters = TriangleClusters(corners.astype(np.float32), np.zeros(5000, bool))
     frame = frames(np.float64([[0.6, 0, 0.8], [0, -1, 0]]), np.float64([0.3, 2.0]))
     matrix = matrices(frame, np.float64([[1, 0.5, 1], [-1, 1, 0]]), np.full(2, 1e-4), True)
     seen = clusters.visible(matrix)
@@ -152,7 +153,7 @@ def test_see_through_backs_are_left_out():
     frame = frames(np.float64([[0, 0, -1], [0, 0, 1]]), np.zeros(2))
     matrix = matrices(frame, np.float64([[0, 0, 1.5], [0, 0, -1.5]]), np.full(2, 1e-4), True)
     one_sided, opaque = (
-        Clusters(positions, np.full(400, culled)).visible(matrix) for culled in (True, False)
+        TriangleClusters(positions, np.full(400, culled)).visible(matrix) for culled in (True, False)
     )
     assert opaque[:, :, 0].all() and one_sided[:, 0, 0].all() and not one_sided[:, 1].any()
 
@@ -207,7 +208,7 @@ def test_half_floats_are_rounded_and_never_infinite(graphics):
     list(
         raster.draw(
             matrices(frame, np.zeros((3, 3)), np.full(3, 1e-4), graphics.reversed_depth),
-            SliceSize(drawing_limits(1)),
+            TimeSlicer(drawing_limits(1)),
         )
     )
     integrator = GlslIntegrator(graphics, tiles, target.texture, raster.depth, SKY)
@@ -219,7 +220,7 @@ def test_standard_depth_draws_the_same_picture(graphics):
     """A driver without clip control (OpenGL 4.1) uses the usual depth range."""
     tiles = Tiles(32, 3, 1, 1)
     _, reversed_image = drawn(graphics, tiles, 3, eye=(0.3, 0.6, 0.2))
-    plain = Graphics()
+    plain = GraphicsContext()
     try:
         plain.raw("glClipControl", 0x8CA1, 0x935E)
         plain.reversed_depth = False

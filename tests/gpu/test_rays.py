@@ -9,12 +9,12 @@ import pytest
 from engine.scene.model import Mesh, Scene
 from engine.scene.triangles import join_meshes
 from engine.visibility.rays import bvh
-from engine.visibility.rays.bvh import Shape
-from engine.visibility.rays.ray_tracer import Rays
-from engine.visibility.rays.upper_levels import Treetop
+from engine.visibility.rays.bvh import BvhLayout
+from engine.visibility.rays.ray_tracer import RayTracer
+from engine.visibility.rays.upper_levels import UpperLevels
 
 SOLID = SimpleNamespace(needed=False)
-SHAPES = [Shape(8, 8, 8, 0.5), Shape(2, 1, 4, 0.35), Shape(4, 4, 8, 0.5)]
+SHAPES = [BvhLayout(8, 8, 8, 0.5), BvhLayout(2, 1, 4, 0.35), BvhLayout(4, 4, 8, 0.5)]
 
 
 def alone(positions):
@@ -102,7 +102,7 @@ def test_the_nearest_triangle_is_found(compute, monkeypatch, soup, shape):
     """Neither farther than triangles a little smaller are, nor nearer than ones a little larger."""
     monkeypatch.setattr(bvh, "shape_for", lambda compute: shape)
     joined = alone(SOUPS[soup]().astype(np.float32))
-    rays, triangles = Rays(compute, joined, SOLID), joined.positions
+    rays, triangles = RayTracer(compute, joined, SOLID), joined.positions
     origins, directions = rays_for(triangles.astype(np.float64), 150)
     hit, _, distance = rays.cast(origins, directions)
     through = rays.transmittance(origins, directions, 0.5)
@@ -138,8 +138,8 @@ def test_builds_are_repeatable(compute):
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape.width} wide")
 def test_a_tree_serves_where_its_triangles_move_a_little(compute, shape, monkeypatch):
     """A tree that has become bad, or that is of other triangles, is made anew."""
-    made, build = [], Treetop.__init__
-    monkeypatch.setattr(Treetop, "__init__", lambda *boxes: made.append(1) or build(*boxes))
+    made, build = [], UpperLevels.__init__
+    monkeypatch.setattr(UpperLevels, "__init__", lambda *boxes: made.append(1) or build(*boxes))
     triangles = random(301, 0.2).astype(np.float32)
     first = bvh.build_bvh(compute, triangles, 6.0, shape)
     steps = np.zeros((301, 1, 3), np.float32)
@@ -192,7 +192,7 @@ def test_nothing_slips_between_triangles(compute):
     walls = [np.insert(flat, axis, side, axis=2) for axis in range(3) for side in (-1.0, 1.0)]
     triangles = (np.concatenate(walls) @ np.linalg.qr(random(1)[0])[0]).astype(np.float32)
     joined = alone(triangles)
-    rays, triangles = Rays(compute, joined, SOLID), joined.positions
+    rays, triangles = RayTracer(compute, joined, SOLID), joined.positions
     weights = np.array([(0.5, 0.5, 0), (0, 0.3, 0.7), (0.9, 0, 0.1), (1, 0, 0)])
     targets = np.einsum("wk,tkd->wtd", weights, triangles).reshape(-1, 3)
     for origin in ((0, 0, 0), (0.3, -0.2, 0.4)):

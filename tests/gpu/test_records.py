@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pyopencl.tools import match_dtype_to_c_struct
 
-from engine.device.cl_device import Compute
-from engine.device.device_struct import Record
+from engine.device.cl_device import ComputeDevice
+from engine.device.device_struct import DeviceStruct
 from engine.direct.emitters import EMITTER
 from engine.direct.light_tree import LIGHT_NODE
 from engine.direct.modulation import MODULATION
@@ -14,7 +14,7 @@ from engine.visibility.rays.ray_tracer import TRANSMITTANCE
 from engine.visibility.rays.receiver_records import RECEIVER, TEXEL_STEP
 from engine.visibility.views.viewpoints import FRAME
 
-MIXED = Record(
+MIXED = DeviceStruct(
     "Mixed",
     ("float", "first", "m"),
     ("float[3]", "vector", "m"),
@@ -26,7 +26,7 @@ RECORDS = [MIXED, RECEIVER, TEXEL_STEP, EMITTER, MODULATION, LIGHT_NODE, FRAME, 
 
 @pytest.fixture(scope="module")
 def device():
-    return Compute().device
+    return ComputeDevice().device
 
 
 def declared(record):

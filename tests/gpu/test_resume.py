@@ -7,7 +7,7 @@ import signal
 import numpy as np
 import pytest
 
-from engine import Lightmap, Settings, bake, finished
+from engine import BakeResult, Settings, bake, finished
 from engine.errors import WorkerError
 from engine.gather import visibility_cache
 from engine.plan import solve_job
@@ -55,7 +55,7 @@ def interrupted(settings: Settings, enough, scene=ROOM) -> bool:
     return False
 
 
-def went_on(lightmap: Lightmap) -> list[str]:
+def went_on(lightmap: BakeResult) -> list[str]:
     """Return the sentences of what a bake went on from."""
     return list(lightmap.report.resumed)
 

@@ -69,7 +69,7 @@ def test_without_opencl_drawing_is_tested_and_the_remedy_told(session, monkeypat
     def none(*chosen, ahead=()):
         raise DeviceError("There is no OpenCL device. Install one.")
 
-    monkeypatch.setattr(devices, "Compute", none)
+    monkeypatch.setattr(devices, "ComputeDevice", none)
     verdict = finished(run_self_test(session.bake, Settings()))
     assert set(verdict.devices) == {"gl"} and verdict.error < TOLERANCE
     assert any("There is no OpenCL device. Install one." in note for note in verdict.notes)

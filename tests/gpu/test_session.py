@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from engine import Settings, SettingsError, bake, finished
-from engine.device.gl_context import Graphics
+from engine.device.gl_context import GraphicsContext
 from engine.plan.solve_job import SolveJob
 from engine.session import Session
 from tests.analytic.scenes import furnace, sphere
@@ -71,7 +71,7 @@ def test_other_contexts_of_the_process_do_no_harm(method):
     settings = dataclasses.replace(QUICK, method=method, visibility="raster")
     session = Session()
     expected = finished(session.bake(sphere(), settings)).image
-    other = Graphics()
+    other = GraphicsContext()
     work = session.bake(sphere(), settings)
     for _ in range(5):
         next(work)

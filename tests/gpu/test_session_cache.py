@@ -7,7 +7,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine import DeviceError, Light, Lightmap, Scene, Settings, bake, finished, progress
+from engine import BakeResult, DeviceError, Light, Scene, Settings, bake, finished, progress
 from engine.gather import background_light
 from engine.plan import choose_solver, session_cache
 from engine.scene.model import OCCLUDER
@@ -98,12 +98,12 @@ def session():
     kept_session.close()
 
 
-def was_kept(lightmap: Lightmap) -> bool:
+def was_kept(lightmap: BakeResult) -> bool:
     """Return whether the report tells that visibility was kept."""
     return any("Visibility was kept from the last bake" in reason for reason in lightmap.report.reasons)
 
 
-def assert_same(relit: Lightmap, fresh: Lightmap) -> None:
+def assert_same(relit: BakeResult, fresh: BakeResult) -> None:
     """Two bakes give the same bits."""
     assert relit.passes.keys() == fresh.passes.keys()
     for name, image in fresh.passes.items():
@@ -148,13 +148,13 @@ def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
 
     for name in ("surface_areas", "TexelClipper", "open_sky", "split_sky"):
         monkeypatch.setattr(session_cache, name, counted(name))
-    near_faces = session_cache.DirectLighting.near_faces
+    near_faces = session_cache.DirectLighting.contacts
 
     def near(lighting):
         made[lighting._ray_scene.count] += 1
         return near_faces(lighting)
 
-    monkeypatch.setattr(session_cache.DirectLighting, "near_faces", near)
+    monkeypatch.setattr(session_cache.DirectLighting, "contacts", near)
     settings = dataclasses.replace(SETTINGS, texel_samples=16)
     session.forget()
     painted = [coloured(ROOM, 0, **{name: RED}) for name in ("reflectance", "emission")]
@@ -242,14 +242,14 @@ def test_a_full_device_drops_what_is_kept_first(session, monkeypatch):
     finished(session.bake(ROOM, SETTINGS))
     scene, _ = RELIT["world"]
     fail_once = iter([True])
-    sum_up = background_light.StaticLight.sum_up
+    sum_up = background_light.BackgroundLight.sum_up
 
     def full(self, *arguments):
         if next(fail_once, False):
             raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
         return sum_up(self, *arguments)
 
-    monkeypatch.setattr(background_light.StaticLight, "sum_up", full)
+    monkeypatch.setattr(background_light.BackgroundLight, "sum_up", full)
     again = finished(session.bake(scene, SETTINGS))
     assert not was_kept(again)
     assert_same(again, finished(bake(scene, SETTINGS)))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Settings
-from engine.device.cl_device import Compute
-from engine.device.time_slicer import SliceLimits, SliceSize
+from engine.device.cl_device import ComputeDevice
+from engine.device.time_slicer import SliceLimits, TimeSlicer
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace
 
@@ -23,7 +23,7 @@ def room() -> Scene:
     return Scene(closed.meshes, closed.materials, lights=(lamp,))
 
 
-class Forced(SliceSize):
+class Forced(TimeSlicer):
     """Slices of sizes that change at random."""
 
     def __init__(self):
@@ -40,7 +40,7 @@ def test_any_sizes_of_slices_bake_the_same_bits(monkeypatch, method):
     settings = Settings(**(vars(SETTINGS) | {"method": method}))
     whole = drive(room(), settings)
     forced = Forced()
-    monkeypatch.setattr(Compute, "slice_size", lambda self, kernel, *work, items=1: forced)
+    monkeypatch.setattr(ComputeDevice, "slice_size", lambda self, kernel, *work, items=1: forced)
     parts = drive(room(), settings)
     assert len(forced.used) > 60 and len(set(forced.used)) > 20
     for name, image in whole.passes.items():

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Changes, Light, Scene, Session, Settings, finished
+from engine import Light, Scene, SceneChanges, Session, Settings, finished
 from engine.direct.lighting import DirectLighting
 from engine.patches.backs import with_places
 from engine.visibility.rays.ray_scene import RayScene
@@ -83,13 +83,13 @@ def cast_anew(session: Session, scene: Scene, settings: Settings) -> tuple[np.nd
 def test_light_is_that_of_all_shadow_rays(session, case, outputs):
     settings, random = dataclasses.replace(SETTINGS, outputs=outputs), np.random.default_rng(len(case))
     live, sampled = session.live(SCENES[case], settings), []
-    finished(live.settle())
+    finished(live.converge())
     for step in range(EDITS):
         live.update(edit(live.scene, random))
         if step % 3 == 2:
-            next(live.settle())
+            next(live.converge())
             live.update(edit(live.scene, random))
-        finished(live.settle())
+        finished(live.converge())
         light, l1 = cast_anew(session, live.scene, settings)
         kept = session._kept.sampled
         assert light.any() and np.array_equal(kept.light, light) and np.array_equal(kept.l1, l1)
@@ -108,28 +108,28 @@ def test_few_patches_are_lit_anew_where_a_small_thing_moves(session, monkeypatch
 
     monkeypatch.setattr(DirectLighting, "follow", told)
     live = session.live(SCENES["point"], SETTINGS)
-    finished(live.settle())
+    finished(live.converge())
     away = np.eye(4)
     away[:3, 3] = 0.03, 0.02, 0.0
     paint = dataclasses.replace(live.scene.materials[0], reflectance=np.float32([0.1, 0.6, 0.3]))
     brighter = dataclasses.replace(live.scene.lights[0], strength=np.float32([4, 4, 4]))
     for changes in (
-        Changes(moves={3: away}),
-        Changes(materials={0: paint}),
-        Changes(lights=(brighter, live.scene.lights[1])),
+        SceneChanges(moves={3: away}),
+        SceneChanges(materials={0: paint}),
+        SceneChanges(lights=(brighter, live.scene.lights[1])),
     ):
         live.update(changes)
-        finished(live.settle())
+        finished(live.converge())
     assert parts[0] == 1 and 0 < parts[1] < 0.6 and parts[2:] == [0, 1]
 
 
 def test_a_move_that_comes_before_the_light_of_the_last_one_is_not_lost(session):
     """Somebody drags a mesh: each state of it lasts for one image of few rays."""
     live, random = session.live(SCENES["point"], SETTINGS), np.random.default_rng(3)
-    finished(live.settle())
+    finished(live.converge())
     edits = 0
     live.update(edit(live.scene, random))
-    for progress in live.settle():
+    for progress in live.converge():
         if progress.intermediate is not None and edits < 5:
             live.update(edit(live.scene, random))
             edits += 1

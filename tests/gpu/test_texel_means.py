@@ -5,7 +5,7 @@ import pytest
 
 from engine.postprocess.bilinear import footprints
 from engine.postprocess.texel_means import TexelMeans
-from engine.postprocess.texel_samples import DisplaySamples
+from engine.postprocess.texel_samples import TexelSamples
 
 RESOLUTION, ATLASES, ACROSS = 7, 2, 4
 SHAPE = (ATLASES, RESOLUTION, RESOLUTION)
@@ -27,7 +27,7 @@ def samples_of_all_texels(resolution=RESOLUTION):
     count = len(atlas)
     texel, weight = (row * resolution + column).astype(np.int32), np.full(count, 1 / ACROSS**2, np.float32)
     none = np.zeros(count, np.int32), np.zeros((count, 3), np.float32)
-    return DisplaySamples(atlas.astype(np.int32), texel, position, weight, *none)
+    return TexelSamples(atlas.astype(np.int32), texel, position, weight, *none)
 
 
 def centres(texels):
@@ -123,7 +123,7 @@ def test_planes_are_those_of_weighted_least_squares(compute, scale):
     for cut in (16, 9):
         visible[np.flatnonzero(texels[number] == cut)[-1]] = False
     none = np.zeros(len(number), np.int32)
-    samples = DisplaySamples(
+    samples = TexelSamples(
         none, texels[number].astype(np.int32), position, weight, none, np.zeros((len(number), 3), np.float32)
     )
     means = TexelMeans(compute, samples, visible, SHAPE)
@@ -155,7 +155,7 @@ def test_light_goes_on_as_far_as_samples_spread(compute, scale):
     position = (place + np.stack([column, row], axis=1) + 0.5).astype(np.float32)
     weight, none = np.full(len(number), scale, np.float32), np.zeros(len(number), np.int32)
     visible = np.arange(len(number)) % each > 0
-    samples = DisplaySamples(
+    samples = TexelSamples(
         none, texels[number].astype(np.int32), position, weight, none, np.zeros((len(number), 3), np.float32)
     )
     noise = rng.normal(size=len(number))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, Texture
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.scene.cutouts import BOUNCE, SHADOW, read_cutouts
 from engine.scene.tints import EXACT, SIZE, tint_palette
 from engine.scene.transmission import CLEAR, OPAQUE, Transmission, Transmittance, uniform_transmission
 from engine.scene.triangles import join_meshes
-from engine.visibility.rays.ray_tracer import Rays
+from engine.visibility.rays.ray_tracer import RayTracer
 from tests.analytic.scenes import quads, rectangle
 
 BLACK = np.zeros(3, np.float32)
@@ -21,7 +21,7 @@ UVS = np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])
 
 @pytest.fixture(scope="module")
 def compute():
-    return Compute()
+    return ComputeDevice()
 
 
 def passing(*values):
@@ -59,7 +59,7 @@ def panes(*transmissions, origin=0.0):
 def through(compute, scene, places=((0.3, 0.6),), direction=DOWN, kind=BOUNCE, origin=0.0):
     """Return what comes through all panes above and below some places, (k, 3)."""
     triangles = join_meshes(scene)
-    rays = Rays(compute, triangles, read_cutouts(scene))
+    rays = RayTracer(compute, triangles, read_cutouts(scene))
     starts = np.array([(origin + x, origin + y, -20.0 * direction[2]) for x, y in places])
     return rays.transmittance(starts - triangles.origin, np.tile(direction, (len(places), 1)), 50.0, kind)
 

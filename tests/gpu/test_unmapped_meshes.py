@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine import Mesh, Settings
-from engine.patches.unmapped_meshes import place_occluders
+from engine.patches.unmapped_meshes import place_unmapped
 from engine.scene.model import OCCLUDER
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, quads, room_walls
@@ -35,7 +35,7 @@ def test_occluders_in_several_atlases_show_what_they_emit(visibility):
     room = replace(room, materials=(*room.materials, *colours))
     baked, hidden = (replace(room, meshes=(*room.meshes, *cubes(each))) for each in (True, False))
     baked = replace(baked, atlases=("Room", *(f"Cubes {i}" for i in range(-(-(CUBES**3) // IN_ATLAS)))))
-    assert len(place_occluders(hidden, SIDE).atlases) == 3
+    assert len(place_unmapped(hidden, SIDE).atlases) == 3
     settings = Settings(
         resolution=SIDE, hemicube=8, iterations=1, visibility=visibility, sample_emission=False
     )

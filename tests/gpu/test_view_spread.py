@@ -7,7 +7,7 @@ import pytest
 
 from engine import Scene, Settings
 from engine.device.buffers import download
-from engine.patches.patch_scene import subdivide
+from engine.patches.patch_scene import make_patch_scene
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.receiver_records import RECEIVER
 from tests.analytic.drive import drive
@@ -35,7 +35,9 @@ def ranks(compute, parts) -> np.ndarray:
 @pytest.mark.parametrize("resolution", [32, 37, 61])
 def test_ranks_follow_a_curve_from_texel_to_texel(graphics, compute, resolution):
     """Of the whole lightmap each texel has a rank of its own, and the next one is beside it."""
-    parts = subdivide(graphics, compute, floor(resolution, resolution - 4), Settings(resolution=resolution))
+    parts = make_patch_scene(
+        graphics, compute, floor(resolution, resolution - 4), Settings(resolution=resolution)
+    )
     found, texel = ranks(compute, parts), parts.patches.texel
     order = np.argsort(found)
     y, x = np.divmod(texel[order].astype(int), resolution)
@@ -47,7 +49,7 @@ def test_ranks_follow_a_curve_from_texel_to_texel(graphics, compute, resolution)
 
 def test_points_of_one_texel_follow_each_other(graphics, compute):
     """They go on where the last one ended, and no two texels share a rank."""
-    parts = subdivide(graphics, compute, floor(16, 9), Settings(resolution=16))
+    parts = make_patch_scene(graphics, compute, floor(16, 9), Settings(resolution=16))
     chosen = np.repeat(np.arange(len(parts.patches)), 4)
     many = replace(parts, patches=parts.patches.part(chosen), geometry=parts.geometry.part(chosen))
     assert (ranks(compute, many).reshape(-1, 4) == 4 * ranks(compute, parts)[:, None] + np.arange(4)).all()

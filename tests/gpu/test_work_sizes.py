@@ -7,12 +7,12 @@ import pytest
 
 from engine import Settings, finished
 from engine.device.buffers import upload
-from engine.device.cl_device import Compute
+from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.device.work_sizes import WorkSizes
 from engine.gather.opencl_integrator import HemicubeIntegrator
 from engine.pipeline import bake
-from engine.plan.session_cache import Kept
+from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.visibility.raster.tiles import Tiles
 from engine.visibility.views.hemicube import multiplier_map
@@ -32,7 +32,7 @@ def test_a_bake_uses_the_shapes_kept_in_its_folder_and_finds_the_same_light(tmp_
                 assert devices.compute.work_sizes == replace(sizes, multiply=(32, 16, 1))
             stages = BakeStages(Extent.of(scene), settings, {})
             stages.opened(devices.on_card)
-            light.append(finished(bake(devices, scene, settings, stages, Kept())).image)
+            light.append(finished(bake(devices, scene, settings, stages, SessionCache())).image)
         finally:
             devices.release()
     assert light[0].max() > 0
@@ -48,7 +48,7 @@ def test_a_bake_uses_the_shapes_kept_in_its_folder_and_finds_the_same_light(tmp_
     ],
 )
 def test_hemicubes_are_integrated_by_groups_of_any_shape(sizes):
-    compute, tiles = Compute(), Tiles(8, 5, 3, 3)
+    compute, tiles = ComputeDevice(), Tiles(8, 5, 3, 3)
     compute.work_sizes = sizes
     random = np.random.default_rng(7)
     texels = random.random((tiles.layers, tiles.height, tiles.width, 4), np.float32)

@@ -9,10 +9,10 @@ from engine.patches.patch_list import PatchList
 from engine.patches.seams import Seams, find_seams
 from engine.postprocess.bilinear import footprints
 from engine.postprocess.bilinear_fit import BilinearFit
-from engine.postprocess.bounded_cg import BoundedGradients
+from engine.postprocess.bounded_cg import BoundedCg
 from engine.postprocess.dilation import Dilation
-from engine.postprocess.ell_matrix import SparseRows
-from engine.postprocess.lightmap_points import LightmapPoints, thin_patches
+from engine.postprocess.ell_matrix import EllMatrix
+from engine.postprocess.lightmap_points import LightmapPoints, off_centre_patches
 from engine.postprocess.texel_stencil import TexelStencil
 from tests.unit.test_seams import R, cylinder, joined, tile, world_of
 
@@ -220,7 +220,7 @@ def test_patches_are_points_at_centres_except_thin_ones():
     weights = np.array([(0.5625, 0.1875, 0.25), (0.72, 0.0, 0.28)], np.float32)
     weights[0] = (1 - 3.5 / 8, 3.5 / 8 - 1.5 / 8, 1.5 / 8)
     patches = PatchList(R, np.zeros(2, np.int32), texel, np.array([0, 1], np.int32), weights)
-    number, points = thin_patches(None, triangles, patches)
+    number, points = off_centre_patches(None, triangles, patches)
     np.testing.assert_array_equal(number, [1])
     corners = triangles.uvs[1].astype(float) * R
     np.testing.assert_allclose(points.position, [weights[1] @ corners], rtol=1e-6)
@@ -238,7 +238,7 @@ def test_stencil_and_rows_are_their_dense_matrices():
     matrix = dense.T @ (count[:, None] * dense)
     np.testing.assert_allclose(stencil.times(x), matrix @ x, atol=1e-12)
     np.testing.assert_allclose(stencil.diagonal, np.diag(matrix), atol=1e-12)
-    rows = SparseRows(texels, weights, resolution**2)
+    rows = EllMatrix(texels, weights, resolution**2)
     np.testing.assert_allclose(rows.times(x), dense.T @ (dense @ x), atol=1e-12)
 
 
@@ -248,7 +248,7 @@ def test_gradients_find_least_squares_and_keep_bounds():
     entries, target = random.normal(size=(80, 3)), random.normal(size=80)
     dense = np.zeros((80, 23))
     np.put_along_axis(dense, columns, entries, axis=1)
-    solver = BoundedGradients([SparseRows(columns, entries, 23)])
+    solver = BoundedCg([EllMatrix(columns, entries, 23)])
     right, start, far = dense.T @ target, np.zeros(23), np.full(23, 1e9)
     expected = np.linalg.lstsq(dense, target, rcond=None)[0]
     np.testing.assert_allclose(solver.solution(right, start, -far, far), expected, atol=1e-2)

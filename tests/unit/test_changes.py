@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Changes, Light, SceneError
-from engine.scene.scene_changes import changes_between, moved
+from engine import Light, SceneChanges, SceneError
+from engine.scene.scene_changes import changes_between, transformed
 from tests.analytic.scenes import material, nine_quad_room
 
 ROOM = nine_quad_room()
@@ -16,19 +16,21 @@ def lamp(name):
 
 
 def test_what_is_not_named_stays():
-    assert Changes().of(ROOM) == ROOM and Changes().empty
+    assert SceneChanges().of(ROOM) == ROOM and SceneChanges().empty
 
 
 def test_each_kind_of_change_replaces_its_part():
     red, shape = material("Red", (0.9, 0, 0)), ROOM.meshes[0].part(np.arange(len(ROOM.meshes[0].face)) > 3)
-    changes = Changes((lamp("A"), lamp("B")), np.float32([1, 2, 3]), {2: red}, {}, {0: shape})
+    changes = SceneChanges((lamp("A"), lamp("B")), np.float32([1, 2, 3]), {2: red}, {}, {0: shape})
     scene = changes.of(ROOM)
     assert [light.name for light in scene.lights] == ["A", "B"] and scene.materials[2] is red
     assert scene.world.tolist() == [1, 2, 3] and scene.meshes == (shape,)
     assert scene.materials[:2] == ROOM.materials[:2]
 
 
-@pytest.mark.parametrize("changes", [Changes(materials={99: material("No", 0.5)}), Changes(moves={-1: TURN})])
+@pytest.mark.parametrize(
+    "changes", [SceneChanges(materials={99: material("No", 0.5)}), SceneChanges(moves={-1: TURN})]
+)
 def test_numbers_that_nothing_has_are_refused(changes):
     with pytest.raises(SceneError, match="Changes name number"):
         changes.of(ROOM)
@@ -38,7 +40,7 @@ def test_numbers_that_nothing_has_are_refused(changes):
 def test_moved_meshes_keep_their_fronts_and_right_angles(mirror):
     """An uneven scale bends normals otherwise than positions; a mirror turns corners around."""
     matrix = TURN @ np.diag([mirror, 1, 1, 1])
-    mesh = moved(ROOM.meshes[0], matrix)
+    mesh = transformed(ROOM.meshes[0], matrix)
     sides = np.cross(*(mesh.positions[:, i] - mesh.positions[:, 0] for i in (1, 2)))
     sides /= np.linalg.norm(sides, axis=1, keepdims=True)
     assert np.einsum("tci,ti->tc", mesh.normals, sides) == pytest.approx(1, abs=1e-4)
@@ -50,7 +52,7 @@ def test_moved_meshes_keep_their_fronts_and_right_angles(mirror):
 
 def test_a_matrix_that_flattens_is_refused():
     with pytest.raises(SceneError, match="no inverse"):
-        moved(ROOM.meshes[0], np.diag([1, 1, 0, 1]))
+        transformed(ROOM.meshes[0], np.diag([1, 1, 0, 1]))
 
 
 def test_the_difference_of_two_scenes_makes_one_of_the_other():
@@ -63,7 +65,7 @@ def test_the_difference_of_two_scenes_makes_one_of_the_other():
         same,
         lights=(lamp("A"),),
         materials=(*same.materials[:-1], material("Red", (1, 0, 0))),
-        meshes=(moved(ROOM.meshes[0], TURN),),
+        meshes=(transformed(ROOM.meshes[0], TURN),),
     )
     changes = changes_between(ROOM, other)
     assert not changes.empty and changes.world is None and set(changes.materials) == {len(ROOM.materials) - 1}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.postprocess.directional_denoising import carried_maps, restored_maps
+from engine.postprocess.directional_denoising import encode_signed_maps, restored_maps
 from engine.postprocess.directional_maps import directional_maps, dominant_direction, projected_maps
 
 RANDOM = np.random.default_rng(8)
@@ -36,7 +36,7 @@ def maps(projected: bool) -> tuple[dict[str, np.ndarray], np.ndarray]:
 def test_maps_are_restored_as_the_filter_leaves_light(projected, exposure):
     """A filter that only makes light darker: what is in parts of light stays, all else gets darker, too."""
     known, normals = maps(projected)
-    light = {"combined": known["combined"], **carried_maps(known)}
+    light = {"combined": known["combined"], **encode_signed_maps(known)}
     assert all((image >= 0).all() for image in light.values())
     restored = restored_maps(known, {name: exposure * image for name, image in light.items()}, normals)
     assert restored.keys() == known.keys() - {"combined"}
@@ -49,5 +49,5 @@ def test_maps_are_restored_as_the_filter_leaves_light(projected, exposure):
 
 def test_light_alone_has_nothing_to_carry():
     image = np.ones((*SHAPE, 3), np.float32)
-    assert carried_maps({"combined": image, "direct": image}) == {}
+    assert encode_signed_maps({"combined": image, "direct": image}) == {}
     assert restored_maps({"combined": image}, {"combined": image}, image) == {}

@@ -16,7 +16,7 @@ from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
-from engine.encoding.signed_norm import Biased
+from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -113,7 +113,7 @@ def test_a_second_round_changes_nothing_more_than_a_step(encoding):
 @pytest.mark.parametrize("range", [1e-3, 1.0, 7.5])
 def test_biased_maps_keep_both_signs(range, bits):
     """To half a step."""
-    encoding = Biased(range, bits)
+    encoding = SignedNorm(range, bits)
     values = np.random.default_rng(bits).uniform(-range, range, (23, 41, 3)).astype(np.float32)
     values[0, 0], values[0, 1] = range, -range
     texels = encoding.encode(values)
@@ -246,4 +246,4 @@ def test_clipping_is_of_counted_texels_alone():
     assert not find_clipping(light, Half(), counted).dark.any()
     light[0, 0] = (3, -7e4, 0)
     assert np.argwhere(find_clipping(light, Half(), counted).bright).tolist() == [[0, 0]]
-    assert np.argwhere(find_clipping(light, Biased(4.0), counted).bright).tolist() == [[0, 0]]
+    assert np.argwhere(find_clipping(light, SignedNorm(4.0), counted).bright).tolist() == [[0, 0]]

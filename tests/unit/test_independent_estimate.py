@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.postprocess.independent_estimate import part_of_changes
+from engine.postprocess.independent_estimate import denoise_weight
 from engine.postprocess.texel_charts import TexelCharts
 
 NOISE = 0.03
@@ -34,7 +34,7 @@ def rms(values):
 def test_a_filter_that_finds_the_light_is_followed():
     found = charts(53, 1)
     exact, noisy, again = light(found)
-    part = part_of_changes(noisy, exact, again, found)
+    part = denoise_weight(noisy, exact, again, found)
     assert np.median(part) > 0.9 and rms(noisy + part[:, None] * (exact - noisy) - exact) < 0.25 * NOISE
 
 
@@ -44,7 +44,7 @@ def test_a_filter_that_blurs_details_is_not(width):
     found = charts(width, 2809 // width**2)
     exact, noisy, again = light(found)
     quiet = np.full_like(noisy, exact.mean())
-    part = part_of_changes(noisy, quiet, again, found)
+    part = denoise_weight(noisy, quiet, again, found)
     assert rms(noisy + part[:, None] * (quiet - noisy) - exact) < rms(noisy - exact)
 
 
@@ -57,16 +57,16 @@ def test_small_charts_may_keep_what_large_ones_lose():
     exact, noisy, again = light(both)
     quiet = exact.copy()
     quiet[len(found.number) :] = 0.75
-    part = part_of_changes(noisy, quiet, again, both)
+    part = denoise_weight(noisy, quiet, again, both)
     assert part[: len(found.number)].mean() > 0.8 > 0.2 > part[len(found.number) :].mean()
 
 
 def test_without_texels_or_changes_there_is_nothing_to_take():
     empty = TexelCharts(np.zeros((1, 5, 7), bool))
     nothing = np.zeros((0, 3), np.float32)
-    assert part_of_changes(nothing, nothing, nothing, empty).shape == (0,)
+    assert denoise_weight(nothing, nothing, nothing, empty).shape == (0,)
     found = charts(7, 1)
     same = np.ones((49, 3), np.float32)
-    assert np.isfinite(part_of_changes(same, same, same, found)).all()
+    assert np.isfinite(denoise_weight(same, same, same, found)).all()
     black = np.zeros((49, 3), np.float32)
-    assert np.isfinite(part_of_changes(black, black, same, found)).all()
+    assert np.isfinite(denoise_weight(black, black, same, found)).all()

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from engine.texel_gather.invalid_texel_fill import HiddenLight
+from engine.texel_gather.invalid_texel_fill import InvalidTexelFill
 
 WIDTH, SQUARE = 13, 4
 
@@ -43,7 +43,7 @@ def test_a_hidden_group_looks_as_what_lies_beside_it(first_hidden):
     is_dark = np.zeros(group.max() + 1, bool)
     is_dark[group[hidden]] = True
     settled = np.where(is_dark, 0.0, 0.7)[:, None] * np.float32([1, 0.5, 0.25])
-    seen = HiddenLight(job_of(patches, group), hidden).seen(settled.astype(np.float32))
+    seen = InvalidTexelFill(job_of(patches, group), hidden).seen(settled.astype(np.float32))
     beside = np.unique(group[hidden & (patches.column <= first_hidden + 1)])
     assert np.allclose(seen[beside], 0.7 * np.float32([1, 0.5, 0.25]), rtol=1e-5)
     far = np.setdiff1d(group[hidden], group[patches.column <= first_hidden + 1])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene
-from engine.postprocess.light_group_maps import summing_up
+from engine.postprocess.light_group_maps import scale_to_sum
 from engine.postprocess.outputs import light_group_maps
 from engine.scene.light_groups import light_group_names, light_groups
 from tests.analytic.scenes import furnace, material
@@ -66,7 +66,7 @@ def test_maps_sum_up_in_their_proportions():
     maps["B"][..., 1] = 0
     maps["C"] *= np.float32(1e-9)
     combined = (1.1 * sum(maps.values())).astype(np.float32)
-    divided = summing_up(maps, combined)
+    divided = scale_to_sum(maps, combined)
     total = np.sum(list(divided.values()), axis=0, dtype=np.float64)
     np.testing.assert_allclose(total, combined, rtol=1e-6)
     np.testing.assert_allclose(divided["A"], 1.1 * maps["A"], rtol=1e-4)
@@ -79,12 +79,12 @@ def test_light_that_no_map_has_is_shared_as_the_whole_map_is():
         images[0, 0, 0] = 0
     maps["B"][0, 1, 1] = -5
     combined = np.full((1, 2, 2, 3), 4, np.float32)
-    divided = summing_up(maps, combined)
+    divided = scale_to_sum(maps, combined)
     np.testing.assert_allclose(divided["A"][0, 0, 0], 3, rtol=0.5)
     np.testing.assert_allclose(divided["A"][0, 1, 1], 4, rtol=1e-6)
     assert all(images.min() >= 0 for images in divided.values()) and not divided["C"].any()
 
 
 def test_where_there_is_no_light_maps_are_black():
-    divided = summing_up({"A": np.zeros((1, 1, 1, 3), np.float32)}, np.zeros((1, 1, 1, 3), np.float32))
+    divided = scale_to_sum({"A": np.zeros((1, 1, 1, 3), np.float32)}, np.zeros((1, 1, 1, 3), np.float32))
     assert not divided["A"].any()

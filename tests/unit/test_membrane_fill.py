@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine.postprocess.membrane_fill import SmoothFill
+from engine.postprocess.membrane_fill import MembraneFill
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 17), (13, 7), (64, 64), (129, 31)])
@@ -12,12 +12,12 @@ def test_holes_of_a_constant_are_constant_and_known_texels_keep_their_bits(shape
     image = random.random((*shape, 3)).astype(np.float32)
     kept = image[known]
     image[known] = kept
-    SmoothFill(known, np.ones_like(known)).fill(image)
+    MembraneFill(known, np.ones_like(known)).fill(image)
     assert (image[known] == kept).all() and np.isfinite(image).all()
     assert image.min() >= kept.min() - 1e-6 and image.max() <= kept.max() + 1e-6
     flat = np.where(known[..., None], np.float32(0.7), np.float32(9))
     flat = np.ascontiguousarray(np.broadcast_to(flat, (*shape, 3)))
-    SmoothFill(known, np.ones_like(known)).fill(flat)
+    MembraneFill(known, np.ones_like(known)).fill(flat)
     np.testing.assert_allclose(flat, 0.7, rtol=1e-6)
 
 
@@ -26,7 +26,7 @@ def test_only_what_is_to_be_filled_is():
     known[3:9, 4:11] = True
     filled[2:15, 3:20] = True
     image = np.ones((20, 33, 2), np.float32)
-    SmoothFill(known, filled).fill(image)
+    MembraneFill(known, filled).fill(image)
     np.testing.assert_allclose(image[filled | known], 1, rtol=1e-6)
     assert (image[~filled & ~known] == 0).all()
 
@@ -38,7 +38,7 @@ def test_hole_in_a_slope_is_filled_nearly_straight():
     known = np.ones((61, 61), bool)
     known[11:50, 14:47] = False
     image = slope * known[:, :, None]
-    SmoothFill(known, ~known).fill(image)
+    MembraneFill(known, ~known).fill(image)
     off = np.abs(image - slope)[~known]
     assert off.max() < 0.05 * np.ptp(slope)
     rough = np.abs(np.diff(image[:, :, 0], 2, axis=0))[20:40, 20:40]
@@ -47,5 +47,5 @@ def test_hole_in_a_slope_is_filled_nearly_straight():
 
 def test_nothing_known_stays_black():
     image = np.ones((5, 4, 3), np.float32)
-    SmoothFill(np.zeros((5, 4), bool), np.ones((5, 4), bool)).fill(image)
+    MembraneFill(np.zeros((5, 4), bool), np.ones((5, 4), bool)).fill(image)
     assert (image == 0).all()

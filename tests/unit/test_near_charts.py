@@ -5,7 +5,7 @@ import pytest
 
 from engine.patches.seams import find_seams, no_seams
 from engine.postprocess.bilinear_equations import display_equations
-from engine.postprocess.final_images import DisplayFit
+from engine.postprocess.final_images import FinalImages
 from engine.postprocess.seam_lookups import display_seams
 from tests.unit.test_bilinear_fit import centres, covered, points_at, shown, step
 from tests.unit.test_seams import R, joined, tile
@@ -40,7 +40,7 @@ def all_over(chart):
 
 
 def images_of(display, triangles):
-    """Return images without and with seams hidden, by `DisplayFit` or what makes the same, and the seams."""
+    """Return images without and with seams hidden, by `FinalImages` or what makes the same, and the seams."""
     images = []
     for some in (no_seams(), display_seams(triangles, 1, R)):
         case, texels = case_of(triangles, some)
@@ -52,7 +52,7 @@ def images_of(display, triangles):
 @pytest.mark.parametrize("gap", [2, 2.3, 3])
 def test_seam_is_not_seen_on_a_chart_beside_it(gap, offset):
     triangles, chart = near_charts(gap, offset)
-    _, fitted, seams = images_of(DisplayFit, triangles)
+    _, fitted, seams = images_of(FinalImages, triangles)
     np.testing.assert_allclose(shown(fitted, 0, all_over(chart)), 0.2, rtol=0.005)
     assert len(seams) > 20 and step(fitted, seams) < 1e-3
 
@@ -61,7 +61,7 @@ def test_seam_is_not_seen_on_a_chart_beside_it(gap, offset):
 @pytest.mark.parametrize("gap", [0.7, 1, 1.4])
 def test_gutter_that_two_charts_read_is_as_without_seams(gap, offset):
     triangles, chart = near_charts(gap, offset)
-    plain, fitted, seams = images_of(DisplayFit, triangles)
+    plain, fitted, seams = images_of(FinalImages, triangles)
     before, after = (shown(images, 0, all_over(chart)) for images in (plain, fitted))
     np.testing.assert_allclose(after, before, rtol=0.005)
     assert step(fitted, seams) <= step(plain, seams) + 1e-4

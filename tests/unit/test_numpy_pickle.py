@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from engine import Settings
-from engine.numpy_pickle import Portable, portable_bytes
+from engine.numpy_pickle import NumpyPickle, portable_bytes
 from engine.postprocess.texel_samples import no_samples
 from tests.analytic.scenes import nine_quad_room
 
 
-class Sent(Portable):
+class Sent(NumpyPickle):
     def __init__(self, **values):
         self.__dict__.update(values)
 

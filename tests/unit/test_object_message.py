@@ -1,17 +1,17 @@
 """Messages that name many objects: short in a window, complete in the report."""
 
-from engine.object_message import Note, counted, first_line, listing, naming, objects_of
+from engine.object_message import ObjectMessage, counted, first_line, listing, object_message, objects_of
 from engine.worker.messages import Parcel, read
 
 NAMES = [f"Bob's chair.{number:03d}" for number in range(67)]
 
 
 def test_few_names_are_all_in_the_sentence():
-    assert naming("Objects {} are dark: {}.", ["A", "B, {}"]) == "Objects 'A', 'B, {}' are dark: {}."
+    assert object_message("Objects {} are dark: {}.", ["A", "B, {}"]) == "Objects 'A', 'B, {}' are dark: {}."
 
 
 def test_of_many_names_the_first_line_has_some_and_the_second_all():
-    message = naming("Objects {} are left out.", NAMES)
+    message = object_message("Objects {} are left out.", NAMES)
     short, everything = message.split("\n")
     assert first_line(message) == short and len(short) < 150
     assert "and 62 more are left out." in short
@@ -19,12 +19,12 @@ def test_of_many_names_the_first_line_has_some_and_the_second_all():
 
 
 def test_sentence_knows_the_objects_that_it_is_about():
-    assert objects_of(naming("Objects {} are left out.", NAMES)) == tuple(NAMES)
+    assert objects_of(object_message("Objects {} are left out.", NAMES)) == tuple(NAMES)
     assert objects_of(listing("Materials {} are grey.", ["A"])) == objects_of("Nothing.") == ()
 
 
 def test_sentence_keeps_its_objects_on_the_way_from_the_worker():
-    notes = (Note("'A' is dark.", ("A",)), "Nothing.")
+    notes = (ObjectMessage("'A' is dark.", ("A",)), "Nothing.")
     parcel = Parcel({"warnings": notes})
     memory = bytearray(parcel.size)
     parcel.write(memoryview(memory))

@@ -134,7 +134,7 @@ def test_opengl_is_started_with_egl_on_linux_and_else_with_what_the_system_has(m
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(gl_context.moderngl, "create_context", create_context)
     with pytest.raises(gl_context.DeviceError, match=r"No OpenGL 4\.1 driver"):
-        gl_context.Graphics()
+        gl_context.GraphicsContext()
     assert asked == [{"require": version, "standalone": True, **options} for version in (450, 410)]
 
 

@@ -4,7 +4,7 @@ from itertools import islice
 import pytest
 
 from engine import progress
-from engine.plan.iterations_left import sweeps_left
+from engine.plan.iterations_left import iterations_left
 from engine.plan.stages import BakeStages, Extent
 from engine.progress import Schedule, Stage, finished, format_seconds_left
 from engine.settings import Settings
@@ -166,7 +166,7 @@ def test_work_that_tells_its_own_time_is_believed(clock, pace):
     ],
 )
 def test_sweeps_are_foretold_from_the_fall_of_the_residual(residuals, settings, expected):
-    assert sweeps_left(residuals, settings, 0.8) == expected
+    assert iterations_left(residuals, settings, 0.8) == expected
 
 
 def test_paces_of_a_bake_serve_the_next_one(clock):

@@ -16,7 +16,7 @@ from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
-from engine.encoding.signed_norm import Biased
+from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 
 _RANGES = st.floats(1e-30, 1e30)
@@ -79,7 +79,7 @@ def test_any_light_in_any_format(encoding, light):
 @_FUZZ
 @given(_RANGES, _BITS, lights(-_MOST_SIGNED, _MOST_SIGNED))
 def test_any_signed_map_comes_back_to_a_step(range, bits, values):
-    encoding = Biased(range, bits)
+    encoding = SignedNorm(range, bits)
     decoded = encoding.decode(encode_in_bands(encoding, values)).astype(np.float64)
     held = np.clip(values, -range, range)
     assert np.abs(decoded - held).max() <= 1.01 * range / (2**bits - 1)
@@ -115,7 +115,7 @@ def test_any_texels_in_a_radiance_picture_are_no_longer_than_plain_ones(width, h
     assert len(file) <= 99 + height * (4 + 4 * (width + width // 128 + 1))
 
 
-@pytest.mark.parametrize("encoding", [Biased(), Srgb(0.0, 16)])
+@pytest.mark.parametrize("encoding", [SignedNorm(), Srgb(0.0, 16)])
 def test_largest_level_is_the_largest_value(encoding):
     assert encoding.encode(np.full((1, 1, 3), encoding.largest, np.float32)).max() == 65535
 

@@ -9,7 +9,7 @@ from engine.resume import write_throttle
 from engine.resume.array_file import read_arrays, write_arrays
 from engine.resume.checkpoint import Checkpoints
 from engine.resume.checkpoint_folder import CheckpointFolder
-from engine.resume.write_throttle import WritingTime
+from engine.resume.write_throttle import WriteThrottle
 
 ARRAYS = {
     "odd": np.arange(7, dtype=np.uint8),
@@ -97,7 +97,7 @@ def test_files_of_other_programs_are_left_alone_and_unread(tmp_path):
 def test_writing_takes_a_tenth_of_the_time(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(write_throttle.time, "monotonic", lambda: now[0])
-    clock, written = WritingTime(5), 0.0
+    clock, written = WriteThrottle(5), 0.0
     for _ in range(1000):
         now[0] += 0.25
         if clock.due:
@@ -111,7 +111,7 @@ def test_writing_takes_a_tenth_of_the_time(monkeypatch):
 def test_nothing_is_written_before_the_interval(monkeypatch):
     now = [7.0]
     monkeypatch.setattr(write_throttle.time, "monotonic", lambda: now[0])
-    clock = WritingTime(5)
+    clock = WriteThrottle(5)
     now[0] = 11.9
     assert not clock.due
     now[0] = 12.1

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine.direct.sky import split_sky, whole_sky
+from engine.direct.sky import split_sky, unsampled_sky
 
 
 def test_a_uniform_world_is_one_pixel_without_lights():
@@ -29,7 +29,7 @@ def test_an_even_sky_has_no_lights():
 def test_maps_of_any_size_keep_their_mean_over_the_sphere(size):
     world = np.random.default_rng(0).random((*size, 3)).astype(np.float32)
     world[-1, 0] = 1e6
-    rest = whole_sky(world)
+    rest = unsampled_sky(world)
     assert rest.shape == (min(size[0], 256), min(size[1], 512), 3)
     assert sphere_mean(rest) == pytest.approx(sphere_mean(world), rel=1e-5)
 
@@ -40,7 +40,7 @@ def test_large_maps_show_the_same_in_every_direction():
     below = (1 - np.cos(np.linspace(0, np.pi, height + 1))) / 2
     up, around = (below[1:] + below[:-1]) / 2, (np.arange(width) + 0.5) / width
     world = np.stack(np.broadcast_arrays(up[:, None], around, 1.0), axis=2).astype(np.float32)
-    rest = whole_sky(world)
+    rest = unsampled_sky(world)
     coarse = (1 - np.cos(np.linspace(0, np.pi, len(rest) + 1))) / 2
     assert rest[:, 7, 0] == pytest.approx((coarse[1:] + coarse[:-1]) / 2, abs=1e-5)
     assert rest[100, :, 1] == pytest.approx((np.arange(512) + 0.5) / 512, abs=2e-4)

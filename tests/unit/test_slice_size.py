@@ -5,7 +5,7 @@ import random
 import pytest
 
 from engine.device import time_slicer
-from engine.device.time_slicer import SliceLimits, SliceSize
+from engine.device.time_slicer import SliceLimits, TimeSlicer
 
 HEADLESS = SliceLimits(first=2111, least=1055, fill=67_577, longest=0.4)
 DISPLAY = SliceLimits(first=2111, least=1055, fill=67_577, longest=0.1)
@@ -65,7 +65,7 @@ def assert_within(limits, times):
 @pytest.mark.parametrize(("limits", "most"), [(HEADLESS, 19), (DISPLAY, 34)])
 def test_a_half_empty_card_is_filled(device, limits, most):
     """A device that takes 58 ms for up to 94,000 items once stayed at 4,096 of them."""
-    device.run(SliceSize(limits), 2_000_003, saturating(0.058, 1.62e6))
+    device.run(TimeSlicer(limits), 2_000_003, saturating(0.058, 1.62e6))
     assert len(device.done) < most
     assert device.seconds < 1.3 * 2_000_003 / 1.62e6
 
@@ -74,7 +74,7 @@ def test_a_half_empty_card_is_filled(device, limits, most):
 @pytest.mark.parametrize("rate", [9.7e4, 3.1e6, 2.3e8])
 def test_latency_of_launches_is_a_small_part(device, limits, rate):
     count = int(13 * rate)
-    device.run(SliceSize(limits), count, launching(0.0007, rate))
+    device.run(TimeSlicer(limits), count, launching(0.0007, rate))
     assert device.seconds < 1.05 * count / rate
     assert device.longest < 2 * limits.longest and device.longest < 0.5
 
@@ -82,7 +82,7 @@ def test_latency_of_launches_is_a_small_part(device, limits, rate):
 @pytest.mark.parametrize("limits", [HEADLESS, DISPLAY, PROCESSOR])
 def test_a_full_device_gets_no_longer_slices_than_it_needs(device, limits):
     """Slices that gain nothing by their size stay short, so that progress and cancel follow soon."""
-    device.run(SliceSize(limits), 3_000_017, launching(0.0001, 7e5))
+    device.run(TimeSlicer(limits), 3_000_017, launching(0.0001, 7e5))
     times = [seconds for _, seconds in device.done[8:]]
     assert sum(seconds > 0.21 for seconds in times) == 0
     assert sorted(times)[len(times) // 2] < 0.11
@@ -93,14 +93,14 @@ def test_slices_shrink_where_items_take_longer(device, limits):
     def seconds(start, end):
         return 0.001 + (end - start) / (4e5 if start < 4_000_000 else 4e4)
 
-    device.run(SliceSize(limits), 5_000_011, seconds)
+    device.run(TimeSlicer(limits), 5_000_011, seconds)
     slow = [seconds for items, seconds in device.done if items / seconds < 5e4][4:]
     assert_within(limits, slow)
 
 
 @pytest.mark.parametrize("limits", [HEADLESS, DISPLAY])
 def test_an_interruption_costs_no_size(device, limits):
-    size = SliceSize(limits)
+    size = TimeSlicer(limits)
     device.run(size, 3_000_017, launching(0.001, 2e6))
     undisturbed = device.run(size, 3_000_017, launching(0.001, 2e6))[-2][0]
     hits = iter([0, 0, 1.9, *[0] * 1000])
@@ -111,20 +111,20 @@ def test_an_interruption_costs_no_size(device, limits):
 
 def test_a_first_slice_that_builds_its_kernel_tells_nothing(device):
     builds = iter([4.3, *[0] * 1000])
-    device.run(SliceSize(PROCESSOR), 60_013, lambda start, end: next(builds) + 0.0001 + (end - start) / 2e4)
+    device.run(TimeSlicer(PROCESSOR), 60_013, lambda start, end: next(builds) + 0.0001 + (end - start) / 2e4)
     assert len(device.done) < 160
 
 
 @pytest.mark.parametrize("limits", [HEADLESS, DISPLAY])
 def test_slices_that_are_never_short_are_as_large_as_fit_in_their_time(device, limits):
     """An item takes .63 s, and the device holds 41,000 at a time: smaller slices gain nothing."""
-    device.run(SliceSize(limits), 1_000_003, saturating(0.63, 65_000))
+    device.run(TimeSlicer(limits), 1_000_003, saturating(0.63, 65_000))
     assert len(device.done) < 40 and device.longest < 1.3
 
 
 @pytest.mark.parametrize("limits", [HEADLESS, DISPLAY])
 def test_a_slow_device_is_never_held_longer_than_its_smallest_slices_need(device, limits):
-    device.run(SliceSize(limits), 300_007, launching(0.0005, 30_000))
+    device.run(TimeSlicer(limits), 300_007, launching(0.0005, 30_000))
     assert_within(limits, [seconds for _, seconds in device.done[2:]])
 
 
@@ -139,24 +139,24 @@ def test_costs_that_vary_by_item_keep_slices_within_the_time_of_a_cancel(device,
         inside = [min(end, 50_000 * (b + 1)) - max(start, 50_000 * b) for b in blocks]
         return max(0.025, sum(n * cost[b] for n, b in zip(inside, blocks, strict=True)))
 
-    device.run(SliceSize(limits), 4_000_037, seconds)
+    device.run(TimeSlicer(limits), 4_000_037, seconds)
     assert device.longest < 0.5
     assert device.seconds < 1.25 * seconds(7, 4_000_044)
 
 
 def test_a_run_goes_on_with_the_size_of_the_last_one(device):
-    size = SliceSize(HEADLESS)
+    size = TimeSlicer(HEADLESS)
     device.run(size, 2_000_003, saturating(0.03, 3e6))
     again = device.run(size, 2_000_003, saturating(0.03, 3e6))
     assert again[0][0] > 60_000
 
 
 def test_the_end_of_a_run_tells_nothing_of_larger_slices(device):
-    size = SliceSize(PROCESSOR)
+    size = TimeSlicer(PROCESSOR)
     for _ in range(9):
         device.run(size, 19, launching(0.0001, 1e9))
     assert device.run(size, 1000, launching(0.0001, 1e9))[0] == (257, pytest.approx(0.0001, rel=0.01))
 
 
 def test_nothing_to_do_makes_no_slice(device):
-    assert device.run(SliceSize(PROCESSOR), 0, launching(1, 1)) == []
+    assert device.run(TimeSlicer(PROCESSOR), 0, launching(1, 1)) == []

@@ -26,7 +26,7 @@ def test_slabs_are_all_rows_once(four, count):
         seen[slab] += 1
         threads.add(threading.get_ident())
 
-    threaded_slabs.in_slabs(count, 4, work)
+    threaded_slabs.map_slabs(count, 4, work)
     assert (seen == 1).all()
     assert len(threads) == 1 if count < 200_000 else len(threads) > 1
 
@@ -38,7 +38,7 @@ def test_an_error_of_any_slab_is_raised(four, bad):
             raise ValueError("bad slab")
 
     with pytest.raises(ValueError, match="bad slab"):
-        threaded_slabs.in_slabs(1_000_000, 8, work)
+        threaded_slabs.map_slabs(1_000_000, 8, work)
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (2, 5)])

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.patches.unmapped_meshes import place_occluders
+from engine.patches.unmapped_meshes import place_unmapped
 from engine.scene.model import OCCLUDER, Material, Mesh, Scene
 
 GREY = Material("Grey", np.full(3, 0.5, np.float32), np.zeros(3, np.float32))
@@ -46,14 +46,14 @@ def texels(uvs, resolution):
 
 def test_without_occluders_the_scene_stays():
     scene = Scene((BAKED,), (GREY,))
-    assert place_occluders(scene, 61) is scene
+    assert place_unmapped(scene, 61) is scene
 
 
 def test_triangles_get_texels_in_proportion_to_their_size_and_no_other_has_them():
     """Two occluders with a baked mesh and an empty one between them."""
     first, second = (mesh(triangles(sizes), OCCLUDER) for sizes in ([0.01, 0.3], [1.0, 2.5, 0.7]))
     scene = Scene((first, BAKED, mesh(np.zeros((0, 3, 3)), OCCLUDER), second), (GREY,))
-    placed = place_occluders(scene, 61)
+    placed = place_unmapped(scene, 61)
     assert placed.atlases == ("Lightmap", "(occluders)")
     assert [each.atlas for each in placed.meshes] == [1, 0, 0, 1]
     covered = texels(np.concatenate([placed.meshes[0].uvs, placed.meshes[3].uvs]), 61)
@@ -70,7 +70,7 @@ def test_more_clusters_than_texels_get_more_atlases(count, resolution):
     ]
     offsets = np.random.default_rng(2).random((count, 1, 1, 3)) * 20
     scene = Scene((BAKED, *(mesh(corners + one, OCCLUDER) for one in offsets)), (GREY,))
-    placed = place_occluders(scene, resolution)
+    placed = place_unmapped(scene, resolution)
     assert len(set(placed.atlases)) == 2
     parts = placed.meshes[1:]
     assert {part.atlas for part in parts} == set(range(1, len(placed.atlases)))
@@ -90,7 +90,7 @@ def test_an_occluder_in_several_atlases_keeps_its_faces_and_textures():
         material=np.arange(count, dtype=np.int32),
         texture_uvs={"Map": np.arange(6 * count, dtype=np.float32).reshape(count, 3, 2)},
     )
-    placed = place_occluders(Scene((BAKED, one), (GREY,) * count), 4)
+    placed = place_unmapped(Scene((BAKED, one), (GREY,) * count), 4)
     parts = sorted(placed.meshes[1:], key=lambda part: part.atlas)
     assert len(parts) == len(placed.atlases) - 1 == 3
     for part in parts:
@@ -104,7 +104,7 @@ def test_an_occluder_in_several_atlases_keeps_its_faces_and_textures():
 
 def test_small_triangles_that_are_close_have_one_texel():
     near = np.array([(0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0)]) + np.arange(5)[:, None, None] * 1e-3
-    placed = place_occluders(Scene((BAKED, mesh(near + 0.001, OCCLUDER)), (GREY,)), 67)
+    placed = place_unmapped(Scene((BAKED, mesh(near + 0.001, OCCLUDER)), (GREY,)), 67)
     uvs = placed.meshes[1].uvs
     assert len({tuple(np.floor(uv.mean(axis=0) * 67)) for uv in uvs}) == 1
     assert sum(len(part) for part in texels(uvs, 67)) == 1
@@ -113,7 +113,7 @@ def test_small_triangles_that_are_close_have_one_texel():
 @pytest.mark.parametrize("resolution", [8, 23, 67])
 def test_places_always_fit(resolution):
     sizes = np.random.default_rng(1).random(3000) ** 3 * 3
-    placed = place_occluders(Scene((BAKED, mesh(triangles(sizes), OCCLUDER)), (GREY,)), resolution)
+    placed = place_unmapped(Scene((BAKED, mesh(triangles(sizes), OCCLUDER)), (GREY,)), resolution)
     uvs = placed.meshes[1].uvs
     assert uvs.min() >= 0 and uvs.max() <= 1
     covered = texels(uvs[:200], resolution)

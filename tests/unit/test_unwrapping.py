@@ -17,11 +17,11 @@ from engine.unwrap.chart_overlap import doubly_covered
 from engine.unwrap.charts import flatten, make_charts
 from engine.unwrap.packing import PADDING, pack_charts
 from engine.unwrap.planar import project_flat
-from engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
+from engine.unwrap.polygon_mesh import MeshCharts, PolygonMesh, areas, signed_areas
 from engine.unwrap.row_spans import border_spans, row_spans
 from engine.unwrap.segmentation import has_xatlas
-from engine.unwrap.unplaced_charts import loosen
-from engine.unwrap.unwrapping import Square, unwrap
+from engine.unwrap.unplaced_charts import orient_charts
+from engine.unwrap.unwrapping import PackJob, unwrap
 from engine.worker.disposable import run_apart
 from engine.worker.worker import Worker
 from tests.tools.levels import level
@@ -47,7 +47,7 @@ def polygons(corners, sides=4):
 
 def flat_charts(mesh):
     """Return each polygon of a mesh in the plane z = 0 as a chart."""
-    return Charts(mesh.positions[mesh.corners][:, :2].copy(), mesh.polygon.astype(np.int64))
+    return MeshCharts(mesh.positions[mesh.corners][:, :2].copy(), mesh.polygon.astype(np.int64))
 
 
 def rectangles(sizes, seed=0):
@@ -189,7 +189,7 @@ def test_borders_touch_the_texels_that_triangles_do(case):
         "level": lambda: level(600, seed=3),
     }[case]()
     charts = make_charts(mesh, *segments_of(mesh)) if case == "level" else flat_charts(mesh)
-    loose = finished(loosen([mesh], [charts]))
+    loose = finished(orient_charts([mesh], [charts]))
     boxes = np.maximum(np.round(7.3 * loose.size), 1).astype(np.int64)
     texels = loose.uvs * (boxes / loose.size)[loose.chart]
     corners = mesh.triangles[charts.chart >= 0]
@@ -214,7 +214,7 @@ def test_rings_leave_little_free():
     number, around = np.arange(48 * 48).reshape(48, 48), ((0, 0), (1, 0), (1, 1), (0, 1))
     quads = np.stack([np.roll(number, (-i, -j), (0, 1)) for i, j in around], axis=-1)
     mesh = of_quads(points.reshape(-1, 3), quads.reshape(-1, 4))
-    (square,) = finished(unwrap([mesh], [None], [Square((0,), 512)])).squares
+    (square,) = finished(unwrap([mesh], [None], [PackJob((0,), 512)])).squares
     assert np.abs(signed_areas(square.uvs[0][mesh.triangles].astype(np.float64))).sum() > 0.59
 
 
@@ -266,7 +266,7 @@ def test_charts_that_do_not_fit_are_refused():
 def test_long_charts_do_not_make_an_immense_page(monkeypatch):
     mesh, heights = rectangles([(1e5, 1e-3), (3e4, 1e-3)]), []
     monkeypatch.setattr(
-        packing, "Page", lambda *args: heights.append(atlas_bitmap.Page(*args)) or heights[-1]
+        packing, "AtlasBitmap", lambda *args: heights.append(atlas_bitmap.AtlasBitmap(*args)) or heights[-1]
     )
     finished(pack_charts([mesh], [flat_charts(mesh)], 127))
     assert max((made.height for made in heights), default=0) < 4 * 127
@@ -281,7 +281,7 @@ def test_surfaces_without_area_have_uvs():
 def test_meshes_that_do_not_fit_one_square_go_to_several():
     meshes = [rectangles(np.full((9, 2), 0.5 + index)) for index in range(11)]
     charts = [flat_charts(mesh) for mesh in meshes]
-    squares = [Square((0, 1), 256), Square(tuple(range(2, 11)), 24)]
+    squares = [PackJob((0, 1), 256), PackJob(tuple(range(2, 11)), 24)]
     unwrapped = finished(unwrap(meshes, charts, squares))
     first, *rest = unwrapped.squares
     assert (first.square, first.meshes) == (0, (0, 1))
@@ -497,7 +497,7 @@ def test_padding_is_kept(padding):
 def test_levels_fill_their_page(resolution):
     mesh = level(4000, seed=3)
     began = time.process_time()
-    (square,) = finished(unwrap([mesh], [None], [Square((0,), resolution)])).squares
+    (square,) = finished(unwrap([mesh], [None], [PackJob((0,), resolution)])).squares
     assert time.process_time() - began < 20
     assert np.abs(signed_areas(square.uvs[0][mesh.triangles].astype(np.float64))).sum() > 0.6
 
@@ -509,7 +509,7 @@ def test_worker_cuts_and_packs_what_xatlas_would_lay_on_an_immense_page():
     corners = random.normal(size=(40, 3, 3))
     long_one = polygons([[(0, 0, 0), (1e7, 1, 1), (0, 1, 0)], [(0, 0, 0), (0, 1, 0), (0, 0, 1)]], 3)
     meshes = (polygons(corners, 3), polygons(1e-4 * corners, 3), long_one)
-    squares = (Square((0,), 256), Square((1,), 131), Square((2,), 64))
+    squares = (PackJob((0,), 256), PackJob((1,), 131), PackJob((2,), 64))
     worker = lambda: Worker(bake="engine.unwrap.unwrapping:unwrap")  # noqa: E731
     unwrapped = finished(run_apart(worker, (meshes, (None,) * 3, squares), 60))
     for filled in unwrapped.squares[:2]:
@@ -545,7 +545,7 @@ def test_nasty_meshes_of_all_sizes_share_a_page(seed):
         for mesh, size in zip(made, np.roll(sizes, seed), strict=True)
     ]
     resolution = (509, 512, 777)[seed]
-    unwrapped = finished(unwrap(meshes, [None] * 5, [Square(tuple(range(5)), resolution)]))
+    unwrapped = finished(unwrap(meshes, [None] * 5, [PackJob(tuple(range(5)), resolution)]))
     (square,) = unwrapped.squares
     owner = np.full((resolution, resolution), -1)
     first = 0

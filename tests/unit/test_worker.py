@@ -15,7 +15,7 @@ from typing import ClassVar, get_args, get_type_hints
 import numpy as np
 import pytest
 
-from engine.bake_result import Lightmap
+from engine.bake_result import BakeResult
 from engine.errors import DeviceError, SceneError, SettingsError, WorkerError
 from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
@@ -128,7 +128,7 @@ def test_lightmap_is_the_one_of_the_same_bake_in_process(start):
 
     steps, lightmap = _finish(start("echo").bake(_scene(), SETTINGS))
     here_steps, here = _finish(worker_bakes.echo(_scene(), SETTINGS))
-    assert isinstance(lightmap, Lightmap)
+    assert isinstance(lightmap, BakeResult)
     assert _same(replace(lightmap, report=None), replace(here, report=None))
     assert _same(replace(lightmap.report, devices={}), replace(here.report, devices={}))
     assert steps and _same(steps[-1], here_steps[-1])
@@ -200,7 +200,7 @@ def test_talkative_child_is_not_held_up(start):
     next(job)
     time.sleep(0.2)
     steps, lightmap = _finish(job)
-    assert isinstance(lightmap, Lightmap)
+    assert isinstance(lightmap, BakeResult)
     assert len(steps) < 10_000
 
 
@@ -227,7 +227,7 @@ def test_close_while_the_child_starts(start):
     next(job)
     job.close()
     assert not worker.alive
-    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], BakeResult)
 
 
 def test_deaf_child_is_killed_by_close(start, monkeypatch):
@@ -260,7 +260,7 @@ def test_killed_child_is_reported_and_replaced(start):
     with pytest.raises(WorkerError, match="Bake again to start a new process"):
         _finish(job)
     assert not worker.alive
-    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], BakeResult)
 
 
 def test_child_that_died_between_bakes_is_replaced(start):
@@ -268,7 +268,7 @@ def test_child_that_died_between_bakes_is_replaced(start):
     _finish(worker.bake(_scene(), SETTINGS))
     worker.process.kill()
     worker.process.wait()
-    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], BakeResult)
 
 
 def test_what_is_called_runs_in_the_process_of_the_bakes_before_the_next_one(start, tmp_path):
@@ -284,7 +284,7 @@ def test_what_is_called_runs_in_the_process_of_the_bakes_before_the_next_one(sta
 def test_a_call_that_fails_is_printed_and_harms_nothing(start):
     worker = start("echo")
     worker.call("worker_bakes:no_such_function")
-    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], Lightmap)
+    assert isinstance(_finish(worker.bake(_scene(), SETTINGS))[1], BakeResult)
     assert "no_such_function" in worker.printed()
 
 
@@ -293,7 +293,7 @@ def test_a_call_in_the_middle_of_a_bake_is_left_out(start, tmp_path):
     job = worker.bake(_scene(), SETTINGS)
     _first(job)
     worker.call("worker_bakes:note", str(notes), "now")
-    assert isinstance(_finish(job)[1], Lightmap)
+    assert isinstance(_finish(job)[1], BakeResult)
     assert not notes.exists()
 
 
@@ -413,7 +413,7 @@ def _ended(pid):
 
 def _settled(job):
     """Return the next finished lightmap of a bake that follows."""
-    return next(step for step in job if isinstance(step, Lightmap))
+    return next(step for step in job if isinstance(step, BakeResult))
 
 
 def test_changes_reach_a_bake_that_follows_at_work_and_at_rest(start):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.bake_result import Lightmap, Report
+from engine.bake_result import BakeResult, Report
 from engine.errors import DeviceError, SceneError, SettingsError
 from engine.progress import Progress
 
@@ -33,7 +33,7 @@ def _lightmap(scene, settings):
         devices={"pid": str(os.getpid())},
         warnings=tuple(material.name for material in scene.materials),
     )
-    return Lightmap(scene.atlases, image, image[:, ::-1], image[..., 0] > 0, image[..., 0] > 0, report)
+    return BakeResult(scene.atlases, image, image[:, ::-1], image[..., 0] > 0, image[..., 0] > 0, report)
 
 
 def echo(scene, settings):

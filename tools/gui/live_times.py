@@ -31,7 +31,7 @@ _VIEWS = {
 #: Notes when images are shown.
 _NOTE_IMAGES = """
 import sys, time
-shown = sys.modules[f"{MODULE}.operators.result.progress_images"].ShownImages
+shown = sys.modules[f"{MODULE}.operators.result.progress_images"].ProgressImages
 shown.times = []
 def noted(self, lightmaps, show=shown.show, times=shown.times, clock=time.perf_counter):
     merged = show(self, lightmaps)
@@ -43,7 +43,7 @@ shown.show = noted
 #: Changes the room between two events, and notes when.
 _CHANGE = """
 import sys, time
-shown = sys.modules[f"{{MODULE}}.operators.result.progress_images"].ShownImages
+shown = sys.modules[f"{{MODULE}}.operators.result.progress_images"].ProgressImages
 shown.times.clear()
 {change}
 shown.begun = time.perf_counter()
@@ -52,7 +52,7 @@ shown.begun = time.perf_counter()
 #: When images were shown since the change, s.
 _TIMES = (
     "[at - shown.begun for shown in [__import__('sys').modules"
-    "[f'{MODULE}.operators.result.progress_images'].ShownImages] for at in shown.times]"
+    "[f'{MODULE}.operators.result.progress_images'].ProgressImages] for at in shown.times]"
 )
 
 #: Longer than any change takes to begin, s.

@@ -74,9 +74,9 @@ def subdivided(scene, settings):
     engine = importlib.import_module(f"{MODULE}.engine")
     names = ("device.graphics", "patches.backs", "patches.subdivision")
     graphics, backs, subdivision = (importlib.import_module(f"{engine.__name__}.{name}") for name in names)
-    context = graphics.Graphics()
+    context = graphics.GraphicsContext()
     try:
         placed = backs.with_places(scene, settings.resolution)
-        return subdivision.subdivide(context, None, placed, settings)
+        return subdivision.make_patch_scene(context, None, placed, settings)
     finally:
         context.release()

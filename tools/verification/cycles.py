@@ -144,7 +144,7 @@ class RealisedScene:
         if atlas is None:
             return
         layer = self._layers.lightmap_layer(item.source, self._uv_layer)
-        self._evaluation.lay_lightmap_uvs(mesh, layer, place.apply)
+        self._evaluation.add_lightmap_uv_map(mesh, layer, place.apply)
         self._members[atlas].append(obj)
         self._copies[item.source.name] = obj, atlas
 

@@ -18,7 +18,7 @@ _PAIRS = 1 << 19
 def doubled_texels(parts, atlases: int) -> np.ndarray:
     """Return the texels of the first atlases, (atlases, r, r) bool, whose centres lie on another triangle.
 
-    parts: the engine's Subdivision.
+    parts: the engine's PatchScene.
     """
     geometry, patches = parts.geometry, parts.patches
     surfaces = _Surfaces(parts.triangles)

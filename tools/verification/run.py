@@ -67,7 +67,7 @@ def read_for_bake(context):
     """Return what a bake of the context's scene reads, and its settings; missing lightmap UVs are made."""
     scene = importlib.import_module(f"{MODULE}.operators.scene")
     unwrap = importlib.import_module(f"{MODULE}.operators.scene.uvs.unwrap")
-    changes = importlib.import_module(f"{MODULE}.operators.rollback").Changes()
+    changes = importlib.import_module(f"{MODULE}.operators.rollback").Rollback()
     settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(
         context.scene.hemibake
     )

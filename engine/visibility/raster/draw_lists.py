@@ -28,7 +28,7 @@ class DrawList:
 
 
 def whole_draws(first: np.ndarray) -> np.ndarray:
-    """Return a command for each cluster without instances, (c, 5) uint32; first: `Clusters.first`."""
+    """Return a command for each cluster without instances, (c, 5) uint32; first: `TriangleClusters.first`."""
     commands = np.zeros((len(first) - 1, 5), np.uint32)
     commands[:, 0], commands[:, 2] = 3 * np.diff(first), 3 * first[:-1]
     return commands

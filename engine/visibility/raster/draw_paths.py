@@ -12,12 +12,12 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from ...device.gl_context import Graphics
+from ...device.gl_context import GraphicsContext
 from ..views.hemicube import FACES, face_rows
 from .draw_lists import DrawList, face_items, hemicube_items
 from .mesh import IndexedMesh
 from .tiles import TILES_PER_DRAW, Tiles
-from .triangle_clusters import Clusters
+from .triangle_clusters import TriangleClusters
 
 #: Shader stages and features of each path, fastest first on most drivers.
 _PATHS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -27,7 +27,7 @@ _PATHS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 
 
-def available_paths(graphics: Graphics) -> tuple[str, ...]:
+def available_paths(graphics: GraphicsContext) -> tuple[str, ...]:
     """Return the names of the paths that the driver offers."""
     has = graphics.context.extensions
     amd = {"GL_AMD_vertex_shader_layer", "GL_AMD_vertex_shader_viewport_index"}
@@ -39,7 +39,7 @@ def available_paths(graphics: Graphics) -> tuple[str, ...]:
 class MeshBuffers:
     """An indexed mesh on the OpenGL device, and the instances of a draw."""
 
-    def __init__(self, graphics: Graphics, mesh: IndexedMesh) -> None:
+    def __init__(self, graphics: GraphicsContext, mesh: IndexedMesh) -> None:
         context = graphics.context
         self.content: list[tuple[Any, ...]] = [
             (context.buffer(mesh.vertices.tobytes()), "3f 3f", "in_position", "in_lookup")
@@ -67,7 +67,7 @@ class DrawPath:
     """
 
     def __init__(
-        self, graphics: Graphics, name: str, tiles: Tiles, mesh: MeshBuffers, features: tuple[str, ...]
+        self, graphics: GraphicsContext, name: str, tiles: Tiles, mesh: MeshBuffers, features: tuple[str, ...]
     ) -> None:
         stages, own = _PATHS[name]
         self.name, self._graphics, self._tiles, self._mesh = name, graphics, tiles, mesh
@@ -76,8 +76,11 @@ class DrawPath:
         self.program["tiles_per_layer"] = tiles.per_layer
         self._viewports = _viewports(tiles)
 
-    def draw(self, clusters: Clusters, seen: np.ndarray, slots: np.ndarray) -> None:
-        """Draw clusters into hemicubes: slots (m,) ascending, seen (c, m, 5) from `Clusters.visible`."""
+    def draw(self, clusters: TriangleClusters, seen: np.ndarray, slots: np.ndarray) -> None:
+        """Draw clusters into hemicubes.
+
+        Slots (m,) ascending, seen (c, m, 5) from `TriangleClusters.visible`.
+        """
         tile = slots % self._tiles.per_layer
         for first_tile in range(0, self._tiles.per_layer, TILES_PER_DRAW):
             chosen = (tile >= first_tile) & (tile < first_tile + TILES_PER_DRAW)
@@ -86,7 +89,9 @@ class DrawPath:
             elif chosen.any():
                 self._draw_tiles(clusters, seen[:, chosen], slots[chosen], first_tile)
 
-    def _draw_tiles(self, clusters: Clusters, seen: np.ndarray, slots: np.ndarray, first_tile: int) -> None:
+    def _draw_tiles(
+        self, clusters: TriangleClusters, seen: np.ndarray, slots: np.ndarray, first_tile: int
+    ) -> None:
         """Draw into tiles that have viewports of their own at the same time."""
         if self.name == "face":
             self._draw_faces(clusters, seen, slots, first_tile)
@@ -99,7 +104,9 @@ class DrawPath:
         else:
             self._render(hemicube_items(seen, slots, clusters.draws))
 
-    def _draw_faces(self, clusters: Clusters, seen: np.ndarray, slots: np.ndarray, first_tile: int) -> None:
+    def _draw_faces(
+        self, clusters: TriangleClusters, seen: np.ndarray, slots: np.ndarray, first_tile: int
+    ) -> None:
         """Draw one face of one tile of all layers at a time."""
         tiles = slots % self._tiles.per_layer
         for tile in range(first_tile, min(first_tile + TILES_PER_DRAW, self._tiles.per_layer)):

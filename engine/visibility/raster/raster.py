@@ -8,9 +8,9 @@ from collections.abc import Generator
 import moderngl
 import numpy as np
 
-from ...device.gl_context import Graphics
+from ...device.gl_context import GraphicsContext
 from ...device.raw_gl import DEPTH_CLAMP
-from ...device.time_slicer import SliceSize
+from ...device.time_slicer import TimeSlicer
 from ...errors import DeviceError
 from ...scene.cutouts import BACK, BOUNCE, Cutouts
 from ...scene.triangles import Triangles
@@ -18,9 +18,9 @@ from ..views.hemicube import FACES
 from .draw_paths import DrawPath, MeshBuffers, available_paths
 from .list_texture import table
 from .mesh import indexed_mesh
-from .targets import Target
+from .targets import RasterTarget
 from .tiles import Tiles
-from .triangle_clusters import Clusters
+from .triangle_clusters import TriangleClusters
 
 #: Clusters times hemicubes that are tested at once, and how long a path is tried at least, s.
 _TESTS = 1 << 20
@@ -42,12 +42,12 @@ class HemicubeRaster:
 
     def __init__(
         self,
-        graphics: Graphics,
+        graphics: GraphicsContext,
         tiles: Tiles,
         triangles: Triangles,
         cutouts: Cutouts,
         texel_to_patch: np.ndarray,
-        target: Target,
+        target: RasterTarget,
         path: str | None = None,
         culling: bool = True,
         back_to_back: bool = False,
@@ -57,7 +57,7 @@ class HemicubeRaster:
 
         # Triangles in clusters, and all ways to draw them.
         one_sided = cutouts.clear_backs[triangles.material] | triangles.one_sided
-        self._clusters = Clusters(triangles.positions, one_sided, culling)
+        self._clusters = TriangleClusters(triangles.positions, one_sided, culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
         features = (*target.features, *(("transmission",) if cutouts.needed else ()))
         if triangles.backs is not None:
@@ -101,7 +101,7 @@ class HemicubeRaster:
         """The name of the path that draws; the first one that could until hemicubes have been drawn."""
         return self._paths[0].name
 
-    def draw(self, matrices: np.ndarray, size: SliceSize) -> Generator[int, None, None]:
+    def draw(self, matrices: np.ndarray, size: TimeSlicer) -> Generator[int, None, None]:
         """Draw hemicubes into the first slots of the array, in slices.
 
         matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`; m at most the capacity. Yields the number of

@@ -8,37 +8,37 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import upload
-from ...device.cl_device import Compute
-from ...device.gl_context import Graphics
+from ...device.cl_device import ComputeDevice
+from ...device.gl_context import GraphicsContext
 from ...device.host_copy import HostCopy
-from ...patches.patch_scene import Subdivision
+from ...patches.patch_scene import PatchScene
 from ...settings import Settings
 from ..sample_counts import sample_bytes
-from ..sampler import SeenBuffers, Surroundings, directional_options, identity_options
+from ..sampler import Background, VisibilityBuffers, directional_options, identity_options
 from ..views.hemicube import multiplier_map
 from ..views.hemicubes import Hemicubes
 from ..views.viewpoints import FRAME, frame_records
-from .targets import IdentityTarget
+from .targets import ItemBufferTarget
 from .tiles import IDENTITY_BYTES, plan_tiles
 
 
-class RasterIdentity:
+class RasterSampler:
     """Draws the identity hemicubes of patches with OpenGL and copies them to the OpenCL device."""
 
     name = "raster"
 
     def __init__(
         self,
-        graphics: Graphics,
-        compute: Compute,
-        parts: Subdivision,
-        surroundings: Surroundings,
+        graphics: GraphicsContext,
+        compute: ComputeDevice,
+        parts: PatchScene,
+        surroundings: Background,
         settings: Settings,
     ) -> None:
         self._compute, self._queue, self._surroundings = compute, compute.queue, surroundings
         self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         self.batch = self._tiles.capacity
-        target = IdentityTarget(graphics, self._tiles)
+        target = ItemBufferTarget(graphics, self._tiles)
         self._hemicubes = Hemicubes(graphics, parts, self._tiles, target, settings)
         self._copy = HostCopy(compute, target.texture)
         multiplier = multiplier_map(settings.hemicube).ravel()
@@ -51,7 +51,7 @@ class RasterIdentity:
         (self._resolve,) = compute.kernels((FRAME, "resolve.cl"), "resolve", options=options)
         self._weights = upload(compute, multiplier)
 
-    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+    def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
 
         def keep(start: int, end: int, frames: np.ndarray) -> None:
@@ -59,7 +59,7 @@ class RasterIdentity:
 
         yield from self._hemicubes.draw(first, last, keep)
 
-    def _keep(self, start: int, end: int, frames: np.ndarray, seen: SeenBuffers) -> None:
+    def _keep(self, start: int, end: int, frames: np.ndarray, seen: VisibilityBuffers) -> None:
         """Move the hemicubes that were drawn into the cache."""
         records = upload(self._compute, frame_records(frames))
         (group,), surroundings = self._resolve.group(*self._compute.work_sizes.look), self._surroundings

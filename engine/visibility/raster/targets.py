@@ -8,7 +8,7 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from ...device.gl_context import Graphics
+from ...device.gl_context import GraphicsContext
 from .tiles import Tiles
 
 #: Patches in a row of the radiosity texture, and in all its rows: front and back have 16384 together.
@@ -19,7 +19,7 @@ MAX_PATCHES = _ROW * 8192 - 1
 _SKY = 0x7FFFFFFF
 
 
-class Target(Protocol):
+class RasterTarget(Protocol):
     """A texture array to draw hemicubes into.
 
     texture   (layers, height, width) in the layout of Tiles
@@ -47,7 +47,7 @@ class RadianceTarget:
 
     def __init__(
         self,
-        graphics: Graphics,
+        graphics: GraphicsContext,
         tiles: Tiles,
         emission: np.ndarray,
         nothing: Sequence[float] | None,
@@ -85,12 +85,12 @@ class RadianceTarget:
         self._radiosity.write(values.tobytes(), viewport=(0, 0 if front else height, width, height))
 
 
-class IdentityTarget:
+class ItemBufferTarget:
     """(layers, height, width) uint32: the patch that is seen, plus 1; the highest bit for its back; _SKY."""
 
     features: tuple[str, ...] = ("identity",)
 
-    def __init__(self, graphics: Graphics, tiles: Tiles) -> None:
+    def __init__(self, graphics: GraphicsContext, tiles: Tiles) -> None:
         self._raw = graphics.raw
         size = (tiles.width, tiles.height, tiles.layers)
         self.texture = graphics.context.texture_array(size, 1, dtype="u4")

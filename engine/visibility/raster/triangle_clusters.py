@@ -30,7 +30,7 @@ _SIDES = (
 )
 
 
-class Clusters:
+class TriangleClusters:
     """Triangles in the order of a Morton curve, cut into clusters of neighbours.
 
     order   (t,) int64, the triangles in drawing order

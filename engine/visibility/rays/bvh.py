@@ -8,10 +8,10 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import download, upload, zeros
-from ...device.cl_device import Compute
-from ...device.device_struct import Record
+from ...device.cl_device import ComputeDevice
+from ...device.device_struct import DeviceStruct
 from .upper_levels import NAMES as TREETOP
-from .upper_levels import Treetop
+from .upper_levels import UpperLevels
 
 #: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
 _FAR, _CHUNK = 8, 32
@@ -35,13 +35,13 @@ _MARGIN = 8 * 2.0**-24
 _STACK = 64
 
 #: A node of the binary hierarchy: its box, and what it is made of.
-BOX = Record(
+BOX = DeviceStruct(
     "NodeBox",
     ("float[3]", "low", "m, corner of the box"),
     ("float", "cost", "of a ray in the node (surface area heuristic), m^2"),
     ("float[3]", "high", "m, corner of the box"),
 )
-LINK = Record(
+LINK = DeviceStruct(
     "NodeLink",
     ("int", "left", "child; of a node of one triangle its number"),
     ("int", "right", "child, -1 for a node of one triangle"),
@@ -51,7 +51,7 @@ LINK = Record(
 
 
 @dataclass(frozen=True)
-class Shape:
+class BvhLayout:
     """How a hierarchy is laid out.
 
     width   children of a node: 2, 4 or 8
@@ -69,8 +69,8 @@ class Shape:
 
 
 #: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
-_PROCESSOR = Shape(8, 8, 8, 0.5, 512)
-_GRAPHICS = Shape(2, 1, 2, 0.5)
+_PROCESSOR = BvhLayout(8, 8, 8, 0.5, 512)
+_GRAPHICS = BvhLayout(2, 1, 2, 0.5)
 
 
 @dataclass(frozen=True)
@@ -90,20 +90,20 @@ class Bvh:
     options: tuple[str, ...]
     levels: int
     stack: int
-    top: Treetop | None = None
+    top: UpperLevels | None = None
 
 
-def shape_for(compute: Compute) -> Shape:
+def shape_for(compute: ComputeDevice) -> BvhLayout:
     """Return the shape that a device traverses fastest."""
     return _PROCESSOR if compute.processor else _GRAPHICS
 
 
 def build_bvh(
-    compute: Compute,
+    compute: ComputeDevice,
     positions: np.ndarray,
     reach: float,
-    shape: Shape | None = None,
-    top: Treetop | None = None,
+    shape: BvhLayout | None = None,
+    top: UpperLevels | None = None,
 ) -> Bvh:
     """Build the hierarchy of triangles, (t, 3, 3) float32, at least one.
 
@@ -139,7 +139,12 @@ class _Level:
 
 class _Builder:
     def __init__(
-        self, compute: Compute, positions: np.ndarray, reach: float, shape: Shape, top: Treetop | None
+        self,
+        compute: ComputeDevice,
+        positions: np.ndarray,
+        reach: float,
+        shape: BvhLayout,
+        top: UpperLevels | None,
     ) -> None:
         self._compute, self._queue, self._shape, self._top = compute, compute.queue, shape, top
         self._count = len(positions)
@@ -218,7 +223,7 @@ class _Builder:
         nodes, known = (self._boxes, self._links), self._top if self._count <= _TOP else None
         if known and known.count == count and known.serves(self._kernels, *nodes):
             return known.root
-        top = Treetop(self._compute, self._kernels, *nodes, cluster, count, made)
+        top = UpperLevels(self._compute, self._kernels, *nodes, cluster, count, made)
         self._top = top if self._count <= _TOP else None
         return top.root
 
@@ -294,12 +299,12 @@ class _Builder:
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
 
 
-def _layout(shape: Shape, stack: int) -> tuple[str, ...]:
+def _layout(shape: BvhLayout, stack: int) -> tuple[str, ...]:
     """Return the options of kernels for a hierarchy of a shape."""
     sizes = {"WIDTH": shape.width, "PACKET": shape.packet, "RECORD": _record(shape), "STACK": stack}
     return tuple(f"-D{name}={value}" for name, value in sizes.items())
 
 
-def _record(shape: Shape) -> int:
+def _record(shape: BvhLayout) -> int:
     """Return how many floats each triangle takes: it is loaded in fours where it is alone."""
     return 12 if shape.packet == 1 else 10

@@ -9,14 +9,14 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import upload, upload_once
-from ...device.cl_device import Compute
+from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
 from ...device.time_slicer import sliced
-from ...patches.patch_scene import Subdivision
+from ...patches.patch_scene import PatchScene
 from ...scene.tints import tint_palette
 from ...settings import Settings
 from ..sample_counts import ray_count, sample_bytes
-from ..sampler import SeenBuffers, Surroundings, directional_options, identity_options
+from ..sampler import Background, VisibilityBuffers, directional_options, identity_options
 from ..views.directions import r2_sequence
 from ..views.hemicube import multiplier_map, rotation_salt
 from .ray_scene import RayScene
@@ -25,11 +25,11 @@ from .receiver_records import RECEIVER
 
 @dataclass(frozen=True)
 class GatheredBuffers:
-    """Where `RayIdentity.gather` writes on the OpenCL device.
+    """Where `RaySampler.gather` writes on the OpenCL device.
 
     light         float4 of each patch: E/pi of all that is seen, and the fraction that is no back
-    patches_seen, backs_seen  as of `SeenBuffers`
-    l1            3 float4 of each patch, see `SeenBuffers.back_l1`
+    patches_seen, backs_seen  as of `VisibilityBuffers`
+    l1            3 float4 of each patch, see `VisibilityBuffers.back_l1`
     """
 
     light: cl.Buffer
@@ -53,7 +53,7 @@ class MovedBuffers:
     views: cl.Buffer
 
 
-class RayIdentity:
+class RaySampler:
     """Casts rays from the patches of `receivers` and finds patches of `sources` where they end.
 
     Without `Settings.directions` "hemicube" they follow the cosine: the texels of a hemicube cost about
@@ -64,10 +64,10 @@ class RayIdentity:
 
     def __init__(
         self,
-        compute: Compute,
+        compute: ComputeDevice,
         receivers: RayScene,
-        sources: Subdivision,
-        surroundings: Surroundings,
+        sources: PatchScene,
+        surroundings: Background,
         settings: Settings,
     ) -> None:
         self._compute, self._queue = compute, compute.queue
@@ -97,12 +97,12 @@ class RayIdentity:
         self._sky = surroundings.sky_arguments
         self._size = int(triangles.mesh.size).bit_length()
 
-    def find(self, first: int, last: int, seen: SeenBuffers) -> Generator[float, None, None]:
+    def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
         """Find what the patches first ... last see; yield the fraction done."""
         yield from self._run(self._look, first, last, _outputs(seen))
 
-    def find_again(
-        self, first: int, last: int, seen: SeenBuffers, moved: MovedBuffers
+    def update_moved(
+        self, first: int, last: int, seen: VisibilityBuffers, moved: MovedBuffers
     ) -> Generator[float, None, None]:
         """Find what the patches first ... last see now, of what they saw before something moved.
 
@@ -139,7 +139,7 @@ class RayIdentity:
             yield (end - first) / (last - first)
 
 
-def _outputs(seen: SeenBuffers) -> tuple:
+def _outputs(seen: VisibilityBuffers) -> tuple:
     """Return where kernels write what they find."""
     kept = (np.int32(seen.cached_from), seen.cache)
     return (*kept, seen.back_light, seen.patches_seen, seen.backs_seen, seen.back_l1)

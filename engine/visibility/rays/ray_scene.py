@@ -7,23 +7,25 @@ from functools import cached_property
 import numpy as np
 import pyopencl as cl
 
-from ...device.cl_device import Compute
+from ...device.cl_device import ComputeDevice
 from ...errors import DeviceError
-from ...patches.patch_scene import Subdivision
-from .ray_tracer import Rays
+from ...patches.patch_scene import PatchScene
+from .ray_tracer import RayTracer
 from .receiver_records import RECEIVER, pack_receivers
-from .upper_levels import Treetop
+from .upper_levels import UpperLevels
 
 
 class RayScene:
     """The triangles and patches of a bake on the OpenCL device."""
 
-    def __init__(self, compute: Compute | None, parts: Subdivision, before: Treetop | None = None) -> None:
+    def __init__(
+        self, compute: ComputeDevice | None, parts: PatchScene, before: UpperLevels | None = None
+    ) -> None:
         """Take the triangles and patches; before: `top` of the same triangles where they were."""
         self._compute, self._parts, self._before = compute, parts, before
 
     @property
-    def compute(self) -> Compute:
+    def compute(self) -> ComputeDevice:
         """The OpenCL device; raises DeviceError if there is none."""
         if self._compute is None:
             raise DeviceError("Rays need OpenCL.")
@@ -45,20 +47,20 @@ class RayScene:
         """True if there is a device to cast rays."""
         return self._compute is not None
 
-    def of(self, parts: Subdivision) -> RayScene:
+    def of(self, parts: PatchScene) -> RayScene:
         """Return the same triangles with other patches."""
         other = RayScene(self._compute, parts)
         other.rays = self.rays
         return other
 
     @cached_property
-    def rays(self) -> Rays:
+    def rays(self) -> RayTracer:
         """The triangles and their hierarchy."""
-        return Rays(self.compute, self._parts.triangles, self._parts.cutouts, self._before)
+        return RayTracer(self.compute, self._parts.triangles, self._parts.cutouts, self._before)
 
     @property
-    def top(self) -> Treetop | None:
-        """Of the hierarchy, if that was made; see `Rays`."""
+    def top(self) -> UpperLevels | None:
+        """Of the hierarchy, if that was made; see `RayTracer`."""
         return self.rays.top if "rays" in vars(self) else None
 
     @cached_property

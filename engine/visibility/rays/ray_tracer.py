@@ -6,17 +6,17 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import upload
-from ...device.cl_device import Compute, Source
-from ...device.device_struct import Record
+from ...device.cl_device import ComputeDevice, Source
+from ...device.device_struct import DeviceStruct
 from ...device.kernel import Kernel
 from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
 from ...scene.tints import tint_palette
 from ...scene.triangles import Triangles
 from .bvh import build_bvh
-from .upper_levels import Treetop
+from .upper_levels import UpperLevels
 
 #: Transmittance of one side of a material for one kind of ray; see `Cutouts`.
-TRANSMITTANCE = Record(
+TRANSMITTANCE = DeviceStruct(
     "Transmittance",
     ("float[3]", "base", "opacity of each channel without the map"),
     ("float", "threshold", "of opacity, from which on all light is stopped; -1 for none"),
@@ -31,7 +31,7 @@ TRANSMITTANCE = Record(
 )
 
 
-class Rays:
+class RayTracer:
     """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
 
     cutouts    transmittance of the surfaces
@@ -40,7 +40,11 @@ class Rays:
     """
 
     def __init__(
-        self, compute: Compute, triangles: Triangles, cutouts: Cutouts, before: Treetop | None = None
+        self,
+        compute: ComputeDevice,
+        triangles: Triangles,
+        cutouts: Cutouts,
+        before: UpperLevels | None = None,
     ) -> None:
         """Build the hierarchy; before: `top` of the same triangles where they were."""
         self._compute, self._queue = compute, compute.queue
@@ -105,7 +109,7 @@ class Rays:
         return through
 
     def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
-        """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `Compute.run`."""
+        """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `ComputeDevice.run`."""
         self._compute.run(kernel, items, *self.arguments, *arguments)
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:

@@ -8,14 +8,14 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import upload, upload_once
-from ...device.cl_device import Compute
-from ...device.device_struct import Record
+from ...device.cl_device import ComputeDevice
+from ...device.device_struct import DeviceStruct
 from ...patches.geometry import PatchGeometry, TexelSteps
 from ...patches.patch_list import PatchList
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
 #: A patch as a receiver of light, on its triangle. Metres from `Triangles.origin`.
-RECEIVER = Record(
+RECEIVER = DeviceStruct(
     "ReceiverRecord",
     ("float[3]", "at", "m, centre of the texel"),
     ("float", "height", "m, of the start of rays above the surface"),
@@ -34,7 +34,7 @@ RECEIVER = Record(
 )
 
 #: What patches have in common on one triangle.
-TEXEL_STEP = Record(
+TEXEL_STEP = DeviceStruct(
     "TexelStep",
     ("float[3]", "edge_u", "m, step of a texel along u"),
     ("float[3]", "edge_v", "m, step of a texel along v"),
@@ -43,7 +43,7 @@ TEXEL_STEP = Record(
 )
 
 
-def pack_receivers(compute: Compute, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
+def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
     """Return the records of patches on the device; those that share a texel follow each other."""
     triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
     inputs = (

@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ...device.buffers import download, upload, words_of, zeros
-from ...device.cl_device import Compute
+from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
 
 #: Kernels of a program of kernels/bvh.cl and kernels/treetop.cl that are used here.
@@ -21,7 +21,7 @@ _GROUP = 64
 _WORSE = 1.25
 
 
-class Treetop:
+class UpperLevels:
     """A binary tree over clusters of triangles, built level by level with the surface area heuristic.
 
     count  clusters
@@ -30,7 +30,7 @@ class Treetop:
 
     def __init__(
         self,
-        compute: Compute,
+        compute: ComputeDevice,
         kernels: Mapping[str, Kernel],
         boxes: cl.Buffer,
         links: cl.Buffer,

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.gl_context import Graphics
+from ...device.gl_context import GraphicsContext
 from ...device.raw_gl import DepthArray
 from ...device.slice_limits import drawing_limits
-from ...device.time_slicer import SliceSize
-from ...patches.patch_scene import Subdivision
+from ...device.time_slicer import TimeSlicer
+from ...patches.patch_scene import PatchScene
 from ...settings import Settings
 from ..raster.raster import HemicubeRaster
-from ..raster.targets import Target
+from ..raster.targets import RasterTarget
 from ..raster.tiles import Tiles
 from .hemicube import matrices
 from .viewpoints import viewpoints
@@ -46,10 +46,10 @@ class Hemicubes:
 
     def __init__(
         self,
-        graphics: Graphics,
-        parts: Subdivision,
+        graphics: GraphicsContext,
+        parts: PatchScene,
         tiles: Tiles,
-        target: Target,
+        target: RasterTarget,
         settings: Settings,
         again: bool = False,
     ) -> None:
@@ -58,7 +58,7 @@ class Hemicubes:
             graphics, tiles, parts.triangles, parts.cutouts, parts.texel_to_patch, target,
             back_to_back=parts.back_to_back,
         )  # fmt: skip
-        self._slice = SliceSize(drawing_limits(tiles.per_layer))
+        self._slice = TimeSlicer(drawing_limits(tiles.per_layer))
         self._reversed_depth = graphics.reversed_depth
         self._parts, self._settings = parts, settings
         self.count = len(parts.patches)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.device_struct import Record
+from ...device.device_struct import DeviceStruct
 from ...patches.geometry import PatchGeometry
 from ...scene.triangles import Triangles
 from ...settings import Settings
@@ -25,7 +25,7 @@ _NEAR = 1e-6
 _NEAR_STANDARD_DEPTH = 1e-5
 
 #: How a hemicube is turned.
-FRAME = Record(
+FRAME = DeviceStruct(
     "Frame",
     ("float[3]", "right", "unit, world space"),
     ("float[3]", "up", "unit, world space"),

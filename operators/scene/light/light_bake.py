@@ -11,7 +11,7 @@ from mathutils import Matrix
 
 from ....engine.scene.profile import Profile
 from ...compat import new_node_tree, plain_lamp
-from .light_node_reader import LampNodes
+from .light_node_reader import LightNodes
 
 #: Angles of a profile, and of the directions that tell whether it is one at all.
 _AZIMUTHS, _POLARS = 361, 181
@@ -35,21 +35,21 @@ _EVEN = 1e-3
 _MOST = 1e20
 
 
-def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> LampNodes:
+def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> LightNodes:
     """Return what the nodes of a lamp do to its power; raises RuntimeError if Cycles cannot tell.
 
     Of points and spots that is a profile with steps of 1 degree, 1 m away; of suns a colour; of area lamps
     the mean over their face, straight ahead. matrix: (4, 4) float64, lamp to world.
     """
     if lamp.type in {"SUN", "AREA"}:
-        return LampNodes(_lit(lamp, matrix, np.array([[0.0, 0.0, -1.0]]))[0])
+        return LightNodes(_lit(lamp, matrix, np.array([[0.0, 0.0, -1.0]]))[0])
     colours = _lit(lamp, matrix, _grid(*_FEW))
     if np.ptp(colours, axis=0).max() <= _EVEN * colours.max():
-        return LampNodes(colours.mean(axis=0))
+        return LightNodes(colours.mean(axis=0))
     factors = _lit(lamp, matrix, _grid(_AZIMUTHS, _POLARS)).reshape(_AZIMUTHS, _POLARS, 3)
     factors[-1] = factors[0]
     azimuths, polars = np.linspace(0, 2 * np.pi, _AZIMUTHS), np.linspace(0, np.pi, _POLARS)
-    return LampNodes(
+    return LightNodes(
         profile=Profile(azimuths.astype(np.float32), polars.astype(np.float32), factors.astype(np.float32))
     )
 

@@ -12,7 +12,7 @@ from ....engine.errors import SceneError
 from ....engine.scene.color import luminance
 from ....engine.scene.profile import Profile, read_ies
 from ...compat import blackbody
-from ..materials.sockets import ComplexError, feeder
+from ..materials.sockets import ComplexError, feeding_socket
 
 #: What Cycles takes for an IES file that it cannot read (kernel/util/ies.h).
 _MISSING_IES = 100.0
@@ -21,7 +21,7 @@ _FALLOFF_POWERS = {"Quadratic": 0, "Linear": 1, "Constant": 2}
 
 
 @dataclass(frozen=True)
-class LampNodes:
+class LightNodes:
     """Factors of a lamp's power.
 
     colour   (3,) float64
@@ -33,20 +33,20 @@ class LampNodes:
     profile: Profile | None = None
     falloff: tuple[int, float] | None = None
 
-    def __mul__(self, other: LampNodes) -> LampNodes:
+    def __mul__(self, other: LightNodes) -> LightNodes:
         """Multiply; raises ComplexError for two profiles or two falloffs."""
         if (self.profile and other.profile) or (self.falloff and other.falloff):
             raise ComplexError
         profile, falloff = self.profile or other.profile, self.falloff or other.falloff
-        return LampNodes(self.colour * other.colour, profile, falloff)
+        return LightNodes(self.colour * other.colour, profile, falloff)
 
-    def grey(self) -> LampNodes:
+    def grey(self) -> LightNodes:
         """Return what a number input takes of a colour."""
         grey = np.full(3, luminance(self.colour)) if np.ptp(self.colour) else self.colour
-        return LampNodes(grey, self.profile, self.falloff)
+        return LightNodes(grey, self.profile, self.falloff)
 
 
-class LampReader:
+class LightNodeReader:
     """Reads the nodes of lamps where that is exact.
 
     notes  sentences for the user are appended here
@@ -56,25 +56,25 @@ class LampReader:
         self._notes = notes
         self._profiles: dict[str, Profile] = {}
 
-    def read(self, tree: bpy.types.NodeTree, name: str) -> LampNodes:
+    def read(self, tree: bpy.types.NodeTree, name: str) -> LightNodes:
         """Return what the nodes of a lamp do; raises ComplexError if only Blender knows."""
         output = tree.get_output_node("CYCLES")
-        shader = feeder(output.inputs["Surface"]) if output else None
+        shader = feeding_socket(output.inputs["Surface"]) if output else None
         if shader is None or not shader.is_output:
-            return LampNodes(np.zeros(3))
+            return LightNodes(np.zeros(3))
         if shader.node.bl_idname != "ShaderNodeEmission":
             raise ComplexError
         colour, strength = (shader.node.inputs[socket] for socket in ("Color", "Strength"))
         return self._value(colour, name) * self._value(strength, name).grey()
 
-    def _value(self, socket: bpy.types.NodeSocket, name: str) -> LampNodes:
+    def _value(self, socket: bpy.types.NodeSocket, name: str) -> LightNodes:
         """Return what an input holds, or what is linked to it."""
-        output = feeder(socket)
+        output = feeding_socket(socket)
         node = output.node
         if not output.is_output or node.bl_idname in {"ShaderNodeRGB", "ShaderNodeValue"}:
             return _constant(output)
         if node.bl_idname == "ShaderNodeBlackbody":
-            return LampNodes(_blackbody(node))
+            return LightNodes(_blackbody(node))
         if node.bl_idname == "ShaderNodeLightFalloff":
             return self._falloff(output, name)
         if node.bl_idname == "ShaderNodeTexIES":
@@ -84,25 +84,25 @@ class LampReader:
             return first * second
         raise ComplexError
 
-    def _falloff(self, output: bpy.types.NodeSocket, name: str) -> LampNodes:
+    def _falloff(self, output: bpy.types.NodeSocket, name: str) -> LightNodes:
         """Return a Light Falloff node's output, whose smoothing has to be a constant."""
         smooth = _constant_number(output.node.inputs["Smooth"])
-        falloff = LampNodes(falloff=(_FALLOFF_POWERS[output.identifier], max(smooth, 0.0)))
+        falloff = LightNodes(falloff=(_FALLOFF_POWERS[output.identifier], max(smooth, 0.0)))
         return self._value(output.node.inputs["Strength"], name).grey() * falloff
 
-    def _ies(self, node: bpy.types.Node, name: str) -> LampNodes:
+    def _ies(self, node: bpy.types.Node, name: str) -> LightNodes:
         """Return an IES Texture's factor along the lamp's own directions."""
-        if feeder(node.inputs["Vector"]).is_output:
+        if feeding_socket(node.inputs["Vector"]).is_output:
             raise ComplexError
         strength = self._value(node.inputs["Strength"], name).grey()
         try:
-            return strength * LampNodes(profile=self._profile(node))
+            return strength * LightNodes(profile=self._profile(node))
         except (SceneError, OSError) as error:
             self._notes.append(
                 f"The IES file of light '{name}' cannot be read ({error}): the strength {_MISSING_IES:g} is "
                 "baked, as in Cycles. Choose another file in its IES Texture node."
             )
-            return strength * LampNodes(np.full(3, _MISSING_IES))
+            return strength * LightNodes(np.full(3, _MISSING_IES))
 
     def _profile(self, node: bpy.types.Node) -> Profile:
         """Return the profile of an IES Texture, each text once; raises SceneError or OSError."""
@@ -118,25 +118,25 @@ class LampReader:
         return self._profiles[text]
 
 
-def own_constants(tree: bpy.types.NodeTree) -> LampNodes:
+def own_constants(tree: bpy.types.NodeTree) -> LightNodes:
     """Return the unlinked colour times strength of a lamp's Emission, white of any other shader."""
     output = tree.get_output_node("CYCLES")
-    node = feeder(output.inputs["Surface"]).node
+    node = feeding_socket(output.inputs["Surface"]).node
     if node.bl_idname != "ShaderNodeEmission":
-        return LampNodes()
+        return LightNodes()
     return _constant(node.inputs["Color"]) * _constant(node.inputs["Strength"])
 
 
-def _constant(socket: bpy.types.NodeSocket) -> LampNodes:
+def _constant(socket: bpy.types.NodeSocket) -> LightNodes:
     """Return the own value of a socket."""
     value = getattr(socket, "default_value", 0.0)
     colour = list(value)[:3] if hasattr(value, "__len__") else [value] * 3
-    return LampNodes(np.array(colour, np.float64))
+    return LightNodes(np.array(colour, np.float64))
 
 
 def _constant_number(socket: bpy.types.NodeSocket) -> float:
     """Return the value of a number input; raises ComplexError if a node computes it."""
-    output = feeder(socket)
+    output = feeding_socket(socket)
     if output.is_output and output.node.bl_idname != "ShaderNodeValue":
         raise ComplexError
     return float(output.default_value)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ....engine.object_message import naming
+from ....engine.object_message import object_message
 from ....engine.scene.model import Light
 from ....engine.scene.profile import Profile
 from ...compat import light_nodes, light_power, light_temperature
@@ -18,7 +18,7 @@ from ..objects.items import SceneItem, hidden_from
 from ..scene_watch import SceneWatch
 from ..slice_timer import Slices
 from .light_bake import bake_lamp
-from .light_node_reader import LampNodes, LampReader, own_constants
+from .light_node_reader import LightNodeReader, LightNodes, own_constants
 
 #: Axes along which a lamp of a type must not be scaled to 0 to shine, as in Cycles (measured in 5.0.1).
 _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}
@@ -27,14 +27,14 @@ _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}
 _SPREAD_OFF = np.pi / 2
 
 
-class Lamps:
+class SceneLights:
     """Collects the lamps of a scene; instances of a lamp are lamps of their own.
 
     notes  sentences about what could not be taken over are appended here
     """
 
     def __init__(self, notes: list[str]) -> None:
-        self._notes, self._reader = notes, LampReader(notes)
+        self._notes, self._reader = notes, LightNodeReader(notes)
         self._lights: list[tuple[Light, int, np.ndarray]] = []
         self._portals: list[str] = []
         self._linked: list[str] = []
@@ -67,15 +67,15 @@ class Lamps:
             yield len(lights) / len(self._lights)
         if self._portals:
             sentence = "Portals give no light of their own and are not used: {}."
-            self._notes.append(naming(sentence, self._portals))
+            self._notes.append(object_message(sentence, self._portals))
         if self._flat:
-            self._notes.append(naming("Lamps that are scaled to 0 light nothing: {}.", self._flat))
+            self._notes.append(object_message("Lamps that are scaled to 0 light nothing: {}.", self._flat))
         if self._linked:
             sentence = "Light linking is not baked; these light and shadow everything: {}."
-            self._notes.append(naming(sentence, self._linked))
+            self._notes.append(object_message(sentence, self._linked))
         return tuple(replace(light, position=light.position - origin) for light in lights)
 
-    def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LampNodes]:
+    def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LightNodes]:
         """Return what the nodes of a lamp do, read, evaluated by Cycles, or else guessed from constants."""
         watch.depsgraph()
         try:
@@ -88,15 +88,15 @@ class Lamps:
         finally:
             watch.accept()
 
-    def _read_nodes(self, lamp: bpy.types.Light, name: str) -> LampNodes:
+    def _read_nodes(self, lamp: bpy.types.Light, name: str) -> LightNodes:
         """Return what the nodes of a lamp do; raises ComplexError if only Cycles knows."""
         tree = light_nodes(lamp)
         if tree is None:
-            return LampNodes()
+            return LightNodes()
         nodes = self._reader.read(tree, name)
         return _along_axis(nodes) if lamp.type == "SUN" else nodes
 
-    def _bake_nodes(self, lamp: bpy.types.Light, name: str, matrix: np.ndarray) -> LampNodes:
+    def _bake_nodes(self, lamp: bpy.types.Light, name: str, matrix: np.ndarray) -> LightNodes:
         """Return what the nodes of a lamp do as Cycles evaluates them."""
         tree = light_nodes(lamp)
         try:
@@ -107,18 +107,20 @@ class Lamps:
                 f"Cycles could not evaluate the nodes of light {{}} ({reason}): the Emission's own "
                 "colour and strength are baked."
             )
-            self._notes.append(naming(sentence, [name]))
+            self._notes.append(object_message(sentence, [name]))
             return own_constants(tree)
         if lamp.type == "AREA":
-            self._notes.append(naming("The nodes of light {} are baked as their mean over its face.", [name]))
+            self._notes.append(
+                object_message("The nodes of light {} are baked as their mean over its face.", [name])
+            )
         elif any(node.bl_idname == "ShaderNodeLightFalloff" for node in tree.nodes):
             self._notes.append(
-                naming("The nodes of light {} are baked as they are 1 m away from it.", [name])
+                object_message("The nodes of light {} are baked as they are 1 m away from it.", [name])
             )
         return nodes
 
 
-def _with_nodes(light: Light, nodes: LampNodes) -> Light:
+def _with_nodes(light: Light, nodes: LightNodes) -> Light:
     """Return a lamp with its nodes."""
     power, smooth = nodes.falloff or (0, 0.0)
     strength, profile = _in_rec709(light.strength * nodes.colour, nodes.profile)
@@ -136,14 +138,14 @@ def _in_rec709(strength: np.ndarray, profile: Profile | None) -> tuple[np.ndarra
     return np.ones(3), replace(profile, factors=factors)
 
 
-def _along_axis(nodes: LampNodes) -> LampNodes:
+def _along_axis(nodes: LightNodes) -> LightNodes:
     """Return the nodes of a sun, which shines in one direction from far away."""
     if nodes.falloff is not None and nodes.falloff[0] > 0:
         raise ComplexError
     if nodes.profile is None:
-        return LampNodes(nodes.colour)
+        return LightNodes(nodes.colour)
     ahead = nodes.profile.factors[:, 0].mean(axis=0) if nodes.profile.polars[0] == 0 else np.zeros(3)
-    return LampNodes(nodes.colour * ahead)
+    return LightNodes(nodes.colour * ahead)
 
 
 def _is_linked(obj: bpy.types.Object) -> bool:

@@ -15,9 +15,9 @@ from ...compat import node_input, node_tree
 from ...working_space import to_rec709
 from ..materials.evaluation_digest import world_digest
 from ..materials.materials import ShaderReader
-from ..materials.pixels import PixelCache, UnreadError, is_plain, is_srgb
+from ..materials.pixels import PixelCache, PixelsNeededError, is_plain, is_srgb
 from ..materials.ray_kinds import BOUNCE
-from ..materials.sockets import ComplexError, feeder
+from ..materials.sockets import ComplexError, feeding_socket
 from ..materials.substitution import Substitution
 from ..scene_watch import SceneWatch
 from ..slice_timer import Slices, row_slices
@@ -40,7 +40,7 @@ def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices
         watch.depsgraph()
         try:
             environment = _read(watch.context.world, notes, cache)
-        except UnreadError as unread:
+        except PixelsNeededError as unread:
             yield from unread.reading
             continue
         except ComplexError:
@@ -61,10 +61,10 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
     if output is None:
         return np.zeros(3, np.float32)
     owner = f"World '{world.name}'"
-    shader = feeder(output.inputs["Surface"])
+    shader = feeding_socket(output.inputs["Surface"])
     reader = ShaderReader(owner, notes)
     if shader.is_output and shader.node.bl_idname == "ShaderNodeBackground":
-        colour = feeder(node_input(shader.node, "Color"))
+        colour = feeding_socket(node_input(shader.node, "Color"))
         if colour.is_output and colour.node.bl_idname == "ShaderNodeTexEnvironment":
             strength = reader.number(shader.node, "Strength").number
             return _environment(colour.node, owner, cache, max(strength, 0.0))
@@ -149,7 +149,7 @@ def _environment(node: bpy.types.Node, owner: str, cache: PixelCache, strength: 
 
 def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
     """Return the (3, 3) matrix that a Mapping node applies to directions, None for none."""
-    output = feeder(socket)
+    output = feeding_socket(socket)
     if not output.is_output:
         return None
     node = output.node
@@ -158,7 +158,7 @@ def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
     if node.bl_idname != "ShaderNodeMapping" or node.vector_type not in {"POINT", "VECTOR"}:
         raise ComplexError
     names = ("Location", "Rotation", "Scale")
-    if any(feeder(node.inputs[name]).is_output for name in names):
+    if any(feeding_socket(node.inputs[name]).is_output for name in names):
         raise ComplexError
     if node.vector_type == "POINT" and any(
         abs(value) > 1e-6 for value in node.inputs["Location"].default_value

@@ -11,7 +11,7 @@ from ....engine.scene.model import BackSide, Material
 from ....engine.scene.texture import Texture
 from ....engine.scene.transmission import CLEAR, Transmission, Transmittance, from_opacity
 from .sockets import ComplexError
-from .values import HOLE, Surface, Value
+from .values import HOLE, DiffuseSurface, MaterialValue
 
 #: Largest straight-through transmittance of a surface that also emits or reflects. The engine stores light
 #: of the part that stops rays, so that part cannot be 0. Chosen: light through a glow loses 1.6 %.
@@ -26,10 +26,10 @@ class Sides:
     shadow, shadow_back  for shadow rays to lights
     """
 
-    bounce: Surface
-    shadow: Surface | None = None
-    bounce_back: Surface | None = None
-    shadow_back: Surface | None = None
+    bounce: DiffuseSurface
+    shadow: DiffuseSurface | None = None
+    bounce_back: DiffuseSurface | None = None
+    shadow_back: DiffuseSurface | None = None
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -90,7 +90,7 @@ def textures_of(material: Material) -> list[Texture]:
     return [*(texture for texture in maps if texture is not None), *transmission_maps(material)]
 
 
-def _physical(surface: Surface) -> Surface:
+def _physical(surface: DiffuseSurface) -> DiffuseSurface:
     """Return a surface whose quantities are physical, divided by the part of the sheet that stops rays.
 
     Reflected, transmitted and passing light of a channel add up to 1 at most, before that division.
@@ -107,12 +107,12 @@ def _physical(surface: Surface) -> Surface:
     stopped = 1 - through.max()
     factor = 1 / stopped if stopped > 0 else 1.0
     return replace(
-        surface, through=through, reflect=Value(reflect.constant * room * factor, reflect.texture),
-        transmit=Value(transmit.constant * room * factor, transmit.texture), emit=emit * factor,
+        surface, through=through, reflect=MaterialValue(reflect.constant * room * factor, reflect.texture),
+        transmit=MaterialValue(transmit.constant * room * factor, transmit.texture), emit=emit * factor,
     )  # fmt: skip
 
 
-def _transmittance(surface: Surface) -> Transmittance:
+def _transmittance(surface: DiffuseSurface) -> Transmittance:
     """Return the straight-through transmittance: 1 - cover * (1 - through)."""
     through = np.clip(surface.through, 0.0, 1.0)
     opacity = float(np.clip(surface.cover.constant[0], 0.0, 1.0))
@@ -127,9 +127,9 @@ def _transmittance(surface: Surface) -> Transmittance:
     return Transmittance(np.ones(3, np.float32), -stopped, texture)
 
 
-def _not_negative(value: Value) -> Value:
-    return Value(np.maximum(value.constant, 0.0), value.texture)
+def _not_negative(value: MaterialValue) -> MaterialValue:
+    return MaterialValue(np.maximum(value.constant, 0.0), value.texture)
 
 
-def _array(value: Value) -> np.ndarray:
+def _array(value: MaterialValue) -> np.ndarray:
     return value.constant.astype(np.float32)

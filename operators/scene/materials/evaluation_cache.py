@@ -10,7 +10,7 @@ from .evaluated_passes import Pixels
 _BUDGET = 512 << 20
 
 
-class KeptEvaluations:
+class EvaluationCache:
     """Passes of materials by the digest of what was evaluated; those used longest ago are dropped first."""
 
     def __init__(self, budget: int = _BUDGET) -> None:
@@ -45,4 +45,4 @@ class KeptEvaluations:
 
 
 #: Those of this Blender, until another file is opened.
-kept_evaluations = KeptEvaluations()
+kept_evaluations = EvaluationCache()

@@ -17,7 +17,7 @@ from ...working_space import working_space
 from ..objects.meshes import read_array
 
 if TYPE_CHECKING:
-    from .shader_bake import Shape
+    from .shader_bake import EvaluatedMesh
 
 #: Properties of nodes that only say how they are drawn, or who they belong to.
 _IGNORED = frozenset({
@@ -48,7 +48,11 @@ class UnknownError(Exception):
 
 
 def evaluation_digest(
-    material: bpy.types.Material, shapes: Sequence[Shape], values: Iterable[object], size: int, glass: bool
+    material: bpy.types.Material,
+    shapes: Sequence[EvaluatedMesh],
+    values: Iterable[object],
+    size: int,
+    glass: bool,
 ) -> bytes | None:
     """Return a digest of a material as it looks on shapes, None if that may change without being seen.
 

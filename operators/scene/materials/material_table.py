@@ -32,13 +32,13 @@ from .materials import read_material
 from .mean_colors import mean_color
 from .normal_map_reflectance import surface_bumps
 from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
-from .pixels import PixelCache, UnreadError
+from .pixels import PixelCache, PixelsNeededError
 from .shader_bake import (
+    EvaluatedMesh,
     Move,
-    Shape,
+    add_lightmap_uv_map,
     bake_pass,
     copy_shape,
-    lay_lightmap_uvs,
     remove_shapes,
     texture_size,
 )
@@ -101,7 +101,7 @@ class MaterialTable:
     def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
         """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders).
 
-        Raises UnreadError if an image has to be read first.
+        Raises PixelsNeededError if an image has to be read first.
         """
         depends = self._depends(material)
         values = object_values(depends.sources, item)
@@ -131,7 +131,7 @@ class MaterialTable:
     def index_of_strands(self, material: bpy.types.Material | None, item: SceneItem) -> int:
         """Return the index into `Scene.materials` of the material of an item's hair, without textures.
 
-        Raises UnreadError if an image has to be read first.
+        Raises PixelsNeededError if an image has to be read first.
         """
         hidden = hidden_from(item)
         key = ("strands", None if material is None else material.session_uid, hidden)
@@ -272,11 +272,11 @@ class MaterialTable:
             material = find(bpy.data.materials, self._complex[index].uid)
             try:
                 return mean_color(material, self._notes, self._cache, self._glass)
-            except UnreadError as unread:
+            except PixelsNeededError as unread:
                 yield from unread.reading
 
     @contextmanager
-    def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[Shape]]]:
+    def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[EvaluatedMesh]]]:
         """Give a material, as it looks on what wears it, and copies of what does; remove all copies.
 
         That is those with lightmap UVs, if there are any, else all of them with some UVs.
@@ -286,7 +286,7 @@ class MaterialTable:
         material = find(bpy.data.materials, unevaluated.uid)
         frozen = FrozenMaterial(material, unevaluated.values) if unevaluated.values else None
         worn = material if frozen is None else frozen.material
-        shapes: list[Shape] = []
+        shapes: list[EvaluatedMesh] = []
         try:
             self._watch.evaluate(
                 lambda evaluation: self._copy_wearers(index, worn, evaluation, shapes), self._wearing(index)
@@ -294,7 +294,7 @@ class MaterialTable:
             mapped = [
                 shape
                 for shape in shapes
-                if lay_lightmap_uvs(shape.mesh, shape.uv_layer, self._moves.get(shape.source))
+                if add_lightmap_uv_map(shape.mesh, shape.uv_layer, self._moves.get(shape.source))
             ]
             if not mapped:
                 self._unmapped.add(index)
@@ -315,7 +315,7 @@ class MaterialTable:
         return find_all(bpy.data.objects, [source for source, _, _ in items])
 
     def _copy_wearers(
-        self, index: int, worn: bpy.types.Material, evaluation: Evaluation, shapes: list[Shape]
+        self, index: int, worn: bpy.types.Material, evaluation: Evaluation, shapes: list[EvaluatedMesh]
     ) -> None:
         """Append copies of all items that wear a material, with `worn` in its slots."""
         for item in evaluation.items(self._watch.visible):

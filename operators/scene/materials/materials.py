@@ -17,9 +17,9 @@ from .object_nodes import Dependence, Source, shown, source_of
 from .pixels import PixelCache
 from .ray_kinds import BOUNCE, RayKind, ray_value
 from .rec709_materials import in_rec709
-from .sockets import ComplexError, feeder
+from .sockets import ComplexError, feeding_socket
 from .textures import read_texture
-from .values import BLACK, HOLE, ZERO, Surface, Value, constant
+from .values import BLACK, HOLE, ZERO, DiffuseSurface, MaterialValue, constant
 
 #: What Cycles shows where there is no material.
 _DEFAULT_GREY = np.full(3, 0.8, np.float32)
@@ -54,9 +54,9 @@ class ShaderReader:
         self._owner, self._notes, self._cache, self._values = owner, notes, cache, values or {}
         self._rays, self.glass = rays, glass
 
-    def surface(self, socket: bpy.types.NodeSocket) -> Surface:
+    def surface(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
         """Return what the shader linked to a socket does; raises ComplexError if only Blender knows."""
-        output = feeder(socket)
+        output = feeding_socket(socket)
         if not output.is_output:
             return BLACK
         if output.node.bl_idname in DARK:
@@ -69,24 +69,24 @@ class ShaderReader:
         except ComplexError as error:
             raise ComplexError(error.node or output.node.name) from error
 
-    def colour(self, node: bpy.types.Node, *names: str) -> Value:
+    def colour(self, node: bpy.types.Node, *names: str) -> MaterialValue:
         """Return a colour input of a node, black if the node has none of that name."""
         socket = node_input(node, *names)
         return ZERO if socket is None else self._value(socket, 3)
 
-    def number(self, node: bpy.types.Node, *names: str) -> Value:
+    def number(self, node: bpy.types.Node, *names: str) -> MaterialValue:
         """Return a number input of a node as a grey, 0 if the node has none of that name."""
         socket = node_input(node, *names)
         return ZERO if socket is None else self._value(socket, 1)
 
-    def reflectance(self, node: bpy.types.Node, *names: str) -> Value:
+    def reflectance(self, node: bpy.types.Node, *names: str) -> MaterialValue:
         """Return a colour input of a node as what its surface reflects, with the bumps that it has."""
         colour = self.colour(node, *names)
         return colour if colour.is_zero else colour * bump_factor(node, self._cache, self._owner)
 
-    def alpha(self, socket: bpy.types.NodeSocket) -> tuple[Value, float | None]:
+    def alpha(self, socket: bpy.types.NodeSocket) -> tuple[MaterialValue, float | None]:
         """Return an input that may be cut at a threshold by a Math node, and the threshold."""
-        output = feeder(socket)
+        output = feeding_socket(socket)
         if output.is_output and output.node.bl_idname == "ShaderNodeMath":
             node = output.node
             if node.operation == "ROUND":
@@ -97,9 +97,9 @@ class ShaderReader:
                 return self._value(image, 1), self._value(limit, 1).number
         return self._value(socket, 1), None
 
-    def _value(self, socket: bpy.types.NodeSocket, channels: int) -> Value:
+    def _value(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
         """Return what an input holds, or what is linked to it."""
-        output = feeder(socket)
+        output = feeding_socket(socket)
         node = output.node
         if not output.is_output or node.bl_idname == _CONSTANT_NODES.get(output.type):
             return _fitting(_constant(output), output, channels)
@@ -112,7 +112,7 @@ class ShaderReader:
         if node.bl_idname == "ShaderNodeValToRGB":
             return self._ramp(output, channels)
         if node.bl_idname == "ShaderNodeTexImage" and self._cache is not None:
-            return Value(np.ones(3), read_texture(output, self._cache, self._owner, channels))
+            return MaterialValue(np.ones(3), read_texture(output, self._cache, self._owner, channels))
         if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"}:
             return self._product(node, channels)
         if node.bl_idname == "ShaderNodeMath" and node.operation in _MATH:
@@ -121,13 +121,13 @@ class ShaderReader:
             return constant(min(max(number, 0.0), 1.0) if node.use_clamp else number)
         raise ComplexError(node.name)
 
-    def _ramp(self, output: bpy.types.NodeSocket, channels: int) -> Value:
+    def _ramp(self, output: bpy.types.NodeSocket, channels: int) -> MaterialValue:
         """Return the colour, or alpha, of a Color Ramp at a constant factor."""
         colour = output.node.color_ramp.evaluate(self._value(output.node.inputs["Fac"], 1).number)
         value = constant(colour[3]) if output.name == "Alpha" else constant(*colour[:3])
         return _fitting(value, output, channels)
 
-    def _product(self, node: bpy.types.Node, channels: int) -> Value:
+    def _product(self, node: bpy.types.Node, channels: int) -> MaterialValue:
         """Return what a Mix node that multiplies colours at full strength makes."""
         mixes = node.bl_idname == "ShaderNodeMix"
         if node.blend_type != "MULTIPLY" or (mixes and node.data_type != "RGBA"):
@@ -138,13 +138,13 @@ class ShaderReader:
         return self._value(inputs[1], channels) * self._value(inputs[2], channels)
 
 
-def _constant(socket: bpy.types.NodeSocket) -> Value:
+def _constant(socket: bpy.types.NodeSocket) -> MaterialValue:
     """Return the own value of a socket."""
     value = getattr(socket, "default_value", 0.0)
     return constant(*list(value)[:3]) if hasattr(value, "__len__") else constant(value)
 
 
-def _fitting(value: Value, output: bpy.types.NodeSocket, channels: int) -> Value:
+def _fitting(value: MaterialValue, output: bpy.types.NodeSocket, channels: int) -> MaterialValue:
     """Return what a socket takes of a constant: a number the luminance of a colour, the mean of a vector."""
     if channels == 3 or output.type not in {"RGBA", "VECTOR"}:
         return value
@@ -152,12 +152,12 @@ def _fitting(value: Value, output: bpy.types.NodeSocket, channels: int) -> Value
     return constant(float(grey))
 
 
-def _fraction(value: Value) -> float:
+def _fraction(value: MaterialValue) -> float:
     """Return a constant limited to [0, 1]."""
     return min(max(value.number, 0.0), 1.0)
 
 
-def _principled(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+def _principled(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     """Diffuse, emissive and straight-through part of the Principled BSDF; see `closures` for the formulas."""
     dielectric = 1 - _fraction(reader.number(node, "Metallic"))
     weight = _fraction(reader.number(node, "Transmission Weight", "Transmission"))
@@ -167,7 +167,7 @@ def _principled(reader: ShaderReader, node: bpy.types.Node) -> Surface:
     strength = reader.number(node, "Emission Strength")
     cover, threshold = reader.alpha(node.inputs["Alpha"])
     passed = dielectric * weight if reader.glass else 0.0
-    return Surface(
+    return DiffuseSurface(
         reflect=albedo * (1 - forward),
         emit=ZERO if strength.is_zero else emission * strength,
         transmit=albedo * forward if forward else ZERO,
@@ -199,46 +199,46 @@ def _window(reader: ShaderReader, node: bpy.types.Node) -> float:
     return 1 - ((ior - 1) / (ior + 1)) ** 2
 
 
-def _plain(value: Value) -> np.ndarray:
+def _plain(value: MaterialValue) -> np.ndarray:
     """Return a constant colour, (3,) float64; raises ComplexError for a texture."""
     if value.texture is not None:
         raise ComplexError
     return value.constant
 
 
-def _diffuse(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    return Surface(reflect=reader.reflectance(node, "Color"))
+def _diffuse(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
+    return DiffuseSurface(reflect=reader.reflectance(node, "Color"))
 
 
-def _translucent(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    return Surface(transmit=reader.reflectance(node, "Color"))
+def _translucent(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
+    return DiffuseSurface(transmit=reader.reflectance(node, "Color"))
 
 
-def _emission(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+def _emission(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     """Emission and Background: colour times strength, no reflection."""
-    return Surface(emit=reader.colour(node, "Color") * reader.number(node, "Strength"))
+    return DiffuseSurface(emit=reader.colour(node, "Color") * reader.number(node, "Strength"))
 
 
-def _transparent(reader: ShaderReader, node: bpy.types.Node) -> Surface:
-    return Surface(through=_plain(reader.colour(node, "Color")))
+def _transparent(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
+    return DiffuseSurface(through=_plain(reader.colour(node, "Color")))
 
 
-def _refraction(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+def _refraction(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     return _transparent(reader, node) if reader.glass else BLACK
 
 
-def _glass(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+def _glass(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     if not reader.glass:
         return BLACK
-    return Surface(through=_plain(reader.colour(node, "Color")) * _window(reader, node))
+    return DiffuseSurface(through=_plain(reader.colour(node, "Color")) * _window(reader, node))
 
 
-def _add(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+def _add(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     first, second = (reader.surface(socket).solid() for socket in node.inputs[:2])
     return first + second
 
 
-def _mix(reader: ShaderReader, node: bpy.types.Node) -> Surface:
+def _mix(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     """Mix two shaders; one of them may be a hole, which the factor then cuts."""
     first, second = (reader.surface(socket) for socket in node.inputs[1:3])
     factor, threshold = reader.alpha(node.inputs[0])
@@ -295,7 +295,7 @@ def read_material(
         colour = np.array(material.diffuse_color, np.float32)[:3]
         return Material(material.name, np.clip(colour, 0, 1), np.zeros(3, np.float32))
 
-    def surface(rays: RayKind) -> Surface:
+    def surface(rays: RayKind) -> DiffuseSurface:
         reader = ShaderReader(f"Material '{material.name}'", notes, cache, values, rays, glass)
         return _output_surface(reader, tree)
 
@@ -310,11 +310,14 @@ def read_material(
     )
 
 
-def _output_surface(reader: ShaderReader, tree: bpy.types.NodeTree) -> Surface:
+def _output_surface(reader: ShaderReader, tree: bpy.types.NodeTree) -> DiffuseSurface:
     """Return the surface that a tree shows: black where nothing is linked, nothing where only a volume is."""
     output = tree.get_output_node("CYCLES")
     if output is None:
         return BLACK
-    if not feeder(output.inputs["Surface"]).is_output and feeder(output.inputs["Volume"]).is_output:
+    if (
+        not feeding_socket(output.inputs["Surface"]).is_output
+        and feeding_socket(output.inputs["Volume"]).is_output
+    ):
         return HOLE
     return reader.surface(output.inputs["Surface"])

@@ -14,8 +14,8 @@ from .engine_materials import Sides, to_material
 from .materials import ShaderReader
 from .pixels import PixelCache
 from .rec709_materials import in_rec709
-from .sockets import ComplexError, feeder
-from .values import Surface, Value, constant
+from .sockets import ComplexError, feeding_socket
+from .values import DiffuseSurface, MaterialValue, constant
 
 #: Reflectance of closures that cannot be read: that of an empty slot.
 _GREY = 0.8
@@ -24,23 +24,23 @@ _GREY = 0.8
 class _MeanReader(ShaderReader):
     """A reader that takes the mean of images, and the unlinked value of inputs that nodes compute."""
 
-    def surface(self, socket: bpy.types.NodeSocket) -> Surface:
+    def surface(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
         """Return what the shader linked to a socket does; grey if it is not known."""
         try:
             return super().surface(socket)
         except ComplexError:
-            return self._mean_surface(feeder(socket).node)
+            return self._mean_surface(feeding_socket(socket).node)
 
-    def _mean_surface(self, node: bpy.types.Node) -> Surface:
+    def _mean_surface(self, node: bpy.types.Node) -> DiffuseSurface:
         """Return the mean of the shaders that a node mixes or adds, grey of any other node."""
         inputs = {MIX: node.inputs[1:3], ADD: node.inputs[:2]}.get(node.bl_idname)
         if inputs is None:
-            return Surface(reflect=constant(_GREY))
+            return DiffuseSurface(reflect=constant(_GREY))
         first, second = (self.surface(socket).solid() for socket in inputs)
         part = 0.5 if node.bl_idname == MIX else 1.0
         return first.scaled(part) + second.scaled(part)
 
-    def _value(self, socket: bpy.types.NodeSocket, channels: int) -> Value:
+    def _value(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
         try:
             value = super()._value(socket, channels)
         except ComplexError:
@@ -51,14 +51,14 @@ class _MeanReader(ShaderReader):
         pixels = value.texture.pixels
         linear = srgb_to_linear(pixels) if value.texture.srgb else pixels
         mean = linear.mean(axis=(0, 1), dtype=np.float64)
-        return Value(value.constant * (from_rec709(mean) if len(mean) == 3 else mean))
+        return MaterialValue(value.constant * (from_rec709(mean) if len(mean) == 3 else mean))
 
 
 @in_rec709
 def mean_color(material: bpy.types.Material, notes: list[str], cache: PixelCache, glass: bool) -> Material:
     """Return a material without textures, as near to it as constants and means of images are.
 
-    Raises UnreadError if an image has to be read first.
+    Raises PixelsNeededError if an image has to be read first.
     """
     reader = _MeanReader(f"Material '{material.name}'", notes, cache, glass=glass)
     output = node_tree(material).get_output_node("CYCLES")

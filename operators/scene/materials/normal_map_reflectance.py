@@ -7,24 +7,24 @@ import bpy
 from ....engine.scene.bump_reflectance import reflected_by_bumps
 from .normal_map_tilts import heights_of
 from .pixels import PixelCache, is_plain
-from .sockets import feeder
+from .sockets import feeding_socket
 
 
 def bump_factor(shader: bpy.types.Node, cache: PixelCache | None, owner: str) -> float:
     """Return the mean of `reflected_by_bumps` over the normal map of a shader; 1 where it has none.
 
     That is a Normal Map node in tangent space with an image as it is; of other bumps nothing is known here.
-    Raises UnreadError if the image has to be read first.
+    Raises PixelsNeededError if the image has to be read first.
 
     owner  how messages name who uses the image
     """
-    normal = feeder(shader.inputs["Normal"]) if "Normal" in shader.inputs else None
+    normal = feeding_socket(shader.inputs["Normal"]) if "Normal" in shader.inputs else None
     if cache is None or normal is None or not normal.is_output:
         return 1.0
     node = normal.node
     if node.bl_idname != "ShaderNodeNormalMap" or node.space != "TANGENT":
         return 1.0
-    colour, strength = feeder(node.inputs["Color"]), feeder(node.inputs["Strength"])
+    colour, strength = feeding_socket(node.inputs["Color"]), feeding_socket(node.inputs["Strength"])
     if not colour.is_output or colour.node.bl_idname != "ShaderNodeTexImage" or strength.is_output:
         return 1.0
     image = colour.node.image
@@ -38,10 +38,10 @@ def bump_factor(shader: bpy.types.Node, cache: PixelCache | None, owner: str) ->
 def surface_bumps(material: bpy.types.Material, cache: PixelCache) -> float:
     """Return `bump_factor` of the shader that a material's output shows; 1 if it mixes several.
 
-    Raises UnreadError if an image has to be read first.
+    Raises PixelsNeededError if an image has to be read first.
     """
     output = material.node_tree.get_output_node("CYCLES")
-    shader = None if output is None else feeder(output.inputs["Surface"])
+    shader = None if output is None else feeding_socket(output.inputs["Surface"])
     if shader is None or not shader.is_output:
         return 1.0
     return bump_factor(shader.node, cache, f"Material '{material.name}'")

@@ -24,7 +24,7 @@ MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
 _LARGE = 1 << 22
 
 
-class UnreadError(Exception):
+class PixelsNeededError(Exception):
     """Pixels are asked for that have not been read yet.
 
     reading  reads them, so that asking again gets them
@@ -52,7 +52,7 @@ class PixelCache:
 
         Grey is the luminance, linear. "colour * alpha" and "grey * alpha" are what Cycles shows where Alpha
         is not linked, see `alpha_modes`. Everyone who asks for a part of an image gets the same array. Raises
-        UnreadError if it has to be read first.
+        PixelsNeededError if it has to be read first.
         """
         if image is None:
             return _part(self.read(image, owner), part, False, AlphaMeaning(False, False), False)
@@ -60,33 +60,33 @@ class PixelCache:
         if key not in self._parts:
             meaning = AlphaMeaning.of(image)
             reading = self._read_part(key, owner, is_srgb(image), meaning, _is_scene_linear(image))
-            raise UnreadError(reading)
+            raise PixelsNeededError(reading)
         return self._parts[key]
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
         """Return (h, w, 4) float32, colour (see `is_srgb`, `AlphaMeaning`) and alpha, row 0 at v = 0.
 
         An image without pixels is magenta, as in Cycles, which is said in the notes; owner names who uses it.
-        Raises UnreadError if it has to be read first.
+        Raises PixelsNeededError if it has to be read first.
         """
         if image is None:
             self._note(f"{owner} has an image texture without an image: magenta is baked, as in Cycles.")
             return MISSING
         if image.session_uid not in self._images:
-            raise UnreadError(self._read(image.session_uid, owner))
+            raise PixelsNeededError(self._read(image.session_uid, owner))
         return self._images[image.session_uid]
 
     def read_tilts(self, image: bpy.types.Image, owner: str) -> np.ndarray:
         """Return how far an image tilts normals, (CLASSES,) int64, see `count_tilts`.
 
-        owner names who uses it. Raises UnreadError if it has to be read first.
+        owner names who uses it. Raises PixelsNeededError if it has to be read first.
         """
         uid = image.session_uid
         if uid not in self._tilts:
             state = image_state(image)
             counts = kept_tilts.get(state)
             if counts is None:
-                raise UnreadError(self._read_tilts(uid, state, owner, is_srgb(image)))
+                raise PixelsNeededError(self._read_tilts(uid, state, owner, is_srgb(image)))
             self._tilts[uid] = counts
         return self._tilts[uid]
 

@@ -32,7 +32,7 @@ Move = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Shape:
+class EvaluatedMesh:
     """A mesh that shows materials to be evaluated; the mesh is a copy that is removed afterwards.
 
     source    session uid of the object
@@ -54,17 +54,19 @@ def copy_shape(
     matrix: np.ndarray,
     depsgraph: bpy.types.Depsgraph,
     slots: Sequence[bpy.types.Material | None],
-) -> Shape:
+) -> EvaluatedMesh:
     """Copy an evaluated object with all its layers.
 
     uv_layer  the one with its lightmap UVs
     matrix    (4, 4) float64, where it or its instance is
     """
     mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
-    return Shape(evaluated.original.session_uid, uv_layer, mesh, tuple(slots), Matrix(matrix.tolist()))
+    return EvaluatedMesh(
+        evaluated.original.session_uid, uv_layer, mesh, tuple(slots), Matrix(matrix.tolist())
+    )
 
 
-def lay_lightmap_uvs(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:
+def add_lightmap_uv_map(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:
     """Give a copy of a mesh the UV map LIGHTMAP_UVS, from a layer; return whether it has that layer.
 
     move  from UVs of the layer to those of the map; None keeps them
@@ -83,7 +85,7 @@ def lay_lightmap_uvs(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> 
     return True
 
 
-def remove_shapes(shapes: Sequence[Shape]) -> None:
+def remove_shapes(shapes: Sequence[EvaluatedMesh]) -> None:
     """Remove the copies."""
     for shape in shapes:
         bpy.data.meshes.remove(shape.mesh)
@@ -99,7 +101,11 @@ def texture_size(resolution: int, variants: int) -> int:
 
 
 def bake_pass(
-    evaluation: Pass, material: bpy.types.Material, shapes: Sequence[Shape], size: int, glass: bool = True
+    evaluation: Pass,
+    material: bpy.types.Material,
+    shapes: Sequence[EvaluatedMesh],
+    size: int,
+    glass: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a quantity of a material over the UV map LIGHTMAP_UVS of shapes, and the texels that have it.
 
@@ -151,7 +157,7 @@ class _Stage:
 
 @contextmanager
 def _stage(
-    shapes: Sequence[Shape], material: bpy.types.Material, substitution: Substitution
+    shapes: Sequence[EvaluatedMesh], material: bpy.types.Material, substitution: Substitution
 ) -> Iterator[_Stage]:
     """Set the stage for a material that emits a quantity, and remove all of it in the end."""
     scene = bpy.data.scenes.new("hemibake")
@@ -183,7 +189,7 @@ def _stage(
 
 def _dress(
     obj: bpy.types.Object,
-    shape: Shape,
+    shape: EvaluatedMesh,
     material: bpy.types.Material,
     worn: bpy.types.Material,
     blank: bpy.types.Material,

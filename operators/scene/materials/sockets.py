@@ -16,7 +16,7 @@ class ComplexError(Exception):
         self.node = node
 
 
-def feeder(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def feeding_socket(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Return the output that feeds an input, through reroutes and muted nodes.
 
     Where nothing feeds it, return the input whose own value counts: a muted node passes the input that

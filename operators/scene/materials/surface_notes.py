@@ -7,7 +7,7 @@ import bpy
 from ....engine.object_message import counted, listing
 from ...compat import node_tree
 from .closures import is_glass, is_unknown
-from .sockets import feeder
+from .sockets import feeding_socket
 from .tree_nodes import used_nodes
 
 
@@ -29,7 +29,7 @@ class SurfaceNotes:
         output = None if tree is None else tree.get_output_node("CYCLES")
         if output is None:
             return
-        if feeder(output.inputs["Volume"]).is_output:
+        if feeding_socket(output.inputs["Volume"]).is_output:
             self._volumes.add(material.name)
         for node in used_nodes(tree):
             if is_glass(node):

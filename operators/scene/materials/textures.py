@@ -7,7 +7,7 @@ import numpy as np
 
 from ....engine.scene.texture import Texture
 from .pixels import PixelCache, is_plain, is_srgb
-from .sockets import ComplexError, feeder
+from .sockets import ComplexError, feeding_socket
 
 _EXTENSIONS = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "mirror"}
 
@@ -40,7 +40,7 @@ def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, ch
 
 def _mapping(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray]:
     """Return the UV map ("" for the one that renders use) and the (2, 3) transform of a vector input."""
-    output = feeder(socket)
+    output = feeding_socket(socket)
     if not output.is_output:
         return "", np.eye(2, 3)
     node = output.node
@@ -57,7 +57,7 @@ def _mapping(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray]:
 def _node_matrix(node: bpy.types.Node) -> np.ndarray:
     """Return the (2, 3) transform of a Mapping node that turns about z, else raise ComplexError."""
     names = ("Location", "Rotation", "Scale")
-    if any(feeder(node.inputs[name]).is_output for name in names):
+    if any(feeding_socket(node.inputs[name]).is_output for name in names):
         raise ComplexError
     location, turn, scale = (np.array(node.inputs[name].default_value, np.float64) for name in names)
     if abs(turn[0]) > 1e-6 or abs(turn[1]) > 1e-6:

@@ -11,21 +11,21 @@ from .sockets import ComplexError
 
 
 @dataclass(frozen=True)
-class Value:
+class MaterialValue:
     """A constant, (3,) float64, times a texture where there is one."""
 
     constant: np.ndarray
     texture: Texture | None = None
 
-    def __mul__(self, other: Value | float) -> Value:
+    def __mul__(self, other: MaterialValue | float) -> MaterialValue:
         """Multiply; raises ComplexError for two textures."""
-        if not isinstance(other, Value):
-            return Value(self.constant * other, self.texture)
+        if not isinstance(other, MaterialValue):
+            return MaterialValue(self.constant * other, self.texture)
         if self.texture is not None and other.texture is not None:
             raise ComplexError
-        return Value(self.constant * other.constant, self.texture or other.texture)
+        return MaterialValue(self.constant * other.constant, self.texture or other.texture)
 
-    def __add__(self, other: Value) -> Value:
+    def __add__(self, other: MaterialValue) -> MaterialValue:
         """Add; raises ComplexError if a texture takes part and nothing is zero."""
         if self.is_zero:
             return other
@@ -33,7 +33,7 @@ class Value:
             return self
         if self.texture is not None or other.texture is not None:
             raise ComplexError
-        return Value(self.constant + other.constant)
+        return MaterialValue(self.constant + other.constant)
 
     @property
     def is_zero(self) -> bool:
@@ -48,13 +48,13 @@ class Value:
         return float(self.constant[0])
 
 
-def constant(*values: float) -> Value:
+def constant(*values: float) -> MaterialValue:
     """Return a constant of one or three channels."""
-    return Value(np.broadcast_to(np.array(values, np.float64), (3,)).copy())
+    return MaterialValue(np.broadcast_to(np.array(values, np.float64), (3,)).copy())
 
 
 @dataclass(frozen=True)
-class Surface:
+class DiffuseSurface:
     """A sheet that covers a part of the surface; light passes straight through the rest.
 
     reflect    diffuse reflectance of the sheet
@@ -65,11 +65,11 @@ class Surface:
     threshold  cover at or above it is 1, below it 0; None leaves it as it is
     """
 
-    reflect: Value = field(default_factory=lambda: ZERO)
-    emit: Value = field(default_factory=lambda: ZERO)
-    transmit: Value = field(default_factory=lambda: ZERO)
+    reflect: MaterialValue = field(default_factory=lambda: ZERO)
+    emit: MaterialValue = field(default_factory=lambda: ZERO)
+    transmit: MaterialValue = field(default_factory=lambda: ZERO)
     through: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    cover: Value = field(default_factory=lambda: ONE)
+    cover: MaterialValue = field(default_factory=lambda: ONE)
     threshold: float | None = None
 
     @property
@@ -79,13 +79,13 @@ class Surface:
         dark = self.reflect.is_zero and self.emit.is_zero and self.transmit.is_zero
         return self.cover.is_zero or (clear and dark)
 
-    def scaled(self, factor: float) -> Surface:
+    def scaled(self, factor: float) -> DiffuseSurface:
         """Return a surface of which only a fraction is there; the rest is black."""
-        return Surface(
+        return DiffuseSurface(
             self.reflect * factor, self.emit * factor, self.transmit * factor, self.through * factor
         )
 
-    def solid(self) -> Surface:
+    def solid(self) -> DiffuseSurface:
         """Return the same surface with a cover of 1; raises ComplexError if the cover has a texture."""
         cover = min(max(self.cover.number, 0.0), 1.0)
         if self.threshold is not None:
@@ -93,9 +93,9 @@ class Surface:
         covered = self.scaled(cover)
         return replace(covered, through=covered.through + (1 - cover))
 
-    def __add__(self, other: Surface) -> Surface:
+    def __add__(self, other: DiffuseSurface) -> DiffuseSurface:
         """Add two solid surfaces; raises ComplexError for sums of textures."""
-        return Surface(
+        return DiffuseSurface(
             self.reflect + other.reflect,
             self.emit + other.emit,
             self.transmit + other.transmit,
@@ -104,5 +104,5 @@ class Surface:
 
 
 ZERO, ONE = constant(0.0), constant(1.0)
-BLACK = Surface()
-HOLE = Surface(cover=ZERO)
+BLACK = DiffuseSurface()
+HOLE = DiffuseSurface(cover=ZERO)

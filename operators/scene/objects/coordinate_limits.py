@@ -10,7 +10,7 @@ from ....engine.scene.checks import LARGEST
 from ..messages import NOT_FINITE, TOO_FAR
 
 
-def trouble_with(points: np.ndarray, middle: np.ndarray | None = None) -> str | None:
+def coordinate_issue(points: np.ndarray, middle: np.ndarray | None = None) -> str | None:
     """Return what is wrong with points, (n, 3) world space, seen from `middle`, else from their own."""
     if not np.isfinite(points).all():
         return NOT_FINITE

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import bpy
 
 from ...lookup import find
-from ...rollback import Changes
+from ...rollback import Rollback
 
 #: By type of modifier: its setting for the viewport, and that for renders.
 _LEVELS = {
@@ -23,7 +23,7 @@ def level_settings(modifier: bpy.types.Modifier) -> tuple[str, str] | None:
     return _LEVELS.get(modifier.type)
 
 
-def show_as_rendered(obj: bpy.types.Object, changes: Changes) -> None:
+def show_as_rendered(obj: bpy.types.Object, changes: Rollback) -> None:
     """Let the viewport use the settings that renders use of an object's modifiers."""
     for modifier, shown, rendered in list(_differences(obj)):
         before = getattr(modifier, shown)

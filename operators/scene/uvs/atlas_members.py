@@ -6,17 +6,17 @@ from collections.abc import Generator, Sequence
 
 import bpy
 
-from ....engine.object_message import naming
+from ....engine.object_message import object_message
 from ...object_properties import set_property
-from ...rollback import Changes
+from ...rollback import Rollback
 from ..scene_context import SceneContext
 from .known_charts import is_made
 from .lightmap_layer import lightmap_layer
 from .multi_user import multi_user_sources
 from .object_lookup import ObjectLookup
-from .packed_page import Page
+from .packed_page import PackedPage
 from .uv_modifier import has_uvs, uv_modifier, uv_source
-from .uv_targets import Target, Users
+from .uv_targets import UnwrapMesh, Users
 
 
 class AtlasMembers:
@@ -31,7 +31,7 @@ class AtlasMembers:
         self._context, self._objects = context, objects
         self._uv_layer, self._movable = uv_layer, movable
 
-    def users_to_move(self, fresh: Sequence[Target]) -> Generator[None, None, list[Users]]:
+    def users_to_move(self, fresh: Sequence[UnwrapMesh]) -> Generator[None, None, list[Users]]:
         """Return the users of meshes that are packed again with new ones of their atlas.
 
         Of an atlas all are, or none: those with tiles do not count. Raises MeshChangedError.
@@ -54,7 +54,7 @@ class AtlasMembers:
                 users += found
         return users
 
-    def leave_to_them(self, pages: Sequence[Page], changes: Changes) -> list[str]:
+    def leave_to_them(self, pages: Sequence[PackedPage], changes: Rollback) -> list[str]:
         """Give a page a new atlas where others, or an earlier page, have its atlas; return notes on it."""
         taken = {obj.hemibake.atlas for obj in bpy.data.objects}
         full = {obj.hemibake.atlas for obj in self._without({uid for page in pages for uid in page.uids})}
@@ -69,7 +69,7 @@ class AtlasMembers:
                 for obj in objects:
                     set_property(obj, "atlas", fresh, changes)
                 sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
-                notes.append(naming(sentence, [obj.name for obj in objects]))
+                notes.append(object_message(sentence, [obj.name for obj in objects]))
             elif page.atlas is not None:
                 full.add(page.atlas)
         return notes

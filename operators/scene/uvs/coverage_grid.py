@@ -19,7 +19,7 @@ _ALLOWED_FRACTION = 0.005
 
 
 @dataclass(frozen=True)
-class Footprint:
+class CoverageGrid:
     """The cells of a grid over an atlas whose centres an object's charts cover.
 
     row, column  of the first cell
@@ -54,7 +54,7 @@ class Footprint:
         return int((taken[self.window] & self.covered).sum()) > allowed
 
 
-def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Footprint]:
+def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, CoverageGrid]:
     """Return the cells under triangles, (t, 3, 2) within 0-1; yields after every few milliseconds of work."""
     corners = np.clip(uvs.astype(np.float64), 0, 1) * grid
     columns = [corners[..., axis] for axis in range(2)]
@@ -63,10 +63,10 @@ def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Footprin
     width, height = (high - low).astype(int)
     yield
     count = yield from count_covers(corners - low, width, height)
-    return Footprint(int(low[1]), int(low[0]), count > 0, int((count > 1).sum()))
+    return CoverageGrid(int(low[1]), int(low[0]), count > 0, int((count > 1).sum()))
 
 
-def crowded(footprints: Sequence[Footprint], grid: int) -> Generator[None, None, list[bool]]:
+def find_overlapping(footprints: Sequence[CoverageGrid], grid: int) -> Generator[None, None, list[bool]]:
     """Return of each object whether its charts lie on those of others; yields after each of them."""
     count = np.zeros((grid, grid), np.int32)
     for footprint in footprints:

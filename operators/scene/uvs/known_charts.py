@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ....engine.unwrap.adjacency import components
-from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh, areas, signed_areas
+from ....engine.unwrap.polygon_mesh import MeshCharts, PolygonMesh, areas, signed_areas
 from ..objects.meshes import read_uvs
 from .uv_digest import digest_of
 from .uv_faults import is_finite
@@ -26,7 +26,7 @@ def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
     return all(obj.hemibake.made_uvs == digest for obj in objects)
 
 
-def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> Charts | None:
+def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> MeshCharts | None:
     """Return the charts that a UV layer, (l, 2) float32, has; None if it has none that can be packed.
 
     Neighbours that have a UV of a common vertex in common are of one chart. Each gets the size of its
@@ -53,4 +53,4 @@ def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> Charts | None:
     if ((flat <= 0) & (space > 0)).any():
         return None
     scale = np.sqrt(space / np.where(flat > 0, flat, np.inf))
-    return Charts(uvs * scale[chart][of_loop][:, None], np.where(space[of_triangle] > 0, of_triangle, -1))
+    return MeshCharts(uvs * scale[chart][of_loop][:, None], np.where(space[of_triangle] > 0, of_triangle, -1))

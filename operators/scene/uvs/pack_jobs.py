@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ....engine.unwrap.unwrapping import Square
+from ....engine.unwrap.unwrapping import PackJob
 from ..units import texels_per_unit
 from .multi_user import instanced_objects, multi_user_sources
 from .object_lookup import ObjectLookup
-from .uv_targets import Target
+from .uv_targets import UnwrapMesh
 
 #: Least width that the tile of a mesh is packed for, texels.
 _LEAST_TILE = 64
@@ -23,13 +23,13 @@ def mip_width(properties: bpy.types.PropertyGroup) -> int:
 
 
 def squares_of(
-    targets: Sequence[Target],
+    targets: Sequence[UnwrapMesh],
     objects: ObjectLookup,
     uv_layer: str,
     resolution: int,
     properties: bpy.types.PropertyGroup,
     one_page: bool,
-) -> tuple[list[Square], list[str | None]]:
+) -> tuple[list[PackJob], list[str | None]]:
     """Return the squares whose meshes have to lie side by side, and the atlas of each, None for a tile.
 
     targets     with their areas
@@ -38,7 +38,7 @@ def squares_of(
     one_page    True if no atlas is spread over several lightmaps, however dense
     """
     multi_user, instanced = multi_user_sources(uv_layer), instanced_objects()
-    squares: list[Square] = []
+    squares: list[PackJob] = []
     atlases: list[str | None] = []
     width = max(resolution // mip_width(properties), 1)
     padding, align = properties.padding, properties.align_charts
@@ -47,12 +47,12 @@ def squares_of(
         tiled = [index for index in members if _is_tiled(targets[index], objects, multi_user, instanced)]
         untiled = tuple(index for index in members if index not in tiled)
         if untiled:
-            squares.append(Square(untiled, width, padding, pages, density / mip_width(properties), align))
+            squares.append(PackJob(untiled, width, padding, pages, density / mip_width(properties), align))
             atlases.append(atlas)
         area = sum(targets[index].area for index in members)
         for index in tiled:
             tile = _tile_width(targets[index].area, area, width)
-            squares.append(Square((index,), tile, padding, align=align))
+            squares.append(PackJob((index,), tile, padding, align=align))
             atlases.append(None)
     return squares, atlases
 
@@ -64,7 +64,7 @@ def _pages_and_density(properties: bpy.types.PropertyGroup) -> tuple[int, float]
     return properties.lightmap_count, 0.0
 
 
-def _by_atlas(targets: Sequence[Target]) -> dict[str, list[int]]:
+def _by_atlas(targets: Sequence[UnwrapMesh]) -> dict[str, list[int]]:
     """Return which targets, by number, belong to each atlas."""
     groups: dict[str, list[int]] = {}
     for index, target in enumerate(targets):
@@ -72,7 +72,7 @@ def _by_atlas(targets: Sequence[Target]) -> dict[str, list[int]]:
     return groups
 
 
-def _is_tiled(target: Target, objects: ObjectLookup, multi_user: set[int], instanced: set[int]) -> bool:
+def _is_tiled(target: UnwrapMesh, objects: ObjectLookup, multi_user: set[int], instanced: set[int]) -> bool:
     """Return whether several objects, or instances, may show a mesh, which gets a square to itself."""
     first = objects[target.uids[0]]
     if target.topology is None:

@@ -7,23 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...object_properties import set_property
-from ...rollback import Changes
+from ...rollback import Rollback
 from .object_lookup import ObjectLookup
 from .uv_digest import digest_of
 from .uv_layers import replace_layer
 from .uv_modifier import add_uv_modifier
-from .uv_targets import Target
+from .uv_targets import UnwrapMesh
 
 
 @dataclass(frozen=True)
-class Page:
+class PackedPage:
     """Meshes whose charts lie side by side.
 
     uvs    of each mesh, (l, 2) float32, at the corners of its polygons
     atlas  None for the tile of a mesh that several objects show
     """
 
-    targets: list[Target]
+    targets: list[UnwrapMesh]
     uvs: list[np.ndarray]
     atlas: str | None
 
@@ -38,7 +38,7 @@ class Page:
         pairs = zip(self.targets, self.uvs, strict=True)
         return {target.mesh.name: digest_of(uvs) for target, uvs in pairs}
 
-    def store(self, objects: ObjectLookup, changes: Changes) -> None:
+    def store(self, objects: ObjectLookup, changes: Rollback) -> None:
         """Store the UVs: in layers of the objects' own meshes, or by modifiers."""
         for target, uvs in zip(self.targets, self.uvs, strict=True):
             users = objects.of(target.uids)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import bpy
 
-from ...rollback import Changes
+from ...rollback import Rollback
 from ..scene_context import SceneContext
-from .packed_page import Page
-from .uv_targets import Target
+from .packed_page import PackedPage
+from .uv_targets import UnwrapMesh
 
 
 class PackingRecord:
@@ -22,7 +22,7 @@ class PackingRecord:
     def __init__(self, context: SceneContext, resolution: int) -> None:
         self._context, self._resolution = context, resolution
 
-    def is_current(self, targets: Sequence[Target], digests: dict[str, str]) -> bool:
+    def is_current(self, targets: Sequence[UnwrapMesh], digests: dict[str, str]) -> bool:
         """Return whether the atlas of targets, with their areas, still is as it was packed last.
 
         digests: of the UVs that they have, by the mesh's name
@@ -31,7 +31,7 @@ class PackingRecord:
         known = all(target.mesh.name in digests for target in targets)
         return entry is not None and known and entry.packing == self._digest(targets, digests)
 
-    def keep(self, pages: Sequence[Page], changes: Changes) -> None:
+    def keep(self, pages: Sequence[PackedPage], changes: Rollback) -> None:
         """Keep with the atlas of each page how it has been packed now."""
         for page in pages:
             entry = self._entry(page.atlas)
@@ -49,7 +49,7 @@ class PackingRecord:
         if entry is not None:
             entry.packing = packing
 
-    def _digest(self, targets: Sequence[Target], digests: dict[str, str]) -> str:
+    def _digest(self, targets: Sequence[UnwrapMesh], digests: dict[str, str]) -> str:
         """Return a text that tells how charts are packed, for which surfaces, and to which sizes."""
         properties = self._context.scene.hemibake
         parts = [str(self._resolution), str(properties.padding), str(properties.mip_level)]

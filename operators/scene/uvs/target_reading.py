@@ -16,8 +16,8 @@ from ..slice_timer import row_slices
 from .known_charts import known_charts
 from .object_lookup import ObjectLookup
 from .uv_digest import digest_of
-from .uv_targets import Leave, Target, Users, own_target
-from .wall_cuts import loops_along_walls, walls_of
+from .uv_targets import Leave, UnwrapMesh, Users, own_target
+from .wall_cuts import find_wall_edges, walls_of
 
 #: Longest time that areas are measured before a window has its turn, s.
 _SLICE = 0.015
@@ -37,7 +37,7 @@ class TargetReader:
         self._context, self._objects, self._leave = context, objects, leave
         self.digests: dict[str, str] = {}
 
-    def read(self, users: Sequence[Users], keeps_charts: bool) -> Generator[None, None, list[Target]]:
+    def read(self, users: Sequence[Users], keeps_charts: bool) -> Generator[None, None, list[UnwrapMesh]]:
         """Read meshes, with the charts that they have if these are kept; raises MeshChangedError."""
         targets = []
         for mesh in users:
@@ -52,7 +52,7 @@ class TargetReader:
                 targets.append(target)
         return targets
 
-    def _with_charts(self, obj: bpy.types.Object, target: Target) -> Target:
+    def _with_charts(self, obj: bpy.types.Object, target: UnwrapMesh) -> UnwrapMesh:
         """Return a target with the charts that its layer has."""
         uvs = read_uvs(obj.data.uv_layers[target.layer])
         self.digests[target.mesh.name] = digest_of(uvs)
@@ -62,10 +62,10 @@ class TargetReader:
         """Return an object's mesh, parted along walls that stand on its edges."""
         others = [other for other in visible_objects(self._context) if other != obj]
         walls = walls_of(others, self._context.evaluated_depsgraph_get())
-        return replace(mesh, parted=loops_along_walls(obj, mesh, walls))
+        return replace(mesh, parted=find_wall_edges(obj, mesh, walls))
 
 
-def with_areas(targets: Sequence[Target]) -> Generator[None, None, list[Target]]:
+def with_areas(targets: Sequence[UnwrapMesh]) -> Generator[None, None, list[UnwrapMesh]]:
     """Return targets with their areas, which are measured some triangles at a time."""
     measured, began = [], time.perf_counter()
     for target in targets:

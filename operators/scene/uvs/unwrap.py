@@ -9,39 +9,39 @@ from enum import Enum
 import bpy
 
 from ....engine.errors import SceneError
-from ....engine.object_message import naming
+from ....engine.object_message import object_message
 from ....engine.progress import Progress, finished
 from ....engine.unwrap.segmentation import has_xatlas
 from ...chart_settings import read_cutting
 from ...lookup import find_all
-from ...rollback import Changes
-from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_room
+from ...rollback import Rollback
+from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_space_message
 from ..objects.evaluation import Evaluation, evaluate
 from ..scene_context import SceneContext
 from .atlas_members import AtlasMembers
 from .object_lookup import MeshChangedError, ObjectLookup
 from .pack_jobs import mip_width, squares_of
-from .packed_page import Page
+from .packed_page import PackedPage
 from .packing_record import PackingRecord
 from .target_reading import TargetReader, with_areas
-from .unwrap_process import unwrap_apart
+from .unwrap_process import unwrap_in_process
 from .uv_modifier import drop_uv_modifier, fits, uv_modifier
 from .uv_node_group import NAME, remove_unused_uvs
-from .uv_targets import Target, evaluated_mesh, evaluated_targets, may_lack_uvs, users_of_meshes
+from .uv_targets import UnwrapMesh, evaluated_mesh, evaluated_targets, may_lack_uvs, users_of_meshes
 from .viewport_uvs import project_for_viewport
 
 #: Unwrappings of meshes that change meanwhile, before it is done in one piece.
 _ATTEMPTS = 3
 
 
-class Anew(Enum):
+class UvAction(Enum):
     """What is done with the lightmap UVs that objects have: nothing, packed again, or made anew."""
 
     NONE, PACKING, CHARTS = range(3)
 
 
 @dataclass
-class Made:
+class UnwrapSummary:
     """What unwrapping did.
 
     objects  those that have got lightmap UVs
@@ -61,10 +61,10 @@ def unwrap_missing(
     objects: Sequence[bpy.types.Object],
     uv_layer: str,
     resolution: int,
-    changes: Changes,
-    anew: Anew = Anew.NONE,
+    changes: Rollback,
+    anew: UvAction = UvAction.NONE,
     movable: Sequence[bpy.types.Object] = (),
-) -> Generator[Progress | None, None, Made]:
+) -> Generator[Progress | None, None, UnwrapSummary]:
     """Give lightmap UVs to each object with faces that has none, in slices; return what was done.
 
     Raises SceneError without a layer's name, or once the scene is gone. Datablocks are looked up again
@@ -103,13 +103,13 @@ class _Unwrapping:
         context: SceneContext,
         uv_layer: str,
         resolution: int,
-        changes: Changes,
-        anew: Anew,
+        changes: Rollback,
+        anew: UvAction,
         movable: frozenset[int],
     ) -> None:
         self._context, self._uv_layer, self._anew = context, uv_layer, anew
         self._resolution, self._changes = resolution, changes
-        self._made, self._troubles = Made(), Troubles()
+        self._made, self._troubles = UnwrapSummary(), Troubles()
         self._left: list[int] = []
         self._failed: set[str] = set()
         self._moving: set[int] = set()
@@ -118,46 +118,46 @@ class _Unwrapping:
         self._reader = TargetReader(context, self._objects, self._leave)
         self._packings = PackingRecord(context, resolution)
 
-    def unwrap(self, uids: Sequence[int]) -> Generator[Progress | None, None, Made]:
+    def unwrap(self, uids: Sequence[int]) -> Generator[Progress | None, None, UnwrapSummary]:
         """Make all UVs that are missing; warn where they cannot be as usual."""
         # Nothing of the scene is changed before a yield, or all is taken back.
-        trial = Changes()
+        trial = Rollback()
         objects = self._prepare(uids, trial)
-        users = users_of_meshes(objects, self._uv_layer, self._anew is not Anew.NONE)
-        trial.take_back()
-        own = yield from self._reader.read(users, self._anew is Anew.PACKING)
+        users = users_of_meshes(objects, self._uv_layer, self._anew is not UvAction.NONE)
+        trial.undo()
+        own = yield from self._reader.read(users, self._anew is UvAction.PACKING)
         moving = yield from self._members.users_to_move(own)
         self._moving = {uid for users in moving for uid in users.uids}
         own += yield from self._reader.read(moving, keeps_charts=True)
-        if self._anew is Anew.PACKING:
+        if self._anew is UvAction.PACKING:
             own = yield from with_areas(own)
             if self._packings.is_current(own, self._reader.digests):
                 return self._made
         pages = yield from self._pack(own)
 
         # What modifiers make is known only once the objects' own meshes have their layer.
-        trial = Changes()
+        trial = Rollback()
         objects = self._prepare(uids, trial)
         self._store(pages, trial)
         evaluated = self._evaluated_targets(objects, own)
         if evaluated:
-            trial.take_back()
+            trial.undo()
             stored = [target for page in pages for target in page.targets]
             pages = yield from self._pack([*_without(stored, evaluated), *evaluated])
-            trial = Changes()
+            trial = Rollback()
             self._prepare(uids, trial)
             self._store(pages, trial)
-        if self._anew is not Anew.NONE and self._left:
-            trial.take_back()
+        if self._anew is not UvAction.NONE and self._left:
+            trial.undo()
             raise SceneError(" ".join(self._troubles.tell()))
-        self._changes.add(trial.take_back)
+        self._changes.add(trial.undo)
         self._packings.keep(pages, self._changes)
         project_for_viewport(self._context, find_all(bpy.data.objects, uids), self._uv_layer, self._changes)
         self._made.notes += self._members.leave_to_them(pages, self._changes)
         self._finish(pages)
         return self._made
 
-    def _prepare(self, uids: Sequence[int], changes: Changes) -> list[bpy.types.Object]:
+    def _prepare(self, uids: Sequence[int], changes: Rollback) -> list[bpy.types.Object]:
         """Return the objects, edited meshes as they are, without modifiers whose UVs fit no longer."""
         remove_unused_uvs()
         self._context.view_layer.update()
@@ -174,7 +174,7 @@ class _Unwrapping:
         self, kept: Sequence[tuple[bpy.types.Object, bpy.types.Modifier]]
     ) -> list[bpy.types.Object]:
         """Return the objects whose UV modifier has to be made again."""
-        if self._anew is not Anew.NONE or not kept:
+        if self._anew is not UvAction.NONE or not kept:
             return [obj for obj, _ in kept]
         return evaluate(
             self._context,
@@ -182,7 +182,9 @@ class _Unwrapping:
             [obj for obj, _ in kept],
         )
 
-    def _evaluated_targets(self, objects: Sequence[bpy.types.Object], own: Sequence[Target]) -> list[Target]:
+    def _evaluated_targets(
+        self, objects: Sequence[bpy.types.Object], own: Sequence[UnwrapMesh]
+    ) -> list[UnwrapMesh]:
         """Return what modifiers make such that it needs UVs of its own."""
         made = {self._objects[uid].data.session_uid for target in own for uid in target.uids}
         rest = [
@@ -201,19 +203,19 @@ class _Unwrapping:
         self._left.append(obj.session_uid)
         self._troubles.add(trouble, obj.name)
 
-    def _pack(self, targets: Sequence[Target]) -> Generator[Progress | None, None, list[Page]]:
+    def _pack(self, targets: Sequence[UnwrapMesh]) -> Generator[Progress | None, None, list[PackedPage]]:
         """Lay the charts of each atlas, and of each mesh that several show, side by side."""
         if not targets:
             return []
         targets = yield from with_areas(targets)
         self._look_up(targets)
-        properties, one_page = self._context.scene.hemibake, self._anew is not Anew.NONE
+        properties, one_page = self._context.scene.hemibake, self._anew is not UvAction.NONE
         squares, atlases = squares_of(
             targets, self._objects, self._uv_layer, self._resolution, properties, one_page
         )
         coarsest = mip_width(properties)
         meshes, charts = zip(*((target.mesh, target.charts) for target in targets), strict=True)
-        unwrapped, failed = yield from unwrap_apart(meshes, charts, squares, read_cutting(properties))
+        unwrapped, failed = yield from unwrap_in_process(meshes, charts, squares, read_cutting(properties))
         self._failed.update(meshes[index].name for index in failed)
         yield Progress("Storing lightmap UVs", 1.0, 1.0)
         yield None
@@ -224,13 +226,13 @@ class _Unwrapping:
         for index, target in enumerate(cut):
             if index not in placed:
                 for obj in self._objects.of(target.uids):
-                    self._leave(obj, no_room(needed[index] * coarsest))
+                    self._leave(obj, no_space_message(needed[index] * coarsest))
         return [
-            Page([cut[index] for index in filled.meshes], list(filled.uvs), atlases[filled.square])
+            PackedPage([cut[index] for index in filled.meshes], list(filled.uvs), atlases[filled.square])
             for filled in unwrapped.squares
         ]
 
-    def _look_up(self, targets: Sequence[Target]) -> None:
+    def _look_up(self, targets: Sequence[UnwrapMesh]) -> None:
         """Find the objects of targets again; raise MeshChangedError if their meshes are others."""
         self._objects.look_up()
         for target in targets:
@@ -240,12 +242,12 @@ class _Unwrapping:
                 if len(objects[0].data.loops) != len(target.mesh.corners):
                     raise MeshChangedError
 
-    def _store(self, pages: Sequence[Page], changes: Changes) -> None:
+    def _store(self, pages: Sequence[PackedPage], changes: Rollback) -> None:
         """Store the UVs of all pages."""
         for page in pages:
             page.store(self._objects, changes)
 
-    def _finish(self, pages: Sequence[Page]) -> None:
+    def _finish(self, pages: Sequence[PackedPage]) -> None:
         """Say who has got UVs, and who has none."""
         targets = [target for page in pages for target in page.targets]
         uids = list(dict.fromkeys(uid for target in targets for uid in target.uids))
@@ -255,13 +257,13 @@ class _Unwrapping:
         if targets and not has_xatlas():
             self._made.notes.append(WITHOUT_XATLAS)
         if self._failed:
-            self._made.notes.append(naming(XATLAS_FAILED, sorted(self._failed)))
+            self._made.notes.append(object_message(XATLAS_FAILED, sorted(self._failed)))
         kept = sorted(self._objects[uid].name for target in targets if target.topology for uid in target.uids)
         if kept:
             sentence = (
                 f"Modifiers of {{}} copy or make faces: a last modifier '{NAME}' keeps lightmap UVs of these."
             )
-            self._made.notes.append(naming(sentence, kept))
+            self._made.notes.append(object_message(sentence, kept))
         self._made.notes += self._troubles.tell()
 
 
@@ -271,7 +273,7 @@ def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: E
         return mesh is not None and not fits(modifier, mesh)
 
 
-def _without(targets: Sequence[Target], replaced: Sequence[Target]) -> list[Target]:
+def _without(targets: Sequence[UnwrapMesh], replaced: Sequence[UnwrapMesh]) -> list[UnwrapMesh]:
     """Return the targets that have an object which no other target has replaced."""
     gone = {uid for target in replaced for uid in target.uids}
     return [target for target in targets if any(uid not in gone for uid in target.uids)]

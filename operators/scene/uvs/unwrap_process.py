@@ -8,12 +8,12 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 
 from ....engine.errors import WorkerError
-from ....engine.progress import Progress, retold
-from ....engine.unwrap.chart_options import Cutting
+from ....engine.progress import Progress, map_progress
+from ....engine.unwrap.chart_options import ChartOptions
 from ....engine.unwrap.charts import make_charts
-from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
+from ....engine.unwrap.polygon_mesh import MeshCharts, PolygonMesh
 from ....engine.unwrap.segmentation import has_xatlas
-from ....engine.unwrap.unwrapping import Square, Unwrapped
+from ....engine.unwrap.unwrapping import PackJob, Unwrapped
 from ...worker_manager import new_worker
 from . import blender_charts
 
@@ -28,14 +28,14 @@ _PATIENCE, _PATIENCE_PER_TRIANGLE = 60.0, 2e-3
 #: part of all work that is.
 _MANY, _MOST_PROCESSES, _CUTTING = 200_000, 4, 0.6
 
-KnownCharts = tuple[Charts | None, ...]
+KnownCharts = tuple[MeshCharts | None, ...]
 
 
-def unwrap_apart(
+def unwrap_in_process(
     meshes: Sequence[PolygonMesh],
-    charts: Sequence[Charts | None],
-    squares: Sequence[Square],
-    cutting: Cutting,
+    charts: Sequence[MeshCharts | None],
+    squares: Sequence[PackJob],
+    cutting: ChartOptions,
 ) -> Generator[Progress | None, None, tuple[Unwrapped, list[int]]]:
     """Do the work of `engine.unwrap.unwrapping.unwrap` in another process; closing kills that.
 
@@ -80,11 +80,11 @@ def _after(
     def told(progress: Progress | None) -> Progress | None:
         return progress and replace(progress, overall=part + (1 - part) * progress.overall)
 
-    return retold(work, told)
+    return map_progress(work, told)
 
 
 def _cut_side_by_side(
-    meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: Cutting
+    meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: ChartOptions
 ) -> Generator[Progress | None, None, KnownCharts]:
     """Return the charts of all meshes, cut in a process for each core; of few triangles those known before.
 
@@ -133,7 +133,7 @@ def _groups(meshes: Sequence[PolygonMesh], chosen: Sequence[int]) -> list[list[i
 
 
 def _cut_each(
-    meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: Cutting
+    meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: ChartOptions
 ) -> Generator[Progress | None, None, tuple[KnownCharts, list[int]]]:
     """Return the charts of all meshes, and those that xatlas cannot cut: it is tried on ever smaller halves.
 

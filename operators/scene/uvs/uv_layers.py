@@ -7,14 +7,14 @@ import bpy
 import numpy as np
 
 from ...lookup import find
-from ...rollback import Changes
+from ...rollback import Rollback
 from ..objects.meshes import read_uvs
 
 #: Blender's own limit.
 MOST_LAYERS = 8
 
 
-def add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Changes) -> None:
+def add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Rollback) -> None:
     """Add a UV layer, (l, 2) of each loop, without touching which one is active or rendered."""
     changes.add(lambda uid=obj.session_uid: _remove_from(uid, name))
     (_add_edited if obj.data.is_editmode else _add_stored)(obj, name, uvs)
@@ -36,7 +36,7 @@ def remove_layer(obj: bpy.types.Object, name: str) -> None:
     obj.data.update()
 
 
-def replace_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Changes) -> None:
+def replace_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Rollback) -> None:
     """Give a UV layer, or a new one, other UVs, (l, 2) of each loop.
 
     It is made anew: a mesh that was copied may share the arrays of its layers with the other one.

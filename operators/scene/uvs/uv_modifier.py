@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ...lookup import find
-from ...rollback import Changes
+from ...rollback import Rollback
 from ..objects.meshes import read_array, read_corner_vertices
 from .lightmap_layer import lightmap_layer
 from .uv_node_group import NAME, is_uv_group, new_uv_group, stores_layer, topology_of
@@ -58,7 +58,7 @@ def fits(modifier: bpy.types.Modifier, mesh: bpy.types.Mesh) -> bool:
 
 
 def add_uv_modifier(
-    objects: Sequence[bpy.types.Object], uvs: np.ndarray, digest: str, uv_layer: str, changes: Changes
+    objects: Sequence[bpy.types.Object], uvs: np.ndarray, digest: str, uv_layer: str, changes: Rollback
 ) -> None:
     """Give objects whose evaluated meshes have one topology a modifier with UVs of its corners, (l, 2).
 
@@ -70,7 +70,7 @@ def add_uv_modifier(
         changes.add(lambda uid=obj.session_uid: _detach(uid, uv_layer))
 
 
-def drop_uv_modifier(obj: bpy.types.Object, uv_layer: str, changes: Changes) -> None:
+def drop_uv_modifier(obj: bpy.types.Object, uv_layer: str, changes: Rollback) -> None:
     """Remove the UV modifier of an object."""
     group = uv_modifier(obj, uv_layer).node_group
     changes.add(lambda uid=obj.session_uid, group_uid=group.session_uid: _attach_again(uid, group_uid))

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 from ...lookup import find
-from ...rollback import Changes
+from ...rollback import Rollback
 from ..objects.render_differences import UV_GROUP
 
 #: Name of the modifier, of the node that names the carrier, and part of the datablocks' names.
@@ -37,7 +37,7 @@ _CARRIER = "hemibake_uvs"
 
 
 def new_uv_group(
-    owner: str, uvs: np.ndarray, topology: str, uv_layer: str, changes: Changes
+    owner: str, uvs: np.ndarray, topology: str, uv_layer: str, changes: Rollback
 ) -> bpy.types.NodeTree:
     """Return a node group that stores UVs, (l, 2), as a layer of meshes of one topology.
 

@@ -9,7 +9,7 @@ import bpy
 from .uv_modifier import has_uvs, uv_source
 
 
-class BakedUvs:
+class UvSnapshot:
     """Knows the sources of the lightmap UVs of objects, see `uv_source`, as they are when it is made."""
 
     def __init__(self, objects: Iterable[bpy.types.Object], uv_layer: str) -> None:

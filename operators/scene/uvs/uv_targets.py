@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 
 from ....engine.scene.degenerate import is_degenerate
-from ....engine.unwrap.polygon_mesh import Charts, PolygonMesh
+from ....engine.unwrap.polygon_mesh import MeshCharts, PolygonMesh
 from ..messages import LINKED, MANY_LAYERS, attribute_in_the_way
-from ..objects.coordinate_limits import trouble_with
+from ..objects.coordinate_limits import coordinate_issue
 from ..objects.evaluation import Evaluation
 from ..objects.meshes import read_array, read_corner_vertices, read_corners
 from .lightmap_layer import lightmap_layer
@@ -25,7 +25,7 @@ Leave = Callable[[bpy.types.Object, str], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class UnwrapMesh:
     """A mesh to unwrap.
 
     uids      session uids of all objects that show it
@@ -42,7 +42,7 @@ class Target:
     layer: str
     mesh: PolygonMesh
     topology: str | None = None
-    charts: Charts | None = None
+    charts: MeshCharts | None = None
     area: float = 0.0
 
 
@@ -82,10 +82,10 @@ def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str, anew: bo
     return [Users(tuple(uids), layer) for (_, layer), uids in users.items()]
 
 
-def own_target(objects: Sequence[bpy.types.Object], layer: str, leave: Leave) -> Target | None:
+def own_target(objects: Sequence[bpy.types.Object], layer: str, leave: Leave) -> UnwrapMesh | None:
     """Return the mesh of objects that show one; None if it can have no layer."""
     mesh = _read(objects, objects[0].data, layer, leave)
-    return None if mesh is None else Target(_uids(objects), objects[0].hemibake.atlas, layer, mesh)
+    return None if mesh is None else UnwrapMesh(_uids(objects), objects[0].hemibake.atlas, layer, mesh)
 
 
 def evaluated_targets(
@@ -94,7 +94,7 @@ def evaluated_targets(
     made: set[int],
     evaluation: Evaluation,
     leave: Leave,
-) -> list[Target]:
+) -> list[UnwrapMesh]:
     """Return the meshes that modifiers make such that the layer is missing or of no use.
 
     objects: see `may_lack_uvs`
@@ -117,7 +117,7 @@ def evaluated_targets(
                 meshes[key] = _read([obj], mesh, layer, leave)
             users.setdefault(key, []).append(obj)
     return [
-        Target(_uids(users[key]), key[2], key[1], mesh, key[3])
+        UnwrapMesh(_uids(users[key]), key[2], key[1], mesh, key[3])
         for key, mesh in meshes.items()
         if mesh is not None
     ]
@@ -140,12 +140,12 @@ def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made:
         return True
     if len(mesh.polygons) == len(obj.data.polygons) and len(mesh.loops) == len(obj.data.loops):
         return False
-    if serves(mesh, uv_layer):
+    if is_usable_layer(mesh, uv_layer):
         return False
-    return obj.data.session_uid in made or obj.data.is_editmode or serves(obj.data, uv_layer)
+    return obj.data.session_uid in made or obj.data.is_editmode or is_usable_layer(obj.data, uv_layer)
 
 
-def serves(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
+def is_usable_layer(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
     """Return whether a layer gives each part of a mesh a place of its own."""
     corners = read_corners(mesh, uv_layer, {})
     if not is_finite(corners.uvs) or not is_inside(corners.uvs):
@@ -187,7 +187,7 @@ def _trouble(mesh: bpy.types.Mesh, positions: np.ndarray, uv_layer: str) -> str 
         return MANY_LAYERS
     if uv_layer in mesh.attributes and uv_layer not in mesh.uv_layers:
         return attribute_in_the_way(uv_layer)
-    return trouble_with(positions)
+    return coordinate_issue(positions)
 
 
 def _world_positions(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> np.ndarray:

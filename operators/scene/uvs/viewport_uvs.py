@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...lookup import find
-from ...rollback import Changes
+from ...rollback import Rollback
 from ..objects.evaluation import Evaluation, evaluate
 from ..objects.render_differences import uses_render
 from ..scene_context import SceneContext
@@ -24,7 +24,7 @@ Pair = tuple[UvMesh, UvMesh]
 
 
 def project_for_viewport(
-    context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str, changes: Changes
+    context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str, changes: Rollback
 ) -> None:
     """Let the UV modifiers of objects keep UVs for the viewport, too, where its faces are others.
 
@@ -86,7 +86,7 @@ def _digest(pair: Pair) -> str:
     return digest.hexdigest()
 
 
-def _restore_later(uid: int, uvs: np.ndarray | None, digest: str, changes: Changes) -> None:
+def _restore_later(uid: int, uvs: np.ndarray | None, digest: str, changes: Rollback) -> None:
     """Remember which UVs a node group has for the viewport."""
 
     def restore() -> None:

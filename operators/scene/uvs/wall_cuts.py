@@ -60,7 +60,7 @@ def walls_of(objects: Sequence[bpy.types.Object], depsgraph: bpy.types.Depsgraph
     return walls
 
 
-def standing_on(
+def objects_on_walls(
     objects: Sequence[bpy.types.Object],
     walls: Sequence[bpy.types.Object],
     depsgraph: bpy.types.Depsgraph,
@@ -72,12 +72,12 @@ def standing_on(
         if obj in walls or not obj.data.is_editable:
             continue
         target = own_target([obj], lightmap_layer(obj, uv_layer), lambda other, trouble: None)
-        if target is not None and len(loops_along_walls(obj, target.mesh, standing)):
+        if target is not None and len(find_wall_edges(obj, target.mesh, standing)):
             found.append(obj)
     return found
 
 
-def loops_along_walls(obj: bpy.types.Object, mesh: PolygonMesh, walls: Sequence[Wall]) -> np.ndarray:
+def find_wall_edges(obj: bpy.types.Object, mesh: PolygonMesh, walls: Sequence[Wall]) -> np.ndarray:
     """Return the loops, (k,) int64, between two polygons whose edges run along a wall, or on in its line.
 
     mesh  that of the object, in world space times its scale in lightmaps

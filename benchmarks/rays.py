@@ -107,7 +107,7 @@ def _rays(compute: ComputeDevice, positions: np.ndarray) -> tuple[float, RayTrac
 def _speed(compute: ComputeDevice, rays: RayTracer, origins: np.ndarray, directions: np.ndarray) -> float:
     """Return million rays a second of the kernel alone, the best of some runs."""
     count, seconds = len(origins), []
-    kernel = rays.kernels(("cast.cl",), "cast")[0]
+    kernel = rays.kernels(("closest_hit.cl",), "closest_hit")[0]
     padded = np.zeros((2, count, 4), np.float32)
     padded[0, :, :3], padded[1, :, :3] = origins, directions
     inputs = [upload(compute, array) for array in padded]

@@ -151,10 +151,10 @@ class Session:
         devices, self._devices = self._devices, None
         wanted = (settings.cache_dir, settings.opencl_device)
         if devices is not None and (devices.cache_dir, devices.opencl_device) == wanted:
-            from .plan.common_programs import usual_programs
+            from .plan.common_programs import common_programs
 
             if devices.compute is not None:
-                devices.compute.build_ahead(usual_programs(scene, settings))
+                devices.compute.build_ahead(common_programs(scene, settings))
             return devices
         self.forget()
         if devices is not None:
@@ -168,9 +168,9 @@ def _opened(scene: Scene, settings: Settings) -> Devices:
 
     wanted = settings.cache_dir, settings.opencl_device
     with Devices.begin_opening(*wanted) as opening:
-        from .plan.common_programs import usual_programs
+        from .plan.common_programs import common_programs
 
-        opening.build_ahead(usual_programs(scene, settings))
+        opening.build_ahead(common_programs(scene, settings))
         from . import pipeline  # noqa: F401 - takes as long to import as a device takes to open
 
         return Devices(*wanted, opening)

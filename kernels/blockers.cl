@@ -1,5 +1,5 @@
 #pragma once
-#include "rays.cl"
+#include "bvh_traversal.cl"
 #include "receiver.cl"
 #include "shaft.cl"
 

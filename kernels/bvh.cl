@@ -1,6 +1,6 @@
 #pragma once
 
-// Builds the hierarchy of kernels/rays.cl: clusters of triangles along a Morton curve, each merged with its
+// Builds the hierarchy of kernels/bvh_traversal.cl: clusters of triangles along a Morton curve, each merged with its
 // best neighbour if the choice is mutual (PLOC; Meister and Bittner 2018), until few are left, which are
 // split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.
 // engine/visibility/rays/bvh.py runs the kernels.
@@ -172,7 +172,7 @@ __kernel void best_neighbours(__global const float *rows, const int stride, __gl
 }
 
 // With which neighbour a cluster merges: with itself unless the choice is mutual. In pairs if `paired`.
-int mate_of(__global const int *best, const int i, const int paired, const int count)
+int mutual_best(__global const int *best, const int i, const int paired, const int count)
 {
     if (paired)
         return min(i ^ 1, count - 1);
@@ -189,7 +189,7 @@ __kernel void count_merges(__global const int *best, const int paired, __global 
         return;
     int2 sum = 0;
     for (int i = first; i < last; ++i) {
-        const int mate = mate_of(best, i, paired, count);
+        const int mate = mutual_best(best, i, paired, count);
         before[i] = sum;
         sum += (int2)(mate >= i, mate > i);
     }
@@ -252,7 +252,7 @@ __kernel void merge(__global const int *best, const int paired, __global const i
     }
     if (i >= count)
         return;
-    const int mate = mate_of(best, i, paired, count);
+    const int mate = mutual_best(best, i, paired, count);
     if (mate < i)
         return;
     const int2 rank = before[i] + totals[i / CHUNK];
@@ -412,8 +412,8 @@ void store_packets(__global const float *positions, __global const NodeLink *lin
             packets[lane / PACKET * PACKET * RECORD + k * PACKET + lane % PACKET] = 0.0f;
 }
 
-// A child of a node, as kernels/rays.cl reads it: the planes of its box, or in nodes of two its middle and half its
-// size, larger by a margin. A box at infinity becomes one that no ray meets.
+// A child of a node, as kernels/bvh_traversal.cl reads it: the planes of its box, or in nodes of two its middle and
+// half its size, larger by a margin. A box at infinity becomes one that no ray meets.
 void store_child(__global float *record, const Box box, const int code, const float margin)
 {
     float3 low = box.low, high = box.high;

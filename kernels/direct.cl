@@ -1,9 +1,9 @@
-#include "rays.cl"
+#include "bvh_traversal.cl"
 #include "receiver.cl"
 #include "emitters.cl"
 #include "light_tree.cl"
-#include "tilt.cl"
-#include "texel_starts.cl"
+#include "irradiance_l1.cl"
+#include "texel_ray_origins.cl"
 #include "shaft.cl"
 #include "blockers.cl"
 
@@ -41,13 +41,13 @@ int kind_of_rays(__global const Emitter *e)
 Fraction seen(const Rays *rays, const Blockers *blockers, const Receiver *r, const float3 p, const Sample *s,
               const int kind)
 {
-    const float3 start = start_of(r, p, s->direction);
+    const float3 start = ray_origin(r, p, s->direction);
     const bool far = s->distance == INFINITY;
     const float3 way = far ? s->direction : s->distance * s->direction - start;
     const float distance = far ? INFINITY : 0.9998f;
 #ifndef TRANSMISSION
     if (blockers->count != UNKNOWN_BLOCKERS)
-        return passes(blockers, p + start, way, distance);
+        return shaft_is_clear(blockers, p + start, way, distance);
 #endif
     return transmittance(rays, kind, p + start, way, distance);
 }
@@ -55,7 +55,7 @@ Fraction seen(const Rays *rays, const Blockers *blockers, const Receiver *r, con
 typedef struct {
     float3 light;
     float unshadowed;  // its luminance if nothing cast a shadow
-    L1 l1;             // of the light (tilt.cl)
+    L1 l1;             // of the light (irradiance_l1.cl)
 } Sum;
 
 // Consecutive samples of one emitter. If it is of one radiance its light is known but for the shadows: samples
@@ -71,7 +71,7 @@ typedef struct {
 #ifdef TINTED
     L1 tilted;             // of the samples, times what is shadowed of each
 #else
-    float3 tilted;         // `tilt_of` the samples, times what is shadowed of each
+    float3 tilted;         // `l1_of_direction` the samples, times what is shadowed of each
 #endif
     float3 open;           // its whole light, mean over the texel
     Sum sum;               // of an emitter of other radiances
@@ -87,7 +87,7 @@ float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiv
     float3 sum = (float3)(0.0f);
     for (int i = 0; i < GRID * GRID; ++i) {
         const float2 at = (float2)(i % GRID + 0.5f, i / GRID + 0.5f) / GRID;
-        sum += open_light(e, start_in_texel(rays, r, at), r);
+        sum += open_light(e, jittered_origin(rays, r, at), r);
     }
     return sum / (GRID * GRID);
 }
@@ -134,15 +134,16 @@ void finish_run(const Run *run, Sum *sum)
 // they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
 // the golden ratio: together they give each emitter its share, a dim one, too. rgb of the result is the light; a its
 // luminance if nothing cast a shadow. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch. chosen: numbers of the patches, or null for all.
-__kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const Emitter *emitters,
-                     __global const LightNode *light_nodes, const int root, __global const Modulation *modulations,
-                     __global const float *profiles, const int budget,
-                     __global const float4 *radiance, __global const float4 *back_radiance,
-                     __global const uint *texel_to_patch, __global const float2 *uvs,
-                     const int resolution, __global const float4 *sky_pixels, __global const float *cumulative,
-                     __global const int *listed, const int sky_width, const int sky_height, const int sky_count,
-                     const float sky_total, const uint seed, __global float4 *l1,
-                     __global const int *chosen, __global float4 *result, const int start, const int end)
+__kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
+                                  __global const Emitter *emitters, __global const LightNode *light_nodes,
+                                  const int root, __global const Modulation *modulations,
+                                  __global const float *profiles, const int budget, __global const float4 *radiance,
+                                  __global const float4 *back_radiance, __global const uint *texel_to_patch,
+                                  __global const float2 *uvs, const int resolution, __global const float4 *sky_pixels,
+                                  __global const float *cumulative, __global const int *listed, const int sky_width,
+                                  const int sky_height, const int sky_count, const float sky_total, const uint seed,
+                                  __global float4 *l1, __global const int *chosen, __global float4 *result,
+                                  const int start, const int end)
 {
     const int item = start + get_global_id(0);
     if (item >= end)
@@ -205,7 +206,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
         if (spared && e->uniform)
             continue;
         const float4 u = sample_point(index + (run.rounds - 1) * budget, key);
-        const float3 p = start_in_texel(&rays, &r, u.zw);
+        const float3 p = jittered_origin(&rays, &r, u.zw);
         Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
 #ifdef TRANSMISSION
         // Only the part of a surface that stops rays shines.
@@ -228,7 +229,7 @@ __kernel void direct(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, _
             run.least = fmin(run.least, visible);
             run.most = fmax(run.most, visible);
         }
-        const float3 tilt = tilt_of(s.direction, r.normal);
+        const float3 tilt = l1_of_direction(s.direction, r.normal);
         if (e->uniform) {
             run.unshadowed += luminance(brought);
             run.shadowed += luminance(brought) * visible;

@@ -1,4 +1,4 @@
-// Maps of directions from E/pi and its L1 (tilt.cl): engine/postprocess/directional_maps.py has the formulas.
+// Maps of directions from E/pi and its L1 (irradiance_l1.cl): engine/postprocess/directional_maps.py has the formulas.
 
 // The L1 of a patch along an axis of the world: of the sampled light, a plane for each axis, and of all other light.
 #define GIVEN __global const float *light, const int stride, __global const float *sampled, \

@@ -1,4 +1,4 @@
-#include "identity.cl"
+#include "visibility_sample.cl"
 
 // One iteration: what patches see, known as rows of patch numbers, becomes the light they gather. LIGHT_GROUPS: groups
 // of light that gather at once, 1 for all light together; those of a patch lie side by side, so that each number is
@@ -63,7 +63,7 @@ __kernel void gather(__global const Front4 *cache, __global const float4 *multip
 }
 
 // The same where the static light already contains what patches have gathered.
-__kernel void take(LIGHT_ARGUMENTS)
+__kernel void store_gathered(LIGHT_ARGUMENTS)
 {
     const int patch = get_global_id(0);
     if (patch < count)

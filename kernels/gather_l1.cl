@@ -1,13 +1,13 @@
 #include "receiver.cl"
-#include "hemicube.cl"
-#include "tilt.cl"
-#include "identity.cl"
-#include "views.cl"
+#include "hemicube_directions.cl"
+#include "irradiance_l1.cl"
+#include "visibility_sample.cl"
+#include "view_samples.cl"
 
 // L1 of the light that patches gather from what they see, known as rows of patch numbers, with that of the
 // static light. The sum is along right, up and normal of each view, as its samples are, and turned in the end.
 
-// `tilt_of` a sample's direction in the frame of its view, times its weight.
+// `l1_of_direction` a sample's direction in the frame of its view, times its weight.
 #ifdef COSINE
 // Of each sample cosine and sine of its angle and the squared radius on the disk, before a patch shifts both:
 // its angle is the same for all samples of a patch, so their sum is turned instead.
@@ -16,14 +16,14 @@ float3 tilt_of_sample(PATTERN, const int i, const int samples, const int n, cons
 {
     const float4 sample = pattern[i];
     const float u = sample.z + shift - floor(sample.z + shift);
-    const float2 tilt = tilt_factors(sqrt(1.0f - u));
+    const float2 tilt = l1_factors(sqrt(1.0f - u));
     return (float3)(sample.xy * (tilt.x * sqrt(u)), tilt.y) / samples;
 }
 #else
 #define PATTERN __global const float *pattern
 float3 tilt_of_sample(PATTERN, const int i, const int samples, const int n, const float shift)
 {
-    return pattern[i] * tilt_of(texel_direction(i % n, i / n, n), (float3)(0.0f, 0.0f, 1.0f));
+    return pattern[i] * l1_of_direction(texel_direction(i % n, i / n, n), (float3)(0.0f, 0.0f, 1.0f));
 }
 #endif
 

@@ -1,4 +1,4 @@
-#include "hemicube.cl"
+#include "hemicube_directions.cl"
 
 // Integration of hemicubes in three steps (paper, IV.C and Fig. 3). A texture array of
 // `layers` layers, each `rows` x `columns` hemicubes of 3n x n texels, becomes one value a hemicube.

@@ -1,4 +1,4 @@
-#include "channels.cl"
+#include "colour_sums.cl"
 
 // Light of patches from that of the groups of patches around each: a plane fitted to it over the lightmap, by
 // least squares whose weights fall with the distance (local regression, Cleveland 1979).
@@ -110,7 +110,7 @@ bool weigh(const Anchor *anchors, const int found, float *inverse, float *counts
 
 // Light of each patch from `layers` of that of `group_count` groups, 0 where too few are around it, and not below
 // `lowest`; and whether it fits: whether theirs lies in a plane, but for `tolerance` of the light there and `beside`
-// it, from `least` to `most`. open: of each patch, see openness.cl, or null.
+// it, from `least` to `most`. open: of each patch, see near_openness.cl, or null.
 __kernel void interpolate(__global const uint *texel_to_patch, const int resolution, const int width,
                           __global const int *atlases, __global const int *texels, __global const int *groups,
                           __global const int *leaders, __global const ReceiverRecord *receivers,

@@ -1,4 +1,4 @@
-#include "rays.cl"
+#include "bvh_traversal.cl"
 #include "receiver.cl"
 #include "validity.cl"
 
@@ -13,9 +13,9 @@ bool is_behind_any(const float3 point, __global const float4 *planes, const int 
 
 // 1 for patches that see little but backs, and among them that of a triangle that shines. Backs are seen from behind:
 // patches in front of the planes of all triangles that shine do not look.
-__kernel void lit_by_backs(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const uchar *shines,
-                           __global const float4 *planes, const int plane_count, __global uchar *result,
-                           const int count)
+__kernel void lit_by_backfaces(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const uchar *shines,
+                               __global const float4 *planes, const int plane_count, __global uchar *result,
+                               const int count)
 {
     const int patch = get_global_id(0);
     if (patch >= count)
@@ -29,7 +29,7 @@ __kernel void lit_by_backs(RAYS_ARGUMENTS, __global const ReceiverRecord *receiv
     int others = 0;
     bool lit = false;
     for (int i = 0; i < looks && !lit && others <= MAX_OTHERS_BACKLIT; ++i) {
-        const Hit hit = nearest_hit(&rays, start, look(i, x, y, r.geometric), false);
+        const Hit hit = nearest_hit(&rays, start, probe_direction(i, x, y, r.geometric), false);
         const bool back = hit.triangle >= 0 && !hit.front;
         lit = back && shines[hit.triangle];
         others += !back;

@@ -8,7 +8,7 @@ typedef struct {
     float3 corner, edge1, edge2;                   // its triangle
     float3 normals[3];                             // of the triangle's corners
     float height, size;                            // of the start of rays above the surface; of the texel
-    float lifted;                                  // factor of `lift_at`, 0 to 1: 0 on flat surfaces
+    float lifted;                                  // factor of `smooth_offset`, 0 to 1: 0 on flat surfaces
     uint rank;                                     // along a curve through the texels
     bool crossed;                                  // whether a face crosses the texel
     float3 horizon;                                // normal of the plane beyond which no lamp is seen
@@ -38,7 +38,7 @@ Receiver load_receiver(__global const ReceiverRecord *record)
 
 // How far outside of its flat triangle the smooth surface is at a point: the point is projected on the planes
 // of the three vertices, outwards only (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II 2021).
-float3 lift_at(const Receiver *r, const float3 p)
+float3 smooth_offset(const Receiver *r, const float3 p)
 {
     const float3 q = p - r->corner, face = cross(r->edge1, r->edge2);
     const float square = dot(face, face);
@@ -65,14 +65,14 @@ float3 lift_at(const Receiver *r, const float3 p)
 float3 horizon_of(const Receiver *r, const bool back) { return back ? r->geometric : r->horizon; }
 
 // From a point of the patch to where its ray in a direction starts.
-float3 start_of(const Receiver *r, const float3 p, const float3 direction)
+float3 ray_origin(const Receiver *r, const float3 p, const float3 direction)
 {
     const float3 start = r->height * r->geometric;
     if (!(r->lifted > 0.0f))
         return start;
     const float over = dot(direction, r->geometric), up = dot(direction, r->normal);
     const float amount = up < GRAZING ? 2.0f - (over + up) / GRAZING : 1.0f - over / GRAZING;
-    return amount > 0.0f ? start + r->lifted * fmin(amount, 1.0f) * lift_at(r, p) : start;
+    return amount > 0.0f ? start + r->lifted * fmin(amount, 1.0f) * smooth_offset(r, p) : start;
 }
 
 bool in_triangle(const Receiver *r, const float3 p)

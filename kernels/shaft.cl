@@ -1,5 +1,5 @@
 #pragma once
-#include "rays.cl"
+#include "bvh_traversal.cl"
 
 // Triangles that reach into a shaft, a convex space around rays to be cast (Haines and Wallace, "Shaft Culling for
 // Efficient Ray-Traced Radiosity", 1991). Where none do, nothing is in the way of these rays; a few are tested without a
@@ -113,7 +113,7 @@ PART_OF_DESCENT void find_within(const Rays *rays, const Shaft *shaft, Blockers 
 }
 
 // Whether nothing is in the way of a ray that a shaft holds, up to a distance.
-bool passes(const Blockers *blockers, const float3 origin, const float3 direction, const float distance)
+bool shaft_is_clear(const Blockers *blockers, const float3 origin, const float3 direction, const float distance)
 {
     const Search search = search_for(ALL, BOUNCE, origin, direction, distance);
     Meeting meeting;
@@ -125,7 +125,7 @@ typedef struct {
     int count;
 } Blockers;
 
-bool passes(const Blockers *blockers, const float3 origin, const float3 direction, const float distance)
+bool shaft_is_clear(const Blockers *blockers, const float3 origin, const float3 direction, const float distance)
 {
     return true;
 }

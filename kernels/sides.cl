@@ -1,5 +1,5 @@
-// Light of translucent surfaces: of what was gathered, beside `direct`, each patch of a pair gets `own` of its own side
-// and the rest of the other side (engine/patches/sides.py). One pair a work item.
+// Light of translucent surfaces: of what was gathered, beside `sample_direct_light`, each patch of a pair gets `own`
+// of its own side and the rest of the other side (engine/patches/sides.py). One pair a work item.
 __kernel void blend_sides(__global const uint2 *pairs, __global const float4 *own, __global const float4 *direct,
                           __global const float4 *irradiance, __global float4 *gathered, __global float4 *defects,
                           const int column, const int count, const int pair_count)

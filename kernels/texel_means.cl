@@ -1,4 +1,4 @@
-#include "footprint.cl"
+#include "bilinear_taps.cl"
 
 // What texels show that have several display samples (engine/postprocess/texel_means.py): the mean of those that are seen;
 // where something cuts a texel, what a plane through the samples of 3 x 3 texels has at its centre; beyond that, what
@@ -118,8 +118,8 @@ __kernel void mark_cut(__global const uint *texels, __global const uint *numbers
 }
 
 // A hidden texel is read by what is seen beside it.
-__kernel void mark_beyond(__global const uint *texels, __global const uint *numbers, const int resolution,
-                          __global const uchar *states, __global uchar *marked, const int count)
+__kernel void mark_extrapolated(__global const uint *texels, __global const uint *numbers, const int resolution,
+                                __global const uchar *states, __global uchar *marked, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -252,9 +252,9 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
 }
 
 // Hidden texels beside what is seen show the mean of the planes that go on there.
-__kernel void go_beyond(__global const uint *texels, __global const uint *numbers, const int resolution,
-                        __global const uchar *states, __global const float4 *planes, __global float4 *light,
-                        const int count)
+__kernel void extrapolate_texels(__global const uint *texels, __global const uint *numbers, const int resolution,
+                                 __global const uchar *states, __global const float4 *planes, __global float4 *light,
+                                 const int count)
 {
     const int i = get_global_id(0);
     if (i >= count || !(states[i] & BEYOND))

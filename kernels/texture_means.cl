@@ -79,9 +79,9 @@ float covered(const long old, const long size, const long made, const long made_
 
 // Shrinks an image: every new pixel is the mean over its part of the old ones. pixels: rows from `first` on;
 // `count` new pixels from `start` on are made.
-__kernel void shrink(__global const float *pixels, const int first, const int width, const int height,
-                     const int new_width, const int new_height, const int srgb, __global float *image,
-                     const int start, const int count)
+__kernel void downsample(__global const float *pixels, const int first, const int width, const int height,
+                         const int new_width, const int new_height, const int srgb, __global float *image,
+                         const int start, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)

@@ -1,7 +1,7 @@
 #pragma once
-#include "rays.cl"
+#include "bvh_traversal.cl"
 #include "receiver.cl"
-#include "looks.cl"
+#include "probe_rays.cl"
 
 // Whether points are inside of something, by what a few rays from them meet. The thresholds are options of the program
 // (engine/validity/thresholds.py).
@@ -15,21 +15,21 @@ bool meets_dark_back(const Hit *hit, __global const uchar *lit, const float near
 }
 
 // True if at most `most` of the looks from a point meet dark back faces. No more are cast than it takes to decide.
-bool sees_few_backs(const Rays *rays, const float3 start, const float3 normal, __global const uchar *lit,
-                    const float near, const int most)
+bool hits_few_backfaces(const Rays *rays, const float3 start, const float3 normal, __global const uchar *lit,
+                        const float near, const int most)
 {
     float3 x, y;
     basis(normal, &x, &y);
     int backs = 0;
     for (int i = 0; backs <= most && i - backs < LOOKS - most; ++i) {
-        const Hit hit = nearest_hit(rays, start, look(i, x, y, normal), false);
+        const Hit hit = nearest_hit(rays, start, probe_direction(i, x, y, normal), false);
         backs += meets_dark_back(&hit, lit, near);
     }
     return backs <= most;
 }
 
 // True if no more than half of the looks from a point meet back faces.
-bool sees_out(const Rays *rays, const float3 start, const float3 normal)
+bool is_outside(const Rays *rays, const float3 start, const float3 normal)
 {
-    return sees_few_backs(rays, start, normal, 0, 0.0f, MAX_BACKS_OPEN);
+    return hits_few_backfaces(rays, start, normal, 0, 0.0f, MAX_BACKS_OPEN);
 }

@@ -60,7 +60,7 @@ def replace_rows_once(
     before, size = upload_once(compute, values), values.nbytes
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
     cl.enqueue_copy(compute.queue, buffer, before, byte_count=size)
-    (put,) = compute.kernels("widen.cl", "put_rows")
+    (put,) = compute.kernels("float4_rows.cl", "put_rows")
     arrays = upload(compute, changed[rows]), upload(compute, rows.astype(np.uint32))
     compute.run(put, len(rows), *arrays, buffer, np.int32(len(rows)))
     compute.shared.of(changed, "bits", lambda: buffer)
@@ -77,7 +77,7 @@ def insert_rows_once(
     """
     before, columns = upload_once(compute, values), values[:1].size
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, joined.nbytes)
-    (insert,) = compute.kernels("widen.cl", "insert_rows")
+    (insert,) = compute.kernels("float4_rows.cl", "insert_rows")
     others = upload(compute, joined[inserted]), upload(compute, inserted.astype(np.int32))
     sizes = np.int32(len(inserted)), np.int32(columns)
     compute.run(insert, len(joined), before, *others, *sizes, buffer, np.int32(len(joined)))
@@ -90,7 +90,7 @@ def upload_float4(compute: ComputeDevice, values: np.ndarray, first: int = 0, la
     if _seems_sparse(values):
         return _sparse_float4(compute, values, first, count)
     wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
-    (widen,) = compute.kernels("widen.cl", "widen")
+    (widen,) = compute.kernels("float4_rows.cl", "to_float4")
     narrow = upload(compute, values)
     sizes = (first, len(values), count)
     compute.run(widen, count, narrow, wide, *map(np.int32, sizes))
@@ -109,7 +109,7 @@ def _sparse_float4(compute: ComputeDevice, values: np.ndarray, first: int, count
     """Return `count` float4 on the device, 0 but for the rows of values, (n, 3) float32, that are not."""
     wide, places = zeros(compute, 16 * count), nonzero_rows(values)
     if len(places):
-        (put,) = compute.kernels("widen.cl", "put_colors")
+        (put,) = compute.kernels("float4_rows.cl", "scatter_colours")
         arrays = upload(compute, values[places]), upload(compute, places.astype(np.uint32))
         compute.run(put, len(places), *arrays, np.int32(first), wide, np.int32(len(places)))
     return wide
@@ -128,7 +128,7 @@ def _float4_form(first: int) -> str:
 def download_colors(compute: ComputeDevice, wide: cl.Buffer, count: int, planes: int = 1) -> np.ndarray:
     """Return the first three numbers of float4, (planes, count, 3) float32; a buffer has (count, planes)."""
     narrow = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, max(12 * planes * count, 4))
-    (kernel,) = compute.kernels("widen.cl", "narrow")
+    (kernel,) = compute.kernels("float4_rows.cl", "to_float3")
     compute.run(kernel, planes * count, wide, np.int32(planes), np.int32(count), narrow)
     return download(compute, narrow, (planes, count, 3))
 
@@ -139,7 +139,7 @@ def download_colors_once(compute: ComputeDevice, wide: cl.Buffer, count: int) ->
     Nobody changes the array: whoever uploads it once as float4 gets the buffer that it came from.
     """
     colors: np.ndarray = download_colors(compute, wide, count)[0]
-    (clear,) = compute.kernels("widen.cl", "clear_fourth")
+    (clear,) = compute.kernels("float4_rows.cl", "clear_fourth")
     compute.run(clear, count, wide, np.int32(count))
     compute.shared.of(colors, _float4_form(0), lambda: wide)
     return colors

@@ -92,7 +92,7 @@ class ComputeDevice:
         """Take a device, which need not have a context yet."""
         self.device, self._begun = device, set[ProgramParts]()
         self._programs = ProgramCache(device, None if self._is_pocl else cache_dir)
-        self._prelude = ("inlined.cl",) if self._is_pocl and self.processor else ()
+        self._prelude = ("pocl_inline.cl",) if self._is_pocl and self.processor else ()
 
     def kept_sizes(self, cache_dir: str | None) -> KeptWorkSizes:
         """Return the shapes that a folder keeps for this device."""
@@ -117,7 +117,7 @@ class ComputeDevice:
         """True for PoCL, which keeps its kernels in files itself, built for the sizes of groups they ran in.
 
         Asked for the binary of a program it builds all kernels a second time, for groups of any size. On some
-        processors it calls what others inline; see kernels/inlined.cl.
+        processors it calls what others inline; see kernels/pocl_inline.cl.
         """
         return bool(self.device.platform.name == "Portable Computing Language")
 

@@ -50,7 +50,7 @@ class DeviceArray:
         if "rows" in vars(self):
             return np.ascontiguousarray(self.rows[:, 3])
         compute = self._compute
-        (kernel,) = compute.kernels("widen.cl", "take_fourth")
+        (kernel,) = compute.kernels("float4_rows.cl", "take_fourth")
         taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * max(1, self._count))
         compute.run(kernel, self._count, self.buffer, taken, np.int32(self._count))
         return download(compute, taken, (self._count,))
@@ -58,7 +58,7 @@ class DeviceArray:
     def channel_sums(self) -> DeviceArray:
         """Return the sum of the channels of each colour."""
         compute = self._compute
-        (kernel,) = compute.kernels("widen.cl", "sum_channels")
+        (kernel,) = compute.kernels("float4_rows.cl", "sum_channels")
         sums = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * max(1, self._count))
         compute.run(kernel, self._count, self.buffer, np.int32(self.stride), sums, np.int32(self._count))
         return DeviceArray(compute, sums, self._count, 1)
@@ -74,7 +74,7 @@ class DeviceArray:
     def taken(self, chosen: cl.Buffer, count: int) -> DeviceArray:
         """Return the values of some points by their numbers, uint32 or int32 on the device."""
         compute = self._compute
-        (kernel,) = compute.kernels("widen.cl", "take_colors")
+        (kernel,) = compute.kernels("float4_rows.cl", "take_colors")
         taken = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * self.channels * max(1, count))
         sizes = np.int32(self.stride), np.int32(self.channels)
         compute.run(kernel, count, self.buffer, *sizes, chosen, taken, np.int32(count))
@@ -87,7 +87,7 @@ class DeviceArray:
         compute, size = self._compute, 4 * self.stride * self._count
         changed = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
         cl.enqueue_copy(compute.queue, changed, self.buffer, byte_count=size)
-        (kernel,) = compute.kernels("widen.cl", "blacken")
+        (kernel,) = compute.kernels("float4_rows.cl", "blacken")
         numbers = upload(compute, places.astype(np.uint32))
         sizes = np.int32(self.stride), np.int32(self.channels)
         compute.run(kernel, len(places), changed, *sizes, numbers, np.int32(len(places)))
@@ -98,14 +98,14 @@ class DeviceArray:
         """Colours as float4, of which the fourth is 0: the same buffer each time."""
         compute, count = self._compute, self._count
         wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, count))
-        (kernel,) = compute.kernels("widen.cl", "widen_rows")
+        (kernel,) = compute.kernels("float4_rows.cl", "widen_rows")
         compute.run(kernel, count, self.buffer, np.int32(self.stride), wide, np.int32(count))
         return wide
 
     def plus(self, others: Values, sign: int = 1) -> DeviceArray:
         """Return float4 of these colours plus those of others times 1 or -1, from 0 on; the fourth is 0."""
         compute = self._compute
-        (kernel,) = compute.kernels("widen.cl", "add_colors")
+        (kernel,) = compute.kernels("float4_rows.cl", "add_colors")
         total = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
         rows, stride = rows_on_device(compute, others)
         sizes = np.int32(self.stride), rows, np.int32(stride), np.float32(sign)

@@ -49,7 +49,7 @@ def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
     """
     rays, compute = scene.rays, scene.compute
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NONE", "HIDDEN", "BACK_TO_BACK")))
-    (kernel,) = rays.kernels((RECEIVER, "contact.cl"), "in_contact", options=(*KERNEL_OPTIONS, *codes))
+    (kernel,) = rays.kernels((RECEIVER, "contacts.cl"), "in_contact", options=(*KERNEL_OPTIONS, *codes))
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
@@ -66,7 +66,7 @@ def patches_lit_by_backs(
     positions  (t, 3, 3) float, of their corners, metres, relative to `Triangles.origin`
     """
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((RECEIVER, "lit_by_backs.cl"), "lit_by_backs", options=KERNEL_OPTIONS)
+    (kernel,) = rays.kernels((RECEIVER, "lit_by_backs.cl"), "lit_by_backfaces", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     shining, planes = upload(compute, shines.astype(np.uint8)), _planes_in_front(positions[shines])
     planes_buffer = upload(compute, planes if len(planes) else np.zeros((1, 4), np.float32))

@@ -71,7 +71,9 @@ class ShadowRays:
         self._compute, self._rays, self._settings = compute, rays, settings
         self._count, self._triangles = receivers.count, len(parts.triangles.mesh).bit_length()
         options = directional_options(settings)
-        (self._direct,) = rays.kernels((*LIGHT_TREE_RECORDS, "direct.cl"), "direct", options=options)
+        (self._direct,) = rays.kernels(
+            (*LIGHT_TREE_RECORDS, "direct.cl"), "sample_direct_light", options=options
+        )
         self._receivers, self._mesh = receivers.receivers, parts.triangles.mesh
         self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
 
@@ -103,8 +105,8 @@ class ShadowRays:
     ) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield the fraction done.
 
-        The L1, see kernels/tilt.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3, 3) unless
-        the settings ask for directional maps.
+        The L1, see kernels/irradiance_l1.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3,
+        3) unless the settings ask for directional maps.
 
         chosen: (n,) int32, the patches; None for all of the receivers
         """
@@ -161,7 +163,7 @@ class ShadowRays:
         """
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
-        (occlusion,) = self._rays.kernels((*EMITTER_RECORDS, "occlusion.cl"), "occlusion")
+        (occlusion,) = self._rays.kernels((*EMITTER_RECORDS, "ambient_occlusion.cl"), "ambient_occlusion")
         samples = self._settings.ao_samples
         result = yield from self._sliced(occlusion, samples, arguments, self._count)
         return download(self._compute, result, (self._count, 4))[:, 0].copy()

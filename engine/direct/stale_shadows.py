@@ -15,7 +15,7 @@ from .emitters import POINT, SKY_MAP, SUN
 #: Kinds of balls: around a light at hand, a direction to one, and everywhere.
 _NEAR, _FAR, _EVERYWHERE = range(3)
 
-#: What holds a light, for kernels/moved_shadows.cl.
+#: What holds a light, for kernels/stale_shadows.cl.
 LIGHT_BALL = DeviceStruct(
     "LightBall",
     ("float[3]", "at", "m, the centre; of a light that is infinitely far the unit vector towards it"),
@@ -41,8 +41,8 @@ def find_stale_shadows(
     """
     compute, lights = rays.compute, _balls(emitters)
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NEAR", "FAR", "EVERYWHERE")))
-    source = (RECEIVER, LIGHT_BALL, "moved_shadows.cl")
-    (mark,) = compute.kernels(source, "mark_moved_shadows", options=codes)
+    source = (RECEIVER, LIGHT_BALL, "stale_shadows.cl")
+    (mark,) = compute.kernels(source, "mark_stale_shadows", options=codes)
     marks = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, rays.count)
     compute.run(
         mark, rays.count, before, rays.receivers,

@@ -20,7 +20,8 @@ class BackgroundLight:
 
     receivers  records of the patches, see `RayScene.receivers`
     light      float4 of each patch: E/pi, and the fraction of the view that is no back
-    l1         3 float4 of each patch, x, y and z, see kernels/tilt.cl; None unless the settings ask for it
+    l1         3 float4 of each patch, x, y and z, see kernels/irradiance_l1.cl; None unless the settings ask
+               for it
     complete   True once it is that of all patches; whoever sums up for all of them says so
     """
 
@@ -38,7 +39,7 @@ class BackgroundLight:
         self._compute, self._surroundings = compute, surroundings
         self._add = RowKernel(
             compute, sampling, receivers, settings, r2_sequence(sampling.samples),
-            "add_surroundings", "static_light.cl",
+            "add_background", "background_light.cl",
         )  # fmt: skip
         self.light = zeros(compute, 16 * count)
         self.l1 = zeros(compute, 48 * count) if settings.directional else None

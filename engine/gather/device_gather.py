@@ -37,5 +37,6 @@ class DeviceGather(Protocol):
     def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the light of the last `gather`, (n, 3, 3) float32; yield the fraction done.
 
-        Of each axis of the world its rgb, see kernels/tilt.cl; without the light that shadow rays sample.
+        Of each axis of the world its rgb, see kernels/irradiance_l1.cl; without the light that shadow rays
+        sample.
         """

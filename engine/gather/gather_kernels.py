@@ -23,7 +23,7 @@ class GatherKernels:
         self._compute, self._queue = compute, compute.queue
         options = (*sampling.options, f"-DLIGHT_GROUPS={groups}")
         options += ("-DEVEN",) if sampling.even else ()
-        self._gather, self._take = compute.kernels("gather.cl", "gather", "take", options=options)
+        self._gather, self._take = compute.kernels("gather.cl", "gather", "store_gathered", options=options)
         multiplier = np.zeros(4, np.float32) if sampling.multiplier is None else sampling.multiplier
         self._multiplier = upload(compute, multiplier)
         self._tints = sampling.tints_on(compute)

@@ -12,7 +12,7 @@ from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
 #: Most memory that is kept, bytes: OpenGL does not tell how much there is.
 _MOST = 1 << 30
 
-#: Storage blocks of shaders/static_light.comp and shaders/gather.comp.
+#: Storage blocks of shaders/background_light.comp and shaders/gather.comp.
 _RESULT, _CACHE, _RADIANCE, _STATIC_LIGHT = 2, 3, 4, 5
 
 
@@ -44,7 +44,7 @@ class GlslCachedIntegrator:
     ) -> None:
         self._context, self._tiles, self._texture = graphics.context, tiles, texture
         self._tables = HemicubeTables(graphics, tiles)
-        self._sum_static_light = ComputeShader(graphics, "static_light", tiles, self._tables, ("sky",))
+        self._sum_static_light = ComputeShader(graphics, "background_light", tiles, self._tables, ("sky",))
         self._gather = ComputeShader(graphics, "gather", tiles, self._tables)
         self._sky = sky_texture(graphics, sky)
         self._emission = self._context.buffer(four(emission, first=1).tobytes())

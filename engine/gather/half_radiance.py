@@ -35,7 +35,7 @@ class HalfRadiance(NumpyPickle):
     @classmethod
     def of(cls, compute: ComputeDevice, radiance: cl.Buffer, count: int) -> HalfRadiance:
         """Round radiance on the device, float4 of each of `count` patches between two black entries."""
-        brightest, narrow = compute.kernels("half_light.cl", "brightest", "narrow_half")
+        brightest, narrow = compute.kernels("half_radiance.cl", "brightest", "to_half")
         most = zeros(compute, 4 * _ITEMS)
         compute.run(brightest, _ITEMS, radiance, np.int32(count + 2), most)
         unit = np.float32(max(float(download(compute, most, (_ITEMS,)).max()), 1e-30) / _BRIGHTEST)
@@ -47,7 +47,7 @@ class HalfRadiance(NumpyPickle):
 
     def table(self, compute: ComputeDevice) -> cl.Buffer:
         """Return the radiance on a device, as `of` takes it."""
-        (widen,) = compute.kernels("half_light.cl", "widen_half")
+        (widen,) = compute.kernels("half_radiance.cl", "from_half")
         count = len(self.parts)
         radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * (count + 2))
         compute.run(widen, count + 2, upload(compute, self.parts), self.unit, radiance, np.int32(count))

@@ -1,4 +1,7 @@
-"""The L1 of what patches gather: how their irradiance changes as their normals tilt; see kernels/tilt.cl."""
+"""The L1 of what patches gather: how their irradiance changes as their normals tilt.
+
+See kernels/irradiance_l1.cl.
+"""
 
 from __future__ import annotations
 

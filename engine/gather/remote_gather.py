@@ -64,8 +64,8 @@ class RemoteIteration:
     def __init__(self, compute: ComputeDevice, remote: RemoteGather, count: int) -> None:
         self._compute, self._remote, self._count = compute, remote, count
         options = (*identity_options(4), "-DLIGHT_GROUPS=1")
-        (self._take,) = compute.kernels("gather.cl", "take", options=options)
-        (self._join,) = compute.kernels("half_light.cl", "join")
+        (self._take,) = compute.kernels("gather.cl", "store_gathered", options=options)
+        (self._join,) = compute.kernels("half_radiance.cl", "join_half")
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
         self._views: list[cl.Buffer] = []
 

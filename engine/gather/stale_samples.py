@@ -75,6 +75,6 @@ def _moved_views(rays: RayScene, before: cl.Buffer, marked: cl.Buffer | None) ->
     views = zeros(compute, -(-count // 4) * 4)
     if marked is not None:
         cl.enqueue_copy(compute.queue, views, marked)
-    (mark,) = compute.kernels((RECEIVER, "moved_views.cl"), "mark_moved_views")
+    (mark,) = compute.kernels((RECEIVER, "stale_viewpoints.cl"), "mark_stale_views")
     compute.run(mark, count, before, rays.receivers, views, np.int32(count))
     return views

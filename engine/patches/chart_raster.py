@@ -36,7 +36,7 @@ PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
 ALIGNED = Drawing("patches", ("vert", "geom", "frag"), PATCHES.targets, _LAST)
 
 #: Triangle + 1 of every texel that is touched: the one nearest to the texel's centre.
-TOUCHED = Drawing("touched", ("vert", "geom", "frag"), ((1, "u4"),), _NEAREST)
+TOUCHED = Drawing("conservative_coverage", ("vert", "geom", "frag"), ((1, "u4"),), _NEAREST)
 
 #: Number of triangles that cover each texel's centre, 255 for more.
 OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f1"),), _SUM)

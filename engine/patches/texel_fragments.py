@@ -83,7 +83,7 @@ class TexelClipper:
 
     def __init__(self, compute: ComputeDevice, triangles: Triangles, resolution: int) -> None:
         self.compute, self._triangles, self._resolution = compute, triangles, resolution
-        self._kernels = dict(zip(_NAMES, compute.kernels("texel_pieces.cl", *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("texel_fragments.cl", *_NAMES), strict=True))
         self._uvs = upload(compute, triangles.uvs.astype(np.float32, copy=False))
         self._listed: dict[int, tuple] = {}
 
@@ -130,7 +130,7 @@ class TexelClipper:
         return self._pieces(triangle, texel, self._read(areas, count, "f4"))
 
     def points_in_texels(self, pieces: TexelFragments, starts: np.ndarray, side: int) -> TexelPoints:
-        """Return the points of texels, `side` squared for each; see kernels/texel_pieces.cl.
+        """Return the points of texels, `side` squared for each; see kernels/texel_fragments.cl.
 
         pieces  in the order of their texels
         starts  (t,) int64, the first piece of each texel

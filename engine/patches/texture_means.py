@@ -32,7 +32,7 @@ class TextureMeans:
         self._points = upload_once(compute, geometry.triangle), upload_once(compute, geometry.barycentric)
         self._image: tuple[tuple, cl.Buffer] | None = None
         options = (f"-DSAMPLES={SAMPLES}",)
-        names = "texture_mean", "shrink"
+        names = "texture_mean", "downsample"
         self._mean, self._shrink = compute.kernels("texture_means.cl", *names, options=options)
 
     def multiply(self, values: Values, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:

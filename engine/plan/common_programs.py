@@ -19,9 +19,9 @@ from ..visibility.rays.receiver_records import RECEIVER, TEXEL_STEP
 from ..visibility.sample_counts import sample_bytes
 from ..visibility.views.viewpoints import FRAME
 
-#: Made by tools/usual_programs.py: parts and options of each program, in the order in which a bake asks for
+#: Made by tools/common_programs.py: parts and options of each program, in the order in which a bake asks for
 #: them. Parts are records by the names of their structs, and main files of kernels/.
-PROGRAMS = Path(__file__).resolve().parents[2] / "kernels" / "usual_programs.json"
+PROGRAMS = Path(__file__).resolve().parents[2] / "kernels" / "common_programs.json"
 
 #: Records that kernels and host share, by the name of their struct.
 _RECORDS = {
@@ -37,7 +37,7 @@ _NARROW, _TINTED, _BEFORE_CUTOUTS = "-DNARROW", "-DTINTED", "-DSTACK"
 _COVERED = 0.75
 
 
-def usual_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
+def common_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
     """Return the parts and the options of programs that a bake by a graphics card is about to need."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
     tinted = is_tinted(scene)
@@ -47,7 +47,10 @@ def usual_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
 
 @cache
 def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[ProgramParts]:
-    """Return what `usual_programs` does, for narrow, wide or tinted samples, with the options of cut-outs."""
+    """Return what `common_programs` does, for narrow, wide or tinted samples.
+
+    With the options of cut-outs.
+    """
     listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
     return [
         (

@@ -23,7 +23,7 @@ _ABOVE = 0.1
 #: stands there is steep: the cosine between its normal and theirs is less.
 _EVEN, _STEEP = 0.9, 0.7
 
-#: Marks of seams in kernels/seam_sides.cl, and of texels.
+#: Marks of seams in kernels/seam_lookups.cl, and of texels.
 _OTHER_LIGHT = 1
 _SURFACE, _KNOWN = 1, 2
 
@@ -62,7 +62,7 @@ def drop_blocked_seams(
 
 def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
     """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r) uint8."""
-    (kernel,) = compute.kernels("seam_sides.cl", "compare_sides")
+    (kernel,) = compute.kernels("seam_lookups.cl", "compare_sides")
     found = zeros(compute, words_of(len(seams)))
     sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
     buffers = [*(upload(compute, array) for array in sides), light.buffer, upload(compute, texels)]

@@ -31,7 +31,7 @@ class DeviceBilinearEquations:
     texels      uint of each unknown, its flat index
     centre      uchar of each texel, `centres`
     ranges      int2 of each unknown, which points lie in it
-    neighbours, factors  9 planes of int and float, see kernels/display_equations.cl
+    neighbours, factors  9 planes of int and float, see kernels/bilinear_equations.cl
     linked      uint of each unknown, what each link stands for
     columns, entries     int8 and float8 of each seam, the unknowns that it reads and their factors
     starts      int of each unknown and one more, where its part of the two lists begins
@@ -43,7 +43,7 @@ class DeviceBilinearEquations:
         self, compute: ComputeDevice, centres: np.ndarray, beside: LightmapPoints, seams: Seams
     ) -> None:
         self._compute, self.resolution, self.size = compute, centres.shape[1], centres.size
-        self._kernels = dict(zip(_NAMES, compute.kernels("display_equations.cl", *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("bilinear_equations.cl", *_NAMES), strict=True))
         self.points, self.seams = len(beside), len(seams)
         self.centre = upload(compute, centres.view(np.uint8))
         self.positions = self._uploaded(beside.position, np.float32)

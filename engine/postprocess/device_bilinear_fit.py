@@ -13,7 +13,8 @@ from .device_bilinear_equations import DeviceBilinearEquations
 
 _NAMES = (
     "sum_points", "spread_along_links", "spread_along_seams", "widen_ranges", "ranges_of_seams", "bound",
-    "range_of_all", "differences", "begin_run", "curve", "advance", "turn", "add_up", "hold", "keep_texels",
+    "range_of_all", "differences", "begin_run", "cg_curvature", "advance", "cg_direction", "add_up",
+    "clamp_bounds", "keep_texels",
 )  # fmt: skip
 
 #: Steps of the first run at most, and of the one with bounds; after so many it is looked whether it is done.
@@ -22,7 +23,7 @@ _STEPS, _FEWER, _LOOK = 20, 6, 4
 #: Work items of a group, and of the one that adds up what groups have.
 _GROUP, _ADDING = 64, 256
 
-#: What `add_up` makes of sums, as in kernels/display_fit.cl.
+#: What `add_up` makes of sums, as in kernels/bilinear_fit.cl.
 _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
 
 
@@ -37,14 +38,14 @@ class DeviceBilinearFit:
         self, compute: ComputeDevice, equations: DeviceBilinearEquations, tight: bool = False
     ) -> None:
         self._compute, self._equations, self._tight = compute, equations, np.int32(tight)
-        self._kernels = dict(zip(_NAMES, compute.kernels("display_fit.cl", *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("bilinear_fit.cl", *_NAMES), strict=True))
         count = self._count = np.int32(equations.count)
         self._rows = (
             equations.neighbours, equations.factors, equations.linked, equations.starts, equations.read_by,
             equations.shares,
         )  # fmt: skip
         self._rows_of_seams = np.int32(equations.seams)
-        self._group = self._kernels["curve"].group(_GROUP)[0]
+        self._group = self._kernels["cg_curvature"].group(_GROUP)[0]
         self._adding = self._kernels["add_up"].group(_ADDING)[0]
         self._groups = -(-int(count) // self._group)
         self._size = np.uint32(equations.size)
@@ -95,7 +96,7 @@ class DeviceBilinearFit:
         for first, steps in ((True, _STEPS), (False, _FEWER)):
             self._descend(first, steps)
             vectors = self._vectors
-            self._run("hold", vectors["low"], vectors["high"], vectors["solution"], self._held)
+            self._run("clamp_bounds", vectors["low"], vectors["high"], vectors["solution"], self._held)
         return scales
 
     def _run(self, name: str, *arguments: object) -> None:
@@ -171,13 +172,13 @@ class DeviceBilinearFit:
                 return
             self._difference(direction)
             self._summed(
-                "curve", _STEP, *self._rows, self._held, direction, self._products, vectors["change"],
+                "cg_curvature", _STEP, *self._rows, self._held, direction, self._products, vectors["change"],
                 self._sums, self._rows_of_seams,
             )  # fmt: skip
             self._summed(
                 "advance", _RATIO, inverse, direction, vectors["change"], run, solution, residual, self._sums
             )
-            self._run("turn", inverse, residual, run, direction)
+            self._run("cg_direction", inverse, residual, run, direction)
 
     def _difference(self, values: cl.Buffer) -> None:
         """Find what the sides of seams differ by in some values of the unknowns."""

@@ -11,7 +11,8 @@ from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
 
 _NAMES = (
-    "distance_in_row", "distance_in_column", "grow", "classify", "coarser_states", "coarser", "finer",
+    "distance_in_row", "distance_in_column", "dilate_ring", "classify", "coarser_states", "restrict_mean",
+    "prolongate",
     "relax", "fill_small",
 )  # fmt: skip
 
@@ -26,7 +27,7 @@ class _Scale(NamedTuple):
     """One scale of the images.
 
     shape   atlases, height, width
-    states  uchar of each texel, see kernels/fill.cl
+    states  uchar of each texel, see kernels/gutter_fill.cl
     """
 
     shape: tuple[int, int, int]
@@ -53,7 +54,7 @@ class DeviceFill:
         reach: int,
     ) -> None:
         self._compute, self._rings = compute, min(rings, reach)
-        self._kernels = dict(zip(_NAMES, compute.kernels("fill.cl", *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels("gutter_fill.cl", *_NAMES), strict=True))
         shape = (len(inside), inside.shape[1], inside.shape[2])
         in_row, self._distance = (self._buffer(2, shape) for _ in range(2))
         seeds, self._surface = (upload(compute, mask.view(np.uint8)) for mask in (known, surface))
@@ -84,11 +85,15 @@ class DeviceFill:
         if outputs != self._outputs:
             self._reserve(outputs)
         for ring in range(1, self._rings + 1):
-            self._fill("grow", self._scales[0].shape, self._distance, self._surface, np.int32(ring), image)
+            self._fill(
+                "dilate_ring", self._scales[0].shape, self._distance, self._surface, np.int32(ring), image
+            )
         images = [image, *self._coarse]
         for index, scale in enumerate(self._scales[1:]):
             finer = self._scales[index]
-            self._fill("coarser", scale.shape, finer.states, images[index], *_sides(finer), images[index + 1])
+            self._fill(
+                "restrict_mean", scale.shape, finer.states, images[index], *_sides(finer), images[index + 1]
+            )
         self._fill_small(images[-1])
         for index in reversed(range(len(self._scales) - 1)):
             self._extend(index, images[index], images[index + 1])
@@ -106,7 +111,7 @@ class DeviceFill:
     def _extend(self, index: int, image: cl.Buffer, coarse: cl.Buffer) -> None:
         """Fill the unknown texels of one scale from the coarser one, and relax them."""
         scale, coarser = self._scales[index : index + 2]
-        self._fill("finer", scale.shape, scale.states, coarse, *_sides(coarser), image)
+        self._fill("prolongate", scale.shape, scale.states, coarse, *_sides(coarser), image)
         images = image, self._relaxed
         for number in range(_RELAXATIONS):
             before, after = images[number % 2], images[1 - number % 2]

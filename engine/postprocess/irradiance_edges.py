@@ -25,7 +25,7 @@ _DARK = 0.05
 #: largest difference there, which for a quarter is 0.67 standard deviations of normal noise.
 _BLOCK, _EVEN, _ABOVE_NOISE = 16, 0.25, 4.0
 
-#: The same in kernels/edges.cl.
+#: The same in kernels/irradiance_edges.cl.
 _OPTIONS = {
     "EDGE": f"{_EDGE}f",
     "EDGE_NEAR_BORDER": f"{_EDGE_NEAR_BORDER}f",
@@ -34,7 +34,7 @@ _OPTIONS = {
     "ABOVE_NOISE": f"{_ABOVE_NOISE}f",
 }
 
-#: Marks of kernels/edges.cl.
+#: Marks of kernels/irradiance_edges.cl.
 _ON_EDGE, _AT_AN_END = 1, 2
 
 
@@ -67,7 +67,7 @@ def find_edges(
     """
     options = [f"-D{name}={value}" for name, value in _OPTIONS.items()]
     names = "find_edges", "noise_of_blocks", "mark_edges"
-    find, tell_noise, mark = compute.kernels("edges.cl", *names, options=options)
+    find, tell_noise, mark = compute.kernels("irradiance_edges.cl", *names, options=options)
     atlases, side, _ = entries.shape
     blocks = -(-side // _BLOCK)
     sizes = 4 * entries.size, 4 * atlases * blocks**2, words_of(entries.size)

@@ -63,7 +63,7 @@ def off_centre_patches(
 
 def _found_thin(compute: ComputeDevice, triangles: Triangles, patches: PatchList) -> np.ndarray:
     """Return the numbers of thin patches, (k,) int64, found on the device."""
-    (kernel,) = compute.kernels("thin_patches.cl", "find_thin")
+    (kernel,) = compute.kernels("off_centre_patches.cl", "find_thin")
     arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
     inputs = (upload_once(compute, array) for array in arrays)
     thin = zeros(compute, words_of(len(patches)))

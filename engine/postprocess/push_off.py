@@ -69,7 +69,9 @@ def push_off_points(
     patches
     """
     compute, rays = scene.compute, scene.rays
-    push, take = rays.kernels((RECEIVER, "push_out.cl"), "push_out", "take_ways", options=KERNEL_OPTIONS)
+    push, take = rays.kernels(
+        (RECEIVER, "push_off.cl"), "push_off", "compact_push_offs", options=KERNEL_OPTIONS
+    )
     found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
     marks, number = zeros(compute, words_of(count)), np.int32(count)
     inputs = scene.receivers, upload_once(compute, normals), lit, np.float32(reach)

@@ -12,8 +12,9 @@ from .device_images import NOWHERE, DeviceTexels
 from .texel_samples import TexelSamples
 
 _NAMES = (
-    "list_samples", "look_at_texels", "mark_cut", "mark_beyond", "texel_means", "range_of_all", "fit_planes",
-    "go_beyond", "begin_fit", "step_of_fit",
+    "list_samples", "look_at_texels", "mark_cut", "mark_extrapolated", "texel_means", "range_of_all",
+    "fit_planes",
+    "extrapolate_texels", "begin_fit", "step_of_fit",
 )  # fmt: skip
 
 #: Marks of kernels/texel_means.cl.
@@ -69,7 +70,7 @@ class TexelMeans:
         self._run("look_at_texels", self._samples, self._firsts, *where, states)
         beside = self._places, self._numbers, self._resolution
         self._run("mark_cut", *beside, states, marked)
-        self._run("mark_beyond", *beside, marked, states)
+        self._run("mark_extrapolated", *beside, marked, states)
         self._states, state = states, np.empty(self._count, np.uint8)
         cl.enqueue_copy(compute.queue, state, states)
         self._shown = np.concatenate([np.flatnonzero(state & mark) for mark in (_SEEN, _BEYOND)])
@@ -118,7 +119,7 @@ class TexelMeans:
         self._run(
             "fit_planes", *samples, self._seen_part, *given, *ranges, limits, self._light, self._planes
         )  # fmt: skip
-        self._run("go_beyond", *beside, self._planes, self._light)
+        self._run("extrapolate_texels", *beside, self._planes, self._light)
         self._run("begin_fit", *samples, *given, limits, self._light, *ranges, self._steps)
         light, changed = self._light, self._changed
         for _ in range(_STEPS):

@@ -66,11 +66,11 @@ class DeviceRadiosity:
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
         self._fronts = self.count if fronts is None else fronts
         self.columns, self._pairs = columns, np.triu_indices(columns)
-        names = ("products", "mix_iterates", "balance", "add_up")
+        names = ("iterate_products", "mix_iterates", "balance", "add_up")
         options = (f"-DCOLUMNS={columns}",)
-        kernels = compute.kernels("solve.cl", *names, options=options)
+        kernels = compute.kernels("iterate_sums.cl", *names, options=options)
         self._products, self._mix, self._balance, self._add_up = kernels
-        (self._send_out,) = compute.kernels("send_out.cl", "send_out")
+        (self._send_out,) = compute.kernels("exitant_radiance.cl", "exitant_radiance")
         self._emission, self._reflectance = emission, float4_once(compute, reflectance)
         self._sampled_light = upload_float4_once(compute, sampled_light)
 
@@ -96,7 +96,8 @@ class DeviceRadiosity:
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
-        # Sums of kernels/solve.cl: a product for each pair of columns, and three more; a balance has no more.
+        # Sums of kernels/iterate_sums.cl: a product for each pair of columns, and three more; a balance has
+        # no more.
         self._numbers = len(self._pairs[0]) + 3
         self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
         self._mixture = np.zeros((columns + 1, 4), np.float32)

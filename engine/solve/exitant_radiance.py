@@ -9,7 +9,7 @@ from ..device.buffers import upload, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, float4_once, rows_on_device
 
-_SOURCE = "send_out.cl"
+_SOURCE = "exitant_radiance.cl"
 
 
 def exitant_radiance(
@@ -28,7 +28,7 @@ def exitant_radiance(
     irradiance   (n, 3) float32, E/pi
     stand_in     (n,) int64, the patch whose light each one sends out; None if each does its own
     """
-    (kernel,) = compute.kernels(_SOURCE, "send_out")
+    (kernel,) = compute.kernels(_SOURCE, "exitant_radiance")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
     surfaces = upload_float4_once(compute, emission, first=1), float4_once(compute, reflectance)
     light, stride = rows_on_device(compute, irradiance)

@@ -45,7 +45,7 @@ def is_doubtful(front: np.ndarray) -> np.ndarray:
 def patches_inside(scene: RayScene, count: int) -> np.ndarray:
     """Return which patches are inside of something, (n,) bool: most of their probes meet back faces."""
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((RECEIVER, "inside.cl"), "inside", options=KERNEL_OPTIONS)
+    (kernel,) = rays.kernels((RECEIVER, "inside_test.cl"), "is_inside", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     rays.run(kernel, count, scene.receivers, output, np.int32(count))
     return download_bytes(compute, output, count).view(bool)

@@ -7,7 +7,7 @@ and sends out light (`DARK_BACK`) is no sign of the inside of something and coun
 from __future__ import annotations
 
 #: Probe rays from a point, stratified over the hemisphere of its normal with the density of the cosine:
-#: LOOKS of kernels/looks.cl.
+#: LOOKS of kernels/probe_rays.cl.
 PROBES = 16
 
 #: A patch whose view holds more than this fraction of back faces is invalid. Measured by all samples of a

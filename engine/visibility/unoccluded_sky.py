@@ -9,7 +9,8 @@ import numpy as np
 from ..scene.color import luminance
 from ..scene.sky_maps import row_fractions, shrink_sky
 
-#: Normals of the table, rows and columns, as in kernels/open_sky.cl: rows from pole to pole, both included.
+#: Normals of the table, rows and columns, as in kernels/unoccluded_sky.cl: rows from pole to pole, both
+#: included.
 ROWS, COLUMNS = 49, 96
 
 #: Pixels of the sky that are summed, rows and columns.

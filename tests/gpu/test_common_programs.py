@@ -9,18 +9,18 @@ import pytest
 from engine import Settings, finished
 from engine.device.devices import Devices
 from engine.pipeline import bake
-from engine.plan.common_programs import PROGRAMS, usual_programs
+from engine.plan.common_programs import PROGRAMS, common_programs
 from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.session import Session
 from engine.warm_up import SMALL, warm_up_scene
 from tests.gpu.graphics_card import GraphicsCard
 from tests.transparency import transparent
-from tools.usual_programs import recorded
+from tools.common_programs import recorded
 
 
 def test_the_list_is_what_the_warm_up_asks_for():
-    """`python -m tools.usual_programs` writes it anew."""
+    """`python -m tools.common_programs` writes it anew."""
     assert json.loads(PROGRAMS.read_text(encoding="utf-8")) == recorded()
 
 
@@ -46,7 +46,7 @@ def test_most_programs_of_a_bake_are_in_it(wide, see_through, monkeypatch):
     stages.opened(True)
     finished(bake(devices, scene, settings, stages, SessionCache()))
     devices.release()
-    listed = set(usual_programs(scene, settings))
+    listed = set(common_programs(scene, settings))
     assert len(asked - listed) <= 1 and len(listed - asked) <= 1
 
 
@@ -57,7 +57,7 @@ def test_a_card_begins_to_build_them_before_the_bake_asks(monkeypatch):
     monkeypatch.setattr(GraphicsCard, "build_ahead", lambda self, programs: begun.extend(programs))
     scene, settings = warm_up_scene(), Settings(**SMALL)
     plain = finished(Session().bake(scene, settings))
-    assert set(begun) == set(usual_programs(scene, settings))
+    assert set(begun) == set(common_programs(scene, settings))
     monkeypatch.undo()
     monkeypatch.setattr("engine.device.devices.ComputeDevice", GraphicsCard)
     monkeypatch.setattr(GraphicsCard, "_is_pocl", False)

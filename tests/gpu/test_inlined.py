@@ -1,4 +1,4 @@
-"""Functions of kernels/inlined.cl give what NumPy does: to the bit, or but for rounding."""
+"""Functions of kernels/pocl_inline.cl give what NumPy does: to the bit, or but for rounding."""
 
 import numpy as np
 import pyopencl as cl
@@ -44,7 +44,7 @@ ROUNDED = {
 def compute():
     device = ComputeDevice()
     if not (device.processor and device.device.platform.name == "Portable Computing Language"):
-        pytest.skip("kernels/inlined.cl is for PoCL on a processor")
+        pytest.skip("kernels/pocl_inline.cl is for PoCL on a processor")
     return device
 
 
@@ -55,7 +55,7 @@ def evaluated(compute, formulas, a, b):
         {{ const int i = get_global_id(0); if (i >= count) return;
         const float a = from[i], b = from[count + i]; const float3 v = (float3)(a, b, a - b);
         {stores} }}"""
-    program = cl.Program(compute.context, program_source(("inlined.cl",)) + kernel).build()
+    program = cl.Program(compute.context, program_source(("pocl_inline.cl",)) + kernel).build()
     values = np.empty((len(formulas), len(a)), np.float32)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, values.nbytes)
     program.evaluate(

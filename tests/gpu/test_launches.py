@@ -35,7 +35,7 @@ def test_a_log_has_every_command_with_its_bytes():
         buffer = upload(compute, np.arange(37, dtype=np.float32))
         filled = zeros(compute, 44)
         cl.enqueue_copy(compute.queue, filled, buffer, byte_count=40)
-        (widen,) = compute.kernels("widen.cl", "widen")
+        (widen,) = compute.kernels("float4_rows.cl", "to_float4")
         wide = zeros(compute, 16 * 12)
         compute.run(widen, 12, buffer, wide, np.int32(0), np.int32(12), np.int32(12))
         assert download(compute, wide, (12, 4))[3, 1] == 10

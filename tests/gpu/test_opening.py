@@ -18,7 +18,7 @@ from engine.device.devices import Devices
 
 
 def test_a_device_waits_for_its_programs_and_nothing_else_does():
-    asked, programs = threading.Event(), [(("widen.cl",), ()), (("pack.cl",), ("-DX",))]
+    asked, programs = threading.Event(), [(("float4_rows.cl",), ()), (("pack_receivers.cl",), ("-DX",))]
 
     def open_device(ahead):
         asked.set()

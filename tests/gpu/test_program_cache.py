@@ -137,10 +137,10 @@ def test_processes_start_before_the_context_of_a_card_is_made(many, tmp_path, mo
         GraphicsCard, "_first_working_context", lambda *found: order.append("context") or make(*found)
     )
     monkeypatch.setattr(builders.Builders, "_start", lambda *share: order.append("process") or start(*share))
-    wanted = [(("widen.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
+    wanted = [(("float4_rows.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
     card = GraphicsCard(str(tmp_path), ahead=wanted)
     assert order == ["process", "process", "context"]
-    card.kernels("widen.cl", "widen", options=wanted[6][1])
+    card.kernels("float4_rows.cl", "to_float4", options=wanted[6][1])
     card.release()
 
 
@@ -164,7 +164,7 @@ def test_a_card_that_refuses_a_context_is_asked_again_without_processes(
     monkeypatch.setattr(GraphicsCard, "_is_pocl", False)
     monkeypatch.setattr(builders.Builders, "__init__", begun)
     monkeypatch.setattr("engine.device.cl_device.found_devices", lambda: devices)
-    wanted = [(("widen.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
+    wanted = [(("float4_rows.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
     if failures == 1:
         GraphicsCard(str(tmp_path), context_of=context_of, ahead=wanted).release()
     else:
@@ -210,7 +210,7 @@ def test_pocl_is_not_asked_for_programs_that_it_keeps_itself(context, tmp_path):
     """It would build all their kernels once more: a first bake took 46 s of a processor instead of 18."""
     if context.devices[0].platform.name != "Portable Computing Language":
         pytest.skip("another driver")
-    ComputeDevice(str(tmp_path)).kernels("widen.cl", "widen")
+    ComputeDevice(str(tmp_path)).kernels("float4_rows.cl", "to_float4")
     assert not files(tmp_path)
 
 

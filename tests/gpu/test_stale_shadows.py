@@ -138,7 +138,7 @@ def test_a_move_that_comes_before_the_light_of_the_last_one_is_not_lost(session)
 
 
 def test_work_of_one_name_goes_on_with_the_slices_of_before(compute):
-    (kernel,) = compute.kernels("widen.cl", "widen")
+    (kernel,) = compute.kernels("float4_rows.cl", "to_float4")
     first = compute.slice_size(kernel, 64, 7)
     assert compute.slice_size(kernel, 64, 7) is first
     assert compute.slice_size(kernel, 2048, 7) is not first

@@ -1,4 +1,4 @@
-"""The polynomials of kernels/tilt.cl are the least-squares fit that they stand for."""
+"""The polynomials of kernels/irradiance_l1.cl are the least-squares fit that they stand for."""
 
 import numpy as np
 import pytest
@@ -16,12 +16,14 @@ __kernel void probe(__global const float4 *directions, __global const float4 *no
 
 
 def tilts(compute, directions, normals, monkeypatch):
-    """Return `tilt_of` of kernels/tilt.cl, (n, 3)."""
+    """Return `l1_of_direction` of kernels/irradiance_l1.cl, (n, 3)."""
     from engine.device import cl_device as module
 
     real = module.program_source
-    monkeypatch.setattr(module, "program_source", lambda parts: real(parts) + _PROBE * ("tilt.cl" in parts))
-    (probe,) = compute.kernels("tilt.cl", "probe", options=("-DDIRECTIONAL",))
+    monkeypatch.setattr(
+        module, "program_source", lambda parts: real(parts) + _PROBE * ("irradiance_l1.cl" in parts)
+    )
+    (probe,) = compute.kernels("irradiance_l1.cl", "probe", options=("-DDIRECTIONAL",))
     result = zeros(compute, 16 * len(directions))
     arrays = (upload_float4(compute, values.astype(np.float32)) for values in (directions, normals))
     probe(compute.queue, (len(directions),), None, *arrays, result)

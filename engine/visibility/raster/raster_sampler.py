@@ -48,7 +48,9 @@ class RasterSampler:
         size = sample_bytes(parts.sources)
         self.row_bytes = size * self.samples
         options = (*identity_options(size), *directional_options(settings))
-        (self._resolve,) = compute.kernels((FRAME, "resolve.cl"), "resolve", options=options)
+        (self._resolve,) = compute.kernels(
+            (FRAME, "item_buffer_rows.cl"), "compact_item_buffer", options=options
+        )
         self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:

@@ -75,11 +75,11 @@ _GRAPHICS = BvhLayout(2, 1, 2, 0.5)
 
 @dataclass(frozen=True)
 class Bvh:
-    """Nodes and packets of triangles on the device, as kernels/rays.cl takes them.
+    """Nodes and packets of triangles on the device, as kernels/bvh_traversal.cl takes them.
 
     nodes      w boxes and children each
     triangles  packets
-    options    the layout, for the build of kernels/rays.cl
+    options    the layout, for the build of kernels/bvh_traversal.cl
     levels     of nodes
     stack      most nodes that a ray comes back to, as the layout has it
     top        tree over the triangles, for one of the same ones elsewhere; None if they are many
@@ -154,7 +154,7 @@ class _Builder:
             "morton_keys", "single_clusters", "best_neighbours", "count_merges", "sum_chunks",
             "sum_totals", "merge", "open_nodes", "open_levels", "next_roots", "store_level", *TREETOP,
         )  # fmt: skip
-        kernels = compute.kernels((BOX, LINK, "bvh.cl", "treetop.cl"), *names, options=options)
+        kernels = compute.kernels((BOX, LINK, "bvh.cl", "bvh_upper_levels.cl"), *names, options=options)
         self._kernels = dict(zip(names, kernels, strict=True))
         self._boxes, self._links = (
             self._buffer(2 * record.dtype.itemsize * self._count) for record in (BOX, LINK)

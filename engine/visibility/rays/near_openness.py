@@ -16,7 +16,7 @@ def openness(rays: RayScene, reach: float) -> cl.Buffer:
     It is weighted by the cosine. reach: texels from which on nothing is near.
     """
     compute, count = rays.compute, rays.count
-    (kernel,) = rays.rays.kernels((RECEIVER, "openness.cl"), "openness")
+    (kernel,) = rays.rays.kernels((RECEIVER, "near_openness.cl"), "near_openness")
     found = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
     rays.rays.run(kernel, count, rays.receivers, np.float32(reach), found, np.int32(count))
     return found
@@ -25,7 +25,7 @@ def openness(rays: RayScene, reach: float) -> cl.Buffer:
 def backs_met(rays: RayScene) -> np.ndarray:
     """Return the cosine-weighted fraction of each patch's probes that meet back faces, (n,) float32."""
     compute, count = rays.compute, rays.count
-    (kernel,) = rays.rays.kernels((RECEIVER, "openness.cl"), "backs_met")
+    (kernel,) = rays.rays.kernels((RECEIVER, "near_openness.cl"), "backs_met")
     found = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * count)
     rays.rays.run(kernel, count, rays.receivers, found, np.int32(count))
     return download(compute, found, (count,))

@@ -83,7 +83,9 @@ class RaySampler:
         options = ("-DDITHERED", *identity_options(size), *directional_options(settings))
         options += () if hemicube else ("-DCOSINE",)
         self._rays, self._options = rays, options
-        self._look, self._gather_rays = self._kernels("look.cl", "look", "gather_rays")
+        self._look, self._gather_rays = self._kernels(
+            "trace_visibility.cl", "trace_visibility", "gather_rays"
+        )
         triangles = sources.triangles
         arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
         lookups = (upload_once(compute, array) for array in arrays)
@@ -108,7 +110,7 @@ class RaySampler:
 
         Yields the fraction done.
         """
-        (look_again,) = self._kernels("look_again.cl", "look_again")
+        (look_again,) = self._kernels("retrace_visibility.cl", "retrace_visibility")
         more = (moved.nodes, moved.triangles, moved.ball, moved.views)
         yield from self._run(look_again, first, last, _outputs(seen), more)
 

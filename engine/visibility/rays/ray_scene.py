@@ -70,6 +70,6 @@ class RayScene:
         No ray starts beyond another face.
         """
         records = pack_receivers(self.compute, self._parts.patches, self._parts.geometry)
-        (place,) = self.rays.kernels((RECEIVER, "place_starts.cl"), "place_starts")
+        (place,) = self.rays.kernels((RECEIVER, "ray_offsets.cl"), "find_ray_offsets")
         self.rays.run(place, self.count, records, np.int32(self.count))
         return records

@@ -32,7 +32,7 @@ TRANSMITTANCE = DeviceStruct(
 
 
 class RayTracer:
-    """A scene's triangles on the OpenCL device, for kernels/rays.cl and kernels that go on from it.
+    """A scene's triangles on the OpenCL device, for kernels/bvh_traversal.cl and kernels that go on from it.
 
     cutouts    transmittance of the surfaces
     arguments  what kernels take for RAYS_ARGUMENTS
@@ -61,7 +61,10 @@ class RayTracer:
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
-        """Return kernels of a program whose main files include kernels/rays.cl, in the order of the names."""
+        """Return kernels of a program whose main files include kernels/bvh_traversal.cl.
+
+        In the order of the names.
+        """
         return self._compute.kernels((TRANSMITTANCE, *source), *names, options=(*self._options, *options))
 
     def hierarchy_of(self, positions: np.ndarray) -> tuple[cl.Buffer, cl.Buffer] | None:
@@ -86,7 +89,7 @@ class RayTracer:
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
         rays = self._rays(origins, directions, 0.0)
-        (kernel,) = self.kernels(("cast.cl",), "cast")
+        (kernel,) = self.kernels(("closest_hit.cl",), "closest_hit")
         self.run(kernel, count, *rays, np.int32(backs), np.int32(kind), *outputs, np.int32(count))
         for array, buffer in zip((hits, distances), outputs, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)
@@ -103,7 +106,7 @@ class RayTracer:
         through = np.empty((len(origins), 3), np.float32)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
         rays = self._rays(origins, directions, distance)
-        (kernel,) = self.kernels(("pass.cl",), "pass")
+        (kernel,) = self.kernels(("through_surface.cl",), "through_surface")
         self.run(kernel, len(origins), *rays, np.int32(kind), output, np.int32(len(origins)))
         cl.enqueue_copy(self._queue, through, output)
         return through

@@ -20,7 +20,7 @@ RECEIVER = DeviceStruct(
     ("float[3]", "at", "m, centre of the texel"),
     ("float", "height", "m, of the start of rays above the surface"),
     ("float[3]", "normal", "unit, of the smooth surface"),
-    ("float", "lifted", "factor of `lift_at` in receiver.cl, 0 to 1: 0 on flat surfaces"),
+    ("float", "lifted", "factor of `smooth_offset` in receiver.cl, 0 to 1: 0 on flat surfaces"),
     ("float[3]", "geometric", "unit, of the flat triangle"),
     ("float[3]", "edge_u", "m, step of a texel along u"),
     ("float[3]", "edge_v", "m, step of a texel along v"),
@@ -30,7 +30,11 @@ RECEIVER = DeviceStruct(
     ("float[3]", "normal1", "of the smooth surface at the first corner"),
     ("float[3]", "normal2", "at the second corner"),
     ("float[3]", "normal3", "at the third corner"),
-    ("int", "rank", "along a Hilbert curve through texels (pack.cl), times 2; + 1 if a face crosses its own"),
+    (
+        "int",
+        "rank",
+        "along a Hilbert curve through texels (pack_receivers.cl), times 2; + 1 if a face crosses its own",
+    ),
 )
 
 #: What patches have in common on one triangle.
@@ -55,7 +59,7 @@ def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGe
     )
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
-    (pack,) = compute.kernels((RECEIVER, TEXEL_STEP, "pack.cl"), "pack")
+    (pack,) = compute.kernels((RECEIVER, TEXEL_STEP, "pack_receivers.cl"), "pack_receivers")
     origin = cl.cltypes.make_float4(*triangles.origin, 0)
     texels = upload_once(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
     compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))

@@ -1,0 +1,383 @@
+#include "bilinear_taps.cl"
+#include "texel_links.cl"
+
+// Texels of several outputs, by conjugate gradients with bounds (engine/postprocess/bounded_cg.py). Light is scaled
+// to at most 1; all channels run at once, each with its own steps. Work items are unknowns, or seams, and images: vectors
+// have a plane for each image.
+
+#define IMAGE ((size_t)get_global_id(1))
+
+#define OVERSHOOT 0.02f  // of the range of the points around a texel
+#define TOLERANCE 5e-3f  // part of the first residual at which a run ends
+
+// Numbers of a run in `run`, those of each image together.
+#define ENERGY 0
+#define STEP 1
+#define RATIO 2
+#define ENOUGH 3
+#define NUMBERS 4
+
+#define EQUATIONS __global const int *neighbours, __global const float *factors, __global const uint *linked, \
+    __global const int *starts, __global const int *seams, __global const float *shares
+
+#define BOTH_SIDES 8
+
+// What points around each unknown tell: their weighted sum, mean, and the range of those in its own texel. reached: 1
+// where there is a mean; scales: of each image the largest value and its inverse.
+__kernel void sum_points(__global const uint *texels, __global const uchar *centres, __global const float4 *image,
+                         __global const int *neighbours, __global const int2 *ranges,
+                         __global const float2 *positions, __global const float *weights,
+                         __global const float4 *light, __global const float2 *scales, __global float4 *right,
+                         __global float4 *mean, __global uchar *reached, __global float4 *low,
+                         __global float4 *high, const int resolution, const uint size, const int points,
+                         const int count)
+{
+    const int unknown = get_global_id(0);
+    if (unknown >= count)
+        return;
+    const uint texel = texels[unknown], row = texel / resolution;
+    const size_t here = IMAGE * count + unknown;
+    const float scale = scales[IMAGE].y;
+    image += IMAGE * size;
+    light += IMAGE * points;
+    const int2 at = (int2)(texel % resolution, row % resolution);
+    float4 sum = (float4)(0.0f), least = (float4)(INFINITY), most = (float4)(-INFINITY);
+    float weight = 0.0f;
+    if (centres[texel]) {
+        sum = least = most = scale * image[texel];
+        weight = 1.0f;
+    }
+    for (int link = 0; link < LINKS; ++link) {
+        const int other = neighbours[link * count + unknown];
+        if (other == unknown && link != 4)
+            continue;
+        for (int point = ranges[other].x; point < ranges[other].y; ++point) {
+            const float4 value = scale * light[point];
+            if (link == 4) {
+                least = fmin(least, value);
+                most = fmax(most, value);
+            }
+            const Footprint f = footprint_at(positions[point], resolution);
+            for (int corner = 0; corner < 4; ++corner) {
+                if (all(corner_of(&f, corner) == at)) {
+                    sum += weights[point] * weight_of(&f, corner) * value;
+                    weight += weights[point] * weight_of(&f, corner);
+                }
+            }
+        }
+    }
+    right[here] = sum;
+    mean[here] = weight > 0.0f ? sum / weight : (float4)(0.0f);
+    reached[here] = weight > 0.0f;
+    low[here] = least;
+    high[here] = most;
+}
+
+// Unknowns that were not reached before a round get the mean of neighbours that shall be like them.
+__kernel void spread_along_links(__global const int *neighbours, __global const uint *linked, const uchar round,
+                                 __global uchar *reached, __global float4 *solution, const int count)
+{
+    const int unknown = get_global_id(0);
+    if (unknown >= count)
+        return;
+    reached += IMAGE * count;
+    solution += IMAGE * count;
+    if (reached[unknown])
+        return;
+    float4 sum = (float4)(0.0f);
+    float total = 0.0f;
+    for (int link = 1; link < LINKS; link += 2) {
+        const int other = neighbours[link * count + unknown];
+        const uchar when = reached[other];
+        if (linked[unknown] & (SMOOTH << link) && when && when < round) {
+            sum += solution[other];
+            total += 1.0f;
+        }
+    }
+    if (total > 0.0f) {
+        solution[unknown] = sum / total;
+        reached[unknown] = round;
+    }
+}
+
+// The same, along seams: the mean of all that their rows read.
+__kernel void spread_along_seams(__global const int *starts, __global const int *seams, __global const int *columns,
+                                 const uchar round, __global uchar *reached, __global float4 *solution,
+                                 const int count)
+{
+    const int unknown = get_global_id(0);
+    if (unknown >= count)
+        return;
+    reached += IMAGE * count;
+    solution += IMAGE * count;
+    if (reached[unknown])
+        return;
+    float4 sum = (float4)(0.0f);
+    float total = 0.0f;
+    for (int i = starts[unknown]; i < starts[unknown + 1]; ++i) {
+        __global const int *row = columns + seams[i] * BOTH_SIDES;
+        for (int k = 0; k < BOTH_SIDES; ++k) {
+            const uchar when = reached[row[k]];
+            if (when && when < round) {
+                sum += solution[row[k]];
+                total += 1.0f;
+            }
+        }
+    }
+    if (total > 0.0f) {
+        solution[unknown] = sum / total;
+        reached[unknown] = round;
+    }
+}
+
+// Ranges of the unknowns that points read together.
+__kernel void widen_ranges(__global const int *neighbours, __global const uint *linked, __global const float4 *low,
+                           __global const float4 *high, __global float4 *wide_low, __global float4 *wide_high,
+                           const int count)
+{
+    const int unknown = get_global_id(0);
+    if (unknown >= count)
+        return;
+    const size_t plane = IMAGE * count;
+    float4 least = low[plane + unknown], most = high[plane + unknown];
+    for (int link = 0; link < LINKS; ++link) {
+        if (linked[unknown] & (1u << link)) {
+            const size_t other = plane + neighbours[link * count + unknown];
+            least = fmin(least, low[other]);
+            most = fmax(most, high[other]);
+        }
+    }
+    wide_low[plane + unknown] = least;
+    wide_high[plane + unknown] = most;
+}
+
+// The range of all that each seam reads.
+__kernel void ranges_of_seams(__global const int *columns, __global const float4 *low, __global const float4 *high,
+                              __global float4 *seam_low, __global float4 *seam_high, const int unknowns,
+                              const int count)
+{
+    const int seam = get_global_id(0);
+    if (seam >= count)
+        return;
+    float4 least = (float4)(INFINITY), most = (float4)(-INFINITY);
+    for (int k = 0; k < BOTH_SIDES; ++k) {
+        const size_t column = IMAGE * unknowns + columns[seam * BOTH_SIDES + k];
+        least = fmin(least, low[column]);
+        most = fmax(most, high[column]);
+    }
+    seam_low[IMAGE * count + seam] = least;
+    seam_high[IMAGE * count + seam] = most;
+}
+
+// The ranges of the seams of each unknown, and a little more, within that of all points.
+__kernel void bound(__global const int *starts, __global const int *seams, __global const float4 *seam_low,
+                    __global const float4 *seam_high, __global const float4 *all_points,
+                    __global const float4 *own_high, const int tight, __global float4 *low,
+                    __global float4 *high, const int rows, const int count)
+{
+    const int unknown = get_global_id(0);
+    if (unknown >= count)
+        return;
+    const size_t here = IMAGE * count + unknown;
+    float4 least = low[here], most = high[here];
+    for (int i = starts[unknown]; i < starts[unknown + 1]; ++i) {
+        least = fmin(least, seam_low[IMAGE * rows + seams[i]]);
+        most = fmax(most, seam_high[IMAGE * rows + seams[i]]);
+    }
+    if (tight && isfinite(own_high[here].x))
+        most = own_high[here];
+    const float4 slack = OVERSHOOT * (most - least);
+    low[here] = fmax(least - slack, all_points[2 * IMAGE]);
+    high[here] = fmin(most + slack, all_points[2 * IMAGE + 1]);
+}
+
+// The least and the greatest of all ranges; one group an image.
+__kernel void range_of_all(__global const float4 *low, __global const float4 *high, __global float4 *all_points,
+                           const int count, __local float4 *partial)
+{
+    const int item = get_local_id(0), items = get_local_size(0);
+    float4 least = (float4)(INFINITY), most = (float4)(-INFINITY);
+    for (int i = item; i < count; i += items) {
+        least = fmin(least, low[IMAGE * count + i]);
+        most = fmax(most, high[IMAGE * count + i]);
+    }
+    partial[item] = least;
+    partial[items + item] = most;
+    for (int step = items / 2; step > 0; step /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item < step) {
+            partial[item] = fmin(partial[item], partial[item + step]);
+            partial[items + item] = fmax(partial[items + item], partial[items + item + step]);
+        }
+    }
+    if (item == 0) {
+        all_points[2 * IMAGE] = partial[0];
+        all_points[2 * IMAGE + 1] = partial[items];
+    }
+}
+
+// What each seam differs by.
+__kernel void differences(__global const int8 *columns, __global const float8 *entries, __global const float4 *values,
+                          __global float4 *products, const int unknowns, const int count)
+{
+    const int seam = get_global_id(0);
+    if (seam >= count)
+        return;
+    values += IMAGE * unknowns;
+    const int8 c = columns[seam];
+    const float8 e = entries[seam];
+    products[IMAGE * count + seam] = e.s0 * values[c.s0] + e.s1 * values[c.s1] + e.s2 * values[c.s2] + e.s3 * values[c.s3]
+        + e.s4 * values[c.s4] + e.s5 * values[c.s5] + e.s6 * values[c.s6] + e.s7 * values[c.s7];
+}
+
+// A row of the normal equations times values, whose differences along seams are known.
+float4 row_times(EQUATIONS, __global const float4 *values, __global const float4 *products, const int unknown,
+                 const int count)
+{
+    float4 sum = factors[4 * count + unknown] * values[unknown];
+    const uint marks = linked[unknown];
+    for (int link = 0; link < LINKS; ++link)
+        if (link != 4 && marks & (1u << link | SMOOTH << link))
+            sum += factors[link * count + unknown] * values[neighbours[link * count + unknown]];
+    for (int i = starts[unknown]; i < starts[unknown + 1]; ++i)
+        sum += shares[i] * products[seams[i]];
+    return sum;
+}
+
+// 0 for channels that are held at a bound.
+float4 free_channels(const uchar held)
+{
+    return (float4)(held & 1 ? 0.0f : 1.0f, held & 2 ? 0.0f : 1.0f, held & 4 ? 0.0f : 1.0f, 0.0f);
+}
+
+// The sum of a group of an image.
+void add_group(const float4 value, __local float4 *partial, __global float4 *sums)
+{
+    const int item = get_local_id(0);
+    partial[item] = value;
+    for (int step = get_local_size(0) / 2; step > 0; step /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item < step)
+            partial[item] += partial[item + step];
+    }
+    if (item == 0)
+        sums[IMAGE * get_num_groups(0) + get_group_id(0)] = partial[0];
+}
+
+// The residual of a start, and the first direction; sums of the residual's energy.
+__kernel void begin_run(EQUATIONS, __global const float *inverse, __global const float4 *right,
+                        __global const uchar *held, __global const float4 *solution,
+                        __global const float4 *products, __global float4 *residual, __global float4 *direction,
+                        __global float4 *sums, const int rows, const int count, __local float4 *partial)
+{
+    const int unknown = get_global_id(0);
+    const size_t plane = IMAGE * count, here = plane + unknown;
+    float4 energy = (float4)(0.0f);
+    if (unknown < count) {
+        const float4 product = row_times(neighbours, factors, linked, starts, seams, shares, solution + plane,
+                                         products + IMAGE * rows, unknown, count);
+        const float4 r = free_channels(held[here]) * (right[here] - product);
+        residual[here] = r;
+        direction[here] = inverse[unknown] * r;
+        energy = inverse[unknown] * r * r;
+    }
+    add_group(energy, partial, sums);
+}
+
+// How the energy changes along the direction; sums of it.
+__kernel void cg_curvature(EQUATIONS, __global const uchar *held, __global const float4 *direction,
+                           __global const float4 *products, __global float4 *change, __global float4 *sums,
+                           const int rows, const int count, __local float4 *partial)
+{
+    const int unknown = get_global_id(0);
+    const size_t plane = IMAGE * count, here = plane + unknown;
+    float4 energy = (float4)(0.0f);
+    if (unknown < count) {
+        const float4 q = free_channels(held[here])
+            * row_times(neighbours, factors, linked, starts, seams, shares, direction + plane,
+                        products + IMAGE * rows, unknown, count);
+        change[here] = q;
+        energy = q * direction[here];
+    }
+    add_group(energy, partial, sums);
+}
+
+// A step along the direction; sums of the energy that is left.
+__kernel void advance(__global const float *inverse, __global const float4 *direction, __global const float4 *change,
+                      __global const float4 *run, __global float4 *solution, __global float4 *residual,
+                      __global float4 *sums, const int count, __local float4 *partial)
+{
+    const int unknown = get_global_id(0);
+    const size_t here = IMAGE * count + unknown;
+    const float4 step = run[NUMBERS * IMAGE + STEP];
+    float4 energy = (float4)(0.0f);
+    if (unknown < count) {
+        solution[here] += step * direction[here];
+        const float4 r = residual[here] - step * change[here];
+        residual[here] = r;
+        energy = inverse[unknown] * r * r;
+    }
+    add_group(energy, partial, sums);
+}
+
+__kernel void cg_direction(__global const float *inverse, __global const float4 *residual, __global const float4 *run,
+                           __global float4 *direction, const int count)
+{
+    const int unknown = get_global_id(0);
+    const size_t here = IMAGE * count + unknown;
+    if (unknown < count)
+        direction[here] = inverse[unknown] * residual[here] + run[NUMBERS * IMAGE + RATIO] * direction[here];
+}
+
+// Adds the sums of all groups up, and makes a number of the run of them: ENOUGH and ENERGY at the start, ENERGY at
+// that of the second run, STEP of a direction, RATIO and ENERGY after it. A channel with little energy rests.
+__kernel void add_up(__global const float4 *sums, const int groups, const int made, __global float4 *run,
+                     __local float4 *partial)
+{
+    const int item = get_local_id(0);
+    float4 sum = (float4)(0.0f);
+    for (int i = item; i < groups; i += get_local_size(0))
+        sum += sums[IMAGE * groups + i];
+    partial[item] = sum;
+    for (int step = get_local_size(0) / 2; step > 0; step /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item < step)
+            partial[item] += partial[item + step];
+    }
+    if (item > 0)
+        return;
+    sum = partial[0];
+    run += NUMBERS * IMAGE;
+    const int4 busy = run[ENERGY] > run[ENOUGH];
+    if (made == ENOUGH)
+        run[ENOUGH] = TOLERANCE * TOLERANCE * sum;
+    if (made == STEP) {
+        run[STEP] = busy && sum > 0.0f ? run[ENERGY] / sum : (float4)(0.0f);
+        return;
+    }
+    if (made == RATIO)
+        run[RATIO] = busy ? sum / run[ENERGY] : (float4)(0.0f);
+    run[ENERGY] = sum;
+}
+
+// Holds at their bounds what a run left outside.
+__kernel void clamp_bounds(__global const float4 *low, __global const float4 *high, __global float4 *solution,
+                           __global uchar *held, const int count)
+{
+    const int unknown = get_global_id(0);
+    if (unknown >= count)
+        return;
+    const size_t here = IMAGE * count + unknown;
+    const float4 before = solution[here], within = fmin(fmax(before, low[here]), high[here]);
+    const int4 outside = before != within;
+    solution[here] = within;
+    held[here] = (outside.x ? 1 : 0) | (outside.y ? 2 : 0) | (outside.z ? 4 : 0);
+}
+
+__kernel void keep_texels(__global const uint *texels, __global const float4 *solution,
+                          __global const float2 *scales, __global float4 *image, const uint size, const int count)
+{
+    const int unknown = get_global_id(0);
+    if (unknown < count)
+        image[IMAGE * size + texels[unknown]] = scales[IMAGE].x * solution[IMAGE * count + unknown];
+}

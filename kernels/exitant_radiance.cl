@@ -1,0 +1,21 @@
+// What patches send out: their emission, and what each, or its stand-in, reflects of light whose rows are `stride` apart.
+// emission, radiance: of each patch + 1. stand_in: null if each patch sends out its own.
+__kernel void exitant_radiance(__global const float4 *emission, __global const float4 *reflectance,
+                               __global const float *light, const int stride, __global const uint *stand_in,
+                               __global float4 *radiance, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const size_t from = stand_in ? stand_in[i] : i;
+    radiance[i + 1] = emission[i + 1] + reflectance[from] * (float4)(vload3(0, light + stride * from), 0.0f);
+}
+
+// Other radiance of some patches.
+__kernel void replace_radiance(__global const float *values, __global const uint *patches, __global float4 *radiance,
+                               const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        radiance[patches[i] + 1] = (float4)(vload3(i, values), 0.0f);
+}

@@ -1,0 +1,118 @@
+// Vectors of three numbers, close together in memory, become float4, `first` zeros before them and more after.
+__kernel void to_float4(__global const float *narrow, __global float4 *wide, const int first, const int values,
+                        const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        wide[i] = i < first || i >= first + values ? (float4)(0.0f) : (float4)(vload3(i - first, narrow), 0.0f);
+}
+
+// Colours whose rows are `stride` apart become float4.
+__kernel void widen_rows(__global const float *rows, const int stride, __global float4 *wide, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        wide[i] = (float4)(vload3(0, rows + (size_t)stride * i), 0.0f);
+}
+
+// The colours of `planes` float4 of each item, one plane after the other, three floats each.
+__kernel void to_float3(__global const float4 *wide, const int planes, const int items, __global float *narrow)
+{
+    const int i = get_global_id(0);
+    if (i < planes * items)
+        vstore3(wide[i].xyz, (size_t)(i % planes) * items + i / planes, narrow);
+}
+
+// Colours, close together in memory, become float4 at places of their own, `first` after the beginning.
+__kernel void scatter_colours(__global const float *colors, __global const uint *places, const int first,
+                              __global float4 *wide, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        wide[first + places[i]] = (float4)(vload3(i, colors), 0.0f);
+}
+
+// Three floats take the places of others.
+__kernel void put_rows(__global const float *values, __global const uint *places, __global float *rows,
+                       const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        vstore3(vload3(i, values), places[i], rows);
+}
+
+// Rows of `columns` words with others inserted: the one with number k comes to inserted[k], which ascend.
+__kernel void insert_rows(__global const uint *rows, __global const uint *others, __global const int *inserted,
+                          const int number, const int columns, __global uint *joined, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    int before = 0, last = number;
+    while (before < last) {
+        const int middle = before + (last - before) / 2;
+        if (inserted[middle] < i)
+            before = middle + 1;
+        else
+            last = middle;
+    }
+    const bool is_new = before < number && inserted[before] == i;
+    __global const uint *source = is_new ? others + before * columns : rows + (i - before) * columns;
+    for (int column = 0; column < columns; ++column)
+        joined[i * columns + column] = source[column];
+}
+
+// The first `channels` numbers of rows `stride` apart become 0.
+__kernel void blacken(__global float *rows, const int stride, const int channels, __global const uint *places,
+                      const int count)
+{
+    const int i = get_global_id(0);
+    for (int channel = 0; i < count && channel < channels; ++channel)
+        rows[(size_t)stride * places[i] + channel] = 0.0f;
+}
+
+// float4 of which the fourth becomes 0.
+__kernel void clear_fourth(__global float4 *wide, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        wide[i].w = 0.0f;
+}
+
+// The sum of the channels of each of some rows of three floats or more, `stride` apart.
+__kernel void sum_channels(__global const float *rows, const int stride, __global float *sums, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count) {
+        const float3 color = vload3(0, rows + (size_t)stride * i);
+        sums[i] = color.x + color.y + color.z;
+    }
+}
+
+// The fourth number of each float4.
+__kernel void take_fourth(__global const float4 *wide, __global float *taken, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        taken[i] = wide[i].w;
+}
+
+// The first `channels` numbers of some of the rows `stride` apart, close together.
+__kernel void take_colors(__global const float *rows, const int stride, const int channels,
+                          __global const uint *chosen, __global float *taken, const int count)
+{
+    const int i = get_global_id(0);
+    for (int channel = 0; i < count && channel < channels; ++channel)
+        taken[(size_t)channels * i + channel] = rows[(size_t)stride * chosen[i] + channel];
+}
+
+// Colours, rows `stride` apart, plus others times a sign, from 0 on, as float4.
+__kernel void add_colors(__global const float *rows, const int stride, __global const float *others,
+                         const int apart, const float sign, __global float4 *total, const int count)
+{
+    const int i = get_global_id(0);
+    if (i >= count)
+        return;
+    const float3 sum = vload3(0, rows + (size_t)stride * i) + sign * vload3(0, others + (size_t)apart * i);
+    total[i] = (float4)(fmax(sum, 0.0f), 0.0f);
+}

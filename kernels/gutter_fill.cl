@@ -1,0 +1,233 @@
+#include "texel.cl"
+
+// Fills unknown texels of images: rings that grow from charts (engine/postprocess/dilation.py), and a membrane over known
+// texels from coarse to fine (engine/postprocess/membrane_fill.py).
+
+#define EMPTY 0
+#define UNKNOWN 1
+#define KNOWN 2
+
+#define FAR 65535  // no known texel within reach
+
+// What is filled are images of several outputs, one after the other, each of all atlases: they share what is known of
+// the texels of an atlas.
+#define ATLAS (get_global_id(2) % atlases)
+#define IN_ATLAS(x, y) ((ATLAS * height + (y)) * width + (x))
+
+// Texels along the row to the nearest known one.
+__kernel void distance_in_row(__global const uchar *known, __global ushort *distance, const int reach,
+                              const int width, const int height)
+{
+    TEXEL;
+    int nearest = known[texel] ? 0 : FAR;
+    for (int step = 1; step <= reach && nearest == FAR; ++step)
+        if ((x >= step && known[texel - step]) || (x + step < width && known[texel + step]))
+            nearest = step;
+    distance[texel] = nearest;
+}
+
+// Rings around known texels up to each one (Chebyshev distance), of what is known of rows.
+__kernel void distance_in_column(__global const ushort *in_row, __global ushort *distance, const int reach,
+                                 const int width, const int height)
+{
+    TEXEL;
+    int nearest = in_row[texel];
+    for (int step = 1; step <= reach && step < nearest; ++step) {
+        if (y >= step)
+            nearest = min(nearest, max(step, (int)in_row[AT(x, y - step)]));
+        if (y + step < height)
+            nearest = min(nearest, max(step, (int)in_row[AT(x, y + step)]));
+    }
+    distance[texel] = nearest <= reach ? nearest : FAR;
+}
+
+// A ring of texels, each with the mean of its neighbours on a chart's surface, else in inner rings.
+__kernel void dilate_ring(__global const ushort *distance, __global const uchar *surface, const int ring,
+                          __global float4 *image, const uint atlases, const int width, const int height)
+{
+    TEXEL;
+    if (distance[IN_ATLAS(x, y)] != ring)
+        return;
+    float4 sum = (float4)(0.0f), surface_sum = (float4)(0.0f);
+    float total = 0.0f, surface_total = 0.0f;
+    for (int v = max(y - 1, 0); v <= min(y + 1, height - 1); ++v)
+        for (int u = max(x - 1, 0); u <= min(x + 1, width - 1); ++u) {
+            if (distance[IN_ATLAS(u, v)] >= ring)
+                continue;
+            sum += image[AT(u, v)];
+            total += 1.0f;
+            if (surface[IN_ATLAS(u, v)]) {
+                surface_sum += image[AT(u, v)];
+                surface_total += 1.0f;
+            }
+        }
+    image[texel] = surface_total > 0.0f ? surface_sum / surface_total : sum / total;
+}
+
+// What texels are to the membrane: known up to some rings, unknown in further ones and where nobody sees them.
+__kernel void classify(__global const ushort *distance, __global const uchar *inside, const int rings,
+                       __global uchar *states, const int width, const int height)
+{
+    TEXEL;
+    states[texel] = distance[texel] <= rings ? KNOWN : inside[texel] || distance[texel] < FAR ? UNKNOWN : EMPTY;
+}
+
+// Whether a square of two by two texels holds a known one.
+bool has_known(__global const uchar *fine, const int fine_width, const int fine_height, const int x, const int y)
+{
+    bool known = false;
+    for (int v = 2 * y; v < min(2 * y + 2, fine_height); ++v)
+        for (int u = 2 * x; u < min(2 * x + 2, fine_width); ++u)
+            known |= fine[v * fine_width + u] == KNOWN;
+    return known;
+}
+
+// The mean of the known texels in a square, 0 without any.
+float4 mean_of_known(__global const uchar *states, __global const float4 *fine, const int fine_width,
+                     const int fine_height, const int x, const int y)
+{
+    float4 sum = (float4)(0.0f);
+    float total = 0.0f;
+    for (int v = 2 * y; v < min(2 * y + 2, fine_height); ++v)
+        for (int u = 2 * x; u < min(2 * x + 2, fine_width); ++u) {
+            if (states[v * fine_width + u] == KNOWN) {
+                sum += fine[v * fine_width + u];
+                total += 1.0f;
+            }
+        }
+    return total > 0.0f ? sum / total : (float4)(0.0f);
+}
+
+// The value of a texel in a coarser image, interpolated: the nearer square of each axis has 3/4.
+float4 interpolated(__global const float4 *coarse, const int coarse_width, const int coarse_height, const int x,
+                    const int y)
+{
+    const int2 near = (int2)(x / 2, y / 2);
+    const int2 far = clamp(near + (int2)(x % 2 ? 1 : -1, y % 2 ? 1 : -1), (int2)(0),
+                           (int2)(coarse_width - 1, coarse_height - 1));
+    __global const float4 *near_row = coarse + (size_t)near.y * coarse_width;
+    __global const float4 *far_row = coarse + (size_t)far.y * coarse_width;
+    return (9.0f * near_row[near.x] + 3.0f * near_row[far.x] + 3.0f * far_row[near.x] + far_row[far.x]) / 16.0f;
+}
+
+// The mean of the four neighbours of an unknown texel, itself in place of empty ones. Known ones stay in `image`.
+float4 mean_of_neighbours(__global const uchar *states, __global const float4 *image, __global const float4 *before,
+                          const int width, const int height, const int x, const int y)
+{
+    const int2 steps[4] = {(int2)(0, -1), (int2)(0, 1), (int2)(-1, 0), (int2)(1, 0)};
+    float4 sum = (float4)(0.0f);
+    for (int i = 0; i < 4; ++i) {
+        const int u = x + steps[i].x, v = y + steps[i].y;
+        const bool inside = u >= 0 && u < width && v >= 0 && v < height;
+        const uchar state = inside ? states[v * width + u] : EMPTY;
+        const size_t other = state == EMPTY ? (size_t)y * width + x : (size_t)v * width + u;
+        sum += state == KNOWN ? image[other] : before[other];
+    }
+    return sum / 4.0f;
+}
+
+// Squares of two by two texels: those that hold a known one are known.
+__kernel void coarser_states(__global const uchar *fine, const int fine_width, const int fine_height,
+                             __global uchar *states, const int width, const int height)
+{
+    TEXEL;
+    fine += get_global_id(2) * fine_height * fine_width;
+    states[texel] = has_known(fine, fine_width, fine_height, x, y) ? KNOWN : UNKNOWN;
+}
+
+// The mean of the known texels in each square.
+__kernel void restrict_mean(__global const uchar *states, __global const float4 *fine, const int fine_width,
+                            const int fine_height, __global float4 *image, const uint atlases, const int width,
+                            const int height)
+{
+    TEXEL;
+    const size_t size = (size_t)fine_height * fine_width;
+    image[texel] = mean_of_known(states + ATLAS * size, fine + get_global_id(2) * size, fine_width, fine_height, x, y);
+}
+
+// Unknown texels from the coarser image. Empty ones are 0.
+__kernel void prolongate(__global const uchar *states, __global const float4 *coarse, const int coarse_width,
+                         const int coarse_height, __global float4 *image, const uint atlases, const int width,
+                         const int height)
+{
+    TEXEL;
+    const uchar state = states[IN_ATLAS(x, y)];
+    if (state == KNOWN)
+        return;
+    coarse += get_global_id(2) * coarse_height * coarse_width;
+    image[texel] = state == EMPTY ? (float4)(0.0f) : interpolated(coarse, coarse_width, coarse_height, x, y);
+}
+
+// Every unknown texel becomes the mean of its neighbours.
+__kernel void relax(__global const uchar *states, __global const float4 *image, __global const float4 *before,
+                    __global float4 *after, const uint atlases, const int width, const int height)
+{
+    TEXEL;
+    if (states[IN_ATLAS(x, y)] != UNKNOWN)
+        return;
+    const size_t size = (size_t)height * width, plane = get_global_id(2) * size;
+    after[texel] = mean_of_neighbours(states + ATLAS * size, image + plane, before + plane, width, height, x, y);
+}
+
+// A side of a scale: each has half the side of the finer one, rounded up.
+int side_of(const int side, const int scale)
+{
+    return (side + (1 << scale) - 1) >> scale;
+}
+
+// The same as `coarser_states`, `restrict_mean`, `prolongate` and `relax` at all scales of small images; a group for
+// each image. states, images: of all coarser scales, `texels` for each image; relaxed: as large as the finest images.
+__kernel void fill_small(__global const uchar *finest_states, __global float4 *finest, __global uchar *states,
+                         __global float4 *images, __global float4 *relaxed, const int relaxations, const int texels,
+                         const uint atlases, const int width, const int height)
+{
+    const size_t size = (size_t)width * height, image = get_group_id(0);
+    const int item = get_local_id(0), items = get_local_size(0);
+    finest_states += image % atlases * size;
+    finest += image * size;
+    states += image * texels;
+    images += image * texels;
+    relaxed += image * size;
+
+    // Coarser scales, one after the other.
+    __global const uchar *fine_states = finest_states;
+    __global const float4 *fine = finest;
+    int scales = 0, first = 0;
+    while (max(side_of(width, scales), side_of(height, scales)) > 1) {
+        const int fine_width = side_of(width, scales), fine_height = side_of(height, scales);
+        ++scales;
+        const int w = side_of(width, scales), count = w * side_of(height, scales);
+        for (int i = item; i < count; i += items) {
+            const int x = i % w, y = i / w;
+            states[first + i] = has_known(fine_states, fine_width, fine_height, x, y) ? KNOWN : UNKNOWN;
+            images[first + i] = mean_of_known(fine_states, fine, fine_width, fine_height, x, y);
+        }
+        barrier(CLK_GLOBAL_MEM_FENCE);
+        fine_states = states + first;
+        fine = images + first;
+        first += count;
+    }
+
+    // Back to the finest one.
+    for (int scale = scales - 1; scale >= 0; --scale) {
+        const int w = side_of(width, scale), h = side_of(height, scale), count = w * h;
+        const int coarse_width = side_of(width, scale + 1), coarse_height = side_of(height, scale + 1);
+        first -= coarse_width * coarse_height;
+        __global const float4 *coarse = images + first;
+        __global const uchar *here = scale ? states + first - count : finest_states;
+        __global float4 *filled = scale ? images + first - count : finest;
+        for (int i = item; i < count; i += items)
+            if (here[i] != KNOWN)
+                filled[i] = here[i] == EMPTY ? (float4)(0.0f)
+                                             : interpolated(coarse, coarse_width, coarse_height, i % w, i / w);
+        for (int round = 0; round < relaxations; ++round) {
+            __global const float4 *before = round % 2 ? relaxed : filled;
+            __global float4 *after = round % 2 ? filled : relaxed;
+            barrier(CLK_GLOBAL_MEM_FENCE);
+            for (int i = item; i < count; i += items)
+                if (here[i] == UNKNOWN)
+                    after[i] = mean_of_neighbours(here, filled, before, w, h, i % w, i / w);
+        }
+        barrier(CLK_GLOBAL_MEM_FENCE);
+    }
+}

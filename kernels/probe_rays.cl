@@ -1,0 +1,12 @@
+#pragma once
+#include "bvh_traversal.cl"
+#include "receiver.cl"
+
+// A few rays around a receiver's normal, which follow the cosine.
+
+#define LOOKS 16
+
+float3 probe_direction(const int i, const float3 x, const float3 y, const float3 z)
+{
+    return cosine_direction((float2)((i + 0.5f) / LOOKS, i * 0.618034f), x, y, z);
+}

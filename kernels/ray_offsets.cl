@@ -1,0 +1,25 @@
+#include "bvh_traversal.cl"
+#include "receiver.cl"
+#include "texel_ray_origins.cl"
+
+// Points of a texel from which a lift is tried, in texels from its centre.
+__constant float2 TRIED[5] = {{0.0f, 0.0f}, {-0.4f, -0.4f}, {0.4f, -0.4f}, {-0.4f, 0.4f}, {0.4f, 0.4f}};
+
+// Where rays of patches start. Lifts: none where the surface is flat, hollow or inside out, and at most half of the
+// way to what is above it, so that no ray starts beyond another face. And whether a face crosses the texel.
+__kernel void find_ray_offsets(RAYS_ARGUMENTS, __global ReceiverRecord *receivers, const int count)
+{
+    const int patch = get_global_id(0);
+    if (patch >= count)
+        return;
+    const Rays rays = RAYS;
+    const Receiver r = load_receiver(receivers + patch);
+    float lifted = any(smooth_offset(&r, r.at) != 0.0f) ? 1.0f : 0.0f;
+    for (int i = 0; i < 5 && lifted > 0.0f; ++i) {
+        const float3 p = point_of_texel(&r, TRIED[i] + 0.5f), lift = smooth_offset(&r, p);
+        if (any(lift != 0.0f))
+            lifted = fmin(lifted, 0.5f * nearest_hit(&rays, p + r.height * r.geometric, lift, false).distance);
+    }
+    receivers[patch].lifted = lifted;
+    receivers[patch].rank |= is_crossed(&rays, &r);
+}

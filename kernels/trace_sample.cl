@@ -1,0 +1,114 @@
+#pragma once
+#include "bvh_traversal.cl"
+#include "receiver.cl"
+#include "visibility_sample.cl"
+#include "view_samples.cl"
+#include "texel_ray_origins.cl"
+
+// What a patch sees along one direction, found with a ray.
+
+typedef struct {
+    __global const float2 *uvs;          // of each corner of each triangle on its lightmap
+    __global const int *atlases;         // of each triangle
+    __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
+    int resolution;
+    __global const int *backs;           // of each triangle: its back face, -1 for none; null if none has any
+} Lightmaps;
+
+#ifdef TINTED
+#define RAY_TINTS(rays) (rays).tints
+
+// Values of a channel in the lattice of tints, and where that begins; tints that differ by less are the same
+// (engine/scene/tints.py).
+#define LEVELS 3
+#define EXACT (64 - LEVELS * LEVELS * LEVELS)
+#define SAME_TINT 1e-4f
+
+// The index of a tint; of one that no palette holds that of a corner of the lattice, by lot, so that the mean is right.
+uint index_of_tint(const Rays *rays, const float3 tint, const uint key)
+{
+    const int count = (int)rays->tints[0].w;
+    for (int i = 0; i < count; ++i) {
+        const float3 off = fabs(tint - rays->tints[i].xyz);
+        if (fmax(off.x, fmax(off.y, off.z)) < SAME_TINT)
+            return i;
+    }
+    const float3 cell = clamp(tint, 0.0f, 1.0f) * (float)(LEVELS - 1);
+    const uint3 low = convert_uint3(cell);
+    const uint3 lots = (uint3)(hash(key), hash(key + 0x9e3779b9u), hash(key + 0x3c6ef372u)) >> 8;
+    const float3 lot = convert_float3(lots) * (1.0f / 16777216.0f);
+    const uint3 corner = low + select((uint3)(0), (uint3)(1), lot < cell - convert_float3(low));
+    return EXACT + corner.x + LEVELS * (corner.y + LEVELS * corner.z);
+}
+#else
+#define RAY_TINTS(rays) 0
+#endif
+
+// Exchange a hit of a back face that has patches for a hit of the front of that face: its corners are those of the
+// triangle in the opposite order.
+Hit turned(const Lightmaps *lightmaps, Hit hit)
+{
+    if (hit.front || !lightmaps->backs || lightmaps->backs[hit.triangle] < 0)
+        return hit;
+    hit.triangle = lightmaps->backs[hit.triangle];
+    hit.weights = hit.weights.yx;
+    hit.front = true;
+    return hit;
+}
+
+// The patch, its back or the surroundings, as in identity hemicubes; and the tint of its light, see kernels/visibility_sample.cl.
+uint trace_sample(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction, uint *tint)
+{
+    const Hit hit = nearest_hit(rays, origin, direction, false);
+    *tint = 0;
+#ifdef TINTED
+    if (hit.tinted) {
+        const uint3 way = as_uint3(direction);
+        const uint key = hash(way.x ^ hash(way.y ^ hash(way.z ^ as_uint(origin.x))));
+        *tint = index_of_tint(rays, tint_of_way(rays, origin, direction, &hit), key);
+    }
+#endif
+    if (hit.triangle < 0)
+        return SKY;
+    const Hit shown = turned(lightmaps, hit);
+    __global const float2 *corner = lightmaps->uvs + 3 * shown.triangle;
+    const float2 w = shown.weights;
+    const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
+    const int2 texel = clamp(convert_int2(uv * lightmaps->resolution), 0, lightmaps->resolution - 1);
+    const size_t row = (size_t)lightmaps->atlases[shown.triangle] * lightmaps->resolution + texel.y;
+    return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (shown.front ? 0u : BACK);
+}
+
+// Where the ray of a sample starts, and the number of that place; -1 before the first one.
+typedef struct {
+    float3 at;
+    int place;
+} Eye;
+
+#ifdef COSINE
+// Places of a texel that a face crosses: each costs rays of its own, so consecutive samples start together.
+#define PLACES_IF_CROSSED 32
+
+// Move to where a sample starts: all over the texel, of which a patch has the mean light.
+void advance_origin(Eye *eye, const View *view, const Rays *rays, const Receiver *r, const int i, const int samples)
+{
+    const int place = r->crossed ? i * PLACES_IF_CROSSED / samples : i;
+    if (place == eye->place)
+        return;
+    const uint2 shift = (uint2)(hash(r->rank + view->shift.x), hash(r->rank + view->shift.y));
+    eye->place = place;
+    eye->at = view->eye + jittered_origin(rays, r, place_of_sample(place, shift)) - r->at;
+}
+#else
+// A hemicube is one view, from the centre of the texel.
+void advance_origin(Eye *eye, const View *view, const Rays *rays, const Receiver *r, const int i, const int samples)
+{
+    eye->at = view->eye;
+}
+#endif
+
+#define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \
+    __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
+    __global const int *backs, \
+    __global const float4 *emission, const uint outside, \
+    SAMPLES, const int samples, const int n, const uint salt, const int rotate

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 #: Settings of each kind of work.
 WORK: dict[str, dict[str, Any]] = {
     "U": {"texel_samples": 4, "hide_seams": True},
-    "G": {"texel_samples": 1, "hide_seams": False, "dilation": 0},
+    "G": {"texel_samples": 1, "hide_seams": False, "margin": 0},
 }
 
 #: Scenes, and the width of their lightmaps, texels.

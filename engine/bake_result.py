@@ -9,12 +9,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class FluxBalance:
-    """Where the light of a bake goes: emitted = absorbed + escaped + residual, W, mean of the channels.
+    """Where the light of a bake goes: emitted = absorbed + escaped + not_bounced, W, mean of the channels.
 
     emitted   what fronts of patches emit, and what else reaches them: of lamps, the sky, backs that shine
     absorbed  by fronts, and by backs that fronts see, which are black
     escaped   what fronts send to where nothing is
-    residual  what the last iteration reflected, which nobody has gathered yet
+    not_bounced  what the last iteration reflected, which nobody has gathered yet
 
     What lamps send past all patches is in none of them.
     """
@@ -22,12 +22,12 @@ class FluxBalance:
     emitted: float
     absorbed: float
     escaped: float
-    residual: float
+    not_bounced: float
 
     @property
     def missing(self) -> float:
         """What is missing on the right side, as a fraction of what is emitted; 0 in the dark."""
-        rest = self.emitted - self.absorbed - self.escaped - self.residual
+        rest = self.emitted - self.absorbed - self.escaped - self.not_bounced
         return rest / self.emitted if self.emitted > 0 else 0.0
 
 
@@ -41,9 +41,9 @@ class Report:
     samples     of what each patch sees
     reasons     why, in sentences
     iterations  iterations run
-    residual    estimated remaining error, relative to each patch's light, on average
-    converged   True if the residual is below the tolerance
-    energies    flux added by each iteration, W, sum of the channels
+    convergence_error  estimated remaining error, relative to each patch's light, on average
+    converged   True if the convergence error is below the tolerance
+    added_flux  flux added by each iteration, W, sum of the channels
     seconds     wall time of each stage, s
     devices     the GL renderer under "gl", the CL device under "cl" if there is one
     warnings    sentences for the user
@@ -60,9 +60,9 @@ class Report:
     samples: int
     reasons: tuple[str, ...]
     iterations: int
-    residual: float
+    convergence_error: float
     converged: bool
-    energies: tuple[float, ...]
+    added_flux: tuple[float, ...]
     seconds: dict[str, float]
     devices: dict[str, str]
     warnings: tuple[str, ...] = ()

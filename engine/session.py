@@ -139,7 +139,7 @@ class Session:
         Checkpoints refer to all that a bake was solved with, which is freed.
         """
         kept.checkpoints = Checkpoints()
-        kept.limit(devices.compute, settings.kept_budget)
+        kept.limit(devices.compute, settings.cache_budget)
         devices.clear()
         self._devices, self._kept = devices, kept
 

@@ -136,11 +136,11 @@ class Settings:
         "Width of hemicubes in texels; also sets the default number of samples",
         OneOf(_HEMICUBES),
     )
-    iterations: int = described(
+    max_bounces: int = described(
         50,
         "Max Bounces",
         "Maximum number of light bounces",
-        Span(1, 1000, "iterations"),
+        Span(1, 1000, "bounces"),
     )
     tolerance: float = described(
         0.002,
@@ -220,7 +220,7 @@ class Settings:
         "Match light across UV seams, also between objects that touch",
         Switch(),
     )
-    dilation: int = described(
+    margin: int = described(
         8, "Margin", "Texels by which charts are extended into the space around them", Span(0, 256, "texels")
     )
     denoise: bool = described(
@@ -266,7 +266,7 @@ class Settings:
         _BYTES,
         PREFERENCES,
     )
-    kept_budget: int = described(
+    cache_budget: int = described(
         0,
         "Cached Visibility",
         "Device memory for visibility kept between bakes, for fast relighting. 0 uses a quarter",
@@ -390,14 +390,14 @@ class Settings:
         return "light_groups" in self.outputs
 
     @property
-    def bounces(self) -> bool:
+    def has_indirect(self) -> bool:
         """True if an output holds light that was reflected."""
         return not {"combined", "indirect"}.isdisjoint(self.outputs)
 
     @property
     def accelerated(self) -> bool:
         """True if iterates are mixed: not in the paper's method, and where one sweep is enough."""
-        return self.accelerate and self.method != "paper" and self.bounces
+        return self.accelerate and self.method != "paper" and self.has_indirect
 
 
 @cache

@@ -20,7 +20,7 @@ def bake_report(
     files: Sequence[str],
     notes: Sequence[str],
 ) -> dict:
-    """Return the report of a bake; the residual is None if a single iteration could not tell it.
+    """Return the report of a bake; the convergence error is None if a single iteration could not tell it.
 
     facts   what the engine tells
     lost    session uids and names of objects that have no lightmap, since their UVs are gone
@@ -39,9 +39,9 @@ def bake_report(
         "reasons": list(facts.reasons),
         "resumed": list(facts.resumed),
         "iterations": int(facts.iterations),
-        "residual": _number(facts.residual),
+        "convergence_error": _number(facts.convergence_error),
         "converged": bool(facts.converged),
-        "energies": [_number(energy) for energy in facts.energies],
+        "added_flux": [_number(energy) for energy in facts.added_flux],
         "energy": _energy(facts.energy),
         "seconds": {stage: round(float(value), 4) for stage, value in seconds.items()},
         "devices": dict(facts.devices),

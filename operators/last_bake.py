@@ -50,8 +50,8 @@ def summary(report: dict[str, Any]) -> str:
         counted(report["patches"], "patch", "es"),
         counted(report["iterations"], "bounce"),
     ]
-    if report["residual"] is not None:
-        parts.append(f"remaining error {report['residual']:.2%}")
+    if report["convergence_error"] is not None:
+        parts.append(f"remaining error {report['convergence_error']:.2%}")
     return ", ".join([*parts, f"{report['seconds']['total']:.1f} s"])
 
 
@@ -61,7 +61,10 @@ def energy_balance(report: dict[str, Any]) -> str:
     if not energy.get("emitted") or None in energy.values():
         return ""
     emitted = energy["emitted"]
-    parts = [f"{_percent(energy[name] / emitted)} {name}" for name in ("absorbed", "escaped", "residual")]
+    parts = [
+        f"{_percent(energy[name] / emitted)} {name.replace('_', ' ')}"
+        for name in ("absorbed", "escaped", "not_bounced")
+    ]
     return f"Energy: {emitted:.3g} W = {' + '.join(parts)}, off by {abs(energy['missing']):.2%}"
 
 

@@ -53,8 +53,8 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         description="Light groups that the last bake of the lightmap wrote maps of, as a JSON list",
         options={"HIDDEN"},
     )
-    beside: StringProperty(
-        name="Beside",
+    companion_of: StringProperty(
+        name="Companion Of",
         description="Lightmap that this is a map beside, of another output; empty for a lightmap itself",
         options={"HIDDEN"},
     )
@@ -195,7 +195,7 @@ class HemibakeSlotProperties(bpy.types.PropertyGroup):
 
 def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
     """Return the lightmaps that a field offers: Blender itself looks which of them fit the text."""
-    listed = [entry.name for entry in context.scene.hemibake.lightmaps if not entry.beside]
+    listed = [entry.name for entry in context.scene.hemibake.lightmaps if not entry.companion_of]
     return [*listed, *unlisted(context.scene)]
 
 
@@ -208,7 +208,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         translation_context=CONTEXT,
         items=[
             ("BAKED", "Baked", "The object gets a place in a lightmap"),
-            ("OCCLUDER", "Occluder", "The object stops, reflects and emits light, but gets no lightmap"),
+            ("NO_LIGHTMAP", "Occluder", "The object stops, reflects and emits light, but gets no lightmap"),
             ("IGNORED", "Ignored", "The bake does not see the object"),
         ],
         default="BAKED",
@@ -244,7 +244,7 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         "other objects: what is lit on one side of a thin wall then does not show on the other",
         override=_OVERRIDABLE,
     )
-    made_uvs: StringProperty(
+    generated_uvs: StringProperty(
         name="Made UVs",
         description="Digest of the lightmap UVs that Hemibake made: those that differ are the user's",
         options={"HIDDEN"},

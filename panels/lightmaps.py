@@ -42,7 +42,7 @@ class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
         found = [shown] * len(entries)
         if self.filter_name:
             found = bpy.types.UI_UL_list.filter_items_by_name(self.filter_name, shown, entries)
-        return [0 if entry.beside else flag for entry, flag in zip(entries, found, strict=True)], []
+        return [0 if entry.companion_of else flag for entry, flag in zip(entries, found, strict=True)], []
 
 
 class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
@@ -87,7 +87,7 @@ def _facts(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> str:
         return f"{known}, not baked yet"
     width, height = entry.image.size
     facts = f"'{entry.image.name}': {width} x {height} texels, {known}, {entry.used:.0f}% used"
-    beside = sum(other.beside == entry.name for other in scene.hemibake.lightmaps)
+    beside = sum(other.companion_of == entry.name for other in scene.hemibake.lightmaps)
     return f"{facts}, and {counted(beside, 'map')} of other outputs" if beside else facts
 
 

@@ -66,7 +66,7 @@ def bake(scene: Scene, resolution: int, values: dict) -> tuple[BakeResult, float
     What patches see is found anew.
     """
     settings = Settings(
-        resolution=resolution, visibility="rays", intermediates=False, hide_seams=False, dilation=0, **values
+        resolution=resolution, visibility="rays", intermediates=False, hide_seams=False, margin=0, **values
     )
     _session.forget()
     started, busy = time.perf_counter(), time.process_time()

@@ -89,7 +89,7 @@ def spectrum(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _truth(prepared: Prepared) -> np.ndarray:
     """Return what is nearly the light of each patch, E/pi, mean of the channels, (n,) float32."""
     settings = Settings(
-        resolution=RESOLUTION, visibility="rays", samples=8192, seed=1, texel_samples=1, iterations=30,
+        resolution=RESOLUTION, visibility="rays", samples=8192, seed=1, texel_samples=1, max_bounces=30,
         tolerance=1e-4, intermediates=False,
     )  # fmt: skip
     return irradiance(drive(prepared.scene, settings)).mean(axis=1)
@@ -99,7 +99,7 @@ def _bake(prepared: Prepared, hemicube: int, rotate: bool) -> np.ndarray:
     """Return E/pi of each patch with drawn hemicubes, which see all light, (n,) float32."""
     settings = Settings(
         resolution=RESOLUTION, hemicube=hemicube, rotate=rotate, method="cached", visibility="raster",
-        sample_emission=False, texel_samples=1, iterations=30, tolerance=1e-4, intermediates=False,
+        sample_emission=False, texel_samples=1, max_bounces=30, tolerance=1e-4, intermediates=False,
     )  # fmt: skip
     return irradiance(drive(prepared.scene, settings)).mean(axis=1)
 

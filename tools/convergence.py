@@ -81,7 +81,7 @@ def _options() -> argparse.Namespace:
 def _curve(prepared: Prepared, truth: np.ndarray, hemicube: int, iterations: int) -> Curve:
     """Bake the room and compare every iteration with the truth."""
     curve, started = Curve(hemicube), time.perf_counter()
-    settings = Settings(resolution=RESOLUTION, hemicube=hemicube, iterations=iterations, tolerance=0)
+    settings = Settings(resolution=RESOLUTION, hemicube=hemicube, max_bounces=iterations, tolerance=0)
     for irradiance in _iterations(prepared, settings):
         curve.difference.append(float(np.abs(irradiance - truth).mean() / truth.mean()))
     curve.seconds = round(time.perf_counter() - started, 1)

@@ -86,7 +86,7 @@ def render_room(scene, options: argparse.Namespace) -> tuple[Path, float]:
 def tell(report: dict, files: list[str], render_seconds: float) -> None:
     print(
         f"{report['objects']} objects, {report['patches']} patches, {report['iterations']} iterations, "
-        f"remaining error {report['residual']:.2%}"
+        f"remaining error {report['convergence_error']:.2%}"
     )
     print(f"baked in {report['seconds']['total']:.1f} s, rendered in {render_seconds:.1f} s")
     print(f"devices: {', '.join(report['devices'].values())}")

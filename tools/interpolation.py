@@ -126,7 +126,7 @@ def _measure(make: Callable[[], Scene], resolution: int, more: dict) -> dict[str
     """Return pairs of cost, as a part of all samples, and error, of interpolation and of fewer samples."""
     scene = make()
     settings = Settings(
-        resolution=resolution, visibility="rays", texel_samples=1, iterations=12, tolerance=1e-3,
+        resolution=resolution, visibility="rays", texel_samples=1, max_bounces=12, tolerance=1e-3,
         samples=FULL, intermediates=False, **more,
     )  # fmt: skip
     truth, known = _bake(scene, replace(settings, samples=TRUE, seed=1))

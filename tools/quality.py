@@ -77,7 +77,7 @@ def texels(room: str, values: dict) -> tuple[np.ndarray, float]:
     scene, resolution = ROOMS[room]
     started = time.perf_counter()
     settings = Settings(
-        resolution=resolution, visibility="rays", intermediates=False, hide_seams=False, dilation=0,
+        resolution=resolution, visibility="rays", intermediates=False, hide_seams=False, margin=0,
         denoise_library=LIBRARY and str(LIBRARY), **values,
     )  # fmt: skip
     lightmap = finished(bake(scene, settings))

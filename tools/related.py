@@ -97,7 +97,7 @@ def main() -> None:
     options = _options()
     settings = Settings(
         resolution=options.resolution, hemicube=options.hemicube, visibility="rays",
-        directions="hemicube", method="cached", sample_emission=False, iterations=40, tolerance=0,
+        directions="hemicube", method="cached", sample_emission=False, max_bounces=40, tolerance=0,
     )  # fmt: skip
     graphics = GraphicsContext()
     try:
@@ -128,7 +128,7 @@ def _options() -> argparse.Namespace:
 def _truth_settings(resolution: int) -> Settings:
     """Return settings of a bake that is nearly true: direct light in closed form, four times the rays."""
     return Settings(
-        resolution=resolution, visibility="rays", samples=8192, seed=1, texel_samples=1, iterations=40,
+        resolution=resolution, visibility="rays", samples=8192, seed=1, texel_samples=1, max_bounces=40,
         tolerance=1e-5, intermediates=False,
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ from benchmarks.tables import table
 _LAMPS = (1, 10, 100, 1000)
 
 #: One small gather follows: only the direct light is of interest.
-_VALUES = {"samples": 16, "hemicube": 8, "light_samples": 64, "iterations": 1, "tolerance": 0.0}
+_VALUES = {"samples": 16, "hemicube": 8, "light_samples": 64, "max_bounces": 1, "tolerance": 0.0}
 
 
 def run(options: Options) -> list[dict[str, Any]]:

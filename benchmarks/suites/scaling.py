@@ -20,7 +20,7 @@ _TRIANGLES = (24, 1_000, 10_000, 100_000, 1_000_000)
 _COVERED = 0.75
 
 #: What is baked: 256 rays a patch.
-_VALUES = {"visibility": "rays", "samples": 256, "light_samples": 16, "tolerance": 0.01, "iterations": 8}
+_VALUES = {"visibility": "rays", "samples": 256, "light_samples": 16, "tolerance": 0.01, "max_bounces": 8}
 
 #: Device memory for what patches see where it is short, bytes.
 _BUDGET = 1 << 30

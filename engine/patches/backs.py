@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene.model import OCCLUDER, BackSide, Material, Mesh, Scene
+from ..scene.model import NO_LIGHTMAP, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
 from .unmapped_meshes import place_meshes, place_unmapped, texel_size
@@ -50,7 +50,7 @@ def place_backs(scene: Scene, is_open: np.ndarray, resolution: int, texel: float
         coarse, mirrored = opaque[mesh.material] & is_open[first:last], translucent[mesh.material]
         index = np.arange(first, last, dtype=np.int32)
         if coarse.any():
-            backs.append(replace(_flipped(mesh.part(coarse), index[coarse], numbers), atlas=OCCLUDER))
+            backs.append(replace(_flipped(mesh.part(coarse), index[coarse], numbers), atlas=NO_LIGHTMAP))
         if mirrored.any():
             if mesh.atlas not in mirrors:
                 mirrors[mesh.atlas] = len(names)

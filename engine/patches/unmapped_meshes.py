@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene.model import OCCLUDER, Mesh, Scene
+from ..scene.model import NO_LIGHTMAP, Mesh, Scene
 
 #: World size of a texel of an occluder, in texels of the lightmaps.
 _COARSENESS = 4.0
@@ -51,11 +51,11 @@ def place_unmapped(scene: Scene, resolution: int) -> Scene:
 
 
 def place_meshes(scene: Scene, resolution: int, name: str, texel: float) -> Scene:
-    """Return the scene with lightmap UVs for its meshes of atlas OCCLUDER in further atlases of a name.
+    """Return the scene with lightmap UVs for its meshes of atlas NO_LIGHTMAP in further atlases of a name.
 
     texel: mean world size of a lightmap texel, m; 0 if nothing has a lightmap
     """
-    meshes = [mesh for mesh in scene.meshes if mesh.atlas == OCCLUDER and len(mesh.positions)]
+    meshes = [mesh for mesh in scene.meshes if mesh.atlas == NO_LIGHTMAP and len(mesh.positions)]
     if not meshes:
         return scene
     side = 1 << (resolution.bit_length() - 1)
@@ -65,7 +65,7 @@ def place_meshes(scene: Scene, resolution: int, name: str, texel: float) -> Scen
     parts = zip(np.split(atlas, ends), np.split(texels / np.float32(resolution), ends), strict=True)
     placed: list[Mesh] = []
     for mesh in scene.meshes:
-        if mesh.atlas == OCCLUDER and len(mesh.positions):
+        if mesh.atlas == NO_LIGHTMAP and len(mesh.positions):
             placed += _in_atlases(mesh, *next(parts))
         else:
             placed.append(replace(mesh, atlas=max(mesh.atlas, 0)))
@@ -110,7 +110,7 @@ def texel_size(scene: Scene, resolution: int) -> float:
     """Return the mean world size of a lightmap texel, m; 0 if nothing has a lightmap."""
     world = charts = 0.0
     for mesh in scene.meshes:
-        if mesh.atlas != OCCLUDER:
+        if mesh.atlas != NO_LIGHTMAP:
             first, second = np.moveaxis(mesh.positions[:, 1:] - mesh.positions[:, :1], 1, 0)
             world += float(np.linalg.norm(np.cross(first, second), axis=1).sum(dtype=np.float64))
             u, v = np.moveaxis(mesh.uvs[:, 1:] - mesh.uvs[:, :1], 1, 0)

@@ -33,5 +33,5 @@ def estimate(extent: Extent, patches: int, settings: Settings, paces: Mapping[st
     """
     stages = BakeStages(extent, settings, dict(paces))
     seconds = stages.foretell(patches)
-    samples = patches * most_samples(settings) * sample_bytes(patches) if settings.bounces else 0
+    samples = patches * most_samples(settings) * sample_bytes(patches) if settings.has_indirect else 0
     return Estimate(patches, samples, seconds, stages.visibility.measured)

@@ -24,9 +24,9 @@ def iterations_left(residuals: Sequence[float], settings: Settings, reflectance:
     reflectance  mean of patches all over the scene: in a closed one the error of plain sweeps falls by it
                  each time
     """
-    if not settings.bounces:
+    if not settings.has_indirect:
         return max(1 - len(residuals), 0)
-    most = settings.iterations - len(residuals)
+    most = settings.max_bounces - len(residuals)
     if settings.tolerance == 0:
         return most
     known = [residual for residual in residuals if math.isfinite(residual)][-_RECENT:]

@@ -35,7 +35,7 @@ def is_kept(job: SolveJob, identity: VisibilitySampler) -> bool:
 
 def finding_sweeps(job: SolveJob, identity: VisibilitySampler) -> int:
     """Return how many sweeps find what patches see: the first if it is kept, else every one."""
-    return 1 if is_kept(job, identity) else max(2, job.settings.iterations)
+    return 1 if is_kept(job, identity) else max(2, job.settings.max_bounces)
 
 
 def is_adaptive(job: SolveJob) -> bool:
@@ -62,7 +62,7 @@ def _interpolates(job: SolveJob) -> bool:
         and job.remote is None
         and job.compute is not None
         and job.compute.processor
-        and settings.bounces
+        and settings.has_indirect
         and settings.patch_groups != 1
         and job.parts.sides is None
         and settings.method in ("auto", "cached")
@@ -72,7 +72,7 @@ def _interpolates(job: SolveJob) -> bool:
 def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
     """Return the width of the squares of patches that are solved as one, texels, and why; 1 for none."""
     settings, count = job.settings, job.count
-    if job.compute is None or settings.method == "paper" or not settings.bounces:
+    if job.compute is None or settings.method == "paper" or not settings.has_indirect:
         return 1, ()
     if job.parts.sides is not None:
         return 1, ("Every patch is solved on its own: some surfaces are translucent.",)
@@ -96,7 +96,7 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
 
 def shared_width(settings: Settings, count: int) -> int:
     """Return the width of the squares of `count` patches where other processes gather, texels; 1 for none."""
-    if not settings.bounces:
+    if not settings.has_indirect:
         return 1
     if settings.patch_groups:
         return settings.patch_groups

@@ -49,7 +49,7 @@ def make_final_gather(
         receivers.sampled_light,
         solved.emission,
         reflectance,
-        settings.bounces,
+        settings.has_indirect,
         separates_direct(solved, settings),
     )
     return last, last.gathers * len(receivers.sampled_light) * samples

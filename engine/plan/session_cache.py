@@ -44,8 +44,8 @@ from .substitute_patches import PatchPairs, find_substitutes
 #: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
 _LEAVING_VISIBILITY = frozenset({
     "accelerate", "ao_distance", "ao_samples", "centres", "checkpoint_interval", "checkpoint_space",
-    "denoise", "denoise_device", "denoise_library", "dilation", "hide_seams", "intermediates", "iterations",
-    "kept_budget", "light_samples", "outputs", "sample_emission", "scheduler", "texel_samples", "tolerance",
+    "denoise", "denoise_device", "denoise_library", "margin", "hide_seams", "intermediates", "max_bounces",
+    "cache_budget", "light_samples", "outputs", "sample_emission", "scheduler", "texel_samples", "tolerance",
     "warm_start",
 })  # fmt: skip
 
@@ -256,12 +256,12 @@ class SessionCache:
 
         Which of them are hidden, and what it fills images with, is kept for a warm start alone.
         """
-        if self._store is not None and self._store.suits(patches, atlases, settings.dilation):
+        if self._store is not None and self._store.suits(patches, atlases, settings.margin):
             self._store.reset()
             if not settings.warm_start:
                 self._store.show_all()
         else:
-            self._store = LightmapImages(patches, atlases, settings.dilation, compute)
+            self._store = LightmapImages(patches, atlases, settings.margin, compute)
         self._store.keeps_fill = settings.warm_start
         return self._store
 
@@ -294,7 +294,7 @@ def visibility_settings(settings: Settings) -> tuple:
     """Return all of the settings that may change what patches are and what they see."""
     names = [entry.name for entry in fields(settings) if entry.name not in _LEAVING_VISIBILITY]
     values = (getattr(settings, name) for name in names)
-    return (*values, settings.bounces, directional_options(settings), _modified(settings.patch_file))
+    return (*values, settings.has_indirect, directional_options(settings), _modified(settings.patch_file))
 
 
 def _modified(path: str | None) -> int | None:

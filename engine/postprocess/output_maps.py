@@ -66,7 +66,7 @@ class Outputs:
 
         One iteration is needed by all that are lit: it tells which patches are hidden inside objects.
         """
-        return solution.done or (solution.iterations > 0 and not self._settings.bounces)
+        return solution.done or (solution.iterations > 0 and not self._settings.has_indirect)
 
     def light(self, solution: Solution) -> Values:
         """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""

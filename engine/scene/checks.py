@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import SceneError
 from .cutouts import is_tinted_material, transmission_maps, transmittances
-from .model import LIGHT_KINDS, OCCLUDER, Light, Material, Mesh, Scene
+from .model import LIGHT_KINDS, NO_LIGHTMAP, Light, Material, Mesh, Scene
 from .profile import check_profile
 from .texture import Texture
 from .transmission import Transmittance
@@ -117,13 +117,13 @@ def check_mesh(mesh: Mesh) -> None:
             f"The triangles of object '{mesh.name}' are not in the order of its polygons. "
             "Sort them by face, then by subface."
         )
-    if mesh.atlas != OCCLUDER:
+    if mesh.atlas != NO_LIGHTMAP:
         check_lightmap_uvs(mesh)
 
 
 def check_references(mesh: Mesh, scene: Scene) -> None:
     """Raise a SceneError if a mesh names an atlas, a material or a UV map that is not there."""
-    if not (mesh.atlas == OCCLUDER or 0 <= mesh.atlas < len(scene.atlases)):
+    if not (mesh.atlas == NO_LIGHTMAP or 0 <= mesh.atlas < len(scene.atlases)):
         raise SceneError(
             f"Object '{mesh.name}' names atlas {mesh.atlas} of {len(scene.atlases)}. Give it one of these."
         )

@@ -55,7 +55,7 @@ class Material:
 _TRIANGLE_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")
 
 #: `Mesh.atlas` of a mesh that is seen and reflects, but is in no lightmap.
-OCCLUDER = -1
+NO_LIGHTMAP = -1
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Mesh:
     face          (t,) int32, index of the polygon a triangle belongs to, ascending
     subface       (t,) int32, index of the triangle within its polygon, ascending in each polygon
     material      (t,) int32, index into `Scene.materials`
-    atlas         index of the lightmap that holds the object's charts, or OCCLUDER
+    atlas         index of the lightmap that holds the object's charts, or NO_LIGHTMAP
     texture_uvs   (t, 3, 2) float32 of each UV map that the materials' textures name
     light_group   name of the light group that what it emits belongs to, see `Scene.light_groups`
     front         (t,) int32, index among all triangles of the scene: the front of each triangle, if the mesh

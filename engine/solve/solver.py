@@ -89,7 +89,7 @@ class Solver:
         self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
         self._warm, self._front = reflected is not None, front
         self._begins_with_direct = self._warm and gathers_direct and direct is None
-        self._limit, self._tolerance = settings.iterations, settings.tolerance
+        self._limit, self._tolerance = settings.max_bounces, settings.tolerance
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
         self._direct: Values = sampled_light if direct is None else direct

@@ -82,7 +82,7 @@ class InvalidTexelFill:
             return
         changed, light = self._others(settled)
         sent = take_rows(self._solved.emission, changed)
-        if self._solved.settings.bounces:
+        if self._solved.settings.has_indirect:
             sent = sent + self._others(self._solved.parts.surfaces.reflectance)[1] * light
         replace_radiance(self._solved.opencl, radiance, changed, sent)
 

@@ -22,7 +22,7 @@ def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None =
 
     stand_in: (m,) int64, see `exitant_radiance`
     """
-    if not solved.settings.bounces:
+    if not solved.settings.has_indirect:
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
     reflectance = solved.parts.surfaces.reflectance
     return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, stand_in)

@@ -65,7 +65,7 @@ def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image, beside:
     if entry is None:
         entry = scene.hemibake.lightmaps.add()
         entry.name = atlas
-    entry.image, entry.beside = image, beside
+    entry.image, entry.companion_of = image, beside
 
 
 def show(image: bpy.types.Image, pixels: np.ndarray) -> None:

@@ -96,7 +96,7 @@ class PreservedTexels:
                 _claim(owner, uvs, _KEPT)
 
         # Texels that a chart touches without covering their centres lie around those that it does.
-        for _ in range(self._settings.dilation + 1):
+        for _ in range(self._settings.margin + 1):
             _grow(owner)
         return owner == _KEPT
 

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import SceneError
-from ...engine.scene.model import OCCLUDER
+from ...engine.scene.model import NO_LIGHTMAP
 from ..lookup import find
 from .fingerprints import own_part
 from .objects.instancing import instance_pairs, visible_meshes
@@ -94,7 +94,7 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
         if entry is not None and not stays
     }
     meshes = tuple(
-        replace(mesh, atlas=names.index(read.scene.atlases[mesh.atlas]) if stays else OCCLUDER)
+        replace(mesh, atlas=names.index(read.scene.atlases[mesh.atlas]) if stays else NO_LIGHTMAP)
         for mesh, stays in zip(read.scene.meshes, baked, strict=True)
     )
     return replace(

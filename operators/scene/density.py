@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ...engine.scene.model import OCCLUDER, Scene
+from ...engine.scene.model import NO_LIGHTMAP, Scene
 from .objects.evaluation import Evaluation
 from .objects.meshes import read_array
 from .scene_context import SceneContext
@@ -59,7 +59,7 @@ def width_of(scene: Scene, density: float) -> int:
     """Return how wide the lightmaps of a scene have to be, texels, for a mean of `density` texels a unit."""
     widths = [0.0]
     for atlas in range(len(scene.atlases)):
-        meshes = [mesh for mesh in scene.meshes if mesh.atlas == atlas and mesh.atlas != OCCLUDER]
+        meshes = [mesh for mesh in scene.meshes if mesh.atlas == atlas and mesh.atlas != NO_LIGHTMAP]
         surface = sum(_area(mesh.positions) for mesh in meshes)
         covered = sum(_flat_area(mesh.uvs) for mesh in meshes)
         if covered > 0:

@@ -11,7 +11,7 @@ from ...engine.postprocess.directional_denoising import CARRIED, encode_signed_m
 from ...engine.postprocess.outputs import SIGNED_MAPS, is_of_light_group
 from ...engine.scene.digests import same_values
 from ...engine.scene.light_groups import light_group_names
-from ...engine.scene.model import OCCLUDER, Scene, without_emission
+from ...engine.scene.model import NO_LIGHTMAP, Scene, without_emission
 from ...engine.settings import Settings
 from .bake_targets import source_of
 from .read import ReadScene
@@ -46,7 +46,7 @@ def comparison_settings(settings: Settings) -> Settings:
         adaptive=False,
         denoise=False,
         hide_seams=False,
-        dilation=0,
+        margin=0,
         intermediates=False,
         checkpoint_space=0,
         patch_file=None,
@@ -104,7 +104,7 @@ def light_changes(read: ReadScene, quick: QuickBakes) -> dict[int, float]:
     changes: dict[int, float] = {}
     resolution = now.has_patch.shape[1]
     for mesh, entry in zip(read.scene.meshes, read.entries, strict=True):
-        if mesh.atlas == OCCLUDER or entry is None:
+        if mesh.atlas == NO_LIGHTMAP or entry is None:
             continue
         name = now.atlases[mesh.atlas]
         texels, _ = covered_texels(mesh.uvs, resolution)

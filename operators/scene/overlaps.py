@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine.scene.model import OCCLUDER, Mesh, Scene
+from ...engine.scene.model import NO_LIGHTMAP, Mesh, Scene
 from .messages import OVERLAPPING, Troubles
 from .read import ReadScene
 from .uvs.uv_faults import covered_texels
@@ -23,7 +23,7 @@ def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
     for index in overlapping:
         troubles.add(OVERLAPPING, read.scene.meshes[index].name)
     meshes = tuple(
-        replace(mesh, atlas=OCCLUDER) if index in overlapping else mesh
+        replace(mesh, atlas=NO_LIGHTMAP) if index in overlapping else mesh
         for index, mesh in enumerate(read.scene.meshes)
     )
     gone = {read.entries[index] for index in overlapping}
@@ -43,7 +43,7 @@ def _overlapping(scene: Scene, resolution: int) -> list[int]:
     return [
         index
         for index, mesh in enumerate(scene.meshes)
-        if mesh.atlas != OCCLUDER and _clashing(mesh, taken[mesh.atlas], resolution)
+        if mesh.atlas != NO_LIGHTMAP and _clashing(mesh, taken[mesh.atlas], resolution)
     ]
 
 

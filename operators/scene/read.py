@@ -11,7 +11,7 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.object_message import first_line, object_message
 from ...engine.progress import Progress, finished
-from ...engine.scene.model import OCCLUDER, Mesh, Scene
+from ...engine.scene.model import NO_LIGHTMAP, Mesh, Scene
 from .fingerprints import combined, find_fingerprints, in_the_world
 from .invalid_values import replace_invalid_values
 from .light.lights import SceneLights
@@ -340,7 +340,7 @@ def _mesh(
     reading: ReadObject, place: UvTransform | None, atlases: list[str], origin: np.ndarray
 ) -> Slices[Mesh]:
     """Return a reading in the world, with its charts in their place."""
-    atlas = OCCLUDER if place is None else atlases.index(place.atlas)
+    atlas = NO_LIGHTMAP if place is None else atlases.index(place.atlas)
     return world_mesh(reading, origin, atlas, place)
 
 

@@ -6,6 +6,6 @@ settings = bpy.context.scene.hemibake
 
 settings.quality = "draft"
 settings.denoise = True
-settings.iterations = 50
+settings.max_bounces = 50
 settings.tolerance = 0.01
 settings.texel_samples = "1"

@@ -6,6 +6,6 @@ settings = bpy.context.scene.hemibake
 
 settings.quality = "preview"
 settings.denoise = False
-settings.iterations = 50
+settings.max_bounces = 50
 settings.tolerance = 0.002
 settings.texel_samples = "4"

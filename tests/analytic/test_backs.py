@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Settings
-from engine.scene.model import OCCLUDER, BackSide
+from engine.scene.model import NO_LIGHTMAP, BackSide
 from tests.analytic.drive import drive
 from tests.analytic.rooms import Atlas, room
 from tests.analytic.scenes import material, quads, rectangle
@@ -34,7 +34,7 @@ def half_lit(up, down):
 
 
 @pytest.mark.parametrize(
-    "way", [{}, {"method": "stream"}, {"visibility": "raster"}, {"method": "paper"}, {"atlas": OCCLUDER}]
+    "way", [{}, {"method": "stream"}, {"visibility": "raster"}, {"method": "paper"}, {"atlas": NO_LIGHTMAP}]
 )
 def test_an_open_sheet_in_a_furnace_has_the_light_of_the_walls_on_both_sides(way):
     atlas = Atlas(53)

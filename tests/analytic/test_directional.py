@@ -175,7 +175,7 @@ def test_ways_agree_on_a_room_with_bounces(way):
         "hemicube": 16,
         "samples": 512,
         "sample_emission": False,
-        "iterations": 2,
+        "max_bounces": 2,
     }
     truth = drive(nine_quad_room(), dataclasses.replace(SETTINGS, **changes))
     other = drive(nine_quad_room(), dataclasses.replace(SETTINGS, **changes, **WAYS[way], seed=1))

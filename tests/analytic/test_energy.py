@@ -1,4 +1,4 @@
-"""Emitted = absorbed + escaped + residual, and each of them is what it is known to be."""
+"""Emitted = absorbed + escaped + not bounced, and each of them is what it is known to be."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def flux(scene):
 
 def energy(scene, **settings):
     """Return the energy of a bake."""
-    chosen = Settings(**{"hemicube": 32, "iterations": 40, "tolerance": 1e-4, **settings})
+    chosen = Settings(**{"hemicube": 32, "max_bounces": 40, "tolerance": 1e-4, **settings})
     return drive(scene, chosen).report.energy
 
 
@@ -53,8 +53,8 @@ def test_closed_scenes_absorb_all_that_is_emitted(name):
     scene = make()
     known, found = sides * flux(scene), energy(scene, resolution=resolution)
     assert found.emitted == pytest.approx(known, rel=1e-3)
-    assert found.absorbed + found.escaped + found.residual == pytest.approx(found.emitted, rel=tolerance)
-    assert abs(found.escaped) < 1e-3 * known and abs(found.residual) < 1e-3 * known
+    assert found.absorbed + found.escaped + found.not_bounced == pytest.approx(found.emitted, rel=tolerance)
+    assert abs(found.escaped) < 1e-3 * known and abs(found.not_bounced) < 1e-3 * known
 
 
 def test_lamp_of_a_closed_room_is_absorbed():
@@ -103,9 +103,9 @@ def test_light_that_is_not_gathered_yet_is_the_residual():
     """After k bounces of a furnace, rho^k of the light is on its way."""
     for iterations in (1, 2, 3):
         found = energy(
-            scenes.furnace(0.8, 0.7), resolution=32, iterations=iterations, tolerance=0, accelerate=False
+            scenes.furnace(0.8, 0.7), resolution=32, max_bounces=iterations, tolerance=0, accelerate=False
         )
-        assert found.residual / found.emitted == pytest.approx(0.8**iterations, rel=1e-3)
+        assert found.not_bounced / found.emitted == pytest.approx(0.8**iterations, rel=1e-3)
         assert abs(found.missing) < 1e-3
 
 
@@ -137,7 +137,7 @@ def test_backs_absorb_what_fronts_send_them():
 def test_darkness_has_no_energy_and_the_paper_does_not_know_it():
     dark = energy(scenes.furnace(0.5, 0.0), resolution=32)
     assert dark.emitted == dark.absorbed == dark.missing == 0
-    assert energy(scenes.furnace(0.5, 1.0), resolution=32, method="paper", iterations=2) is None
+    assert energy(scenes.furnace(0.5, 1.0), resolution=32, method="paper", max_bounces=2) is None
 
 
 def test_sun_counts_where_it_arrives():

@@ -21,7 +21,7 @@ CEILING, LIGHT = 5, 13
 
 @pytest.mark.parametrize("reflectance", [0.5, 0.9])
 def test_furnace(reflectance):
-    settings = Settings(resolution=32, hemicube=32, iterations=300, tolerance=5e-4)
+    settings = Settings(resolution=32, hemicube=32, max_bounces=300, tolerance=5e-4)
     lightmap = drive(scenes.furnace(reflectance, 1.0), settings)
     expected = analytic.furnace_radiance(1.0, reflectance)
     assert lightmap.report.converged
@@ -29,7 +29,7 @@ def test_furnace(reflectance):
 
 
 def test_furnace_loses_no_light_where_rays_meet_the_borders_of_charts():
-    settings = Settings(resolution=32, hemicube=32, iterations=30, tolerance=5e-4, rotate=False)
+    settings = Settings(resolution=32, hemicube=32, max_bounces=30, tolerance=5e-4, rotate=False)
     lightmap = drive(scenes.furnace(0.5, 1.0), settings)
     assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
 
@@ -40,7 +40,7 @@ def test_walls_thinner_on_the_lightmap_than_a_texel_let_no_light_in(settings):
     charts = [(2.53 + 4 * wall + 0.01 * wall, 3.3 + 0.1 * wall, 0.4, 11.37) for wall in range(5)]
     room = scenes.quads(scenes.room_walls(0.7, 1.3, 1.1), [*charts, (23, 3, 5, 9)], [0] * 6, 29, "Room")
     scene = Scene((room,), (scenes.material("Grey", 0.5),), world=np.ones(3, np.float32))
-    lightmap = drive(scene, Settings(resolution=29, iterations=3, **settings))
+    lightmap = drive(scene, Settings(resolution=29, max_bounces=3, **settings))
     assert lightmap.has_patch.sum() > 30
     assert irradiance(lightmap).max() < 0.01
 
@@ -50,7 +50,7 @@ def test_furnace_away_from_the_origin(distance):
     scene = scenes.furnace(0.5, 1.0)
     positions = scene.meshes[0].positions + np.float32([distance, -distance, 0])
     moved = dataclasses.replace(scene, meshes=(dataclasses.replace(scene.meshes[0], positions=positions),))
-    lightmap = drive(moved, Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-4))
+    lightmap = drive(moved, Settings(resolution=32, hemicube=16, max_bounces=30, tolerance=1e-4))
     assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
 
 
@@ -61,7 +61,7 @@ def test_furnace_beside_something_far_away(distance):
     far = scenes.rectangle((distance, -distance, distance), (distance / 7, 0, 0), (0, distance / 5, 0))
     square = scenes.quads(far[None], [(1, 23, 7, 5)], [0], 32, "Far")
     scene = dataclasses.replace(scene, meshes=(square, *scene.meshes))
-    lightmap = drive(scene, Settings(resolution=32, visibility="rays", iterations=30, tolerance=1e-4))
+    lightmap = drive(scene, Settings(resolution=32, visibility="rays", max_bounces=30, tolerance=1e-4))
     room = lightmap.has_patch[0, :23]
     assert room.sum() == 384
     assert lightmap.image[0, :23][room] == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
@@ -73,7 +73,7 @@ def test_furnaces_of_the_largest_and_the_smallest_size(size, settings):
     scene = scenes.furnace(0.5, 1.0)
     positions = scene.meshes[0].positions * np.float32(size)
     sized = dataclasses.replace(scene, meshes=(dataclasses.replace(scene.meshes[0], positions=positions),))
-    lightmap = drive(sized, Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-3, **settings))
+    lightmap = drive(sized, Settings(resolution=32, hemicube=16, max_bounces=30, tolerance=1e-3, **settings))
     assert irradiance(lightmap) == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
 
 
@@ -88,7 +88,7 @@ def test_lamps_in_rooms_of_the_largest_and_the_smallest_size(size):
         Light("Area", "area", high, np.eye(3), np.ones(3, np.float32), size=np.full(2, size / 2)),
     )
     sized = dataclasses.replace(room.meshes[0], positions=positions)
-    settings = Settings(resolution=32, hemicube=8, iterations=1, visibility="rays", light_samples=256)
+    settings = Settings(resolution=32, hemicube=8, max_bounces=1, visibility="rays", light_samples=256)
     light = irradiance(drive(Scene((sized,), room.materials, lights=lamps), settings))
     patch = 1 / 8
     centre = 1 / np.pi * 0.5 / (0.25 + 2 * (patch / 2) ** 2) ** 1.5
@@ -105,7 +105,7 @@ def test_furnace_on_a_plain_of_ten_kilometres():
     ground = scenes.quads(plain[None], [(2, 22, 8, 8)], [0], 32, "Plain")
     lightmap = drive(
         dataclasses.replace(scene, meshes=(*scene.meshes, ground)),
-        Settings(resolution=32, hemicube=16, iterations=30, tolerance=1e-4),
+        Settings(resolution=32, hemicube=16, max_bounces=30, tolerance=1e-4),
     )
     inside = lightmap.image[0, :20][lightmap.has_patch[0, :20]]
     assert inside == pytest.approx(np.full((384, 3), 2.0), rel=0.005)
@@ -120,7 +120,7 @@ def test_a_smooth_convex_emitter_lights_nothing_of_itself():
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     cube = dataclasses.replace(mesh, positions=positions, normals=normals, uvs=mesh.uvs[:, ::-1].copy())
     lightmap = drive(
-        dataclasses.replace(scene, meshes=(cube,)), Settings(resolution=32, hemicube=32, iterations=3)
+        dataclasses.replace(scene, meshes=(cube,)), Settings(resolution=32, hemicube=32, max_bounces=3)
     )
     assert np.abs(irradiance(lightmap)).max() == 0
 
@@ -128,7 +128,7 @@ def test_a_smooth_convex_emitter_lights_nothing_of_itself():
 @pytest.mark.parametrize("perpendicular", [False, True])
 def test_form_factor_of_unit_squares(perpendicular):
     scene = scenes.facing_squares(perpendicular)
-    lightmap = drive(scene, Settings(resolution=64, hemicube=64, iterations=1))
+    lightmap = drive(scene, Settings(resolution=64, hemicube=64, max_bounces=1))
     floor = prepare(scene, 64).face == 0
     expected = 0.20004378 if perpendicular else 0.19982490
     assert irradiance(lightmap)[floor].mean() == pytest.approx(expected, rel=0.01)
@@ -137,7 +137,7 @@ def test_form_factor_of_unit_squares(perpendicular):
 def test_inside_of_a_sphere_of_arbitrary_colours():
     scene = scenes.sphere()
     prepared = prepare(scene, 64)
-    lightmap = drive(scene, Settings(resolution=64, hemicube=32, iterations=100, tolerance=5e-4))
+    lightmap = drive(scene, Settings(resolution=64, hemicube=32, max_bounces=100, tolerance=5e-4))
     area = prepared.geometry.area
     expected = analytic.sphere_irradiance(prepared.emission, prepared.reflectance, area)
     relative = irradiance(lightmap) / expected - 1
@@ -155,7 +155,9 @@ def test_error_by_hemicube_width(hemicube):
 def test_energy_never_grows_by_more_than_the_greatest_reflectance():
     scene = scenes.sphere()
     prepared = prepare(scene, 64)
-    for before, gathered in sweeps(prepared, Settings(resolution=64, hemicube=16, iterations=4, tolerance=0)):
+    for before, gathered in sweeps(
+        prepared, Settings(resolution=64, hemicube=16, max_bounces=4, tolerance=0)
+    ):
         reflected = prepared.geometry.area @ (prepared.reflectance * gathered)
         assert (reflected <= prepared.reflectance.max() * (prepared.geometry.area @ before)).all()
 
@@ -163,7 +165,9 @@ def test_energy_never_grows_by_more_than_the_greatest_reflectance():
 def test_a_closed_room_of_one_reflectance_loses_no_energy():
     scene = recoloured_box([0.6] * 6, [1, 0, 0, 2, 0, 0])
     prepared = prepare(scene, 32)
-    for before, gathered in sweeps(prepared, Settings(resolution=32, hemicube=32, iterations=4, tolerance=0)):
+    for before, gathered in sweeps(
+        prepared, Settings(resolution=32, hemicube=32, max_bounces=4, tolerance=0)
+    ):
         received = prepared.geometry.area @ gathered
         assert received == pytest.approx(prepared.geometry.area @ before, rel=0.005)
 
@@ -171,7 +175,7 @@ def test_a_closed_room_of_one_reflectance_loses_no_energy():
 def light_room_error(resolution: int, hemicube: int) -> float:
     """Return the mean square relative error of E in `scenes.light_room`, each wall counting alike."""
     prepared = prepare(scenes.light_room(), resolution)
-    lightmap = drive(prepared.scene, Settings(resolution=resolution, hemicube=hemicube, iterations=1))
+    lightmap = drive(prepared.scene, Settings(resolution=resolution, hemicube=hemicube, max_bounces=1))
     relative = irradiance(lightmap)[:, 0] / light_room_irradiance(prepared) - 1
     face = prepared.face
     wall = np.where(face == LIGHT, -1, np.minimum(face, CEILING))
@@ -208,5 +212,5 @@ def sweeps(prepared: Prepared, settings: Settings) -> list[tuple[np.ndarray, np.
             gathered = progress.intermediate[0].reshape(-1, 3)[prepared.patches.texel]
             result.append((radiance, gathered))
             radiance = prepared.emission + prepared.reflectance * gathered
-    assert len(result) == settings.iterations
+    assert len(result) == settings.max_bounces
     return result

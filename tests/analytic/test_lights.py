@@ -16,7 +16,7 @@ from tests.transparency import transparent
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))
 DOWN = np.eye(3)
 X, Y, Z = np.eye(3)
-SETTINGS = Settings(resolution=16, hemicube=8, iterations=1, light_samples=256)
+SETTINGS = Settings(resolution=16, hemicube=8, max_bounces=1, light_samples=256)
 
 
 def light(kind, height=2.0, strength=5.0, **values):
@@ -301,7 +301,7 @@ def test_without_light_nothing_is_cast(outputs):
     assert lightmap.has_patch.sum() > 60 and list(lightmap.passes) == list(outputs)
     assert lightmap.report.warnings[0].startswith("Nothing emits light")
     assert (lightmap.report.method, lightmap.report.samples, lightmap.report.iterations) == ("none", 0, 0)
-    assert lightmap.report.converged and lightmap.report.residual == 0
+    assert lightmap.report.converged and lightmap.report.convergence_error == 0
 
 
 def test_ambient_occlusion_needs_no_light():
@@ -327,7 +327,7 @@ def test_the_underside_of_something_that_stands_on_a_floor_is_hidden():
     charts = [(9, 1, 2, 2), (12, 1, 2, 2), (9, 4, 2, 2), (12, 4, 2, 2), (1, 9, 4, 4)]
     box = quads(sides, charts, [0] * 5, 16, "Box")
     lamps = (light("point"), dataclasses.replace(light("point"), position=np.array([0, 0, -2.0])))
-    unfilled = dataclasses.replace(SETTINGS, dilation=0, hide_seams=False, texel_samples=1)
+    unfilled = dataclasses.replace(SETTINGS, margin=0, hide_seams=False, texel_samples=1)
     lightmap = drive(Scene((floor, foot, box), (BLACK,), lights=lamps), unfilled)
     assert (lightmap.display[0, 9:15, 9:15] == 0).all()
     shown, lit = lightmap.display[0, 1:7, 1:7], lightmap.image[0, 1:7, 1:7]

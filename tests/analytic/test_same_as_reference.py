@@ -160,7 +160,7 @@ def test_a_whole_bake_equals_the_processor(iterations, median):
     colours = np.random.default_rng(0).uniform(0.1, 0.9, (6, 3))
     materials = tuple(scenes.material(f"Wall {i}", rho, 2.0 * (i == 1)) for i, rho in enumerate(colours))
     scene = Scene((dataclasses.replace(mesh, material=mesh.face),), materials)
-    settings = Settings(resolution=32, hemicube=16, iterations=iterations, tolerance=0, method="paper")
+    settings = Settings(resolution=32, hemicube=16, max_bounces=iterations, tolerance=0, method="paper")
     prepared = prepare(scene, 32)
     expected = prepared.solution(prepared.hemicubes(settings), settings).irradiance
     relative = irradiance(drive(scene, settings))[expected > 0] / expected[expected > 0] - 1
@@ -170,7 +170,7 @@ def test_a_whole_bake_equals_the_processor(iterations, median):
 
 @pytest.mark.long
 def test_thirty_iterations_reach_gauss_seidel(room):
-    settings = dataclasses.replace(SETTINGS, iterations=30, tolerance=0)
+    settings = dataclasses.replace(SETTINGS, max_bounces=30, tolerance=0)
     difference, rows = difference_to_gauss_seidel(room, settings)
     assert len(room.patches) == 10700
     assert abs(rows.mean() - 1) < 1e-3
@@ -180,7 +180,7 @@ def test_thirty_iterations_reach_gauss_seidel(room):
 
 @pytest.mark.long
 def test_thirty_iterations_of_wide_hemicubes_reach_gauss_seidel(room):
-    settings = dataclasses.replace(SETTINGS, hemicube=64, iterations=30, tolerance=0)
+    settings = dataclasses.replace(SETTINGS, hemicube=64, max_bounces=30, tolerance=0)
     assert difference_to_gauss_seidel(room, settings)[0] < 0.005
 
 
@@ -204,7 +204,7 @@ def difference_to_gauss_seidel(room: Prepared, settings: Settings) -> tuple[floa
 
 @pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_the_same_input_gives_the_same_bits(visibility):
-    settings = Settings(resolution=64, hemicube=16, iterations=3, tolerance=0, visibility=visibility)
+    settings = Settings(resolution=64, hemicube=16, max_bounces=3, tolerance=0, visibility=visibility)
     first, second = (drive(scenes.sphere(), settings) for _ in range(2))
     assert np.array_equal(first.image, second.image)
     assert np.array_equal(first.display, second.display)
@@ -212,7 +212,7 @@ def test_the_same_input_gives_the_same_bits(visibility):
 
 @pytest.mark.long
 def test_the_layout_of_the_texture_array_does_not_matter():
-    settings = Settings(resolution=64, hemicube=16, iterations=2, tolerance=0, visibility="raster")
+    settings = Settings(resolution=64, hemicube=16, max_bounces=2, tolerance=0, visibility="raster")
     tiled = dataclasses.replace(settings, array_size=(256, 192, 4))
     relative = irradiance(drive(scenes.sphere(), tiled)) / irradiance(drive(scenes.sphere(), settings)) - 1
     assert np.median(np.abs(relative)) < 1e-5
@@ -220,6 +220,6 @@ def test_the_layout_of_the_texture_array_does_not_matter():
 
 
 def test_another_seed_gives_other_rotations():
-    settings = Settings(resolution=64, hemicube=16, iterations=1)
+    settings = Settings(resolution=64, hemicube=16, max_bounces=1)
     other = dataclasses.replace(settings, seed=1)
     assert not np.array_equal(drive(scenes.sphere(), settings).image, drive(scenes.sphere(), other).image)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from tests.analytic.drive import drive
 from tests.analytic.rooms import (
     TEXEL,
@@ -24,7 +24,7 @@ from tests.analytic.scenes import material, quads
 from tests.rows import long
 
 SETTINGS = Settings(
-    resolution=128, hemicube=16, visibility="rays", light_samples=32, iterations=8, texel_samples=16
+    resolution=128, hemicube=16, visibility="rays", light_samples=32, max_bounces=8, texel_samples=16
 )
 
 LAMP = (0.37, 0.41, 0.61)
@@ -39,7 +39,7 @@ def floor_under_sky():
 
 def occluder(faces, name):
     """Return faces that are in no lightmap."""
-    return replace(quads(faces, [(0, 0, 1, 1)] * len(faces), [0] * len(faces), 128, name), atlas=OCCLUDER)
+    return replace(quads(faces, [(0, 0, 1, 1)] * len(faces), [0] * len(faces), 128, name), atlas=NO_LIGHTMAP)
 
 
 def line(x, count=7):
@@ -149,7 +149,7 @@ def test_rooms_that_nearly_touch_overlap_or_hold_each_other_share_no_light(name,
     meshes = SEALED[name]
     scene = scene_of(meshes, [lamp((0.31, 0.37, 0.53))])
     settings = Settings(
-        resolution=128, hemicube=16, light_samples=16, iterations=8, visibility=visibility, texel_samples=16
+        resolution=128, hemicube=16, light_samples=16, max_bounces=8, visibility=visibility, texel_samples=16
     )
     lightmap = drive(scene, settings)
     mesh = mesh_of_texels(scene, lightmap)
@@ -167,7 +167,7 @@ def test_rooms_that_nearly_touch_overlap_or_hold_each_other_share_no_light(name,
 def test_rooms_whose_walls_share_a_plane_are_as_bright_as_alone(method, corner):
     """Both walls lie in x = 0.8, the second one of another size or not; both are lit."""
     settings = Settings(
-        resolution=128, hemicube=16, light_samples=16, iterations=8, texel_samples=1, **method
+        resolution=128, hemicube=16, light_samples=16, max_bounces=8, texel_samples=1, **method
     )
     lamps = [lamp((0.31, 0.37, 0.53)), lamp((1.11, 0.53, 0.29), 0.3)]
     rooms = rooms_side_by_side((0.8, 0, 0), corner)
@@ -192,7 +192,7 @@ def test_a_box_on_the_floor_of_a_room_is_named_by_no_warning(texel_samples):
         resolution=128,
         hemicube=8,
         light_samples=4,
-        iterations=2,
+        max_bounces=2,
         visibility="rays",
         texel_samples=texel_samples,
     )
@@ -232,7 +232,7 @@ def test_what_stands_on_a_floor_is_as_bright_at_its_foot_as_all_is(corner, width
     standing = block(atlas, (x, y, 0), (x + 0.27, y + 0.33, 0.5), "Block")
     scene = Scene((hall, standing), (glowing,))
     settings = replace(SETTINGS, texel_samples=1, hide_seams=False, patch_groups=width, tolerance=1e-4)
-    lightmap = drive(scene, replace(settings, samples=256, iterations=80))
+    lightmap = drive(scene, replace(settings, samples=256, max_bounces=80))
     sides = np.zeros_like(lightmap.known[0])
     for side in (standing.uvs.reshape(-1, 6, 2)[2:] * SETTINGS.resolution).round().astype(int):
         (left, low), (right, high) = side.min(axis=0), side.max(axis=0)

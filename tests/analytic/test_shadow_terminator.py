@@ -20,7 +20,7 @@ from tests.rows import long
 
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))
 SETTINGS = Settings(
-    resolution=64, hemicube=8, iterations=1, visibility="rays", light_samples=16, outputs=("direct",)
+    resolution=64, hemicube=8, max_bounces=1, visibility="rays", light_samples=16, outputs=("direct",)
 )
 
 

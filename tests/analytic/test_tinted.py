@@ -13,7 +13,7 @@ from engine.scene.transmission import CLEAR, OPAQUE, Transmission, Transmittance
 from tests.analytic.drive import drive
 from tests.analytic.scenes import material, quads, rectangle, room_walls
 
-SETTINGS = Settings(resolution=32, hemicube=16, samples=2048, sample_emission=False, iterations=2)
+SETTINGS = Settings(resolution=32, hemicube=16, samples=2048, sample_emission=False, max_bounces=2)
 BLACK = np.zeros(3, np.float32)
 X, Y, Z = np.eye(3)
 UVS = np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])
@@ -96,7 +96,7 @@ def test_a_tinted_sheet_that_absorbs_nothing_leaves_a_furnace_even():
     sheets = quads(np.stack(middle), [(8, 7, 5, 5), (15, 7, 5, 5)], [1, 1], 32, "Sheets")
     scene = Scene((walls, sheets), (material("Wall", 0.5, 0.5), sheet))
     check_material(sheet)
-    image = drive(scene, replace(SETTINGS, iterations=80, samples=1024)).image[0]
+    image = drive(scene, replace(SETTINGS, max_bounces=80, samples=1024)).image[0]
     found = np.concatenate([image[1:6, 1 + 6 * i : 6 + 6 * i].reshape(-1, 3) for i in range(5)])
     assert found.mean(axis=0) == pytest.approx(np.ones(3), rel=0.02)
 

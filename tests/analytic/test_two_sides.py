@@ -13,7 +13,7 @@ from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
 from tests.transparency import transparent
 
-SETTINGS = Settings(resolution=32, hemicube=16, samples=4096, iterations=1, light_samples=256)
+SETTINGS = Settings(resolution=32, hemicube=16, samples=4096, max_bounces=1, light_samples=256)
 BLACK, ONE = np.zeros(3, np.float32), np.ones(3, np.float32)
 X, Y, Z = np.eye(3)
 UVS = np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])

@@ -206,7 +206,7 @@ def test_occluder_with_a_modifier_is_told():
 
     bpy.ops.hemibake.unwrap()
     assert finding("gets no lightmap") is None
-    obj.hemibake.role = "OCCLUDER"
+    obj.hemibake.role = "NO_LIGHTMAP"
     found = finding("gets no lightmap")
     assert (found.severity, found.objects) == ("INFO", ("Row",))
     assert fix(found) == {"FINISHED"}

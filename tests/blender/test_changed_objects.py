@@ -13,7 +13,7 @@ def settings():
     import bpy
 
     settings = bpy.context.scene.hemibake
-    settings.resolution, settings.dilation, settings.samples = 47, 2, 132
+    settings.resolution, settings.margin, settings.samples = 47, 2, 132
     return settings
 
 
@@ -153,7 +153,7 @@ def test_small_changes_add_up(rooms):
 def test_an_occluder_that_moves_has_those_baked_that_it_shades(rooms):
     corners = [(0.3, 0.3, 0.2), (0.5, 0.3, 0.2), (0.5, 0.5, 0.2), (0.3, 0.5, 0.2)]
     panel = mesh_object("Panel", corners, [(0, 1, 2, 3)], surface=material("Panel"))
-    panel.hemibake.role = "OCCLUDER"
+    panel.hemibake.role = "NO_LIGHTMAP"
     bake("CHANGED")
     assert baked() == ["Floor A", "Shell A"]
     panel.location.z = 0.1

@@ -548,7 +548,7 @@ def test_charts_that_were_moved_since_they_were_baked_are_told():
     import bpy
 
     room, other, new = furnace(), square("Other"), square("New")
-    other.location, new.hemibake.role = (5, 0, 0), "OCCLUDER"
+    other.location, new.hemibake.role = (5, 0, 0), "NO_LIGHTMAP"
     bpy.ops.hemibake.bake()
     assert finding("since they were baked") is None
     uvs = loop_uvs(room)

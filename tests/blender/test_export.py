@@ -474,7 +474,7 @@ def test_blenders_own_export_stays_as_it_is(tmp_path):
 def test_what_has_no_lightmap_is_exported_without_one(tmp_path, capfd):
 
     room, dark, hidden = furnace(), square("Dark", None, material("Dark")), square("Hidden", None)
-    dark.hemibake.role, hidden.hide_render = "OCCLUDER", True
+    dark.hemibake.role, hidden.hide_render = "NO_LIGHTMAP", True
     lost = square("Lost", None, material("Lost"))
     lost.location.z = 0.5
     bake()

@@ -308,7 +308,7 @@ def test_clipped_texels_are_those_of_the_bright_object(settings):
         obj.location = (9 * index, 0, 0)
         lid = square(f"Lid {index}", None, obj.data.materials[0])
         lid.location, lid.rotation_euler = (9 * index, 1, 0.2), (np.pi, 0, 0)
-        lid.hemibake.role = "OCCLUDER"
+        lid.hemibake.role = "NO_LIGHTMAP"
     settings.file_format = "png"
     bake()
     (warning,) = report()["warnings"]

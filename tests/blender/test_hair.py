@@ -93,7 +93,7 @@ def test_children_of_renders_stand_for_their_parents():
 def test_only_hair_drawn_as_paths_counts(changes, count):
     obj = hairy(**changes)
     assert len(hair_of(read_scene())) == count
-    obj.hemibake.role = "OCCLUDER"
+    obj.hemibake.role = "NO_LIGHTMAP"
     other = square("Baked")
     other.location.x = 3
     assert len(hair_of(read_scene())) == count + 1

@@ -97,7 +97,7 @@ def test_another_frame_has_its_own_light(operator, context, window):  # noqa: F8
     lamp.data.energy = 40
     lamp.data.keyframe_insert("energy", frame=11)
     box = mesh_object("Box", np.array(CUBE) * 0.3 + 2.0, [face[::-1] for face in INWARD])
-    box.hemibake.role = "OCCLUDER"
+    box.hemibake.role = "NO_LIGHTMAP"
     box.keyframe_insert("location", frame=11)
     box.location = (-1.95, -1.95, -1.95)
     box.keyframe_insert("location", frame=21)
@@ -141,7 +141,7 @@ def test_edits_show_and_the_light_is_that_of_a_bake(operator, context, window): 
     operator.invoke(context, None)
     assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
     assert np.array_equal(pixels(bpy.data.images["Lightmap"])[..., :3], last)
-    pillar.hemibake.role = "OCCLUDER"
+    pillar.hemibake.role = "NO_LIGHTMAP"
     again = baked_anew(bpy.context.scene)
     known = again.sum(axis=2) > 0.01 * again.sum(axis=2).max()
     assert np.abs(last - again)[known].mean() < 0.01 * again[known].mean()
@@ -150,7 +150,7 @@ def test_edits_show_and_the_light_is_that_of_a_bake(operator, context, window): 
 def test_escape_before_the_first_bake_is_done_leaves_nothing_behind(operator, context, window):  # noqa: F811
     furnace()
     settings = context.scene.hemibake
-    settings.tolerance, settings.iterations = 0, 500  # so that the bake goes on after its first image
+    settings.tolerance, settings.max_bounces = 0, 500  # so that the bake goes on after its first image
     before = snapshot()
     operator.invoke(context, None)
     drive(operator, context, until=image_shown)
@@ -621,7 +621,7 @@ def test_render_meshes_are_read_once_while_nothing_changes(operator, context, wi
 
     lit_room()
     box = mesh_object("Box", np.array(CUBE) * 0.3 + 0.1, [face[::-1] for face in INWARD])
-    box.hemibake.role = "OCCLUDER"
+    box.hemibake.role = "NO_LIGHTMAP"
     box.modifiers.new("Subdivision", "SUBSURF").render_levels = 2
     box.hide_set(True)
     start(operator, context)

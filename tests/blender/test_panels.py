@@ -260,7 +260,7 @@ def test_an_output_is_switched_by_itself_with_what_it_needs(before, switch, afte
     part("engine.settings").check_settings(part("operators.bake_settings").read_settings(settings))
 
 
-@pytest.mark.parametrize("role", ["BAKED", "OCCLUDER", "IGNORED"])
+@pytest.mark.parametrize("role", ["BAKED", "NO_LIGHTMAP", "IGNORED"])
 def test_active_object_shows_its_role_and_where_it_was_baked(role):
     import bpy
 
@@ -277,7 +277,7 @@ def test_no_active_object_and_no_report_show_no_panel():
 
 
 REPORT = {
-    "objects": 3, "patches": 1021, "iterations": 1, "residual": None, "seconds": {"total": 1.25},
+    "objects": 3, "patches": 1021, "iterations": 1, "convergence_error": None, "seconds": {"total": 1.25},
     "images": ["Lightmap"], "warnings": ["A first sentence about much. " * 9 + "\nAll.", "Second."],
     "objects_of_warnings": [["Square", "Gone"], []],
 }  # fmt: skip
@@ -296,17 +296,17 @@ def test_last_bake_is_summed_up_and_has_each_warning_whole_with_what_it_is_about
     assert shown.count("hemibake.select_objects") == 1 and shown[-1] == "hemibake.copy_report"
 
 
-ENERGY = {"emitted": 12.341, "absorbed": 11.98, "escaped": 0.34, "residual": 0.011, "missing": 0.00081}
+ENERGY = {"emitted": 12.341, "absorbed": 11.98, "escaped": 0.34, "not_bounced": 0.011, "missing": 0.00081}
 
 
 def test_where_the_light_went_is_told_if_it_is_known():
     import bpy
 
     for energy, line in (
-        (ENERGY, "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.1% residual, off by 0.08%"),
+        (ENERGY, "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.1% not bounced, off by 0.08%"),
         (
-            {**ENERGY, "residual": -1e-5},
-            "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.0% residual, off by 0.08%",
+            {**ENERGY, "not_bounced": -1e-5},
+            "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.0% not bounced, off by 0.08%",
         ),
         (None, ""),
         ({**dict.fromkeys(ENERGY, 0.0)}, ""),
@@ -370,7 +370,7 @@ def test_preset_is_custom_once_a_value_differs():
     settings.quality, settings.denoise = "draft", True
     settings.tolerance, settings.texel_samples = 0.01, "1"
     assert draw("HEMIBAKE_PT_bake")[0] == "Draft"
-    settings.iterations = 3
+    settings.max_bounces = 3
     assert draw("HEMIBAKE_PT_bake")[0] == "Custom"
 
 
@@ -404,7 +404,7 @@ def test_maps_beside_lightmaps_are_no_lightmaps_in_the_list():
     scene = bpy.context.scene
     scene.hemibake.outputs = {"combined", "direct", "directional"}
     bpy.ops.hemibake.bake()
-    entries = {entry.name: entry.beside for entry in scene.hemibake.lightmaps}
+    entries = {entry.name: entry.companion_of for entry in scene.hemibake.lightmaps}
     assert entries.pop("Lightmap") == "" and len(entries) == 5 and set(entries.values()) == {"Lightmap"}
     holder = type("Holder", (), {"bitflag_filter_item": 1 << 30, "filter_name": ""})()
     flags, order = bpy.types.HEMIBAKE_UL_lightmaps.filter_items(

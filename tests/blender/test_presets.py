@@ -52,7 +52,7 @@ def test_own_presets_are_applied_and_recognised(settings, name, quality):
     assert current(settings) is None
     apply(name)
     assert (current(settings), settings.quality, settings.resolution) == (name, quality, 97)
-    settings.iterations = 7
+    settings.max_bounces = 7
     assert current(settings) is None
 
 
@@ -78,14 +78,14 @@ def test_names_of_own_presets_are_taken(settings):
 
 
 def test_preset_that_changes_on_disk_is_read_again_and_a_broken_one_is_none(settings):
-    settings.iterations = 7
+    settings.max_bounces = 7
     add("Mine")
     (mine,) = (preset.path for preset in part("operators.presets").presets() if not preset.own)
     assert current(settings) == "Mine"
-    Path(mine).write_text("settings.iterations = 8\n")
+    Path(mine).write_text("settings.max_bounces = 8\n")
     os.utime(mine, (1, 1))
     assert current(settings) is None
-    Path(mine).write_text("settings.iterations = (\n")
+    Path(mine).write_text("settings.max_bounces = (\n")
     os.utime(mine, (2, 2))
     assert current(settings) is None
 

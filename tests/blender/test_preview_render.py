@@ -360,7 +360,7 @@ def test_preview_of_instances_looks_like_the_original(stage, tmp_path, show):
     stage.hemibake.resolution, bpy.data.lights["Sun"].angle = 128, 1.0
     nodes = Nodes("Black")
     roof = square("Roof", uvs=None, surface=nodes.done(nodes.add("BsdfDiffuse", Color=(0, 0, 0, 1))))
-    roof.location, roof.hemibake.role, roof.visible_camera = (0.2, -0.8, 0.4), "OCCLUDER", False
+    roof.location, roof.hemibake.role, roof.visible_camera = (0.2, -0.8, 0.4), "NO_LIGHTMAP", False
     assert preview_differs(stage, tmp_path, samples=256) < 0.02
     before = snapshot()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
@@ -414,7 +414,7 @@ def test_preview_of_every_kind_of_slot_looks_like_the_original(stage, tmp_path):
     objects[2].material_slots[0].material = surfaces[2]
     nodes = Nodes("Black")
     roof = square("Roof", uvs=None, surface=nodes.done(nodes.add("BsdfDiffuse", Color=(0, 0, 0, 1))))
-    roof.location, roof.hemibake.role, roof.visible_camera = (0.2, -0.8, 0.4), "OCCLUDER", False
+    roof.location, roof.hemibake.role, roof.visible_camera = (0.2, -0.8, 0.4), "NO_LIGHTMAP", False
     objects[1].hemibake.atlas = "Other"
     assert preview_differs(stage, tmp_path, samples=256) < 0.02
     materials = [obj.material_slots[0].material for obj in objects[:2]]

@@ -24,7 +24,7 @@ def test_an_interrupted_bake_goes_on_from_its_checkpoint(checkpoints, monkeypatc
 
     furnace()
     settings = bpy.context.scene.hemibake
-    settings.resolution, settings.visibility, settings.iterations, settings.tolerance = 37, "rays", 6, 0
+    settings.resolution, settings.visibility, settings.max_bounces, settings.tolerance = 37, "rays", 6, 0
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     whole = pixels(bpy.data.images["Lightmap"]).copy()
     part("operators.worker_manager").owner.forget()

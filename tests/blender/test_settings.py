@@ -58,7 +58,7 @@ MACHINE = {
     "opencl_device",
     "denoise_device",
     "scheduler",
-    "kept_budget",
+    "cache_budget",
     "checkpoint_space",
     "checkpoint_interval",
 }

@@ -15,7 +15,7 @@ def settings():
     import bpy
 
     settings = bpy.context.scene.hemibake
-    settings.resolution, settings.dilation = SIDE, 2
+    settings.resolution, settings.margin = SIDE, 2
     return settings
 
 
@@ -33,7 +33,7 @@ def wall(x):
     """Return an occluder beside the floors that shines on them."""
     corners = [(x, 0, 0), (x, 1, 0), (x, 1, 1), (x, 0, 1)]
     result = mesh_object("Wall", corners, [(0, 1, 2, 3)], surface=material("Wall", emission=3.0))
-    result.hemibake.role = "OCCLUDER"
+    result.hemibake.role = "NO_LIGHTMAP"
     return result
 
 

@@ -192,7 +192,7 @@ def test_bake_keeps_the_layers_and_writes_scale_and_offset():
     for obj, surface in zip(squares, lit, strict=True):
         obj.data.materials.append(surface)
         above = mesh_object(f"{obj.name} above", SQUARE, [(3, 2, 1, 0)], surface=surface)
-        above.location, above.hemibake.role = (obj.location.x, 0, 0.01), "OCCLUDER"
+        above.location, above.hemibake.role = (obj.location.x, 0, 0.01), "NO_LIGHTMAP"
     square("Folded", [(0, 0), (1, 0), (0, 1), (1, 1)])
     before = snapshot()["meshes"]
     assert bpy.ops.hemibake.bake() == {"FINISHED"}

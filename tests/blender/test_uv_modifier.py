@@ -100,7 +100,7 @@ def test_copies_in_light_and_shadow_differ():
     chair = mesh_object("Floor", SQUARE, [(0, 1, 2, 3)])
     chair.modifiers.new("Array", "ARRAY").relative_offset_displace = (3, 0, 0)
     roof = square("Roof", uvs=None)
-    roof.location, roof.hemibake.role = (0, 0, 0.05), "OCCLUDER"
+    roof.location, roof.hemibake.role = (0, 0, 0.05), "NO_LIGHTMAP"
     world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
     nodes = part("operators.compat").new_node_tree(world).nodes
     next(node for node in nodes if node.type == "BACKGROUND").inputs["Color"].default_value = (1, 1, 1, 1)

@@ -125,7 +125,7 @@ _THINGS = st.builds(
     slots=st.lists(st.sampled_from([0, 0, 1, 2, None]), max_size=3).map(tuple),
     linked=st.sampled_from(["DATA", "DATA", "OBJECT"]),
     indices=st.sampled_from([(0,), (0, 1, 2, 3), (1,), (7, 0)]),
-    role=_among(["BAKED"], ["OCCLUDER", "IGNORED"]),
+    role=_among(["BAKED"], ["NO_LIGHTMAP", "IGNORED"]),
     atlas=st.sampled_from(["Lightmap", "Lightmap", "Other", "", "Ä/b:c*"]),
     selected=st.booleans(),
     hidden=_among([""], ["viewport", "render", "eye", "layer"]),
@@ -155,7 +155,7 @@ _LAMPS = st.builds(
 )
 
 _SETTINGS = st.fixed_dictionaries(
-    {"resolution": _among([16, 31, 48], [8, 9]), "hemicube": st.just("8"), "iterations": st.integers(1, 3)},
+    {"resolution": _among([16, 31, 48], [8, 9]), "hemicube": st.just("8"), "max_bounces": st.integers(1, 3)},
     optional={
         "method": st.sampled_from(["auto", "cached", "stream", "paper"]),
         "visibility": st.sampled_from(["auto", "raster", "rays"]),
@@ -166,7 +166,7 @@ _SETTINGS = st.fixed_dictionaries(
         "samples": st.sampled_from([0, 4, 16]),
         "light_samples": st.sampled_from([1, 4]),
         "ao_samples": st.sampled_from([1, 4]),
-        "dilation": st.sampled_from([0, 8]),
+        "margin": st.sampled_from([0, 8]),
         "uv_layer": st.sampled_from(["Lightmap", "UVMap", "Neu"]),
         "directory": st.sampled_from(
             ["//lightmaps/", "{folder}/plain", "{folder}/file", "/proc/nowhere", ""]
@@ -194,7 +194,7 @@ CASES: st.SearchStrategy[Case] = st.builds(
 )
 
 _INSTANCED = Thing("nodes", slots=(0,))
-_SMALL = {"resolution": 31, "hemicube": "8", "iterations": 2, "light_samples": 4, "ao_samples": 4}
+_SMALL = {"resolution": 31, "hemicube": "8", "max_bounces": 2, "light_samples": 4, "ao_samples": 4}
 
 _EXAMPLES: dict[str, Case] = {
     "sky of odd size": Case(world="odd image"),

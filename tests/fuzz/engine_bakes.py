@@ -115,12 +115,12 @@ def _check_lightmap(lightmap: BakeResult, scene: Scene, settings: Settings) -> N
 def _check_report(lightmap: BakeResult, settings: Settings) -> None:
     report = lightmap.report
     assert report.patches >= lightmap.has_patch.sum()
-    assert 0 <= report.iterations <= settings.iterations
+    assert 0 <= report.iterations <= settings.max_bounces
     assert report.iterations or not lightmap.image.any(), "light without an iteration"
-    assert len(report.energies) == report.iterations
-    assert math.isnan(report.residual) or report.residual >= 0
-    residual = report.residual if math.isfinite(report.residual) else None
-    json.dumps(asdict(replace(report, residual=residual)), allow_nan=False, default=np.generic.item)
+    assert len(report.added_flux) == report.iterations
+    assert math.isnan(report.convergence_error) or report.convergence_error >= 0
+    residual = report.convergence_error if math.isfinite(report.convergence_error) else None
+    json.dumps(asdict(replace(report, convergence_error=residual)), allow_nan=False, default=np.generic.item)
 
 
 def _check_room(lightmap: BakeResult, reflectance: float) -> None:

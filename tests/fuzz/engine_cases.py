@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from engine import Light, Material, Mesh, Scene, Settings, Texture
-from engine.scene.model import LIGHT_KINDS, OCCLUDER
+from engine.scene.model import LIGHT_KINDS, NO_LIGHTMAP
 from tests.analytic.scenes import material, quads, room_walls
 from tests.transparency import clear_back, transparent
 
@@ -413,7 +413,7 @@ SPOILS: dict[str, Callable[[Scene, Settings], tuple[Scene, Settings]]] = {
     "resolution 7": _setting(resolution=7),
     "resolution huge": _setting(resolution=1 << 20),
     "hemicube 3": _setting(hemicube=3),
-    "iterations 0": _setting(iterations=0),
+    "iterations 0": _setting(max_bounces=0),
     "tolerance NaN": _setting(tolerance=np.nan),
     "samples 3": _setting(samples=3),
     "samples -1": _setting(samples=-1),
@@ -493,7 +493,7 @@ _SHAPES = st.builds(
     position=_POSITION,
     turn=st.integers(0, 3),
     uvs=_among(["grid", "grid", "tight"], list(UVS)),
-    atlas=st.sampled_from([0, 0, 1, 2, OCCLUDER]),
+    atlas=st.sampled_from([0, 0, 1, 2, NO_LIGHTMAP]),
     material=st.integers(0, 3),
     smooth=st.booleans(),
     texture_scale=_among([1.0, 3.0], [0.0, 1e3, 1e8, -1e12, 1e30]),
@@ -527,7 +527,7 @@ _SETTINGS = st.fixed_dictionaries(
     {
         "resolution": st.integers(8, 24),
         "hemicube": st.sampled_from([8, 8, 16, 32]),
-        "iterations": st.integers(1, 6),
+        "max_bounces": st.integers(1, 6),
         "light_samples": st.integers(1, 8),
         "ao_samples": st.integers(1, 8),
     },
@@ -553,7 +553,7 @@ _SETTINGS = st.fixed_dictionaries(
         "rotate": st.booleans(),
         "array_size": _among([(0, 0, 0)], [(64, 32, 1), (97, 53, 3), (16, 8, 1)]),
         "batch_bytes": st.sampled_from([1, 5_000, 1 << 20]),
-        "dilation": st.sampled_from([0, 1, 5, 256]),
+        "margin": st.sampled_from([0, 1, 5, 256]),
         "hide_seams": st.booleans(),
         "texel_samples": st.sampled_from([1, 4, 16]),
     },
@@ -613,7 +613,7 @@ def _with_room(case: Case) -> st.SearchStrategy[Case]:
         replace(surface, emission=_dim(surface.emission), emission_map=None) for surface in case.surfaces
     )
     sky = replace(case.sky, colour=_dim(case.sky.colour), spot=min(case.sky.spot, 100.0))
-    settings = {**case.settings, "iterations": 20, "tolerance": 0.0, "light_samples": 64}
+    settings = {**case.settings, "max_bounces": 20, "tolerance": 0.0, "light_samples": 64}
     settings["resolution"] = max(12, settings["resolution"])
     settings.pop("outputs", None)
     settings.pop("batch_bytes", None)
@@ -653,7 +653,7 @@ CASES: st.SearchStrategy[Case] = st.sampled_from(
     [end for end, count in _ENDS.items() for _ in range(count)]
 ).flatmap(_BAKES.flatmap)
 
-_SMALL = {"resolution": 16, "hemicube": 8, "iterations": 2, "light_samples": 4, "ao_samples": 4}
+_SMALL = {"resolution": 16, "hemicube": 8, "max_bounces": 2, "light_samples": 4, "ao_samples": 4}
 _RASTER, _RAYS = ({"visibility": way, "method": "cached", "hemicube": 32} for way in ("raster", "rays"))
 _WHITE = Sky((1.0, 1.0, 1.0))
 _CUTOUT = Surface(alpha_map=Map(4096, 4096))
@@ -666,7 +666,7 @@ EXAMPLES: dict[str, Case] = {
         for rows, columns in [(768, 1366), (300, 601), (1000, 1999), (1021, 2042), (1, 1), (1, 2042)]
     },
     "700 occluder boxes": Case(
-        (Shape(), Shape("cubes", 700, size=9.0, atlas=OCCLUDER)),
+        (Shape(), Shape("cubes", 700, size=9.0, atlas=NO_LIGHTMAP)),
         sky=_WHITE,
         settings={**_SMALL, "resolution": 64},
     ),
@@ -737,7 +737,7 @@ EXAMPLES: dict[str, Case] = {
     },
     **{
         f"a room of {scale:g} m": Case(
-            scale=scale, room=0.5, settings={**_SMALL, "iterations": 20, "tolerance": 0.0}
+            scale=scale, room=0.5, settings={**_SMALL, "max_bounces": 20, "tolerance": 0.0}
         )
         for scale in (1e-12, 1e-10, 1e-8, 1e-5, 1e5, 1e8, 1e10, 1e15)
     },
@@ -745,12 +745,12 @@ EXAMPLES: dict[str, Case] = {
         (Shape("quad", size=0.1),),
         lamps=(Lamp(position=(0.3, 0.3, 0.3), radius=0.1),),
         room=0.2,
-        settings={**_SMALL, "iterations": 20, "tolerance": 0.0, "resolution": 13},
+        settings={**_SMALL, "max_bounces": 20, "tolerance": 0.0, "resolution": 13},
     ),
     "radiance at the limit": Case(
         (Shape("room"),),
         (Surface((1.0, 1.0, 1.0), (1e30, 1e30, 1e30)),),
-        settings={**_SMALL, "iterations": 6},
+        settings={**_SMALL, "max_bounces": 6},
     ),
     "radiance beyond the limit by a texture": Case(
         (Shape("room"),), (Surface(emission=(1e20,) * 3, emission_map=Map(brightest=1e20)),), settings=_SMALL
@@ -770,7 +770,7 @@ EXAMPLES: dict[str, Case] = {
     ),
     "nothing shines": Case(settings=_SMALL),
     "white room": Case(
-        (Shape("room"),), (Surface((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)),), settings={**_SMALL, "iterations": 6}
+        (Shape("room"),), (Surface((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)),), settings={**_SMALL, "max_bounces": 6}
     ),
     **{
         f"cancelled after {number} slices": Case(

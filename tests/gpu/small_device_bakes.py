@@ -10,12 +10,12 @@ from engine import Light, Scene, Settings
 from engine.device import devices
 from engine.device.cl_device import ComputeDevice
 from engine.device.gl_context import GraphicsContext
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle
 from tests.gpu.graphics_card import GraphicsCard
 
-SETTINGS = Settings(resolution=19, hemicube=8, iterations=2, tolerance=0, light_samples=4, ao_samples=4)
+SETTINGS = Settings(resolution=19, hemicube=8, max_bounces=2, tolerance=0, light_samples=4, ao_samples=4)
 DIRECTIONAL = ("combined", "directional", "dominant_direction")
 BAKES = {
     "paper": replace(SETTINGS, method="paper"),
@@ -41,7 +41,7 @@ def room() -> Scene:
     """Return a furnace with a lamp and with dust: more triangles than are split from the top down."""
     corners = np.random.default_rng(0).random((1500, 3)) * 0.9 + 0.05
     dust = np.stack([rectangle(point, (1e-3, 0, 0), (0, 1e-3, 0)) for point in corners])
-    mesh = replace(quads(dust, [(0, 0, 1, 1)] * 1500, [0] * 1500, 32, "Dust"), atlas=OCCLUDER)
+    mesh = replace(quads(dust, [(0, 0, 1, 1)] * 1500, [0] * 1500, 32, "Dust"), atlas=NO_LIGHTMAP)
     closed = furnace(0.5, 1.0)
     lamp = Light("Lamp", "point", np.full(3, 0.5), np.eye(3), np.ones(3, np.float32), radius=0.1)
     return replace(closed, meshes=(*closed.meshes, mesh), lights=(lamp,))

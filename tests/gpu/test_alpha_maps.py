@@ -15,7 +15,7 @@ from tests.rows import long
 from tests.transparency import clear_back, transparent
 
 BLACK = np.zeros(3, np.float32)
-SETTINGS = Settings(resolution=64, hemicube=8, iterations=1, sample_emission=False)
+SETTINGS = Settings(resolution=64, hemicube=8, max_bounces=1, sample_emission=False)
 UVS = np.float32([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]])
 
 

@@ -13,13 +13,13 @@ from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, quads, rectangle, room_walls
 
 ROOT = Path(__file__).resolve().parents[2]
-QUICK = Settings(resolution=32, hemicube=8, iterations=3, tolerance=0, visibility="raster", accelerate=False)
+QUICK = Settings(resolution=32, hemicube=8, max_bounces=3, tolerance=0, visibility="raster", accelerate=False)
 
 
 def test_dilation_touches_no_texel_that_has_a_patch():
     """The light is the same, bit for bit, with and without dilation."""
-    plain = drive(furnace(0.5, 1.0), replace(QUICK, dilation=0))
-    dilated = drive(furnace(0.5, 1.0), replace(QUICK, dilation=32))
+    plain = drive(furnace(0.5, 1.0), replace(QUICK, margin=0))
+    dilated = drive(furnace(0.5, 1.0), replace(QUICK, margin=32))
     has_patch = plain.has_patch
     assert (plain.image.view(np.uint32) == dilated.image.view(np.uint32)).all()
     assert (dilated.display[has_patch].view(np.uint32) == plain.image[has_patch].view(np.uint32)).all()
@@ -86,7 +86,7 @@ def test_closing_the_generator_cancels_and_the_next_bake_works():
 
 def test_report_tells_the_facts():
     report = drive(furnace(0.5, 1.0), QUICK).report
-    assert report.patches == 384 and len(report.energies) == 3 and not report.converged
+    assert report.patches == 384 and len(report.added_flux) == 3 and not report.converged
     assert set(report.devices) == {"gl", "cl"} and all(report.devices.values())
     assert {"devices", "patches", "hemicubes"} <= set(report.seconds)
 

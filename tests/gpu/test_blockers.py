@@ -30,7 +30,7 @@ def lamp_room(width):
 def direct_light(compute_class, scene, outputs):
     """Return direct light of each patch, (n, 3), with shadow rays from a device of a class."""
     settings = Settings(
-        resolution=WIDTH, samples=16, light_samples=48, iterations=1, tolerance=0, visibility="rays",
+        resolution=WIDTH, samples=16, light_samples=48, max_bounces=1, tolerance=0, visibility="rays",
         texel_samples=1, outputs=outputs, hide_seams=False,
     )  # fmt: skip
     devices = Devices(None)

@@ -20,7 +20,7 @@ from tests.transparency import CLEAR_BACK, transparent
 SETTINGS = Settings(
     resolution=64,
     hemicube=8,
-    iterations=2,
+    max_bounces=2,
     tolerance=0,
     accelerate=False,
     sample_emission=False,

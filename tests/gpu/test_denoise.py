@@ -14,7 +14,7 @@ from tests.tools.real_denoiser import LIBRARY, needs_library
 
 #: 16 rays a patch are noisy.
 NOISY = Settings(
-    resolution=53, visibility="rays", samples=16, light_samples=4, iterations=2, intermediates=False,
+    resolution=53, visibility="rays", samples=16, light_samples=4, max_bounces=2, intermediates=False,
     outputs=("ambient_occlusion", "combined", "direct", "indirect", "shadow_mask"), ao_samples=16,
     denoise_library=str(LIBRARY),
 )  # fmt: skip

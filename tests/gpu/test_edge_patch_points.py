@@ -26,7 +26,7 @@ def test_a_furnace_is_even_up_to_its_edges(visibility, offset):
     """All light is 1 / (1 - 0.5), whoever looks; what looks past a wall sees half of it."""
     settings = Settings(
         resolution=RESOLUTION, hemicube=16, samples=64, visibility=visibility, sample_emission=False,
-        texel_samples=1, hide_seams=False, tolerance=1e-4, iterations=30,
+        texel_samples=1, hide_seams=False, tolerance=1e-4, max_bounces=30,
     )  # fmt: skip
     lightmap = finished(bake(cube(0.5, offset), settings))
     light = lightmap.image[lightmap.has_patch]

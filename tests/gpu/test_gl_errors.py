@@ -11,7 +11,7 @@ from engine.session import Session
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute
 
-QUICK = Settings(resolution=32, hemicube=8, iterations=2, tolerance=0, visibility="raster")
+QUICK = Settings(resolution=32, hemicube=8, max_bounces=2, tolerance=0, visibility="raster")
 PAPER = dataclasses.replace(QUICK, method="paper")
 
 #: An invalid call of OpenGL, which leaves all its state as it was.

@@ -13,7 +13,7 @@ from tests.analytic.scenes import furnace
 from tests.gpu.test_raster import pictures
 from tests.rows import long
 
-QUICK = Settings(resolution=32, hemicube=8, iterations=2, tolerance=0, visibility="raster")
+QUICK = Settings(resolution=32, hemicube=8, max_bounces=2, tolerance=0, visibility="raster")
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
 from tests.gpu.test_methods import NoCompute
 
-QUICK = Settings(resolution=64, hemicube=8, iterations=3, tolerance=0)
+QUICK = Settings(resolution=64, hemicube=8, max_bounces=3, tolerance=0)
 KINDS = ("Texture", "Buffer", "Framebuffer", "VertexArray")
 
 

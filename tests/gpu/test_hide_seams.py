@@ -12,7 +12,7 @@ from tests.analytic.drive import drive
 from tests.analytic.scenes import material, quads, rectangle
 
 SETTINGS = Settings(
-    resolution=53, visibility="rays", samples=128, iterations=2, light_samples=16, intermediates=False,
+    resolution=53, visibility="rays", samples=128, max_bounces=2, light_samples=16, intermediates=False,
     outputs=("combined", "direct", "indirect", "ambient_occlusion", "shadow_mask"), ao_samples=64,
 )  # fmt: skip
 

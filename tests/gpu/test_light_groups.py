@@ -8,7 +8,7 @@ import pytest
 from engine import BakeResult, Light, Scene, Settings, SettingsError, bake, finished
 from engine.device.cl_device import ComputeDevice
 from engine.plan import choose_gather, memory
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.test_hide_seams import tiles
@@ -17,8 +17,8 @@ from tests.tools.real_denoiser import LIBRARY, needs_library
 
 #: Sweeps without acceleration do the same to all light and to each group's.
 SETTINGS = Settings(
-    resolution=37, hemicube=8, samples=32, iterations=4, tolerance=0, visibility="rays", light_samples=8,
-    texel_samples=1, hide_seams=False, dilation=3, accelerate=False, intermediates=False,
+    resolution=37, hemicube=8, samples=32, max_bounces=4, tolerance=0, visibility="rays", light_samples=8,
+    texel_samples=1, hide_seams=False, margin=3, accelerate=False, intermediates=False,
     outputs=("combined", "light_groups"),
 )  # fmt: skip
 
@@ -52,7 +52,7 @@ def room() -> Scene:
         base,
         meshes=(
             shown,
-            dataclasses.replace(pillar, atlas=OCCLUDER),
+            dataclasses.replace(pillar, atlas=NO_LIGHTMAP),
             dataclasses.replace(light, light_group="Panel"),
         ),
         world=np.random.default_rng(11).random((5, 9, 3), np.float32),
@@ -131,7 +131,13 @@ def test_a_group_is_a_bake_of_its_light_alone():
     """But for the noise of its shadow rays: alone, a light gets all of them."""
     scene = room()
     settings = dataclasses.replace(
-        SETTINGS, resolution=53, samples=64, light_samples=512, accelerate=True, iterations=50, tolerance=1e-3
+        SETTINGS,
+        resolution=53,
+        samples=64,
+        light_samples=512,
+        accelerate=True,
+        max_bounces=50,
+        tolerance=1e-3,
     )
     several = drive(scene, settings)
     plain = dataclasses.replace(settings, outputs=("combined",))
@@ -143,8 +149,8 @@ def test_a_group_is_a_bake_of_its_light_alone():
 @pytest.mark.parametrize(
     "changes",
     [
-        long({"accelerate": True, "iterations": 50, "tolerance": 0.002}),
-        {"accelerate": True, "iterations": 50, "tolerance": 0.002, "texel_samples": 4, "hide_seams": True},
+        long({"accelerate": True, "max_bounces": 50, "tolerance": 0.002}),
+        {"accelerate": True, "max_bounces": 50, "tolerance": 0.002, "texel_samples": 4, "hide_seams": True},
         long({"method": "paper", "accelerate": False}),
         {"adaptive": True, "resolution": 113, "accelerate": True, "texel_samples": 4},
         long({"resolution": 31, "samples": 16, "patch_groups": 4}),
@@ -176,8 +182,8 @@ def test_accelerated_groups_settle_each_on_its_own():
             dataclasses.replace(material, emission=np.zeros(3, np.float32)) for material in room().materials
         ),
     )
-    exact = drive(scene, dataclasses.replace(SETTINGS, iterations=50)).passes
-    settings = dataclasses.replace(SETTINGS, accelerate=True, iterations=50, tolerance=1e-3)
+    exact = drive(scene, dataclasses.replace(SETTINGS, max_bounces=50)).passes
+    settings = dataclasses.replace(SETTINGS, accelerate=True, max_bounces=50, tolerance=1e-3)
     several = drive(scene, settings).passes
     for name in MAPS[:2]:
         assert off(several[name], exact[name], exact[name]) < 2e-3, name
@@ -228,7 +234,7 @@ def test_a_dim_light_has_as_little_noise_as_if_it_were_alone():
     scene = dataclasses.replace(
         room_, lights=(*bright, dim), materials=tuple(dark), world=np.zeros(3, np.float32)
     )
-    settings = dataclasses.replace(SETTINGS, iterations=1, light_samples=16)
+    settings = dataclasses.replace(SETTINGS, max_bounces=1, light_samples=16)
     several = drive(scene, settings).passes["light_group Panel"]
     single = dataclasses.replace(scene, lights=(dim,))
     plain = dataclasses.replace(settings, outputs=("combined",))

@@ -10,7 +10,7 @@ from engine import BakeResult, Light, Scene, SceneChanges, SceneError, Session, 
 from engine.device import device_array
 from engine.gather.cached_gather import CachedGather
 from engine.plan import stages
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from engine.visibility.rays.ray_sampler import RaySampler
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
 from tests.gpu.slice_sizes import fix_slice_size
@@ -29,7 +29,7 @@ def open_room() -> Scene:
     stays = (mesh.face != 1) & ~pillar & ~panel
     meshes = (
         dataclasses.replace(mesh.part(stays), name="Room"),
-        dataclasses.replace(mesh.part(pillar), name="Pillar", atlas=OCCLUDER),
+        dataclasses.replace(mesh.part(pillar), name="Pillar", atlas=NO_LIGHTMAP),
         dataclasses.replace(mesh.part(panel), name="Panel"),
     )
     world = np.random.default_rng(11).random((5, 9, 3), np.float32)
@@ -181,7 +181,7 @@ def test_each_image_is_nearer_to_the_light_than_the_one_before(
     last = finished(live.converge()).display
     live.update(edit)
     images = [step.intermediate for step in live.converge() if step.intermediate is not None]
-    truth = fresh(other, live.scene, tolerance=0, iterations=30, hide_seams=False)
+    truth = fresh(other, live.scene, tolerance=0, max_bounces=30, hide_seams=False)
     if edit.materials is SHINING:
         # A wall's light is gathered: both images of direct light are those of before, but for their noise.
         images = images[2:]
@@ -222,7 +222,7 @@ def test_light_that_was_not_reflected_is_swept_for_only_where_it_has_changed(ses
 
 def test_direct_light_of_samples_that_are_gone_is_found_again(session, other, monkeypatch):
     """What patches see is dropped between two edits, since it takes too much memory."""
-    live = session.live(ROOM, dataclasses.replace(SETTINGS, kept_budget=1))
+    live = session.live(ROOM, dataclasses.replace(SETTINGS, cache_budget=1))
     finished(live.converge())
     live.update(SceneChanges(materials=PAINTED))
     lightmap, expected = finished(live.converge()), fresh(other, live.scene)

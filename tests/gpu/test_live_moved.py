@@ -15,7 +15,7 @@ from engine.patches.backs import with_places
 from engine.patches.patch_scene import make_patch_scene
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from engine.scene.transmission import Transmittance, uniform_transmission
 from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.rays.ray_scene import RayScene
@@ -28,7 +28,7 @@ from tests.transparency import CLEAR_BACK
 
 SETTINGS = Settings(
     resolution=37, hemicube=8, samples=68, visibility="rays", light_samples=3, texel_samples=1,
-    hide_seams=False, warm_start=True, intermediates=True, adaptive=False, iterations=2,
+    hide_seams=False, warm_start=True, intermediates=True, adaptive=False, max_bounces=2,
 )  # fmt: skip
 
 
@@ -44,7 +44,7 @@ def open_room(offset: float = 0.0) -> Scene:
     meshes = [
         dataclasses.replace(mesh.part(np.isin(mesh.face, some)), name=name) for name, some in faces.items()
     ]
-    meshes[1] = dataclasses.replace(meshes[1], atlas=OCCLUDER)
+    meshes[1] = dataclasses.replace(meshes[1], atlas=NO_LIGHTMAP)
     world = np.random.default_rng(11).random((5, 9, 3), np.float32)
     return dataclasses.replace(room, meshes=tuple(meshes), world=world)
 

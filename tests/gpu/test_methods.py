@@ -30,7 +30,7 @@ from tests.rows import long
 from tests.transparency import transparent
 
 SETTINGS = Settings(
-    resolution=67, hemicube=8, iterations=4, tolerance=0, sample_emission=False,
+    resolution=67, hemicube=8, max_bounces=4, tolerance=0, sample_emission=False,
     accelerate=False, visibility="raster", texel_samples=1,
 )  # fmt: skip
 
@@ -115,7 +115,7 @@ def test_hemicubes_are_drawn_in_whole_batches_however_little_memory_there_is(pap
     copies = []
     update = HostCopy.update
     monkeypatch.setattr(HostCopy, "update", lambda self: copies.append(self) or update(self))
-    drive(paper[0], dataclasses.replace(SETTINGS, method="stream", memory_budget=1, iterations=3))
+    drive(paper[0], dataclasses.replace(SETTINGS, method="stream", memory_budget=1, max_bounces=3))
     assert len(copies) == 3
 
 
@@ -151,11 +151,11 @@ def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
     bright = [dataclasses.replace(each, reflectance=np.full(3, 0.9, np.float32)) for each in room.materials]
     closed_room = dataclasses.replace(room, meshes=(closed,), materials=tuple(bright))
     settings = dataclasses.replace(
-        SETTINGS, visibility=visibility, accelerate=True, iterations=50, tolerance=1e-3
+        SETTINGS, visibility=visibility, accelerate=True, max_bounces=50, tolerance=1e-3
     )
     quick = drive(closed_room, settings)
     exact = drive(
-        closed_room, dataclasses.replace(settings, accelerate=False, iterations=300, tolerance=1e-6)
+        closed_room, dataclasses.replace(settings, accelerate=False, max_bounces=300, tolerance=1e-6)
     )
     has_patch = quick.has_patch
     error = np.abs(quick.image[has_patch] - exact.image[has_patch]).mean() / exact.image[has_patch].mean()
@@ -294,7 +294,7 @@ def test_later_sweeps_leave_direct_light_alone(method):
         SETTINGS, method=method, outputs=outputs, tolerance=0, accelerate=False, hide_seams=False
     )
     once, often = (
-        drive(nine_quad_room(), dataclasses.replace(settings, iterations=count)) for count in (1, 9)
+        drive(nine_quad_room(), dataclasses.replace(settings, max_bounces=count)) for count in (1, 9)
     )
     both = once.known & often.known
     assert both.sum() >= 0.998 * once.has_patch.sum() and often.known[once.known].all()
@@ -363,4 +363,4 @@ def test_flux_of_bright_light_on_large_areas_is_a_number():
     baked = drive(large, Settings(resolution=16, hemicube=8))
     assert baked.image[baked.has_patch] == pytest.approx(2e29, rel=0.01)
     area = 6 * float(np.ptp(large.meshes[0].positions)) ** 2
-    assert sum(baked.report.energies) == pytest.approx(3 * np.pi * area * 0.5 * 2e29, rel=0.05)
+    assert sum(baked.report.added_flux) == pytest.approx(3 * np.pi * area * 0.5 * 2e29, rel=0.05)

@@ -11,7 +11,7 @@ from engine.device import devices
 from engine.errors import DeviceError
 from tests.analytic.scenes import furnace, nine_quad_room
 
-SETTINGS = Settings(resolution=33, hemicube=8, iterations=5, tolerance=0, sample_emission=False)
+SETTINGS = Settings(resolution=33, hemicube=8, max_bounces=5, tolerance=0, sample_emission=False)
 
 
 class NoCompute:
@@ -29,10 +29,10 @@ def timed(scene, settings):
 @pytest.mark.parametrize(
     ("changes", "stages"),
     [
-        ({"method": "paper", "iterations": 2}, ["Bounce 1", "Bounce 2"]),
+        ({"method": "paper", "max_bounces": 2}, ["Bounce 1", "Bounce 2"]),
         ({"visibility": "rays"}, ["Visibility", "Bounce 2", "Bounce 5"]),
-        ({"visibility": "raster", "iterations": 50, "tolerance": 0.01}, ["Visibility", "Bounce 2"]),
-        ({"method": "stream", "visibility": "rays", "iterations": 2}, ["Bounce 1", "Bounce 2"]),
+        ({"visibility": "raster", "max_bounces": 50, "tolerance": 0.01}, ["Visibility", "Bounce 2"]),
+        ({"method": "stream", "visibility": "rays", "max_bounces": 2}, ["Bounce 1", "Bounce 2"]),
         (
             {"visibility": "rays", "patch_groups": 2, "outputs": ("combined", "direct")},
             ["Visibility", "Bounce 5", "Final gather"],
@@ -71,7 +71,7 @@ def check(scene, settings, stages):
 @pytest.mark.long
 @pytest.mark.parametrize("changes", [{"visibility": "rays", "samples": 8192}, {"method": "paper"}])
 def test_seconds_left_are_right_within_a_factor_of_three_at_half_time(changes):
-    settings = replace(SETTINGS, iterations=50, tolerance=0.005, **changes)
+    settings = replace(SETTINGS, max_bounces=50, tolerance=0.005, **changes)
     timed(nine_quad_room(), settings)  # drivers compile what is needed
     while min(timed(nine_quad_room(), settings)[1] for _ in range(2)) < 2:
         settings = replace(settings, resolution=2 * settings.resolution + 1)

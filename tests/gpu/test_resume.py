@@ -26,7 +26,7 @@ pytestmark = pytest.mark.long
 
 #: Every slice of work is written.
 SETTINGS = Settings(
-    resolution=37, hemicube=8, samples=132, iterations=7, tolerance=0, visibility="rays", light_samples=3,
+    resolution=37, hemicube=8, samples=132, max_bounces=7, tolerance=0, visibility="rays", light_samples=3,
     texel_samples=1, intermediates=False, checkpoint_interval=0,
 )  # fmt: skip
 
@@ -38,7 +38,7 @@ KINDS = {
     "directional maps": {"outputs": ("combined", "direct", "directional")},
     "groups": {"patch_groups": 2},
     "stream": {"method": "stream"},
-    "paper": {"method": "paper", "iterations": 3},
+    "paper": {"method": "paper", "max_bounces": 3},
 }
 
 #: Those of variants that share the code of others.
@@ -80,7 +80,7 @@ def pieces(monkeypatch):
 def test_a_bake_cancelled_in_its_bounces_goes_on(tmp_path, kind, pieces):
     settings = dataclasses.replace(SETTINGS, **KINDS[kind])
     cached = dataclasses.replace(settings, cache_dir=str(tmp_path))
-    assert interrupted(cached, lambda progress: progress.iteration == settings.iterations - 1)
+    assert interrupted(cached, lambda progress: progress.iteration == settings.max_bounces - 1)
     resumed = finished(bake(ROOM, cached))
     assert any("The light went on from iteration" in reason for reason in went_on(resumed))
     assert_same(resumed, finished(bake(ROOM, settings)))
@@ -154,7 +154,7 @@ def test_more_iterations_go_on_and_fewer_start_anew(tmp_path, monkeypatch):
     monkeypatch.setattr(write_throttle, "_PART", 1000)
     cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
     for iterations, sentences in ((11, 2), (2, 1)):
-        settings = dataclasses.replace(cached, iterations=iterations)
+        settings = dataclasses.replace(cached, max_bounces=iterations)
         assert interrupted(cached, lambda progress: progress.iteration == 5)
         resumed = finished(bake(ROOM, settings))
         assert len(went_on(resumed)) == sentences

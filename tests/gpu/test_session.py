@@ -11,7 +11,7 @@ from engine.session import Session
 from tests.analytic.scenes import furnace, sphere
 from tests.rows import long
 
-QUICK = Settings(resolution=37, hemicube=8, iterations=3, tolerance=0)
+QUICK = Settings(resolution=37, hemicube=8, max_bounces=3, tolerance=0)
 
 
 @pytest.mark.parametrize("visibility", ["rays", long("raster")])

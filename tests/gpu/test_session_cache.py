@@ -10,7 +10,7 @@ import pytest
 from engine import BakeResult, DeviceError, Light, Scene, Settings, bake, finished, progress
 from engine.gather import background_light
 from engine.plan import choose_solver, session_cache
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from engine.session import Session
 from engine.worker.worker import Worker
 from tests.analytic.scenes import nine_quad_room
@@ -18,7 +18,7 @@ from tests.gpu.slice_sizes import fix_slice_size
 from tests.transparency import CLEAR_BACK, transparent
 
 SETTINGS = Settings(
-    resolution=67, hemicube=8, samples=132, iterations=5, tolerance=0, visibility="rays", light_samples=5,
+    resolution=67, hemicube=8, samples=132, max_bounces=5, tolerance=0, visibility="rays", light_samples=5,
     texel_samples=1, intermediates=False,
 )  # fmt: skip
 
@@ -34,7 +34,7 @@ def open_room() -> Scene:
     mesh = room.meshes[0]
     stays, pillar = mesh.face != 1, mesh.face == 7
     shown = dataclasses.replace(mesh.part(stays & ~pillar), name="Room")
-    seen = dataclasses.replace(mesh.part(pillar), name="Pillar", atlas=OCCLUDER)
+    seen = dataclasses.replace(mesh.part(pillar), name="Pillar", atlas=NO_LIGHTMAP)
     world = np.random.default_rng(11).random((5, 9, 3), np.float32)
     return dataclasses.replace(room, meshes=(shown, seen), world=world, lights=(lamp(1, 2, 1.5),))
 
@@ -61,10 +61,10 @@ RELIT = {
     "emission of fronts": (coloured(ROOM, 1, emission=WARM), {}),
     "emission of backs": (coloured(ROOM, 3, emission=WARM), {}),
     "light whose back is seen": (ROOM, {"sample_emission": False}),
-    "iterations": (ROOM, {"iterations": 3, "accelerate": False}),
+    "max_bounces": (ROOM, {"max_bounces": 3, "accelerate": False}),
     "outputs": (ROOM, {"outputs": ("combined", "direct", "indirect")}),
     "samples of direct light": (ROOM, {"light_samples": 11}),
-    "display": (ROOM, {"hide_seams": False, "dilation": 0, "texel_samples": 4}),
+    "display": (ROOM, {"hide_seams": False, "margin": 0, "texel_samples": 4}),
 }
 
 
@@ -109,7 +109,7 @@ def assert_same(relit: BakeResult, fresh: BakeResult) -> None:
     for name, image in fresh.passes.items():
         assert np.array_equal(relit.passes[name].view(np.uint32), image.view(np.uint32)), name
     assert np.array_equal(relit.image.view(np.uint32), fresh.image.view(np.uint32))
-    assert relit.report.energies == fresh.report.energies
+    assert relit.report.added_flux == fresh.report.added_flux
     assert relit.report.warnings == fresh.report.warnings
 
 
@@ -217,7 +217,7 @@ def test_light_that_was_off_finds_what_patches_see_later(session):
 
 
 def test_what_takes_more_than_its_budget_is_not_kept(session):
-    small = dataclasses.replace(SETTINGS, kept_budget=1 << 16)
+    small = dataclasses.replace(SETTINGS, cache_budget=1 << 16)
     finished(session.bake(ROOM, small))
     assert not was_kept(finished(session.bake(ROOM, small)))
     session.forget()

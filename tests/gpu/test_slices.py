@@ -11,7 +11,7 @@ from tests.analytic.scenes import furnace
 
 OUTPUTS = ("combined", "shadow_mask", "ambient_occlusion")
 SETTINGS = Settings(
-    resolution=23, visibility="rays", samples=17, iterations=3, tolerance=0, light_samples=5, ao_samples=5,
+    resolution=23, visibility="rays", samples=17, max_bounces=3, tolerance=0, light_samples=5, ao_samples=5,
     outputs=OUTPUTS,
 )  # fmt: skip
 

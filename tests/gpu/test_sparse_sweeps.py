@@ -51,7 +51,7 @@ def test_light_is_that_of_all_samples(strides, monkeypatch):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"samples": 1020}, {"tolerance": 0, "iterations": 4}, {"accelerate": False}],
+    [{"samples": 1020}, {"tolerance": 0, "max_bounces": 4}, {"accelerate": False}],
     ids=lambda changes: next(iter(changes)),
 )
 def test_few_samples_or_sweeps_are_not_thinned_out(strides, changes):

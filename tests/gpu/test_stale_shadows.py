@@ -14,7 +14,7 @@ from tests.rows import long
 
 SETTINGS = Settings(
     resolution=41, hemicube=8, samples=16, visibility="rays", light_samples=13, texel_samples=1,
-    hide_seams=False, warm_start=True, intermediates=True, adaptive=False, iterations=1,
+    hide_seams=False, warm_start=True, intermediates=True, adaptive=False, max_bounces=1,
 )  # fmt: skip
 
 #: Edits one after the other.

@@ -5,7 +5,7 @@ import pytest
 
 from engine import Mesh, Settings
 from engine.patches.unmapped_meshes import place_unmapped
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, quads, room_walls
 from tests.rows import long
@@ -23,7 +23,7 @@ def cubes(baked: bool) -> list[Mesh]:
         atlas, index = divmod(number, IN_ATLAS)
         charts = [(2 * (face % 8), 2 * (face // 8), 1, 1) for face in range(6 * index, 6 * index + 6)]
         cube = quads(walls + 0.08 + 0.24 * np.array(corner), charts, [1 + number % 4] * 6, SIDE, "Cube")
-        made.append(replace(cube, atlas=1 + atlas if baked else OCCLUDER))
+        made.append(replace(cube, atlas=1 + atlas if baked else NO_LIGHTMAP))
     return made
 
 
@@ -37,7 +37,7 @@ def test_occluders_in_several_atlases_show_what_they_emit(visibility):
     baked = replace(baked, atlases=("Room", *(f"Cubes {i}" for i in range(-(-(CUBES**3) // IN_ATLAS)))))
     assert len(place_unmapped(hidden, SIDE).atlases) == 3
     settings = Settings(
-        resolution=SIDE, hemicube=8, iterations=1, visibility=visibility, sample_emission=False
+        resolution=SIDE, hemicube=8, max_bounces=1, visibility=visibility, sample_emission=False
     )
     expected, light = drive(baked, settings).image[0], drive(hidden, settings).image[0]
 

@@ -142,7 +142,7 @@ def save(path: str) -> None:
     import bpy
 
     settings = bpy.context.scene.hemibake
-    settings.iterations, settings.tolerance = 7, 0.0125
+    settings.max_bounces, settings.tolerance = 7, 0.0125
     bpy.ops.wm.save_as_mainfile(filepath=path)
 
 
@@ -154,7 +154,7 @@ def load(path: str) -> dict:
     settings = bpy.context.scene.hemibake
     return {
         "resolution": settings.resolution,
-        "iterations": settings.iterations,
+        "iterations": settings.max_bounces,
         "tolerance": settings.tolerance,
         "uvs": [layer.name for layer in bpy.data.objects["Furnace"].data.uv_layers],
         "values": _values(),

@@ -9,7 +9,7 @@ import pytest
 from engine import Light, Material, Mesh, Scene, Texture
 from engine.scene import digests
 from engine.scene.digests import ArrayDigests, digest_of, geometry_digest, surfaces_digest
-from engine.scene.model import OCCLUDER
+from engine.scene.model import NO_LIGHTMAP
 from engine.scene.transmission import CLEAR, Transmission, Transmittance, uniform_transmission
 from tests.transparency import CLEAR_BACK, transparent
 
@@ -70,7 +70,7 @@ GEOMETRY = {
     "face": with_mesh(face=SCENE.meshes[1].face + 1),
     "slot": with_mesh(material=1 - SCENE.meshes[1].material),
     "atlas": replace(with_mesh(atlas=1), atlases=("One", "Two")),
-    "occluder": with_mesh(atlas=OCCLUDER),
+    "occluder": with_mesh(atlas=NO_LIGHTMAP),
     "name": with_mesh(name="C"),
     "deleted": replace(SCENE, meshes=SCENE.meshes[:1]),
     "order": replace(SCENE, meshes=SCENE.meshes[::-1]),

@@ -6,7 +6,7 @@ import numpy as np
 
 from engine import Scene
 from engine.patches.backs import with_places
-from engine.scene.model import OCCLUDER, BackSide
+from engine.scene.model import NO_LIGHTMAP, BackSide
 from engine.scene.open_surfaces import open_triangles
 from engine.scene.transmission import CLEAR, OPAQUE, Transmission, from_opacity
 from engine.scene.triangles import join_meshes
@@ -60,7 +60,7 @@ def test_a_closed_scene_stays_as_it_is():
 
 
 def test_backs_are_the_fronts_turned_over_in_atlases_of_the_engine():
-    scene = Scene((box(), sheet(), sheet((7, 7, 7), "Hidden", OCCLUDER)), (material("Grey", 0.5),))
+    scene = Scene((box(), sheet(), sheet((7, 7, 7), "Hidden", NO_LIGHTMAP)), (material("Grey", 0.5),))
     placed = with_places(scene, RESOLUTION)
     triangles = join_meshes(placed)
     assert triangles.solid == 16 and len(triangles.mesh) == 20

@@ -38,7 +38,7 @@ def test_a_bake_is_a_function_of_the_package_also_after_a_bake():
     code = (
         "import engine\n"
         "from tests.analytic.scenes import furnace\n"
-        "settings = engine.Settings(resolution=8, hemicube=8, iterations=1)\n"
+        "settings = engine.Settings(resolution=8, hemicube=8, max_bounces=1)\n"
         "for _ in range(2): print(engine.finished(engine.bake(furnace(0.5, 1.0), settings)).image.shape)"
     )
     assert python(code).splitlines() == ["(1, 8, 8, 3)"] * 2

@@ -155,14 +155,14 @@ def test_work_that_tells_its_own_time_is_believed(clock, pace):
     [
         ([], Settings(), 7),
         ([], Settings(accelerate=False), 28),
-        ([], Settings(method="paper", iterations=5), 5),
-        ([math.nan, 0.5], Settings(tolerance=0, iterations=31), 29),
+        ([], Settings(method="paper", max_bounces=5), 5),
+        ([math.nan, 0.5], Settings(tolerance=0, max_bounces=31), 29),
         ([], Settings(outputs=("direct",)), 1),
         ([math.nan, 0.16, 0.04], Settings(tolerance=0.0025), 2),
         ([math.nan, math.inf, 0.5, 0.3], Settings(accelerate=False, tolerance=0.01), 7),
         ([math.nan, 0.1, 0.2], Settings(), 4),
         ([math.nan, 0.1, 0.001], Settings(tolerance=0.002), 0),
-        ([math.nan, 0.99, 0.98], Settings(iterations=17), 14),
+        ([math.nan, 0.99, 0.98], Settings(max_bounces=17), 14),
     ],
 )
 def test_sweeps_are_foretold_from_the_fall_of_the_residual(residuals, settings, expected):

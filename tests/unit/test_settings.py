@@ -11,8 +11,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("resolution", 0), ("resolution", 100000), ("hemicube", 48), ("iterations", 0), ("tolerance", -1),
-     ("tolerance", float("nan")), ("method", "magic"), ("dilation", -1), ("seed", -1), ("batch_bytes", 0),
+    [("resolution", 0), ("resolution", 100000), ("hemicube", 48), ("max_bounces", 0), ("tolerance", -1),
+     ("tolerance", float("nan")), ("method", "magic"), ("margin", -1), ("seed", -1), ("batch_bytes", 0),
      ("outputs", ("direct", "direct")), ("outputs", ()), ("outputs", ("foo",)), ("samples", 1),
      ("samples", 3), ("samples", 65537), ("patch_groups", 3), ("visibility", "RASTER"), ("rotate", "no"),
      ("array_size", (32, 0, 1)), ("array_size", (-1, -1, -1)), ("memory_budget", -1)],

@@ -62,7 +62,7 @@ def chain(count=8):
 
 @pytest.mark.parametrize("rho", [0.6, 0.9])
 def test_estimated_residual_is_the_true_remaining_error(rho):
-    solution, _ = furnace(rho, iterations=12, tolerance=0)
+    solution, _ = furnace(rho, max_bounces=12, tolerance=0)
     true = (1 / (1 - rho) - solution.irradiance.mean()) / solution.irradiance.mean()
     assert solution.iterations == 12
     assert solution.residual == pytest.approx(true, rel=0.02)
@@ -72,7 +72,7 @@ def test_back_faces_do_not_lower_the_estimated_residual():
     """Four back faces see nothing, so their light never changes."""
     factors = np.zeros((8, 8))
     factors[:4, :4] = 0.25
-    settings = Settings(iterations=5, tolerance=0)
+    settings = Settings(max_bounces=5, tolerance=0)
     (alone, _), (fronts, _), (together, _) = (
         solve(factors[:n, :n], 0.6, 1.0, settings, fronts=k) for n, k in ((4, None), (8, 4), (8, None))
     )
@@ -81,7 +81,7 @@ def test_back_faces_do_not_lower_the_estimated_residual():
 
 
 def test_stops_at_the_tolerance_and_sums_the_energy():
-    solution, radiosity = furnace(0.5, iterations=100, tolerance=0.001)
+    solution, radiosity = furnace(0.5, max_bounces=100, tolerance=0.001)
     assert solution.converged and solution.iterations < 14
     assert solution.residual <= 0.001
     # Flux beyond the emission: pi * (B - e) * area, summed over the channels.
@@ -90,7 +90,7 @@ def test_stops_at_the_tolerance_and_sums_the_energy():
 
 
 def test_limit_counts_and_black_scene_converges():
-    assert furnace(0.9, iterations=3, tolerance=1e-9)[0].iterations == 3
+    assert furnace(0.9, max_bounces=3, tolerance=1e-9)[0].iterations == 3
     for accelerate in (False, True):
         dark, _ = solve(np.full((2, 2), 0.5), 1.0, 0.0, Settings(), accelerate)
         assert dark.residual == 0 and dark.converged and dark.iterations == 1
@@ -106,7 +106,7 @@ def test_a_bright_lamp_does_not_hide_the_error_of_what_it_lights(accelerate):
 
 
 def test_residual_is_unknown_after_one_iteration():
-    solution, _ = furnace(0.5, iterations=1, tolerance=0.5)
+    solution, _ = furnace(0.5, max_bounces=1, tolerance=0.5)
     assert np.isnan(solution.residual) and not solution.converged
 
 
@@ -124,7 +124,7 @@ def room_beside_lit_ground(rho, room=23, ground=114):
 def test_ground_without_bounces_does_not_hide_the_error_of_a_closed_room(rho):
     """The light of five patches out of six has settled; one in six goes on reflecting."""
     factors, reflectance, lights = room_beside_lit_ground(rho)
-    settings = Settings(iterations=200, tolerance=0.001)
+    settings = Settings(max_bounces=200, tolerance=0.001)
     solution, _ = solve(factors, reflectance, 0.0, settings, sampled_light=lights, gathers_direct=True)
     true = np.linalg.solve(np.eye(len(lights)) - factors * reflectance, lights[:, 0])
     error = (np.abs(solution.irradiance[:, 0] - true) / true).mean()
@@ -137,7 +137,7 @@ def test_acceleration_finds_the_same_light_in_far_fewer_sweeps(gathers_direct):
     factors, rho = chain(), 0.9
     emission, lights = np.zeros(8), np.zeros((8, 3), np.float32)
     (emission if gathers_direct else lights)[0] = 1
-    settings = Settings(iterations=400, tolerance=1e-4)
+    settings = Settings(max_bounces=400, tolerance=1e-4)
     source = factors @ emission + lights[:, 0]
     true = np.linalg.solve(np.eye(8) - rho * factors, source)
     sweeps = {}
@@ -155,7 +155,7 @@ def test_the_estimate_of_accelerated_sweeps_bounds_their_error():
     factors, rho, emission = chain(), 0.8, np.linspace(1, 2, 8)
     true = np.linalg.solve(np.eye(8) - rho * factors, factors @ emission)
     for sweeps in range(3, 9):
-        settings = Settings(iterations=sweeps, tolerance=0)
+        settings = Settings(max_bounces=sweeps, tolerance=0)
         solution, _ = solve(factors, rho, emission, settings, accelerate=True)
         error = (np.abs(solution.irradiance[:, 0] - true) / true).mean()
         assert error < 4 * solution.residual + 1e-6
@@ -163,7 +163,7 @@ def test_the_estimate_of_accelerated_sweeps_bounds_their_error():
 
 @pytest.mark.parametrize("accelerate", [False, True])
 def test_direct_light_is_what_the_first_sweep_gathers(accelerate):
-    solution, _ = furnace(0.5, accelerate=accelerate, iterations=20, tolerance=0)
+    solution, _ = furnace(0.5, accelerate=accelerate, max_bounces=20, tolerance=0)
     assert solution.direct == pytest.approx(np.ones((4, 3)))
     assert solution.indirect == pytest.approx(np.ones((4, 3)), rel=1e-3)
 
@@ -213,7 +213,7 @@ def test_patches_send_out_what_others_reflect_that_stand_in_for_them(accelerate)
     radiosity = HostRadiosity(Views(factors), *colours, area, nothing, True, columns)
     told = []
     solver = Solver(
-        radiosity, nothing, Settings(iterations=400, tolerance=1e-6),
+        radiosity, nothing, Settings(max_bounces=400, tolerance=1e-6),
         find_stand_ins=lambda seen: told.append(seen.light_of(np.arange(7))) or stand_in,
     )  # fmt: skip
     while not solver.done:
@@ -275,5 +275,5 @@ def test_a_few_samples_do_for_all_but_the_last_sweeps(rho, gathers_direct):
 
 @pytest.mark.parametrize("limit", [1, 2, 3, 4, 5])
 def test_the_last_sweeps_allowed_are_from_all_samples(limit):
-    solver, gather, _ = solve_sparsely(0.9, iterations=limit)
+    solver, gather, _ = solve_sparsely(0.9, max_bounces=limit)
     assert solver.iterations == limit and gather.full == min(limit, 3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.patches.unmapped_meshes import place_unmapped
-from engine.scene.model import OCCLUDER, Material, Mesh, Scene
+from engine.scene.model import NO_LIGHTMAP, Material, Mesh, Scene
 
 GREY = Material("Grey", np.full(3, 0.5, np.float32), np.zeros(3, np.float32))
 
@@ -51,8 +51,8 @@ def test_without_occluders_the_scene_stays():
 
 def test_triangles_get_texels_in_proportion_to_their_size_and_no_other_has_them():
     """Two occluders with a baked mesh and an empty one between them."""
-    first, second = (mesh(triangles(sizes), OCCLUDER) for sizes in ([0.01, 0.3], [1.0, 2.5, 0.7]))
-    scene = Scene((first, BAKED, mesh(np.zeros((0, 3, 3)), OCCLUDER), second), (GREY,))
+    first, second = (mesh(triangles(sizes), NO_LIGHTMAP) for sizes in ([0.01, 0.3], [1.0, 2.5, 0.7]))
+    scene = Scene((first, BAKED, mesh(np.zeros((0, 3, 3)), NO_LIGHTMAP), second), (GREY,))
     placed = place_unmapped(scene, 61)
     assert placed.atlases == ("Lightmap", "(occluders)")
     assert [each.atlas for each in placed.meshes] == [1, 0, 0, 1]
@@ -69,7 +69,7 @@ def test_more_clusters_than_texels_get_more_atlases(count, resolution):
         [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
     ]
     offsets = np.random.default_rng(2).random((count, 1, 1, 3)) * 20
-    scene = Scene((BAKED, *(mesh(corners + one, OCCLUDER) for one in offsets)), (GREY,))
+    scene = Scene((BAKED, *(mesh(corners + one, NO_LIGHTMAP) for one in offsets)), (GREY,))
     placed = place_unmapped(scene, resolution)
     assert len(set(placed.atlases)) == 2
     parts = placed.meshes[1:]
@@ -82,7 +82,7 @@ def test_more_clusters_than_texels_get_more_atlases(count, resolution):
 
 def test_an_occluder_in_several_atlases_keeps_its_faces_and_textures():
     count = 40
-    one = mesh(triangles(np.full(count, 0.01)), OCCLUDER)
+    one = mesh(triangles(np.full(count, 0.01)), NO_LIGHTMAP)
     one = replace(
         one,
         face=np.arange(count, dtype=np.int32) // 3,
@@ -104,7 +104,7 @@ def test_an_occluder_in_several_atlases_keeps_its_faces_and_textures():
 
 def test_small_triangles_that_are_close_have_one_texel():
     near = np.array([(0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0)]) + np.arange(5)[:, None, None] * 1e-3
-    placed = place_unmapped(Scene((BAKED, mesh(near + 0.001, OCCLUDER)), (GREY,)), 67)
+    placed = place_unmapped(Scene((BAKED, mesh(near + 0.001, NO_LIGHTMAP)), (GREY,)), 67)
     uvs = placed.meshes[1].uvs
     assert len({tuple(np.floor(uv.mean(axis=0) * 67)) for uv in uvs}) == 1
     assert sum(len(part) for part in texels(uvs, 67)) == 1
@@ -113,7 +113,7 @@ def test_small_triangles_that_are_close_have_one_texel():
 @pytest.mark.parametrize("resolution", [8, 23, 67])
 def test_places_always_fit(resolution):
     sizes = np.random.default_rng(1).random(3000) ** 3 * 3
-    placed = place_unmapped(Scene((BAKED, mesh(triangles(sizes), OCCLUDER)), (GREY,)), resolution)
+    placed = place_unmapped(Scene((BAKED, mesh(triangles(sizes), NO_LIGHTMAP)), (GREY,)), resolution)
     uvs = placed.meshes[1].uvs
     assert uvs.min() >= 0 and uvs.max() <= 1
     covered = texels(uvs[:200], resolution)

@@ -26,7 +26,7 @@ from engine.worker.worker import Worker
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-SETTINGS = Settings(resolution=32, iterations=7, array_size=(1, 2, 3))
+SETTINGS = Settings(resolution=32, max_bounces=7, array_size=(1, 2, 3))
 
 
 class RecordedMemory(SharedMemory):

@@ -62,7 +62,7 @@ def visible_texels(scene, settings) -> np.ndarray:
     engine = importlib.import_module(f"{MODULE}.engine")
     looking = replace(
         settings, outputs=("direct",), visibility="rays", samples=_LOOKS, light_samples=1, texel_samples=1,
-        hide_seams=False, dilation=0, intermediates=False,
+        hide_seams=False, margin=0, intermediates=False,
     )  # fmt: skip
     lightmap = engine.finished(engine.bake(scene, looking))
     doubled = doubled_texels(subdivided(scene, settings), len(scene.atlases))

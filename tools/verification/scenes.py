@@ -329,7 +329,7 @@ def _holes(threshold: float | None) -> None:
         tree.links.new(math_node.outputs[0], tree.nodes["Principled BSDF"].inputs["Alpha"])
     leaf = add("Leaf", bpy.ops.mesh.primitive_plane_add, surface, size=1.6, location=(0.1, 0, 0.7))
     leaf.rotation_euler = (math.pi, 0, 0)
-    leaf.hemibake.role = "OCCLUDER"
+    leaf.hemibake.role = "NO_LIGHTMAP"
     lamp("AREA", energy=60, shape="SQUARE", size=0.2)
     world(strength=0.2)
 
@@ -371,7 +371,7 @@ def emission_small():
     glow = material("Glow", (0, 0, 0), Emission_Color=(1, 0.9, 0.7, 1), Emission_Strength=40)
     quad = add("Quad", bpy.ops.mesh.primitive_plane_add, glow, size=0.3, location=(-0.5, 0.3, 1.2))
     quad.rotation_euler = (0.4, math.pi, 0)
-    quad.hemibake.role = "OCCLUDER"
+    quad.hemibake.role = "NO_LIGHTMAP"
 
 
 @scene
@@ -381,7 +381,7 @@ def emission_large():
     glow = material("Glow", (0, 0, 0), Emission_Color=(1, 0.9, 0.7, 1), Emission_Strength=1)
     add(
         "Ceiling", bpy.ops.mesh.primitive_plane_add, glow, size=6, location=(0, 0, 2)
-    ).hemibake.role = "OCCLUDER"
+    ).hemibake.role = "NO_LIGHTMAP"
 
 
 @scene
@@ -478,7 +478,7 @@ def curve_occluders():
 def roles():
     """An occluder that shades and bounces, and an ignored box that does neither."""
     floor()
-    box(None, (0.4, 0.2, 0.35)).hemibake.role = "OCCLUDER"
+    box(None, (0.4, 0.2, 0.35)).hemibake.role = "NO_LIGHTMAP"
     box(None, (-0.8, -0.6, 0.6)).hemibake.role = "IGNORED"
     lamp("AREA", energy=60, shape="SQUARE", size=0.5)
     world(strength=0.3)

@@ -23,7 +23,7 @@ def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
     if layer not in mesh.uv_layers:
         return False
     digest = digest_of(read_uvs(mesh.uv_layers[layer]))
-    return all(obj.hemibake.made_uvs == digest for obj in objects)
+    return all(obj.hemibake.generated_uvs == digest for obj in objects)
 
 
 def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> MeshCharts | None:

@@ -45,6 +45,6 @@ class PackedPage:
             if target.topology is None:
                 replace_layer(users[0], target.layer, uvs, changes)
                 for obj in users:
-                    set_property(obj, "made_uvs", digest_of(uvs), changes)
+                    set_property(obj, "generated_uvs", digest_of(uvs), changes)
             else:
                 add_uv_modifier(users, uvs, target.topology, target.layer, changes)

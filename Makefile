@@ -79,12 +79,12 @@ test-export: setup ## show exported files with three.js in headless Chromium, Go
 	.venv/bin/python -m pytest tests/export
 
 gui-picture: package ## take the pictures of Blender in README.md anew
-	.venv/bin/python -m tools.gui.docs_picture out/package/hemibake-*-linux_x64.zip docs/blender.png
-	.venv/bin/python -m tools.gui.live_picture out/package/hemibake-*-linux_x64.zip docs/live.png
+	.venv/bin/python -m tools.gui.docs_picture out/package/hemibake-*-linux_x64.zip docs/user/pictures/blender.png
+	.venv/bin/python -m tools.gui.live_picture out/package/hemibake-*-linux_x64.zip docs/user/pictures/live.png
 
-verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/accuracy.md
+verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/design/accuracy.md
 	@tools/system_packages.sh .venv/bin/python
-	.venv/bin/python tools/verify.py --table docs/accuracy.md
+	.venv/bin/python tools/verify.py --table docs/design/accuracy.md
 
 bench: $(READY50) ## measure speed on this machine, about 5 minutes; tables, and JSON in benchmarks/results
 	@tools/system_packages.sh .venv/bin/python

@@ -1,1 +1,1 @@
-"""Measures Hemibake: `make bench`, `make bench-gpu`; docs/benchmarks.md explains the tables."""
+"""Measures Hemibake: `make bench`, `make bench-gpu`; docs/design/benchmarks.md explains the tables."""

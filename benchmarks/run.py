@@ -2,8 +2,8 @@
 
     python benchmarks/run.py [--suite NAME ...] [--gpu] [--full] [--out FOLDER]
 
-Each suite runs in a process of its own: one that fails is named and the others go on. docs/benchmarks.md
-explains the tables.
+Each suite runs in its own process: a failed suite is reported and the others continue.
+docs/design/benchmarks.md explains the tables.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What is known of one setting: values, default, and how it is described to people.
 
 Each field of `settings.Settings` carries a `Description`. The engine's checks, Blender's properties, the
-options of the command line and docs/settings.md are made from it.
+options of the command line and docs/reference/settings.md are made from it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Under each picture stand the banding and the noise of all its patches; below, th
 floor. The scene is a room with a panel and a light in its ceiling; it is compared with a bake of 8,192 rays a
 patch, direct light in closed form. Writes the picture and, beside it, the figures as JSON.
 
-    python tools/artifacts.py [--out docs/paper/fig6.png]
+    python tools/artifacts.py [--out docs/design/paper/fig6.png]
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Artifacts:
 def main() -> None:
     """Solve, bake, compare, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("docs/paper/fig6.png"))
+    parser.add_argument("--out", type=Path, default=Path("docs/design/paper/fig6.png"))
     out = parser.parse_args().out
     prepared = prepare(panel_box(RESOLUTION), RESOLUTION)
     truth = _truth(prepared)

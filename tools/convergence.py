@@ -3,7 +3,8 @@
 The scene is the nine-quad room of the tests: 10,700 patches in a 128-texel lightmap. Writes the
 picture and, beside it, the figures as JSON.
 
-    python tools/convergence.py [--hemicubes 32 64 128] [--iterations 30] [--out docs/convergence.png]
+    python tools/convergence.py [--hemicubes 32 64 128] [--iterations 30]
+                                [--out docs/design/paper/convergence.png]
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--hemicubes", type=int, nargs="+", default=[32, 64, 128])
     parser.add_argument("--iterations", type=int, default=30)
-    parser.add_argument("--out", type=Path, default=Path("docs/convergence.png"))
+    parser.add_argument("--out", type=Path, default=Path("docs/design/paper/convergence.png"))
     return parser.parse_args()
 
 

@@ -1,7 +1,7 @@
 """Measures what Denoise does to the error of lightmaps, in four scenes, and makes a picture of one.
 
-    python tools/denoise.py --scenes FOLDER [--only NAME ...] [--page docs/quality.md]
-    python tools/denoise.py --picture docs/quality/denoise.png
+    python tools/denoise.py --scenes FOLDER [--only NAME ...] [--page docs/design/quality.md]
+    python tools/denoise.py --picture docs/design/quality/denoise.png
 
 Lightmaps have the settings of the preset Draft, but for the numbers of rays that the table names: of a
 patch, and to each light. The truth is the mean of bakes with 1,024 rays a patch and 256 to each light.

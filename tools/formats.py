@@ -1,4 +1,4 @@
-"""Measure what light loses in each format, and write the table of docs/formats.md.
+"""Measure what light loses in each format, and write the table of docs/reference/formats.md.
 
     python tools/formats.py            # a second, and Blender for the rows of OpenEXR
 
@@ -30,7 +30,7 @@ from engine.encoding.rgbm import Rgbm
 from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 
-PAGE = ROOT / "docs" / "formats.md"
+PAGE = ROOT / "docs" / "reference" / "formats.md"
 
 #: What encloses the table in the page.
 _BEGIN, _END = "<!-- table of tools/formats.py -->\n", "<!-- end of the table -->\n"

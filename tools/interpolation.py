@@ -7,7 +7,7 @@ hemicubes of 768 texels, and Elias' interpolation of the same hemicubes. What th
 as much without any code: fewer samples in every hemicube. Errors are of bakes of three rooms, against a bake
 with many more samples. Writes the picture and, beside it, the figures as JSON.
 
-    python tools/interpolation.py [--scene NAME] [--out docs/paper/interpolation.png]
+    python tools/interpolation.py [--scene NAME] [--out docs/design/paper/interpolation.png]
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument(
         "--scene", choices=SCENES, action="append", help="measure only this one; may be repeated"
     )
-    parser.add_argument("--out", type=Path, default=Path("docs/paper/interpolation.png"))
+    parser.add_argument("--out", type=Path, default=Path("docs/design/paper/interpolation.png"))
     options = parser.parse_args()
     stored = options.out.with_suffix(".json")
     figures = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else {}

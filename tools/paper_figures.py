@@ -3,7 +3,7 @@
 What `make bench` and `make bench-gpu` stored in benchmarks/results, the newest of each kind of device, beside
 benchmarks/paper_fig5.json; the differences to Gauss-Seidel are those of tools/convergence.py.
 
-    python tools/paper_figures.py [--out docs/paper]
+    python tools/paper_figures.py [--out docs/design/paper]
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def _fig4(times: Times, picture: Path) -> None:
     left.set_title(f"paper: GTX 550 Ti; ours: {times.devices['gpu']}", fontsize=9)
     left.legend(fontsize=7, ncols=3)
 
-    stored = json.loads((ROOT / "docs/convergence.json").read_text(encoding="utf-8"))
+    stored = json.loads((ROOT / "docs/design/paper/convergence.json").read_text(encoding="utf-8"))
     for curve in stored["curves"]:
         percent = [100 * value for value in curve["difference"]]
         right.semilogy(range(1, len(percent) + 1), percent, label=f"N = {curve['hemicube']}")

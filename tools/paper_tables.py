@@ -1,4 +1,4 @@
-"""Write the tables of docs/paper.md that come from stored results: work sizes (V.C), frameworks (VI.C).
+"""Writes tables V.C (work sizes) and VI.C (frameworks) of docs/design/paper.md from stored results.
 
 python -m tools.paper_tables
 
@@ -16,7 +16,7 @@ from tools.page_table import table_row
 
 ROOT = Path(__file__).resolve().parents[1]
 
-_PAGE, _RESULTS = ROOT / "docs" / "paper.md", ROOT / "benchmarks" / "results"
+_PAGE, _RESULTS = ROOT / "docs" / "design" / "paper.md", ROOT / "benchmarks" / "results"
 
 
 def main() -> None:

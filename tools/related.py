@@ -3,7 +3,7 @@
 Progressive shooting (Cohen et al. 1988; Coombe, Harris and Lastra 2004) on kept visibility, instant radiosity
 (Keller 1997), the paper's iteration and Hemibake's. Writes the picture and, beside it, the figures as JSON.
 
-    python tools/related.py [--resolution 48] [--hemicube 32] [--out docs/paper/related.png]
+    python tools/related.py [--resolution 48] [--hemicube 32] [--out docs/design/paper/related.png]
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--resolution", type=int, default=48)
     parser.add_argument("--hemicube", type=int, default=32)
     parser.add_argument("--particles", type=int, default=400)
-    parser.add_argument("--out", type=Path, default=Path("docs/paper/related.png"))
+    parser.add_argument("--out", type=Path, default=Path("docs/design/paper/related.png"))
     return parser.parse_args()
 
 

@@ -1,6 +1,6 @@
 """Measures steps of light across seams, and writes pictures: without and with Hide Seams, and Cycles'.
 
-    python tools/seams.py [--only NAME ...] [--out out/seams] [--page docs/quality.md]
+    python tools/seams.py [--only NAME ...] [--out out/seams] [--page docs/design/quality.md]
 
 With --page the table between the two marks of that file is replaced, and its pictures are written beside it.
 """

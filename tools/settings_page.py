@@ -1,6 +1,6 @@
 """Write the page of the documentation that lists every setting, from the settings' descriptions.
 
-python tools/settings_page.py            # docs/settings.md
+python tools/settings_page.py            # docs/reference/settings.md
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from engine.quality import QUALITIES
 from engine.setting_types import PREFERENCES, Description, OneOf, SomeOf, Span
 from engine.settings import Settings, descriptions, kept_with_scene, shown_in
 
-PAGE = ROOT / "docs" / "settings.md"
+PAGE = ROOT / "docs" / "reference" / "settings.md"
 
 _HEAD = """# Settings
 

@@ -4,7 +4,7 @@ A floor of 240 x 240 texels under an uneven sky, 16 rays a texel, no light sampl
 same, so that all that differs is noise. The spectrum is the mean over rings of frequencies of its power, in
 parts of that of white noise with the same variance; also drawn is the noise itself, beside it shuffled.
 
-    python tools/spectrum.py [--samples 16] [--out docs/quality/spectrum.png]
+    python tools/spectrum.py [--samples 16] [--out docs/design/quality/spectrum.png]
 """
 
 from __future__ import annotations

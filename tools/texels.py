@@ -1,6 +1,6 @@
-"""Makes the pictures of docs/quality.md of leaks, contacts, hidden texels and small charts.
+"""Makes the pictures of docs/design/quality.md of leaks, contacts, hidden texels and small charts.
 
-    python tools/texels.py [--only NAME ...] [--out docs/quality]
+    python tools/texels.py [--only NAME ...] [--out docs/design/quality]
     python tools/texels.py --contacts [--only NAME ...]
 
 With --contacts light beside lines of contact is compared with Cycles' at the same points.
@@ -60,7 +60,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--only", nargs="+", help="names of scenes; all without it")
     parser.add_argument("--contacts", action="store_true", help="measure lines of contact")
     parser.add_argument("--samples", type=int, default=128, help="of Cycles, for each point beside lines")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "quality", help="folder")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "design" / "quality", help="folder")
     parser.add_argument(
         "--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files"
     )

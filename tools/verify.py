@@ -1,6 +1,6 @@
 """Prove that Hemibake's numbers are Cycles' numbers: a suite of scenes, baked by both.
 
-    python tools/verify.py [--only NAME ...] [--samples N] [--scenes FOLDER] [--table docs/accuracy.md]
+    python tools/verify.py [--only NAME ...] [--samples N] [--scenes FOLDER] [--table docs/design/accuracy.md]
 
 Prints relative RMSE and mean bias of each scene; ends with status 1 if one misses its limit. With
 --table the rows of these scenes replace those of the table between the two marks of that file.

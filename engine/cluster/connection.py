@@ -21,7 +21,7 @@ _LISTEN = 10
 #: Where certificates are named.
 _CERTIFICATES = (
     "Name their files in Dask's configuration, distributed.comm.tls: ca-file, client.cert and client.key, or "
-    "in the environment, as DASK_DISTRIBUTED__COMM__TLS__CA_FILE (docs/scale.md)."
+    "in the environment, as DASK_DISTRIBUTED__COMM__TLS__CA_FILE (docs/user/several_devices.md)."
 )
 
 

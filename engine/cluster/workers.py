@@ -33,8 +33,8 @@ _REFUSAL, _OTHERS = 0.25, 2
 
 #: What is told of a connection that others can listen to.
 _UNSAFE = (
-    "The scene travels unencrypted to the scheduler at {}: use tls:// and certificates (docs/scale.md), or a "
-    "network that nobody else is on."
+    "The scene travels unencrypted to the scheduler at {}: use tls:// and certificates "
+    "(docs/user/several_devices.md), or a network that nobody else is on."
 )
 
 

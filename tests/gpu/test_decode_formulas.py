@@ -82,7 +82,7 @@ def test_formula_of_the_manifest_runs_as_glsl_and_decodes(graphics, encoding):
 
 
 def test_function_of_the_documentation_decodes_logluv(graphics):
-    text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "reference" / "formats.md").read_text(encoding="utf-8")
     function = text.partition("```glsl\n")[2].partition("```")[0]
     texels = texels_of(LogLuv())
     wanted = LogLuv().decode(texels[None])[0]

@@ -225,7 +225,7 @@ def test_radiance_picture_holds_the_texels(width):
 
 
 def test_table_of_the_documentation_holds(monkeypatch):
-    """What docs/formats.md tells of formats that need no Blender is what they lose now."""
+    """What docs/reference/formats.md tells of formats that need no Blender is what they lose now."""
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import formats
 

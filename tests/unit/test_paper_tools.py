@@ -1,4 +1,4 @@
-"""What the pictures of docs/paper.md are made of."""
+"""What the pictures of docs/design/paper.md are made of."""
 
 import json
 from dataclasses import dataclass

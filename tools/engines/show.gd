@@ -1,7 +1,7 @@
-# Shows an imported glTF file by its lightmaps, as docs/engines.md tells it, and writes the pixels to a file.
+# Shows an imported glTF file by its lightmaps, as docs/engines/README.md tells it, and writes the pixels to a file.
 extends SceneTree
 
-# What docs/engines.md gives for Godot 3, plus emission of any brightness, which its importer does not know.
+# What docs/engines/README.md gives for Godot 3, plus emission of any brightness, which its importer does not know.
 const SHADER = """
 shader_type spatial;
 render_mode ambient_light_disabled;

@@ -1,6 +1,6 @@
 """Take README's picture of a window of Blender: the Cornell box lit by its lightmap, and the lightmap.
 
-python -m tools.gui.docs_picture out/package/hemibake-VERSION-linux_x64.zip docs/blender.png
+python -m tools.gui.docs_picture out/package/hemibake-VERSION-linux_x64.zip docs/user/pictures/blender.png
 """
 
 from __future__ import annotations

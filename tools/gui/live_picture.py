@@ -1,6 +1,6 @@
 """Take README's strip of Live: one frame as baked, and one after each change, in a window of Blender.
 
-python -m tools.gui.live_picture out/package/hemibake-VERSION-linux_x64.zip docs/live.png
+python -m tools.gui.live_picture out/package/hemibake-VERSION-linux_x64.zip docs/user/pictures/live.png
 """
 
 from __future__ import annotations

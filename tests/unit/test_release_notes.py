@@ -1,4 +1,6 @@
-"""Release notes: the section of one version."""
+"""Tests of the release notes: the section of one version of the changelog."""
+
+import tomllib
 
 import pytest
 
@@ -37,5 +39,8 @@ def test_missing_version_is_named():
         section(TEXT, "1.1")
 
 
-def test_changelog_has_unreleased_changes():
-    assert section(CHANGELOG.read_text(encoding="utf-8"), "Unreleased").startswith("### ")
+def test_version_of_the_manifest_has_release_notes():
+    manifest = tomllib.loads((CHANGELOG.parent / "blender_manifest.toml").read_text(encoding="utf-8"))
+    notes = section(CHANGELOG.read_text(encoding="utf-8"), manifest["version"])
+    assert "\n- " in notes
+    assert "## [" not in notes

@@ -117,7 +117,7 @@ class ComputeDevice:
         """True for PoCL, which keeps its kernels in files itself, built for the sizes of groups they ran in.
 
         Asked for the binary of a program it builds all kernels a second time, for groups of any size. On some
-        processors it calls what others inline; see kernels/pocl_inline.cl.
+        processors it calls what others inline; see kernels/device/pocl_inline.cl.
         """
         return bool(self.device.platform.name == "Portable Computing Language")
 
@@ -185,7 +185,7 @@ class ComputeDevice:
         run_on(self.queue, kernel, items, *arguments, layers=layers)
 
     def run_texels(self, kernel: Kernel, shape: tuple[int, ...], *arguments: object) -> None:
-        """Run a kernel for at least every texel of images, (images, height, width); see kernels/texel.cl."""
+        """Run a kernel for at least every texel of images, (images, height, width); see texel.cl."""
         images, height, width = shape
         group = kernel.group(ITEMS, 1, 1)
         items = (-(-width // group[0]) * group[0], height, images)

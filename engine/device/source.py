@@ -20,22 +20,23 @@ _GUARD, _INCLUDE = "#pragma once\n", re.compile(r'^#include "(.+)"$', flags=re.M
 
 
 def shader_source(name: str, features: Sequence[str] = ()) -> str:
-    """Return the text of shaders/<name>, with the names of features defined after its first line.
+    """Return the text of a GLSL file of shaders/, with the names of features defined after its first line.
 
-    The first line is the #version. A line `#include "other"` includes shaders/other.
-    A fragment shader also gets shaders/<feature>.glsl where that exists.
+    The first line is the #version. A line `#include "other"` includes the file `other` of shaders/.
+    A fragment shader also gets <feature>.glsl where that file exists.
     """
     version, _, rest = _included("shaders", name, set()).partition("\n")
     lines = [version, *(f"#define {feature.upper()}" for feature in features)]
-    parts = [_ROOT / "shaders" / f"{feature}.glsl" for feature in features if name.endswith(".frag")]
-    lines += [path.read_text(encoding="utf-8") for path in parts if path.exists()]
+    names = [f"{feature}.glsl" for feature in features if name.endswith(".frag")]
+    files = _files("shaders")
+    lines += [files[part].read_text(encoding="utf-8") for part in names if part in files]
     return "\n".join([*lines, rest])
 
 
 def program_source(parts: Sequence[str | DeviceStruct]) -> str:
-    """Return the text of an OpenCL program: declarations of records, and files of kernels/.
+    """Return the text of an OpenCL program: C declarations of device structs, and files of kernels/.
 
-    A line `#include "other.cl"` includes kernels/other.cl. Files with an include guard are included once.
+    A line `#include "other.cl"` includes that file of kernels/. Files with an include guard appear once.
     """
     once = set[str]()
     return "\n".join(
@@ -44,14 +45,28 @@ def program_source(parts: Sequence[str | DeviceStruct]) -> str:
     )
 
 
+@cache
+def _files(folder: str) -> dict[str, Path]:
+    """Return the files of a folder and its subfolders by their names.
+
+    Raises a ValueError if two files have one name.
+    """
+    paths = [path for path in sorted((_ROOT / folder).rglob("*.*")) if path.is_file()]
+    files = {path.name: path for path in paths}
+    if len(files) < len(paths):
+        twins = sorted(path.name for path in paths if files[path.name] != path)
+        raise ValueError(f"{folder}/: several files are named {', '.join(twins)}. Rename all but one.")
+    return files
+
+
 def _included(folder: str, name: str, once: set[str]) -> str:
-    """Return the text of <folder>/<name> with the texts of other files in place of #include lines.
+    """Return the text of a file of a folder, with the texts of other files in place of #include lines.
 
     once: files of this text that begin with the include guard `#pragma once`. They are included only once.
     """
     if name in once:
         return ""
-    text = (_ROOT / folder / name).read_text(encoding="utf-8")
+    text = _files(folder)[name].read_text(encoding="utf-8")
     if text.startswith(_GUARD):
         once.add(name)
         text = text.removeprefix(_GUARD)

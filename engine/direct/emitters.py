@@ -27,7 +27,7 @@ _SIDES = 24
 #: Half the spread of an area light, rad, from which on it shines in all directions alike.
 _WIDEST = 1.57
 
-#: Kinds, as in kernels/emitters.cl.
+#: Kinds, as in kernels/direct/emitters.cl.
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
 
 #: A light as the device samples it: a point or spot, a sun, a triangle of a surface or of an area light, or
@@ -63,7 +63,7 @@ EMITTER = DeviceStruct(
     ("float[3]", "back_strength", "radiance of the back of a surface's triangle, W/(m^2 sr)"),
 )
 
-#: Records that kernels/emitters.cl needs.
+#: Records that kernels/direct/emitters.cl needs.
 EMITTER_RECORDS: tuple[DeviceStruct, ...] = (RECEIVER, MODULATION, EMITTER)
 
 #: The `cos_half_angle` of what shines in all directions.

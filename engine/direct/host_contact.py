@@ -18,7 +18,7 @@ from .contact import ABOVE, BELOW
 _GROUP, _PAIRS = 64, 1 << 20
 
 #: How much wider triangles are than they are, in barycentrics, and the opacity from which on a surface
-#: hides another one: both as for rays (kernels/bvh_traversal.cl).
+#: hides another one: both as for rays (kernels/rays/bvh_traversal.cl).
 _RIM, _STOPS = 1e-6, 0.5
 
 

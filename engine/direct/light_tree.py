@@ -1,4 +1,4 @@
-"""A tree over emitters: kernels/light_tree.cl tells from it what many of them bring to a patch at once."""
+"""A tree over emitters: light_tree.cl tells from it what many of them bring to a patch at once."""
 
 from __future__ import annotations
 

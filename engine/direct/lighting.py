@@ -31,7 +31,7 @@ class DirectLighting:
     backs_left     (n, 3) float32, of the back; None if it is as of the front
     sky_left       (h, w, 3) float32, radiance of the sky that hemicubes have to see
     l1             (n, 3, 3) float32, of the sampled light once it is gathered: of each axis of the world its
-                   rgb, see kernels/irradiance_l1.cl; (0, 3, 3) unless the settings ask for directional maps
+                   rgb, see irradiance_l1.cl; (0, 3, 3) unless the settings ask for directional maps
     warnings       sentences for the user
     """
 

@@ -29,7 +29,7 @@ def is_modulated(light: Light) -> bool:
 def pack_modulations(lights: Sequence[Light]) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Return records, profiles and the number of each lamp's record; 0, which is no lamp's, for none.
 
-    Profiles are float32, one after another as kernels/modulation.cl reads them. Lamps of one profile have one
+    Profiles are float32, one after another as modulation.cl reads them. Lamps of one profile have one
     copy of it.
     """
     modulated = [light for light in lights if is_modulated(light)]

@@ -105,7 +105,7 @@ class ShadowRays:
     ) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield the fraction done.
 
-        The L1, see kernels/irradiance_l1.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3,
+        The L1, see irradiance_l1.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3,
         3) unless the settings ask for directional maps.
 
         chosen: (n,) int32, the patches; None for all of the receivers

@@ -19,7 +19,7 @@ _REST_SIZE = (256, 512)
 
 @dataclass(frozen=True)
 class SkyDistribution:
-    """How the bright part of a sky is sampled, see `Bright` in kernels/emitters.cl.
+    """How the bright part of a sky is sampled, see `Bright` in kernels/direct/emitters.cl.
 
     size        rows and columns of the map
     listed      (k,) int32, the pixels that shine; one at least

@@ -15,7 +15,7 @@ from .emitters import POINT, SKY_MAP, SUN
 #: Kinds of balls: around a light at hand, a direction to one, and everywhere.
 _NEAR, _FAR, _EVERYWHERE = range(3)
 
-#: What holds a light, for kernels/stale_shadows.cl.
+#: What holds a light, for kernels/direct/stale_shadows.cl.
 LIGHT_BALL = DeviceStruct(
     "LightBall",
     ("float[3]", "at", "m, the centre; of a light that is infinitely far the unit vector towards it"),

@@ -20,7 +20,7 @@ class BackgroundLight:
 
     receivers  records of the patches, see `RayScene.receivers`
     light      float4 of each patch: E/pi, and the fraction of the view that is no back
-    l1         3 float4 of each patch, x, y and z, see kernels/irradiance_l1.cl; None unless the settings ask
+    l1         3 float4 of each patch, x, y and z, see irradiance_l1.cl; None unless the settings ask
                for it
     complete   True once it is that of all patches; whoever sums up for all of them says so
     """

@@ -15,7 +15,7 @@ from ..visibility.views.hemicube import multiplier_map
 Textures = dict[str, moderngl.Texture | moderngl.TextureArray | DepthArray]
 Uniforms = Mapping[str, int | tuple[float, ...]]
 
-#: Storage blocks of shaders/hemicube.glsl; other blocks come after them.
+#: Storage blocks of shaders/visibility/hemicube.glsl; other blocks come after them.
 _FRAMES, _MULTIPLIER = 0, 1
 
 
@@ -45,7 +45,7 @@ class HemicubeTables:
 
 
 class ComputeShader:
-    """shaders/<name>.comp, which includes shaders/hemicube.glsl."""
+    """shaders/<name>.comp, which includes shaders/visibility/hemicube.glsl."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class ComputeShader:
 
 
 def sky_texture(graphics: GraphicsContext, sky: np.ndarray) -> moderngl.Texture:
-    """Return a sky, (h, w, 3) float32 radiance, as the texture that shaders/hemicube.glsl reads."""
+    """Return a sky, (h, w, 3) float32 radiance, as the texture that hemicube.glsl reads."""
     texture = graphics.context.texture(sky.shape[1::-1], 4, four(sky).tobytes(), dtype="f4")
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return texture

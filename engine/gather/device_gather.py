@@ -25,7 +25,7 @@ class GatherBuffers(Protocol):
     sparse: bool
 
     def outputs(self, column: int) -> tuple:
-        """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
+        """Return what the kernels of kernels/gather/gather.cl take to write a column of the ring."""
 
 
 class DeviceGather(Protocol):
@@ -37,6 +37,6 @@ class DeviceGather(Protocol):
     def gather_l1(self) -> Generator[float, None, L1]:
         """Return the L1 of the light of the last `gather`, (n, 3, 3) float32; yield the fraction done.
 
-        Of each axis of the world its rgb, see kernels/irradiance_l1.cl; without the light that shadow rays
+        Of each axis of the world its rgb, see irradiance_l1.cl; without the light that shadow rays
         sample.
         """

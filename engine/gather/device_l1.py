@@ -1,4 +1,4 @@
-"""The L1 of what patches gather, left on the OpenCL device; see kernels/irradiance_l1.cl."""
+"""The L1 of what patches gather, left on the OpenCL device; see kernels/gather/irradiance_l1.cl."""
 
 from __future__ import annotations
 

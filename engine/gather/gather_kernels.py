@@ -1,4 +1,4 @@
-"""The kernels of one iteration, kernels/gather.cl."""
+"""The kernels of one iteration, kernels/gather/gather.cl."""
 
 from __future__ import annotations
 

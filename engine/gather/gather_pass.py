@@ -45,7 +45,7 @@ class GatherPass:
         self.patches_seen = zeros(compute, 4 * self.count)
 
     def outputs(self, column: int) -> tuple:
-        """Return what the kernels of kernels/gather.cl take: the defect to nothing is the light itself."""
+        """Return what the kernels of gather.cl take: the defect to nothing is the light itself."""
         return (
             self._sampled_light, self._nothing, self._gathered, self._gathered,
             np.int32(0), np.int32(self.count),

@@ -12,7 +12,7 @@ from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
 #: Most memory that is kept, bytes: OpenGL does not tell how much there is.
 _MOST = 1 << 30
 
-#: Storage blocks of shaders/background_light.comp and shaders/gather.comp.
+#: Storage blocks of shaders/gather/background_light.comp and shaders/gather/gather.comp.
 _RESULT, _CACHE, _RADIANCE, _STATIC_LIGHT = 2, 3, 4, 5
 
 

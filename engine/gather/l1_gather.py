@@ -1,6 +1,6 @@
 """The L1 of what patches gather: how their irradiance changes as their normals tilt.
 
-See kernels/irradiance_l1.cl.
+See kernels/gather/irradiance_l1.cl.
 """
 
 from __future__ import annotations

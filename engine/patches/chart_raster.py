@@ -32,7 +32,7 @@ class Drawing:
 #: Triangle + 1 and two barycentrics of every texel whose centre is covered.
 PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
 
-#: The same of triangles whose corners lie between texels; see shaders/patches.geom.
+#: The same of triangles whose corners lie between texels; see shaders/patches/patches.geom.
 ALIGNED = Drawing("patches", ("vert", "geom", "frag"), PATCHES.targets, _LAST)
 
 #: Triangle + 1 of every texel that is touched: the one nearest to the texel's centre.

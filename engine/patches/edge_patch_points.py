@@ -12,7 +12,7 @@ from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList
 
-#: Nearer to an edge than this, texels, is on it; as in kernels/edge_patches.cl.
+#: Nearer to an edge than this, texels, is on it; as in kernels/patches/edge_patches.cl.
 _ON_EDGE = 0.02
 
 #: Components of a unit vector that are larger lead to a neighbour; as there.

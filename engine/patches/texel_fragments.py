@@ -130,7 +130,7 @@ class TexelClipper:
         return self._pieces(triangle, texel, self._read(areas, count, "f4"))
 
     def points_in_texels(self, pieces: TexelFragments, starts: np.ndarray, side: int) -> TexelPoints:
-        """Return the points of texels, `side` squared for each; see kernels/texel_fragments.cl.
+        """Return the points of texels, `side` squared for each; see kernels/patches/texel_fragments.cl.
 
         pieces  in the order of their texels
         starts  (t,) int64, the first piece of each texel

@@ -23,7 +23,7 @@ _ABOVE = 0.1
 #: stands there is steep: the cosine between its normal and theirs is less.
 _EVEN, _STEEP = 0.9, 0.7
 
-#: Marks of seams in kernels/seam_lookups.cl, and of texels.
+#: Marks of seams in kernels/postprocess/seam_lookups.cl, and of texels.
 _OTHER_LIGHT = 1
 _SURFACE, _KNOWN = 1, 2
 

@@ -31,7 +31,7 @@ class DeviceBilinearEquations:
     texels      uint of each unknown, its flat index
     centre      uchar of each texel, `centres`
     ranges      int2 of each unknown, which points lie in it
-    neighbours, factors  9 planes of int and float, see kernels/bilinear_equations.cl
+    neighbours, factors  9 planes of int and float, see kernels/postprocess/bilinear_equations.cl
     linked      uint of each unknown, what each link stands for
     columns, entries     int8 and float8 of each seam, the unknowns that it reads and their factors
     starts      int of each unknown and one more, where its part of the two lists begins

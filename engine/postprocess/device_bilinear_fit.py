@@ -23,7 +23,7 @@ _STEPS, _FEWER, _LOOK = 20, 6, 4
 #: Work items of a group, and of the one that adds up what groups have.
 _GROUP, _ADDING = 64, 256
 
-#: What `add_up` makes of sums, as in kernels/bilinear_fit.cl.
+#: What `add_up` makes of sums, as in kernels/postprocess/bilinear_fit.cl.
 _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
 
 

@@ -14,14 +14,14 @@ from .device_fill import DeviceFill
 
 _SOURCE = "images.cl"
 
-#: No texel, in kernels/images.cl.
+#: No texel, in kernels/postprocess/images.cl.
 NOWHERE = 0xFFFFFFFF
 
 #: Images of several outputs that are made together take this much memory of the device, bytes, three times.
 _MEMORY = 1 << 28
 
 
-#: Values that a work item looks at for the largest, as in kernels/images.cl.
+#: Values that a work item looks at for the largest, as in kernels/postprocess/images.cl.
 _EACH = 64
 
 

@@ -25,7 +25,7 @@ _DARK = 0.05
 #: largest difference there, which for a quarter is 0.67 standard deviations of normal noise.
 _BLOCK, _EVEN, _ABOVE_NOISE = 16, 0.25, 4.0
 
-#: The same in kernels/irradiance_edges.cl.
+#: The same in kernels/postprocess/irradiance_edges.cl.
 _OPTIONS = {
     "EDGE": f"{_EDGE}f",
     "EDGE_NEAR_BORDER": f"{_EDGE_NEAR_BORDER}f",
@@ -34,7 +34,7 @@ _OPTIONS = {
     "ABOVE_NOISE": f"{_ABOVE_NOISE}f",
 }
 
-#: Marks of kernels/irradiance_edges.cl.
+#: Marks of kernels/postprocess/irradiance_edges.cl.
 _ON_EDGE, _AT_AN_END = 1, 2
 
 

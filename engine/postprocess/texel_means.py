@@ -17,7 +17,7 @@ _NAMES = (
     "extrapolate_texels", "begin_fit", "step_of_fit",
 )  # fmt: skip
 
-#: Marks of kernels/texel_means.cl.
+#: Marks of kernels/postprocess/texel_means.cl.
 _SEEN, _CUT, _BEYOND = 1, 8, 16
 
 #: Texels that a work item looks at for the range of all values, as there.

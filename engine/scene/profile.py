@@ -43,7 +43,7 @@ class Profile:
 
     @property
     def packed(self) -> np.ndarray:
-        """Numbers of angles, angles and factors with a border as kernels/modulation.cl reads it, float32.
+        """Numbers of angles, angles and factors with a border as modulation.cl reads it, float32.
 
         The border holds what cubics look up beyond the outermost angles, as it was measured in Cycles 5.0:
         the values around the lower pole mirrored, the first azimuth and the last polar again, and for the

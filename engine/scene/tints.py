@@ -18,7 +18,7 @@ _LEVELS = np.array([0.0, 0.5, 1.0])
 #: Tints of constants and their products, first of all white.
 EXACT = SIZE - len(_LEVELS) ** 3
 
-#: Tints that differ by less are the same, as in kernels/trace_sample.cl.
+#: Tints that differ by less are the same, as in kernels/visibility/trace_sample.cl.
 _SAME = 1e-4
 
 #: Most products of tints that are tried: stacks of more surfaces use the lattice.

@@ -96,7 +96,7 @@ class DeviceRadiosity:
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
-        # Sums of kernels/iterate_sums.cl: a product for each pair of columns, and three more; a balance has
+        # Sums of iterate_sums.cl: a product for each pair of columns, and three more; a balance has
         # no more.
         self._numbers = len(self._pairs[0]) + 3
         self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
@@ -104,7 +104,7 @@ class DeviceRadiosity:
         self._weights = upload(compute, self._mixture)
 
     def outputs(self, column: int) -> tuple:
-        """Return what the kernels of kernels/gather.cl take to write a column of the ring."""
+        """Return what the kernels of kernels/gather/gather.cl take to write a column of the ring."""
         ring = (self._gathered, self._defects, np.int32(column), np.int32(self.count))
         return (self._sampled_light, self._irradiance, *ring)
 

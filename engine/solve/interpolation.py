@@ -16,7 +16,7 @@ _DARK, _BRIGHT = 0.05, 2.0
 
 
 class Interpolation:
-    """Planes fitted to the light of groups, around each of n patches; kernels/interpolate.cl.
+    """Planes fitted to the light of groups, around each of n patches; kernels/solve/interpolate.cl.
 
     leader  (m,) int64, the patch that leads each group
     """

@@ -142,7 +142,7 @@ def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def group_representatives(
     rays: RayScene, parts: PatchScene, radiance: np.ndarray, inside: np.ndarray, width: int
 ) -> np.ndarray:
-    """Return the patch that each patch follows, (n,) uint32; kernels/patch_groups.cl.
+    """Return the patch that each patch follows, (n,) uint32; kernels/solve/patch_groups.cl.
 
     Patches of back faces stay alone: they are as coarse as a group already.
 

@@ -18,7 +18,7 @@ PLAIN_COLUMNS = 2
 
 @dataclass(frozen=True)
 class IterationSums:
-    """Sums over all patches after a sweep; see kernels/iterate_sums.cl.
+    """Sums over all patches after a sweep; see kernels/solve/iterate_sums.cl.
 
     products   (c, c, 3) float64, c columns, see `Anderson.weights`
     reflected  (3,) float64, m^2: what the patches reflect of the newest defect, times their area

@@ -7,7 +7,7 @@ and sends out light (`DARK_BACK`) is no sign of the inside of something and coun
 from __future__ import annotations
 
 #: Probe rays from a point, stratified over the hemisphere of its normal with the density of the cosine:
-#: LOOKS of kernels/probe_rays.cl.
+#: LOOKS of kernels/visibility/probe_rays.cl.
 PROBES = 16
 
 #: A patch whose view holds more than this fraction of back faces is invalid. Measured by all samples of a
@@ -54,7 +54,7 @@ DARK_BACK = 0.03
 LIT_FROM = 3.0
 
 #: Light is not interpolated to patches with more than this fraction of back faces in view: something stands
-#: close to the surface, as a panel below a ceiling. FRONTS of kernels/interpolate.cl is the same number.
+#: close to the surface, as a panel below a ceiling. FRONTS of interpolate.cl is the same number.
 MAX_BACKS_INTERPOLATED = 0.1
 
 #: The same numbers for kernels that include probes.

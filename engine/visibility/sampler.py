@@ -38,7 +38,7 @@ class VisibilityBuffers:
     patches_seen  float of each patch: the fraction of its view that other patches take
     backs_seen    uint8 of each source + 1: becomes 1 where a back is seen
     back_l1       3 float4 of each patch, x, y and z: the L1 of the light of backs, see
-                  kernels/irradiance_l1.cl; None unless the settings ask for directional maps
+                  kernels/gather/irradiance_l1.cl; None unless the settings ask for directional maps
     """
 
     cache: cl.Buffer
@@ -131,7 +131,7 @@ class Background:
 
     @property
     def sky_arguments(self) -> tuple:
-        """What kernels take of the sky: SKY_ARGUMENTS of kernels/unoccluded_sky.cl."""
+        """What kernels take of the sky: SKY_ARGUMENTS of kernels/visibility/unoccluded_sky.cl."""
         return self.sky, self.width, self.height, self.open_sky
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..scene.color import luminance
 from ..scene.sky_maps import row_fractions, shrink_sky
 
-#: Normals of the table, rows and columns, as in kernels/unoccluded_sky.cl: rows from pole to pole, both
+#: Normals of the table, rows and columns, as in unoccluded_sky.cl: rows from pole to pole, both
 #: included.
 ROWS, COLUMNS = 49, 96
 

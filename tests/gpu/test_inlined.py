@@ -1,4 +1,4 @@
-"""Functions of kernels/pocl_inline.cl give what NumPy does: to the bit, or but for rounding."""
+"""Functions of kernels/device/pocl_inline.cl give what NumPy does: to the bit, or but for rounding."""
 
 import numpy as np
 import pyopencl as cl
@@ -44,7 +44,7 @@ ROUNDED = {
 def compute():
     device = ComputeDevice()
     if not (device.processor and device.device.platform.name == "Portable Computing Language"):
-        pytest.skip("kernels/pocl_inline.cl is for PoCL on a processor")
+        pytest.skip("kernels/device/pocl_inline.cl is for PoCL on a processor")
     return device
 
 

@@ -1,4 +1,4 @@
-"""The polynomials of kernels/irradiance_l1.cl are the least-squares fit that they stand for."""
+"""The polynomials of kernels/gather/irradiance_l1.cl are the least-squares fit that they stand for."""
 
 import numpy as np
 import pytest
@@ -10,13 +10,13 @@ _PROBE = """
 __kernel void probe(__global const float4 *directions, __global const float4 *normals, __global float4 *tilts)
 {
     const int i = get_global_id(0);
-    tilts[i] = (float4)(tilt_of(directions[i].xyz, normals[i].xyz), 0.0f);
+    tilts[i] = (float4)(l1_of_direction(directions[i].xyz, normals[i].xyz), 0.0f);
 }
 """
 
 
 def tilts(compute, directions, normals, monkeypatch):
-    """Return `l1_of_direction` of kernels/irradiance_l1.cl, (n, 3)."""
+    """Return `l1_of_direction` of kernels/gather/irradiance_l1.cl, (n, 3)."""
     from engine.device import cl_device as module
 
     real = module.program_source

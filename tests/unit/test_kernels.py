@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from engine.device import source
 from engine.device.source import program_source
 from engine.direct.emitters import EMITTER
 
-KERNELS = sorted((Path(__file__).resolve().parents[2] / "kernels").glob("*.cl"))
+KERNELS = sorted((Path(__file__).resolve().parents[2] / "kernels").rglob("*.cl"))
 
 #: A line that includes a file.
 INCLUDE = re.compile(r'^#include "(.+)"$', flags=re.MULTILINE)
@@ -51,3 +52,13 @@ def test_every_included_file_has_a_guard_and_is_there() -> None:
     included = {name for path in KERNELS for name in INCLUDE.findall(path.read_text(encoding="utf-8"))}
     guarded = {path.name for path in KERNELS if path.read_text(encoding="utf-8").startswith("#pragma once\n")}
     assert included and included == guarded
+
+
+def test_two_files_of_one_name_in_different_folders_are_an_error(tmp_path: Path, monkeypatch) -> None:
+    """An include names a file without its folder, so the name must be unique."""
+    for folder in ("rays", "direct"):
+        (tmp_path / "twins" / folder).mkdir(parents=True)
+        (tmp_path / "twins" / folder / "bvh.cl").write_text("\n", encoding="utf-8")
+    monkeypatch.setattr(source, "_ROOT", tmp_path)
+    with pytest.raises(ValueError, match=r"twins/: several files are named bvh\.cl"):
+        source._files("twins")

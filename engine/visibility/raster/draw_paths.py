@@ -63,7 +63,7 @@ class MeshBuffers:
 class DrawPath:
     """One way to draw a mesh; `name` is one of `available_paths`.
 
-    features  what shaders/hemicube.* are built with besides
+    features  what shaders/visibility/hemicube.* are built with besides
     """
 
     def __init__(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-#: Width of a table, texels, as in shaders/transmission.glsl, and its greatest height: every OpenGL 4.1 driver
+#: Width of a table, texels, as in transmission.glsl, and its greatest height: every OpenGL 4.1 driver
 #: has textures of that size, and enough layers for all numbers that int32 can count.
 _WIDTH = 4096
 HEIGHT = 16384

@@ -168,7 +168,7 @@ class HemicubeRaster:
 
 
 def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.TextureArray]:
-    """Return the textures that shaders/transmission.glsl reads, of gathered light."""
+    """Return the textures that shaders/visibility/transmission.glsl reads, of gathered light."""
     gathered = slice(BOUNCE, None, BACK)
     maps = cutouts.maps[gathered].copy()
     maps[:, 3] += np.where(cutouts.channels[gathered] > 1, 8, 0).astype(np.int32)

@@ -23,7 +23,7 @@ class RasterTarget(Protocol):
     """A texture array to draw hemicubes into.
 
     texture   (layers, height, width) in the layout of Tiles
-    features  what shaders/hemicube.* are built with
+    features  what shaders/visibility/hemicube.* are built with
     lookups   textures that the shaders read, by name
     """
 

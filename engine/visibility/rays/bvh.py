@@ -13,7 +13,7 @@ from ...device.device_struct import DeviceStruct
 from .upper_levels import NAMES as TREETOP
 from .upper_levels import UpperLevels
 
-#: Clusters beyond either end of a row, and values that a work item sums, as in kernels/bvh.cl.
+#: Clusters beyond either end of a row, and values that a work item sums, as in kernels/rays/bvh.cl.
 _FAR, _CHUNK = 8, 32
 
 #: Items of a work group; fewer where the device's limit is lower.
@@ -75,11 +75,11 @@ _GRAPHICS = BvhLayout(2, 1, 2, 0.5)
 
 @dataclass(frozen=True)
 class Bvh:
-    """Nodes and packets of triangles on the device, as kernels/bvh_traversal.cl takes them.
+    """Nodes and packets of triangles on the device, as kernels/rays/bvh_traversal.cl takes them.
 
     nodes      w boxes and children each
     triangles  packets
-    options    the layout, for the build of kernels/bvh_traversal.cl
+    options    the layout, for the build of kernels/rays/bvh_traversal.cl
     levels     of nodes
     stack      most nodes that a ray comes back to, as the layout has it
     top        tree over the triangles, for one of the same ones elsewhere; None if they are many

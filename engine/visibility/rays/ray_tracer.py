@@ -32,7 +32,7 @@ TRANSMITTANCE = DeviceStruct(
 
 
 class RayTracer:
-    """A scene's triangles on the OpenCL device, for kernels/bvh_traversal.cl and kernels that go on from it.
+    """A scene's triangles on the OpenCL device, for bvh_traversal.cl and kernels that go on from it.
 
     cutouts    transmittance of the surfaces
     arguments  what kernels take for RAYS_ARGUMENTS
@@ -61,7 +61,7 @@ class RayTracer:
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
-        """Return kernels of a program whose main files include kernels/bvh_traversal.cl.
+        """Return kernels of a program whose main files include kernels/rays/bvh_traversal.cl.
 
         In the order of the names.
         """

@@ -11,10 +11,10 @@ from ...device.buffers import download, upload, words_of, zeros
 from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
 
-#: Kernels of a program of kernels/bvh.cl and kernels/bvh_upper_levels.cl that are used here.
+#: Kernels of a program of kernels/rays/bvh.cl and kernels/rays/bvh_upper_levels.cl that are used here.
 NAMES = ("split_ranges", "fit_nodes", "sum_areas")
 
-#: Work items of a group, at most as many as in kernels/bvh_upper_levels.cl.
+#: Work items of a group, at most as many as in kernels/rays/bvh_upper_levels.cl.
 _GROUP = 64
 
 #: A tree around boxes that have moved is kept while its cost is at most this multiple of what it was.

@@ -1,6 +1,6 @@
 #pragma once
 
-// Builds the hierarchy of kernels/bvh_traversal.cl: clusters of triangles along a Morton curve, each merged with its
+// Builds the hierarchy of bvh_traversal.cl: clusters of triangles along a Morton curve, each merged with its
 // best neighbour if the choice is mutual (PLOC; Meister and Bittner 2018), until few are left, which are
 // split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.
 // engine/visibility/rays/bvh.py runs the kernels.
@@ -412,7 +412,7 @@ void store_packets(__global const float *positions, __global const NodeLink *lin
             packets[lane / PACKET * PACKET * RECORD + k * PACKET + lane % PACKET] = 0.0f;
 }
 
-// A child of a node, as kernels/bvh_traversal.cl reads it: the planes of its box, or in nodes of two its middle and
+// A child of a node, as bvh_traversal.cl reads it: the planes of its box, or in nodes of two its middle and
 // half its size, larger by a margin. A box at infinity becomes one that no ray meets.
 void store_child(__global float *record, const Box box, const int code, const float margin)
 {

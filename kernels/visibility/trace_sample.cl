@@ -56,7 +56,7 @@ Hit turned(const Lightmaps *lightmaps, Hit hit)
     return hit;
 }
 
-// The patch, its back or the surroundings, as in identity hemicubes; and the tint of its light, see kernels/visibility_sample.cl.
+// The patch, its back or the surroundings, as in identity hemicubes; and the tint of its light, see visibility_sample.cl.
 uint trace_sample(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction, uint *tint)
 {
     const Hit hit = nearest_hit(rays, origin, direction, false);

@@ -224,7 +224,7 @@ typedef struct {
 
 // The distances `axis_in` and `axis_out` between which a ray is in the slabs of boxes (Kay and Kajiya 1986). A card
 // tells low from high planes at half the speed of products, so its nodes of two have middles, half sizes before and
-// after which a ray is in the slab; these are larger by what rounding takes (kernels/bvh.cl).
+// after which a ray is in the slab; these are larger by what rounding takes (kernels/rays/bvh.cl).
 #if WIDTH == 2
 #define SLAB(axis) \
     const FLOATS axis##_middle = (node->axis.lo - search->origin.axis) * search->inverse.axis; \

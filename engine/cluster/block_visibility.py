@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download
+from ..device.opencl import cl
 from ..gather.gather_pass import GatherPass
 from ..gather.half_radiance import HalfRadiance
 from ..plan.choose_gather import caching_gather

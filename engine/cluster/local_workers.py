@@ -11,10 +11,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from distributed import Client, LocalCluster
-from pyopencl import device_type
 
 from ..device.cl_device import device_name, found_devices
 from ..device.egl_devices import egl_devices
+from ..device.opencl import cl
 from ..errors import DeviceError
 from .event_loop import event_loop
 from .prepared_scene import DEVICE
@@ -112,7 +112,7 @@ def local_environments() -> list[dict[str, str]]:
     takes the device of EGL that GLCONTEXT_DEVICE_INDEX numbers. Other cards are told apart by their OpenCL
     names, as far as these differ.
     """
-    cards = [device for device in found_devices() if device.type & device_type.GPU]
+    cards = [device for device in found_devices() if device.type & cl.device_type.GPU]
     if not cards:
         return [{}]
     if all(_NVIDIA in device.vendor for device in cards):

@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 
-import pyopencl as cl
-
 from ..device.buffers import zeros
 from ..device.devices import Devices
+from ..device.opencl import cl
 from ..direct.emitter_split import EmitterSplit
 from ..direct.lighting import DirectLighting
 from ..direct.sky import Sky

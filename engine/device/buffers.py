@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..row_ops import any_in_rows, nonzero_rows
 from .cl_device import ComputeDevice
+from .opencl import cl
 
 #: Of arrays with this many rows about so many are looked at: if fewer than this part of them are not black,
 #: the rows that are not are uploaded alone.

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-import pyopencl as cl
+from .opencl import cl
 
 #: What runs in each process; a script, so that nothing else is imported there.
 _SCRIPT = Path(__file__).with_name("build_programs.py")

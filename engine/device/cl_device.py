@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
-import pyopencl as cl
 
 from ..errors import DeviceError
 from .cl_library import start_drivers
 from .device_struct import DeviceStruct
 from .driver_options import set_driver_options
 from .kernel import ITEMS, Kernel, run_on
+from .opencl import cl, load_opencl
 from .program_cache import ProgramCache, build, device_digest
 from .pyopencl_invokers import keep_starters_in_memory
 from .shared_buffers import SharedBuffers
@@ -244,6 +244,7 @@ def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
 def found_devices() -> list[cl.Device]:
     """Return every device, the best kind first: GPU, accelerator, then anything else."""
     set_driver_options()
+    load_opencl()
     start_drivers()
     try:
         devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]

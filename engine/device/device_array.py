@@ -6,12 +6,12 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-import pyopencl as cl
 
 from ..row_ops import take_rows
 from ..scene.color import channel_sum
 from .buffers import download, upload, upload_float4, upload_float4_once, upload_rows_once
 from .cl_device import ComputeDevice
+from .opencl import cl
 
 
 class DeviceArray:

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import moderngl
-import pyopencl as cl
 
 from ..errors import DeviceError, DeviceMemoryError
 from .async_open import AsyncOpen
 from .cl_device import ComputeDevice
 from .gl_context import GraphicsContext
+from .opencl import cl
 
 #: What OpenCL says of a buffer that is larger than any may be.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"
@@ -67,8 +67,8 @@ class Devices:
         except moderngl.Error:
             self.graphics.check("preparing to draw")
             raise
-        except cl.Error as error:
-            if self.compute is None or not (isinstance(error, cl.MemoryError) or _TOO_LARGE in str(error)):
+        except Exception as error:
+            if self.compute is None or not _is_memory_error(error):
                 raise
             size = self.compute.device.global_mem_size / 2**30
             raise DeviceMemoryError(
@@ -88,3 +88,9 @@ class Devices:
     def _release_compute(self) -> None:
         if self.compute is not None:
             self.compute.release()
+
+
+def _is_memory_error(error: Exception) -> bool:
+    """Return True if OpenCL reports that memory is full, or a buffer larger than any may be."""
+    too_large = isinstance(error, cl.Error) and _TOO_LARGE in str(error)
+    return isinstance(error, cl.MemoryError) or too_large

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-import pyopencl as cl
+from .opencl import cl
 
 #: Names of cards for data centers, which drive no display: NVIDIA, AMD, Intel. From the makers' lists.
 _DATA_CENTER = re.compile(

@@ -18,12 +18,12 @@ from typing import Any, Protocol
 
 import moderngl
 import numpy as np
-import pyopencl as cl
 
 from ..errors import DeviceError
 from .cl_device import ComputeDevice
 from .cl_library import ClLibrary
 from .gl_context import GraphicsContext
+from .opencl import cl
 from .raw_gl import TEXTURE_2D_ARRAY
 
 #: What each rung asks of OpenCL and of OpenGL, from the top down.

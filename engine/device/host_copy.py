@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
-import pyopencl as cl
 
 from .cl_device import ComputeDevice
+from .opencl import cl
 
 
 class HostCopy:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pyopencl as cl
+
+from .opencl import cl
 
 #: Work items of a group whose items have nothing to do with each other.
 ITEMS = 64

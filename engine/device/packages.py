@@ -7,25 +7,31 @@ import sys
 
 from ..errors import DeviceError
 
-#: What each package does for a bake.
+#: Purpose of each package in a bake. PyOpenCL may be absent: OpenGL 4.3 then casts the rays.
 _PURPOSES = {
     "moderngl": "draws with OpenGL",
     "glcontext": "starts OpenGL",
     "pyopencl": "computes with OpenCL",
 }
+_REQUIRED = ("moderngl", "glcontext")
 
 
 def require_packages() -> None:
-    """Raise a DeviceError that names the first package that cannot be imported, and the remedy."""
-    for name, purpose in _PURPOSES.items():
+    """Raise a DeviceError that names the first required package that cannot be imported, and the remedy."""
+    for name in _REQUIRED:
         try:
             importlib.import_module(name)
         except ImportError as error:
-            raise DeviceError(
-                f"The Python package '{name}', which {purpose}, cannot be imported ({error}). "
-                f"Install the file of Hemibake that is made for this system and Python {_python()}, or into "
-                f"the Python of a checkout '{sys.executable} -m pip install {name}', then bake again."
-            ) from error
+            raise DeviceError(missing_package(name, error)) from error
+
+
+def missing_package(name: str, error: ImportError) -> str:
+    """Return the sentences for the user about a package that cannot be imported."""
+    return (
+        f"The Python package '{name}', which {_PURPOSES[name]}, cannot be imported ({error}). "
+        f"Install the file of Hemibake that is made for this system and Python {_python()}, or into "
+        f"the Python of a checkout '{sys.executable} -m pip install {name}', then bake again."
+    )
 
 
 def _python() -> str:

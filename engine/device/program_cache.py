@@ -12,9 +12,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
-import pyopencl as cl
-
 from .builders import Builders
+from .opencl import cl
 
 #: Threads that load programs of earlier processes, and the most programs that are kept of a device.
 _THREADS, _MOST = 4, 96

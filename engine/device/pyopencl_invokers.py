@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from pytools import persistent_dict
+from .opencl import load_opencl
 
 
 class InvokerCache:
@@ -33,6 +33,8 @@ def keep_starters_in_memory() -> None:
     It would open a database in the user's cache folder when this module of its is imported, for which it has
     no setting: the file would stay behind when the add-on is removed, and all bakes fail once it is deleted.
     """
+    load_opencl()
+    persistent_dict: Any = importlib.import_module("pytools.persistent_dict")
     name = "WriteOncePersistentDict"
     database = getattr(persistent_dict, name)
     setattr(persistent_dict, name, InvokerCache)

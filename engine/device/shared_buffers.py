@@ -6,7 +6,8 @@ import weakref
 from collections.abc import Callable
 
 import numpy as np
-import pyopencl as cl
+
+from .opencl import cl
 
 
 class SharedBuffers:

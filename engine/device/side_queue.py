@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from .kernel import Kernel, run_on
+from .opencl import cl
 
 
 class SideQueue:

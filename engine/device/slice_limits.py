@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pyopencl as cl
-
 from .display import may_have_display
 from .kernel import ITEMS
+from .opencl import cl
 from .time_slicer import SliceLimits
 
 #: Longest slice where a display may wait for the device, and elsewhere, s. Chosen: ten images a second are

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
+
+from .opencl import cl
 
 #: Chunks of page-locked memory, and the size of each, bytes: one is filled while the others are on their way.
 _CHUNKS, _CHUNK = 4, 1 << 22

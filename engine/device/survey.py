@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pyopencl as cl
-
 from ..errors import DeviceError
 from .cl_device import ComputeDevice, device_name, found_devices, trouble_with
 from .device_info import DeviceInfo, DeviceSurvey
 from .gl_context import GraphicsContext
+from .opencl import cl
 
 
 def survey(opencl_device: str | None) -> DeviceSurvey:

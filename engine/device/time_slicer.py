@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
-import pyopencl as cl
+from .opencl import cl
 
 #: A shorter slice is mostly launch latency, so that size grows whatever the throughput does, s. Chosen.
 _SHORT = 0.02

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
+from ..device.opencl import cl
 from ..patches.moved_triangles import moved_triangles
 from ..patches.patch_scene import PatchScene
 from ..scene.digests import same_values

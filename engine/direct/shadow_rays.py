@@ -6,7 +6,6 @@ from collections.abc import Generator, Sequence
 from typing import Protocol
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import (
     download,
@@ -18,6 +17,7 @@ from ..device.buffers import (
     zeros,
 )
 from ..device.kernel import Kernel
+from ..device.opencl import cl
 from ..device.time_slicer import sliced
 from ..patches.patch_scene import PatchScene
 from ..progress import run_as_fraction

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.device_struct import DeviceStruct
+from ..device.opencl import cl
 from ..patches.moved_triangles import ball_around
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
-import pyopencl as cl
-
 from ..device.buffers import zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..settings import Settings
 from ..visibility.sampler import Background, SampleLayout
 from ..visibility.views.directions import r2_sequence

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
-import pyopencl as cl
-
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..progress import finished, run_as_fraction
 from ..resume.checkpoint import Checkpoint
 from ..visibility.rays.ray_sampler import GatheredBuffers, RaySampler

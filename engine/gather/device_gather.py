@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Protocol
 
-import pyopencl as cl
-
+from ..device.opencl import cl
 from .device_l1 import L1
 
 

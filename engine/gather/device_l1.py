@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download_colors
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 
 
 class DeviceL1:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..visibility.sampler import SampleLayout
 from .device_gather import GatherBuffers
 from .visibility_cache import SampleRows

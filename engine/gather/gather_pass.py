@@ -6,10 +6,10 @@ from collections.abc import Generator
 from typing import Protocol
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload_float4, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from .device_gather import DeviceGather
 from .device_l1 import L1
 

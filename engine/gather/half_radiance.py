@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..numpy_pickle import NumpyPickle
 
 #: The brightest value travels as this one, which half floats hold with room above it.

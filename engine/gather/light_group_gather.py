@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..errors import DeviceError
 from ..progress import finished, run_as_fraction
 from ..visibility.sampler import SampleLayout, VisibilitySampler

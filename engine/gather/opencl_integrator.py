@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4
 from ..device.cl_device import ComputeDevice
 from ..device.host_copy import HostCopy
+from ..device.opencl import cl
 from ..visibility.raster.tiles import Tiles
 from ..visibility.views.hemicube import multiplier_map
 from ..visibility.views.viewpoints import FRAME, frame_records

@@ -6,10 +6,10 @@ from collections.abc import Generator
 from typing import Protocol
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..scene.color import add_colors
 from ..visibility.sampler import identity_options
 from .device_gather import GatherBuffers

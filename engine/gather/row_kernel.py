@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Generator
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..device.time_slicer import sliced
 from ..settings import Settings
 from ..visibility.rays.receiver_records import RECEIVER

@@ -6,9 +6,9 @@ from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..resume.checkpoint import Arrays, Checkpoint
 
 

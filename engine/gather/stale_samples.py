@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import zeros
+from ..device.opencl import cl
 from ..patches.moved_triangles import ball_around, moved_triangles
 from ..patches.patch_scene import PatchScene
 from ..visibility.rays.ray_sampler import MovedBuffers

@@ -6,10 +6,10 @@ from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..resume.checkpoint import Checkpoint
 from ..scene.digests import same_values

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload, upload_once
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 

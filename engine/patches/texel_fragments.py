@@ -7,10 +7,10 @@ from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..row_ops import joined_rows, take_rows
 from ..scene.triangles import Triangles
 from ..sorted_runs import order_of

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values
+from ..device.opencl import cl
 from ..scene.cutouts import EXTENSIONS
 from ..scene.model import Mesh
 from ..scene.texture import Texture

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload_float4_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, colors_on_host
 from ..device.gl_context import GraphicsContext
+from ..device.opencl import cl
 from ..device.program_cache import device_digest
 from ..device.source import source_digest
 from ..direct.contact import Contacts

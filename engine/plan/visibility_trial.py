@@ -6,8 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
-import pyopencl as cl
-
+from ..device.opencl import cl
 from ..gather.visibility_cache import BackfaceLight
 from ..settings import Settings
 from ..visibility.raster.raster_sampler import RasterSampler

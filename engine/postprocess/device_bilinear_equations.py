@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, download_bytes, upload, words_of, zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..patches.seams import Seams
 from .lightmap_points import LightmapPoints
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, words_of, zeros
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from .device_bilinear_equations import DeviceBilinearEquations
 
 _NAMES = (

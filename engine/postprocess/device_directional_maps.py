@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload, upload_rows_once
 from ..device.device_array import DeviceArray
+from ..device.opencl import cl
 from ..gather.device_l1 import DeviceL1
 from ..visibility.rays.receiver_records import RECEIVER
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 
 _NAMES = (
     "distance_in_row", "distance_in_column", "dilate_ring", "classify", "coarser_states", "restrict_mean",

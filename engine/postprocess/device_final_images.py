@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload_float4
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..patches.seams import Seams
 from .device_bilinear_equations import DeviceBilinearEquations
 from .device_bilinear_fit import DeviceBilinearFit

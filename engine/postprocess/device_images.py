@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, rows_on_device
+from ..device.opencl import cl
 from .device_fill import DeviceFill
 
 _SOURCE = "images.cl"

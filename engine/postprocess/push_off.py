@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, download_bytes, upload, upload_once, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
+from ..device.opencl import cl
 from ..patches.geometry import PatchGeometry
 from ..row_ops import joined_rows, row_products, take_rows
 from ..validity.thresholds import KERNEL_OPTIONS

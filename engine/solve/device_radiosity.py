@@ -6,11 +6,11 @@ from collections.abc import Generator, Mapping
 from dataclasses import fields
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, float4_on_device, float4_once
+from ..device.opencl import cl
 from ..gather.device_gather import DeviceGather
 from ..gather.device_l1 import L1
 from ..patches.sides import Sides

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, float4_once, rows_on_device
+from ..device.opencl import cl
 
 _SOURCE = "exitant_radiance.cl"
 

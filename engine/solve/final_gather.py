@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Generator
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.device_array import Values, colors_on_host
+from ..device.opencl import cl
 from ..gather.device_l1 import L1
 from ..gather.gather_pass import PointGather
 from ..progress import run_as_fraction

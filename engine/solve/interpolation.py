@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
+from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene

@@ -12,11 +12,11 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import colors_on_host
+from ..device.opencl import cl
 from ..patches.patch_materials import PatchMaterials
 from ..patches.patch_scene import PatchScene
 from ..visibility.rays.ray_scene import RayScene

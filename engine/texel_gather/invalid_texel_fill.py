@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.device_array import Values, colors_on_host, values_at
+from ..device.opencl import cl
 from ..patches.texels_around import entries_around
 from ..plan.solve_job import SolveJob
 from ..row_ops import any_in_rows, take_rows

@@ -7,10 +7,10 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, channel_sums
+from ..device.opencl import cl
 from ..direct.contact import Contacts
 from ..gather.half_radiance import HalfRadiance
 from ..patches.sides import both_sides

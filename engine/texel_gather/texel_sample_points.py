@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import pyopencl as cl
 
+from ..device.opencl import cl
 from ..direct.lighting import DirectLighting
 from ..patches.geometry import PatchGeometry, TexelSteps
 from ..patches.patch_list import PatchList

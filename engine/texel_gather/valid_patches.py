@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload_float4
 from ..device.device_array import Values
+from ..device.opencl import cl
 from ..direct.contact import Contacts
 from ..plan.solve_job import SolveJob
 from ..postprocess.push_off import push_off_points

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download_bytes, words_of
+from ..device.opencl import cl
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 from .thresholds import DOUBTFUL, INVALID, KERNEL_OPTIONS

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import download, upload, upload_once
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..scene.color import luminance
 from .thresholds import DARK_BACK

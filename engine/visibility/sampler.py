@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import pyopencl as cl
 
 from ..device.buffers import upload, upload_float4, upload_float4_once
 from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..settings import Settings
 from .unoccluded_sky import open_sky
 

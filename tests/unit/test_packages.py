@@ -12,6 +12,7 @@ from tests.analytic.scenes import furnace
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ["moderngl", "glcontext", "pyopencl"]
+REQUIRED = ["moderngl", "glcontext"]
 
 
 def python(code: str, *search_path: Path) -> str:
@@ -21,7 +22,7 @@ def python(code: str, *search_path: Path) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
-@pytest.fixture(params=PACKAGES)
+@pytest.fixture(params=REQUIRED)
 def without(request, tmp_path):
     """Return the name of a package, and a folder that makes it look as if it were not installed."""
     name = request.param
@@ -32,6 +33,31 @@ def without(request, tmp_path):
 def test_the_engine_and_its_worker_are_imported_without_gpu_packages():
     code = f"import engine.worker.child, engine.worker.worker\nprint({set(PACKAGES)} & sys.modules.keys())"
     assert python(code) == "set()"
+
+
+def test_every_module_of_the_engine_is_imported_without_pyopencl():
+    code = (
+        "sys.modules['pyopencl'] = None\n"
+        "import importlib, pkgutil, engine\n"
+        "names = [module.name for module in pkgutil.walk_packages(engine.__path__, 'engine.')]\n"
+        "script = 'engine.device.build_programs'\n"
+        "print(len([importlib.import_module(name) for name in names if name != script]))"
+    )
+    assert int(python(code)) > 200
+
+
+def test_a_bake_without_pyopencl_names_the_package_and_the_remedy():
+    code = (
+        "sys.modules['pyopencl'] = None\n"
+        "from engine import Settings, bake, finished\n"
+        "from tests.analytic.scenes import furnace\n"
+        "settings = Settings(resolution=32, hemicube=16, max_bounces=64)\n"
+        "baked = finished(bake(furnace(0.5, 1.0), settings))\n"
+        "print(float(baked.image[baked.has_patch].mean()), *baked.report.warnings)"
+    )
+    mean, text = python(code).split(maxsplit=1)
+    assert float(mean) == pytest.approx(2.0, rel=0.02)
+    assert "'pyopencl'" in text and f"{sys.executable} -m pip install pyopencl" in text
 
 
 def test_a_bake_is_a_function_of_the_package_also_after_a_bake():

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Generator
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.buffers import upload
 from ...device.cl_device import ComputeDevice
 from ...device.gl_context import GraphicsContext
 from ...device.host_copy import HostCopy
+from ...device.opencl import cl
 from ...patches.patch_scene import PatchScene
 from ...settings import Settings
 from ..sample_counts import sample_bytes

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.buffers import download, upload, zeros
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
+from ...device.opencl import cl
 from .upper_levels import NAMES as TREETOP
 from .upper_levels import UpperLevels
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.buffers import download
+from ...device.opencl import cl
 from .ray_scene import RayScene
 from .receiver_records import RECEIVER
 

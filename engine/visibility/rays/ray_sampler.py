@@ -6,11 +6,11 @@ from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.buffers import upload, upload_once
 from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
+from ...device.opencl import cl
 from ...device.time_slicer import sliced
 from ...patches.patch_scene import PatchScene
 from ...scene.tints import tint_palette

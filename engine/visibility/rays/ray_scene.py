@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.cl_device import ComputeDevice
+from ...device.opencl import cl
 from ...errors import DeviceError
 from ...patches.patch_scene import PatchScene
 from .ray_tracer import RayTracer

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.buffers import upload
 from ...device.cl_device import ComputeDevice, Source
 from ...device.device_struct import DeviceStruct
 from ...device.kernel import Kernel
+from ...device.opencl import cl
 from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
 from ...scene.tints import tint_palette
 from ...scene.triangles import Triangles

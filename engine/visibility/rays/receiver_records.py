@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.buffers import upload, upload_once
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
+from ...device.opencl import cl
 from ...patches.geometry import PatchGeometry, TexelSteps
 from ...patches.patch_list import PatchList
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL

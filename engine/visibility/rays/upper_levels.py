@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import pyopencl as cl
 
 from ...device.buffers import download, upload, words_of, zeros
 from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
+from ...device.opencl import cl
 
 #: Kernels of a program of kernels/rays/bvh.cl and kernels/rays/bvh_upper_levels.cl that are used here.
 NAMES = ("split_ranges", "fit_nodes", "sum_areas")

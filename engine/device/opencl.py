@@ -1,0 +1,36 @@
+"""Lazy access to PyOpenCL: imported at the first use, since machines without it bake with OpenGL."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ..errors import DeviceError
+from .packages import missing_package
+
+__all__ = ["cl", "load_opencl"]
+
+
+class _LazyModule:
+    """Stand-in for PyOpenCL; attributes are taken from it once and kept."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute of the package; raises DeviceError if that cannot be imported."""
+        value = getattr(load_opencl(), name)
+        setattr(self, name, value)
+        return value
+
+
+def load_opencl() -> ModuleType:
+    """Import PyOpenCL; raises DeviceError if the package cannot be imported."""
+    try:
+        return importlib.import_module("pyopencl")
+    except ImportError as error:
+        raise DeviceError(missing_package("pyopencl", error)) from error
+
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+else:
+    cl = _LazyModule()

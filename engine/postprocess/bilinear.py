@@ -1,21 +1,22 @@
-"""What a bilinear look-up of a lightmap reads: the four texels around a point."""
+"""Bilinear texture lookups: indices and weights of the four texels around a point."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: A point this near to the centres of a row or column of texels, in texels, lies on them.
+#: Distance in texels below which a point counts as lying on a row or column of texel centres (chosen; absorbs
+#: rounding).
 _ON_CENTRE = 2.0**-9
 
 
 def footprints(atlas: np.ndarray, position: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the texels that look-ups at some points read, and their weights.
+    """Return the indices and weights of the four texels that bilinear lookups read.
 
-    atlas     (p,) int
-    position  (p, 2) float, texels; the centre of texel (x, y) is at x + 1/2, y + 1/2
+    atlas     (p,) int, lightmap of each point
+    position  (p, 2) float, texels; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
 
-    Returns flat indices of texels, (p, 4) int64, lower left, lower right, upper left, upper right, and their
-    weights, (p, 4) float64, with sum 1. Beyond the border the outermost texels continue.
+    Returns the flat texel indices, (p, 4) int64, ordered lower left, lower right, upper left, upper right,
+    and their weights, (p, 4) float64, which sum to 1. Lookups clamp to the edge of the lightmap.
     """
     low = np.floor(position - 0.5)
     fraction = np.asarray(position, np.float64) - 0.5 - low
@@ -32,17 +33,19 @@ def footprints(atlas: np.ndarray, position: np.ndarray, resolution: int) -> tupl
 
 
 def beside_centres(position: np.ndarray) -> np.ndarray:
-    """Return which points, (p, 2) texels, are not in the centre of a texel, (p,) bool."""
+    """Return a mask, (p,) bool, of the points (p, 2), in texels, that do not lie at a texel centre."""
     beside: np.ndarray = (np.abs(position - np.floor(position) - 0.5) > _ON_CENTRE).any(axis=1)
     return beside
 
 
 def cell_sides(texels: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
-    """Return the pairs of neighbours that look-ups read, each pair once: (s, 2) int64, the lower first.
+    """Return the pairs of adjacent texels that the same lookup reads, each pair once.
 
-    texels, weights: (p, 4), footprints; a texel without weight is in no pair
+    texels   (p, 4) int64, flat indices, as `footprints` returns them
+    weights  (p, 4) float64; a texel with weight 0 is in no pair
+    count    number of texels
 
-    count: number of texels
+    Returns (s, 2) int64, the lower index first.
     """
     read = weights > 0
     keys = [

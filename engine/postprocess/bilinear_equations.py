@@ -1,4 +1,8 @@
-"""What the bilinear display shall show, as equations of texels: points, seams, smoothness."""
+"""Least-squares equations of the texel values: light samples, UV seams and smoothness.
+
+The unknowns are the values of the texels. One row for each sample demands that the bilinear lookup at the
+sample equals its light. One row for each pair of seam points demands equal lookups on both sides.
+"""
 
 from __future__ import annotations
 
@@ -12,29 +16,29 @@ from .ell_matrix import EllMatrix
 from .lightmap_points import LightmapPoints
 from .texel_stencil import TexelStencil
 
-#: Weights of a texel of a seam's length, and of a step between neighbours, where a point that stands for a
-#: whole texel has 1.
+#: Weights of the seam rows for each texel of seam length, and of the smoothness rows for each pair of
+#: neighbours. A sample that represents a whole texel has weight 1. Both chosen.
 _SEAM, _SMOOTHNESS = 30.0, 0.01
 
-#: A texel with this on the diagonal is known by its points alone: a third of what it has where points lie
-#: everywhere around it.
+#: Diagonal of the sample equations above which the samples alone determine a texel. It is a third of the
+#: diagonal with samples on all sides.
 _KNOWN = 0.15
 
-#: A point tells about texels that have at least this weight in its footprint; so does a side of a seam.
+#: Minimum lookup weight with which a sample, or one side of a seam, determines a texel.
 _TELLS = 1e-3
 
 
 @dataclass(frozen=True)
 class BilinearEquations:
-    """Equations of those texels that have more to show than the light in their centre.
+    """Equations of the texels whose value is not just the light at their centre.
 
     texel       (n,) int64, flat index of each unknown
-    point       (m,) int64, the points that count for them
-    footprints  (m, 4) int64, the unknowns that these points read
-    weights     (m, 4) float64, the weights of these unknowns, times that of the point
-    points      least squares of what the points show
-    seams       both sides of a seam show the same
-    smooth      neighbours of which one is hardly known are the same
+    point       (m,) int64, index of each point that reads unknowns
+    footprints  (m, 4) int64, numbers of the unknowns that each point reads
+    weights     (m, 4) float64, lookup weight times the weight of the point
+    points      normal matrix of the sample equations
+    seams       rows of the seam equations: equal lookups on both sides
+    smooth      rows that make neighbours equal where samples hardly determine one of them
     """
 
     texel: np.ndarray
@@ -49,11 +53,11 @@ class BilinearEquations:
 def display_equations(
     points: LightmapPoints, seams: Seams, resolution: int, atlases: int
 ) -> BilinearEquations:
-    """Return the equations of the lightmaps.
+    """Return the equations of all lightmaps.
 
-    Unknown are texels that points beside centres read, and texels that both sides of a seam read, if some
-    point tells about one of them: the tip of a chart, where no texel has a point, shows what the other side
-    shows.
+    Unknown are the texels that off-centre points read. Also unknown are the texels that a seam reads, if a
+    sample determines at least one texel on one of its sides. A chart's tip without samples thus takes the
+    light of the other side.
     """
     texel = points.texels(resolution)
     beside = beside_centres(points.position)
@@ -66,7 +70,7 @@ def display_equations(
     number = np.cumsum(unknown, dtype=np.int32) - np.int32(1)
     count = int(unknown.sum())
 
-    # A point counts if its texel is unknown; then it reads nothing else.
+    # A point counts if its own texel is unknown. All texels that it reads are then unknown.
     point = np.flatnonzero(unknown[texel])
     read, weights = footprints(points.atlas[point], points.position[point], resolution)
     read, weight = _numbered(number, read, weights), points.weight[point].astype(np.float64)
@@ -86,17 +90,20 @@ def display_equations(
 
 
 def _numbered(number: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return the numbers of texels, (m, k); one without weight has that of the texel with the most."""
+    """Return the numbers of texels, (m, k). A texel with weight 0 gets the number of the heaviest one."""
     most = np.take_along_axis(texels, np.abs(weights).argmax(axis=1)[:, None], axis=1)
     numbers: np.ndarray = number[np.where(weights == 0, most, texels)].astype(np.intp)
     return numbers
 
 
 def _seam_sides(seams: Seams, told: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return seams about one side of which points tell, at least.
+    """Return the lookups on both sides of the seams of which samples determine at least one side.
 
-    Texels of both sides, (p, 8) int64, their weights, negative on the second side, and the length that each
-    pair of points stands for, (p,).
+    seams  pairs of points on both sides of seams
+    told   (atlases * r * r,) bool, texels that samples determine
+
+    Returns the texels of both sides, (p, 8) int64, their weights, (p, 8) float64, negative on the second
+    side, and the seam length that each pair represents, (p,), texels.
     """
     first, second = (footprints(seams.atlas[:, side], seams.texel[:, side], resolution) for side in (0, 1))
     known = [(told[texels] & (weights > _TELLS)).any(axis=1) for texels, weights in (first, second)]
@@ -106,7 +113,7 @@ def _seam_sides(seams: Seams, told: np.ndarray, resolution: int) -> tuple[np.nda
 
 
 def _smoothness(sides: np.ndarray, diagonal: np.ndarray) -> EllMatrix:
-    """Return the rows of those neighbours, (s, 2) int64, of which one is hardly known."""
+    """Return smoothness rows for the pairs of neighbours, (s, 2) int64, that samples hardly determine."""
     unknown = 1 - diagonal[sides].min(axis=1) / _KNOWN
     sides, weight = sides[unknown > 0], _SMOOTHNESS * unknown[unknown > 0]
     return EllMatrix(sides, np.sqrt(weight)[:, None] * [1.0, -1.0], len(diagonal))

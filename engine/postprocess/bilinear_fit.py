@@ -1,7 +1,7 @@
-"""The lightmap whose bilinear display is nearest to the light at points, and the same on both sides of seams.
+"""Least-squares fit of texels: the bilinear lightmap nearest to light samples and equal across seams.
 
-Kavan, Bargteil and Sloan, Least Squares Vertex Baking (EGSR 2011), with texels in place of vertices; seams as
-equations: Iwanicki, Lighting Technology of "The Last of Us" (SIGGRAPH 2013).
+Kavan, Bargteil and Sloan, "Least Squares Vertex Baking" (EGSR 2011), with texels instead of vertices. Seam
+equations: Iwanicki, "Lighting Technology of The Last of Us" (SIGGRAPH 2013).
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from .bilinear_equations import display_equations
 from .bounded_cg import BoundedCg
 from .lightmap_points import LightmapPoints
 
-#: Texels may leave the range of the points around them by this part of it.
+#: Overshoot: fraction of the range of the surrounding samples by which a texel may leave that range.
 _OVERSHOOT = 0.02
 
 
 class BilinearFit:
-    """Texels of lightmaps from the light at points.
+    """Fits texels of lightmaps to the light at points, by `BoundedCg` on `BilinearEquations`.
 
-    resolution  width and height of the lightmaps
+    resolution  width and height of each lightmap, texels
     atlases     number of lightmaps
-    points      where the light is known. A texel whose only point is its centre, and that no seam touches,
-                gets the bits of that point's light
-    known       (atlases, r, r) bool, texels that the fit gives a value
+    points      positions of the light samples. A texel with one sample at its centre and no seam keeps that
+                value exactly
+    known       (atlases, r, r) bool, True for texels to which the fit assigns a value
     """
 
     def __init__(self, resolution: int, atlases: int, points: LightmapPoints, seams: Seams) -> None:
@@ -38,10 +38,10 @@ class BilinearFit:
         self.known.ravel()[self._texel] = self.known.ravel()[equations.texel] = True
 
     def images(self, values: np.ndarray) -> np.ndarray:
-        """Return lightmaps of the light at the points, (s, c) float32, as (atlases, r, r, c) float32.
+        """Return the fitted lightmaps, (atlases, r, r, c) float32, of light at the points, (s, c).
 
-        0 where the fit knows nothing. No texel leaves the range of the points around it by more than 2 % of
-        that range, nor the range of all points.
+        Texels that the fit does not determine are 0. A texel leaves the range of the samples around it by at
+        most 2 % of that range, and never leaves the range of all samples.
         """
         images = np.zeros((self.known.size, values.shape[1]), np.float32)
         images[self._texel] = values
@@ -51,7 +51,7 @@ class BilinearFit:
         return images.reshape(*self.known.shape, values.shape[1])
 
     def _fitted(self, values: np.ndarray) -> np.ndarray:
-        """Return the unknowns, (n,) float64, of one channel, (s,)."""
+        """Return the unknowns, (n,) float64, of one channel of the light at the points, (s,) float64."""
         equations = self._equations
         light = values[equations.point]
         right = self._spread(light)
@@ -62,13 +62,13 @@ class BilinearFit:
         return self._solver.solution(right, start, *self._bounds(light))
 
     def _spread(self, light: np.ndarray) -> np.ndarray:
-        """Return the sums of the light of points, (m,), over their footprints, (n,) float64."""
+        """Return A^T W times the light of points, (m,): weighted sums over each unknown, (n,) float64."""
         equations = self._equations
         terms = equations.weights * light[:, None]
         return np.bincount(equations.footprints.ravel(), terms.ravel(), len(equations.texel))
 
     def _bounds(self, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the bounds of the unknowns, two (n,) float64 arrays, for the light of their points."""
+        """Return lower and upper bounds of the unknowns, (n,) float64 each, from light at points, (m,)."""
         order, start, unknown = self._by_unknown
         low, high = np.full(len(self._equations.texel), np.inf), np.full(len(self._equations.texel), -np.inf)
         low[unknown] = np.minimum.reduceat(light[order], start)
@@ -80,7 +80,11 @@ class BilinearFit:
 
     @cached_property
     def _by_unknown(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points ordered by the unknown that they read most of, where each one's start, and which it is."""
+        """Points grouped by the unknown with the largest lookup weight.
+
+        Returns the point order, (m,), the start of each group in it, and the unknown of each group, (k,)
+        each.
+        """
         largest = self._equations.weights.argmax(axis=1)[:, None]
         nearest = np.take_along_axis(self._equations.footprints, largest, axis=1)[:, 0]
         order = np.argsort(nearest, kind="stable")

@@ -1,4 +1,7 @@
-"""Seams that something stands on: light differs on both sides, and shall."""
+"""Filter for UV seams that geometry blocks: both sides keep their own light.
+
+A wall that stands on a seam separates the light of its two sides, so the fit must not make them equal.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +16,18 @@ from ..visibility.rays.ray_scene import RayScene
 from .bilinear import footprints
 from .device_images import DeviceTexels
 
-#: Light on both sides of a seam is another one if it differs by more than this part.
+#: Relative difference of irradiance above which the two sides of a seam have different light (chosen).
 _DIFFERS = 0.25
 
-#: How high above the surface something has to stand between two patches, in parts of their distance.
+#: Height of the visibility rays above the surface, as a fraction of the distance between the two patches
+#: (chosen).
 _ABOVE = 0.1
 
-#: Something may stand where the surface is even: the cosine between the normals of both sides is larger. What
-#: stands there is steep: the cosine between its normal and theirs is less.
+#: Cosines between normals. A seam is tested where its two sides are nearly coplanar (above the first value).
+#: A blocker counts if it is steep against the surface (below the second value).
 _EVEN, _STEEP = 0.9, 0.7
 
-#: Marks of seams in kernels/postprocess/seam_lookups.cl, and of texels.
+#: Bit flags of seams and of texels, as in kernels/seam_lookups.cl.
 _OTHER_LIGHT = 1
 _SURFACE, _KNOWN = 1, 2
 
@@ -36,12 +40,17 @@ def drop_blocked_seams(
     known: np.ndarray,
     hidden: np.ndarray,
 ) -> Seams:
-    """Return seams without those that something stands on which parts the light of both sides, or hides one.
+    """Return the seams without those that geometry blocks.
 
-    parts   the patches, of which `rays` knows the triangles
-    light   what texels show, sum of the channels
-    known   (atlases, r, r) bool, texels that show what is seen of them
-    hidden  (m,) bool, patches that nobody sees, of those on the lightmaps
+    A seam is blocked if a steep face lies between the patches on its two sides. It is also blocked if both
+    patches are invalid and the light differs or is unknown.
+
+    seams   pairs of points on both sides of seams
+    parts   patches of the scene that `rays` traces
+    rays    ray tracer of the scene
+    light   irradiance of each texel, sum of the channels
+    known   (atlases, r, r) bool, texels with valid light
+    hidden  (m,) bool, invalid patches of the user's lightmaps
     """
     if not len(seams):
         return seams
@@ -53,7 +62,7 @@ def drop_blocked_seams(
     both = all_in_rows(beside >= 0)
     some, beside = some[both], beside[both]
 
-    # Where light differs, or nobody sees it, and both patches are inside, that is of what stands between.
+    # Both patches are invalid, so the difference of light comes from the geometry that covers them.
     stands = (marks[some] & _OTHER_LIGHT > 0) & all_in_rows(hidden[beside])
     kept = np.ones(len(seams), bool)
     kept[some] = ~(stands | _something_between(parts, rays, beside))
@@ -61,7 +70,7 @@ def drop_blocked_seams(
 
 
 def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
-    """Return the marks of seams, (p,) uint8, from light and marks of texels, (atlases, r, r) uint8."""
+    """Return the flags of seams, (p,) uint8, from irradiance and flags of texels, (atlases, r, r) uint8."""
     (kernel,) = compute.kernels("seam_lookups.cl", "compare_sides")
     found = zeros(compute, words_of(len(seams)))
     sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
@@ -72,10 +81,10 @@ def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels:
 
 
 def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Return the patch of the texel that each side reads most of, (p, 2) int32, -1 where there is none.
+    """Return the patch of the texel with the largest lookup weight on each side, (p, 2) int32; -1 for none.
 
     entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
-    known    (atlases, r, r) bool: these texels come before others
+    known    (atlases, r, r) bool, texels with valid light, which are preferred
     """
     beside = np.empty((len(seams), 2), np.int32)
     for side in (0, 1):
@@ -88,7 +97,7 @@ def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.
 
 
 def _something_between(parts: PatchScene, rays: RayScene, patches: np.ndarray) -> np.ndarray:
-    """Return whether something steep stands between pairs of patches, (m, 2), as (m,) bool."""
+    """Return a mask, (m,) bool: True if rays between patches, (m, 2) int32, hit a steep face."""
     if not len(patches):
         return np.zeros(0, bool)
     ends = [parts.geometry.part(patches[:, side]) for side in (0, 1)]

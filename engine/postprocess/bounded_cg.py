@@ -1,4 +1,4 @@
-"""Conjugate gradients for least squares whose unknowns have bounds."""
+"""Bound-constrained least squares by preconditioned conjugate gradients (Shewchuk 1994)."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from typing import Protocol
 
 import numpy as np
 
-#: Steps of the first run at most, and of the one with bounds.
+#: Maximum iterations of the unconstrained run and of the run with fixed bounds.
 _STEPS, _FEWER = 20, 6
 
-#: The part of the first residual at which a run ends.
+#: Residual, relative to the initial one, at which a run stops.
 _TOLERANCE = 5e-3
 
 
 class Normal(Protocol):
-    """A part of the matrix of normal equations."""
+    """A symmetric positive semidefinite matrix: one term of the normal equations."""
 
     @property
     def diagonal(self) -> np.ndarray:
         """The diagonal, (n,) float64."""
 
     def times(self, values: np.ndarray) -> np.ndarray:
-        """Return the product with values, (n,) float64."""
+        """Return the product with a vector, (n,) float64."""
 
 
 class BoundedCg:
-    """Solves the normal equations of a sum of matrices.
+    """Solver of normal equations whose matrix is a sum of terms.
 
-    parts  the matrices; their sum is positive definite
+    parts  the terms; their sum must be positive definite
     """
 
     def __init__(self, parts: Sequence[Normal]) -> None:
@@ -36,11 +36,14 @@ class BoundedCg:
         self._inverse = 1 / np.sum([part.diagonal for part in parts], axis=0)
 
     def solution(self, right: np.ndarray, start: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return the unknowns, (n,) float64, near the least squares within bounds.
+        """Return the approximate least-squares solution, (n,) float64, within the bounds.
 
-        right, start, low, high  (n,) float64
+        A first run of conjugate gradients ignores the bounds. Values outside are clamped to their bound and
+        stay fixed in a second run.
 
-        What a run of conjugate gradients leaves out of bounds is held at its bound in a second one.
+        right      (n,) float64, right-hand side
+        start      (n,) float64, initial values
+        low, high  (n,) float64, bounds
         """
         enough = _TOLERANCE**2 * self._energy(right - self._times(start))
         solution = self._run(right, start, np.ones(len(start), bool), enough, _STEPS)
@@ -53,7 +56,12 @@ class BoundedCg:
     def _run(
         self, right: np.ndarray, start: np.ndarray, free: np.ndarray, enough: float, steps: int
     ) -> np.ndarray:
-        """Change the free unknowns by conjugate gradients, preconditioned by the diagonal (Shewchuk 1994)."""
+        """Return the values after conjugate gradient steps on the free unknowns, with Jacobi preconditioning.
+
+        free    (n,) bool, True for unknowns that may change
+        enough  preconditioned squared residual at which the run stops
+        steps   maximum number of iterations
+        """
         solution, residual = start, (right - self._times(start)) * free
         direction = residual * self._inverse
         energy = float(residual @ direction)

@@ -1,10 +1,9 @@
-"""Removes noise from lightmaps with Open Image Denoise, before seams are hidden and gutters filled.
+"""Denoising of lightmaps with Open Image Denoise (OIDN), before the seam fit and the gutter fill.
 
-The filter is made for pictures, in which one surface borders on the next. So the light of each chart is
-divided by its level, charts are grown by a texel, and what is left between them is filled from all sides: the
-filter finds no edges but those of the light within charts. Among many small charts of different brightness it
-would take noise for more of their edges, and keep it. What it changes by far more than noise is detail, and
-stays. Large lightmaps are filtered in windows, which bounds the memory that this takes.
+OIDN is trained on pictures, where surfaces border on each other. Each chart is therefore divided by its
+brightness level and grown by one texel, and the gutters are filled smoothly. This leaves no edges between
+charts that the filter would preserve together with their noise. A change far above the noise level is detail
+and is rejected. Large lightmaps are filtered in overlapping windows, which bounds the memory.
 """
 
 from __future__ import annotations
@@ -28,22 +27,22 @@ from .membrane_fill import MembraneFill
 from .noise_fraction import noise_fraction
 from .texel_charts import TexelCharts
 
-#: Texels at the sides of a window that the filter reads and does not write: how far it looks.
+#: Margin in texels that a window reads but does not write: the receptive field of the filter.
 _MARGIN = 128
 
-#: Greatest width of a window with its margins, texels.
+#: Maximum width of a window with its margins, texels.
 _WINDOW = 2048
 
-#: Mean luminance that the filter expects: a middle grey.
+#: Mean luminance that the filter expects: middle grey.
 _GREY = 0.18
 
 
 class Denoising:
-    """Takes noise out of lightmaps.
+    """Denoiser of lightmaps.
 
-    known     (atlases, r, r) bool, texels that show what is seen of them: no other one is read or changed
-    settings  of the bake
-    warnings  sentences for the user
+    known     (atlases, r, r) bool, texels with valid light; no other texel is read or changed
+    settings  settings of the bake
+    warnings  messages for the user
     reasons   sentences for the report
     """
 
@@ -55,11 +54,12 @@ class Denoising:
     def run(
         self, images: dict[str, np.ndarray], again: IndependentEstimate | None = None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Return images, (atlases, r, r, 3) float32, without noise; yield the fraction done.
+        """Denoise images, (atlases, r, r, 3) float32, by name; yield the fraction done.
 
-        If the library is missing or fails, a warning says so and the images are returned as they are.
+        If the library is missing or fails, adds a warning and returns the images unchanged.
 
-        again: tells how much of what the filter changes is noise; it is guessed without one
+        again  independent estimate that weights the changes; without one, the weight comes from the noise
+               level
         """
         try:
             device = self._device()
@@ -74,7 +74,7 @@ class Denoising:
             return images
 
     def _device(self) -> DenoiseDevice:
-        """Return the chosen device, or the processor where that is not there."""
+        """Return the chosen OIDN device, or the CPU with a warning if that device fails."""
         library = DenoiseLibrary(_library(self._settings))
         chosen = self._settings.denoise_device
         if chosen != "cpu":
@@ -90,7 +90,7 @@ class Denoising:
     def _filtered(
         self, device: DenoiseDevice, images: dict[str, np.ndarray], again: IndependentEstimate | None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Filter every window of every image; black ones stay black."""
+        """Filter each window of each image; skip images that are black."""
         windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
         lit = {name: image for name, image in images.items() if image[self._known].any()}
         if not lit:
@@ -123,14 +123,15 @@ class Denoising:
         noise: np.ndarray,
         again: IndependentEstimate | None,
     ) -> np.ndarray:
-        """Return the light of known texels, (k, 3) float32, changed as far as the change is noise.
+        """Return light of known texels, (k, 3) float32, with the noise part of the change removed.
 
-        noise: (k, 1) float32, the part of each change that is; the same for all images, which belong together
+        noise  (k, 1) float32, fraction of each change that is noise, shared by all images
         """
         before, after = image[self._known], filtered[self._known]
         light = before + noise * (after - before)
         if again is not None and name in again.images:
-            # Noise that is left becomes less by the rays of the second look.
+            # Average with the independent estimate where the filter's change is rejected: more samples, less
+            # noise.
             there = again.centres[self._known, None]
             light += again.part * (1 - noise) * there * (again.images[name][self._known] - before)
         return light
@@ -142,7 +143,7 @@ class Denoising:
         charts: TexelCharts,
         again: IndependentEstimate | None,
     ) -> np.ndarray:
-        """Return the part of the change of each known texel that is noise, (k,) float32 of [0, 1]."""
+        """Return the fraction of each known texel's change that is noise, (k,) float32 in [0, 1]."""
         name = next((name for name in again.images if name in images), None) if again is not None else None
         if again is None or name is None:
             noisy, quiet = (
@@ -154,16 +155,16 @@ class Denoising:
         return denoise_weight(light, filtered[name][self._known], seen, charts)
 
     def _product(self, image: np.ndarray, factors: np.ndarray) -> np.ndarray:
-        """Return an image whose known texels are multiplied by factors, (k, 3); others keep their bits."""
+        """Return a copy of the image whose known texels are multiplied by factors, (k, 3)."""
         product = image.copy()
         product[self._known] *= factors
         return product
 
 
 class _Gutters:
-    """Fills what is no chart: a ring of texels as the chart beside it, then a membrane over all charts.
+    """Fill of everything outside charts: one dilated ring, then a membrane across all charts.
 
-    known  (h, w) bool
+    known  (h, w) bool, texels of charts
     """
 
     def __init__(self, known: np.ndarray) -> None:
@@ -171,17 +172,17 @@ class _Gutters:
         self._fills = Dilation(known, 1), MembraneFill(extended, np.ones_like(extended))
 
     def fill(self, image: np.ndarray) -> None:
-        """Fill a contiguous (h, w, 3) float32 image."""
+        """Fill a contiguous (h, w, 3) float32 image in place."""
         for fill in self._fills:
             fill.fill(image)
 
 
 class _Window(NamedTuple):
-    """A part of a lightmap.
+    """Window of one lightmap.
 
-    whole  what the filter reads, of all lightmaps
-    core   what it writes, of all lightmaps; the cores of all windows make up all texels
-    inner  the core, of the window
+    whole  atlas, rows and columns that the filter reads
+    core   atlas, rows and columns that it writes; the cores of all windows tile the lightmaps
+    inner  rows and columns of the core relative to the window
     """
 
     whole: tuple[int, slice, slice]
@@ -190,7 +191,7 @@ class _Window(NamedTuple):
 
 
 def _windows(shape: tuple[int, ...]) -> Iterator[_Window]:
-    """Yield windows, all of one size, of square lightmaps in a shape of (atlases, r, r)."""
+    """Yield windows of equal size that cover square lightmaps of shape (atlases, r, r)."""
     atlases, resolution, _ = shape
     for atlas, rows, columns in product(range(atlases), _spans(resolution), _spans(resolution)):
         whole, core = (atlas, rows[0], columns[0]), (atlas, rows[1], columns[1])
@@ -199,7 +200,7 @@ def _windows(shape: tuple[int, ...]) -> Iterator[_Window]:
 
 
 def _spans(size: int) -> list[tuple[slice, slice]]:
-    """Return the windows along one axis: what each reads, and what it writes of that."""
+    """Return, for each window along one axis, the slice that it reads and the slice that it writes."""
     width = min(size, _WINDOW)
     count = 1 if size <= width else math.ceil((size - 2 * _MARGIN) / (width - 2 * _MARGIN))
     starts = [min(number * (width - 2 * _MARGIN), size - width) for number in range(count)]
@@ -211,9 +212,9 @@ def _spans(size: int) -> list[tuple[slice, slice]]:
 
 
 def _scale(texels: np.ndarray) -> np.float32:
-    """Return what light, (n, 3), is multiplied with so that its luminance is grey on (geometric) average.
+    """Return the exposure that maps the geometric mean luminance of light, (n, 3), to middle grey.
 
-    That is the exposure which the filter would choose by itself, for all windows the same.
+    OIDN would choose the same exposure by itself, but separately for each window.
     """
     light = luminance(texels)
     lit = light[light > 0].astype(np.float64)
@@ -221,7 +222,7 @@ def _scale(texels: np.ndarray) -> np.float32:
 
 
 def _library(settings: Settings) -> Path:
-    """Return the file of the library; raises DenoiseError if there is none."""
+    """Return the path of the OIDN library; raise DenoiseError if there is none."""
     path = Path(settings.denoise_library) if settings.denoise_library else library_of_packages()
     if path is None:
         raise DenoiseError(f"There is no Open Image Denoise. {REMEDY}.")

@@ -1,4 +1,4 @@
-"""The equations of `display_equations`, set up on the OpenCL device."""
+"""OpenCL version of `display_equations`, the least-squares equations of the texel values."""
 
 from __future__ import annotations
 
@@ -15,28 +15,30 @@ _NAMES = (
     "smooth_links", "seam_rows", "list_entries", "order_entries",
 )  # fmt: skip
 
-#: Neighbours of a texel and itself; texels that both sides of a seam read.
+#: Links of a texel (itself and its eight neighbours), and texels that both sides of a seam read.
 _LINKS, _CORNERS = 9, 8
 
 
 class DeviceBilinearEquations:
-    """Equations of those texels that have more to show than the light in their centre.
+    """Equations of the texels whose value is not just the light at their centre, on the device.
 
-    resolution  width and height of the lightmaps
-    size        texels of all of them
-    centres     (atlases, r, r) bool, texels whose light is known at their centre
-    beside      points elsewhere, ordered by the texels that they lie in
+    resolution  width and height of the lightmaps, texels
+    size        number of texels of all lightmaps
+    centres     (atlases, r, r) bool, texels with a light sample at their centre
+    beside      off-centre samples, ordered by the texel in which they lie
+    texel       (n,) uint32, flat index of each unknown, on the host
 
-    Everything else lies on the device:
-    texels      uint of each unknown, its flat index
-    centre      uchar of each texel, `centres`
-    ranges      int2 of each unknown, which points lie in it
-    neighbours, factors  9 planes of int and float, see kernels/postprocess/bilinear_equations.cl
-    linked      uint of each unknown, what each link stands for
-    columns, entries     int8 and float8 of each seam, the unknowns that it reads and their factors
-    starts      int of each unknown and one more, where its part of the two lists begins
-    read_by, shares      int and float, a seam that reads the unknown, and its factor
-    inverse     float of each unknown, of the diagonal
+    Device buffers:
+
+    texels               uint for each unknown, flat index
+    centre               uchar for each texel, `centres`
+    ranges               int2 for each unknown, first and last sample inside it
+    neighbours, factors  9 planes of int and float for each unknown, see kernels/bilinear_equations.cl
+    linked               uint for each unknown, flags of its links
+    columns, entries     int8 and float8 for each seam, the unknowns that it reads and their factors
+    starts               int for each unknown plus one, offsets into `read_by` and `shares`
+    read_by, shares      int and float for each entry, a seam that reads the unknown, and its factor
+    inverse              float for each unknown, inverse of the diagonal
     """
 
     def __init__(
@@ -62,7 +64,7 @@ class DeviceBilinearEquations:
             self._join_seams()
 
     def _uploaded(self, values: np.ndarray, dtype: type[np.generic]) -> cl.Buffer:
-        """Return numbers on the device; buffers have one at least."""
+        """Upload an array; an empty one becomes a small buffer, as OpenCL has no empty buffers."""
         return upload(self._compute, values.astype(dtype, copy=False) if len(values) else np.zeros(8, dtype))
 
     def _read(self, buffer: cl.Buffer, count: int) -> np.ndarray:
@@ -73,7 +75,7 @@ class DeviceBilinearEquations:
             self._compute.run(self._kernels[name], count, *arguments, np.int32(count))
 
     def _marked(self, size: int) -> cl.Buffer:
-        """Return the marks of all texels."""
+        """Return the flags of all texels, which tell whether samples or seams read them."""
         marks, self._counts = zeros(self._compute, 4 * size), zeros(self._compute, words_of(self.seams))
         resolution = np.int32(self.resolution)
         self._run("mark_points", self.points, self.positions, self._owners, marks, resolution)
@@ -89,7 +91,7 @@ class DeviceBilinearEquations:
         return np.flatnonzero(download_bytes(self._compute, unknown, size).view(bool)).astype(np.uint32)
 
     def _number(self, size: int) -> None:
-        """Number the unknowns, and find the points in each."""
+        """Number the unknowns and find the range of samples inside each."""
         self.texels = upload(self._compute, self.texel)
         self._numbers = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 4 * size)
         self.ranges = zeros(self._compute, 8 * self.count)
@@ -97,7 +99,7 @@ class DeviceBilinearEquations:
         self._run("find_points", self.points, self._owners, self._numbers, self.ranges)
 
     def _link(self, marks: cl.Buffer) -> None:
-        """Link each unknown to those around it, by points and by smoothness."""
+        """Link each unknown to its neighbours, by sample equations and smoothness."""
         planes = 4 * _LINKS * self.count
         self.neighbours, self.factors = (zeros(self._compute, planes) for _ in range(2))
         self.linked, diagonal = (zeros(self._compute, 4 * self.count) for _ in range(2))
@@ -112,7 +114,7 @@ class DeviceBilinearEquations:
         )  # fmt: skip
 
     def _join_seams(self) -> None:
-        """Make the rows of seams, and list for each unknown those that read it."""
+        """Build the seam rows and list for each unknown the rows that read it."""
         compute = self._compute
         self.columns, self.entries = (zeros(compute, 4 * _CORNERS * max(1, self.seams)) for _ in range(2))
         uses = zeros(compute, 4 * self.count)

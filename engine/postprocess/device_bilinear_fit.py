@@ -1,4 +1,7 @@
-"""`BilinearFit` on the OpenCL device: all channels of several images at once, in float32 of scaled light."""
+"""OpenCL version of `BilinearFit`: all channels of several images at once, in float32.
+
+Light is divided by its largest value, so that sums of squares stay in the range of float32.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +20,20 @@ _NAMES = (
     "clamp_bounds", "keep_texels",
 )  # fmt: skip
 
-#: Steps of the first run at most, and of the one with bounds; after so many it is looked whether it is done.
+#: Maximum iterations of the unconstrained and the bounded run, and iterations between tests for convergence.
 _STEPS, _FEWER, _LOOK = 20, 6, 4
 
-#: Work items of a group, and of the one that adds up what groups have.
+#: Work items of a reduction group, and of the group that adds up the partial sums.
 _GROUP, _ADDING = 64, 256
 
-#: What `add_up` makes of sums, as in kernels/postprocess/bilinear_fit.cl.
+#: Results that kernel `add_up` derives from sums, as in kernels/bilinear_fit.cl.
 _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
 
 
 class DeviceBilinearFit:
-    """Texels from the light at points; see `BilinearFit`.
+    """Least-squares fit of texels to light at points; see `BilinearFit`.
 
-    tight: whether a texel is no brighter than the points nearest to it, where it has some, and not than those
-    around it
+    tight  True if no texel may exceed its nearest samples, or the surrounding samples where it has none
     """
 
     def __init__(
@@ -52,7 +54,7 @@ class DeviceBilinearFit:
         self._reserve(1)
 
     def _reserve(self, images: int) -> None:
-        """Have memory for so many images; kernels write most of it before they read it."""
+        """Allocate buffers for the given number of images; kernels write most of them before they read."""
         compute, count, seams = self._compute, int(self._count), max(1, self._equations.seams)
         names = ("right", "solution", "residual", "direction", "change", "low", "high")
         self._images, self._vectors = images, {name: self._buffer(16 * count * images) for name in names}
@@ -62,30 +64,31 @@ class DeviceBilinearFit:
         self._sums = self._buffer(16 * self._groups * images)
 
     def _buffer(self, size: int) -> cl.Buffer:
-        """Return a buffer of `size` bytes whose contents are undefined."""
+        """Return a buffer of `size` bytes with undefined contents."""
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
 
     def fit(self, images: cl.Buffer, light: cl.Buffer, largest: Sequence[float]) -> None:
-        """Give the unknown texels of images their values.
+        """Write the fitted values of the unknown texels into images.
 
-        images   float4 of each texel; those whose centre counts have its light
-        light    float4 of each point beside centres, one image after the other
-        largest  of each image, of all absolute values
+        images   float4 for each texel; texels with a centre sample hold its light
+        light    float4 for each off-centre sample, one image after the other
+        largest  largest absolute value of each image
         """
         scales, solution = self._solve(images, light, largest), self._vectors["solution"]
         self._run("keep_texels", self._equations.texels, solution, scales, images, self._size)
 
     def unknowns(self, light: cl.Buffer, largest: float) -> np.ndarray:
-        """Return the values of the unknown texels of one image, (n, 3) float32, where no centre counts.
+        """Return the fitted values of the unknowns of one image without centre samples, (n, 3) float32.
 
-        light: float4 of each point; largest: of all absolute values
+        light    float4 for each sample
+        largest  largest absolute value
         """
         scales, solution = self._solve(light, light, [largest]), self._vectors["solution"]
         scale = download(self._compute, scales, (2,))[0]
         return scale * download(self._compute, solution, (int(self._count), 4))[:, :3]
 
     def _solve(self, images: cl.Buffer, light: cl.Buffer, largest: Sequence[float]) -> cl.Buffer:
-        """Find the solution of scaled light; return the scales of each image and their inverses, float2."""
+        """Solve for the scaled light; return the scale and its inverse for each image, float2."""
         if len(largest) != self._images:
             self._reserve(len(largest))
         scale = np.array([value if value > 0 else 1 for value in largest], np.float32)
@@ -111,7 +114,7 @@ class DeviceBilinearFit:
             self._compute.run(self._kernels[name], count, *arguments, layers=self._images)
 
     def _summed(self, name: str, made: np.int32, *arguments: object) -> None:
-        """Run a kernel that sums over unknowns; make a number of the run of it."""
+        """Run a kernel with partial sums over the unknowns, then reduce them to the scalar `made`."""
         local = cl.LocalMemory(16 * self._group)
         size = (self._groups * self._group, self._images)
         queue = self._compute.queue
@@ -122,7 +125,10 @@ class DeviceBilinearFit:
         )  # fmt: skip
 
     def _start(self, images: cl.Buffer, light: cl.Buffer, scales: cl.Buffer) -> None:
-        """Start at the mean of points, carried to texels that none reads; find the ranges of points."""
+        """Compute the initial values and the sample ranges.
+
+        The start is the mean of the samples in a texel, propagated to texels without samples.
+        """
         equations, vectors = self._equations, self._vectors
         reached, resolution = self._held, np.int32(equations.resolution)
         self._run(
@@ -142,7 +148,7 @@ class DeviceBilinearFit:
         )  # fmt: skip
 
     def _bound(self) -> None:
-        """Find the bounds of the unknowns; the ranges of their own points are in two vectors of a run."""
+        """Compute the bounds of the unknowns; buffers `residual` and `direction` hold the sample ranges."""
         equations, vectors = self._equations, self._vectors
         own, bounds = (vectors["residual"], vectors["direction"]), (vectors["low"], vectors["high"])
         seams = self._products, self._more_products
@@ -157,7 +163,7 @@ class DeviceBilinearFit:
         self._run("bound", *listed, *seams, self._all_points, *nearest, *bounds, self._rows_of_seams)
 
     def _descend(self, first: bool, steps: int) -> None:
-        """Run conjugate gradients of what is not held, preconditioned by the diagonal (Shewchuk 1994)."""
+        """Run Jacobi-preconditioned conjugate gradients (Shewchuk 1994) on unknowns not clamped."""
         vectors, inverse, run = self._vectors, self._equations.inverse, self._run_numbers
         solution, residual, direction = (vectors[name] for name in ("solution", "residual", "direction"))
         if first:
@@ -181,11 +187,11 @@ class DeviceBilinearFit:
             self._run("cg_direction", inverse, residual, run, direction)
 
     def _difference(self, values: cl.Buffer) -> None:
-        """Find what the sides of seams differ by in some values of the unknowns."""
+        """Compute the residuals of the seam rows for a vector of the unknowns."""
         equations = self._equations
         self._run_seams("differences", equations.columns, equations.entries, values, self._products)
 
     def _done(self) -> bool:
-        """Return whether every channel of every image has little energy left."""
+        """Return True if the residual of every channel of every image is below its tolerance."""
         numbers = download(self._compute, self._run_numbers, (self._images, 4, 4))
         return bool((numbers[:, _ENERGY] <= numbers[:, _ENOUGH]).all())

@@ -1,4 +1,4 @@
-"""The maps of `directional_maps` made on the OpenCL device."""
+"""OpenCL version of `directional_maps`."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..visibility.rays.receiver_records import RECEIVER
 
 
 class DeviceDirectionalMaps:
-    """Where the light of n points comes from; see `directional_maps.maps_of_directions`.
+    """Directional maps of n points; see `directional_maps.maps_of_directions`.
 
-    gathered    L1 of the light that points gather
+    gathered    L1 of gathered light, on the device
     irradiance  (n, 3) float32, E/pi
-    sampled     (n, 3, 3) float32, L1 of the light that shadow rays sample
+    sampled     (n, 3, 3) float32, L1 of light from shadow rays: axis, then RGB
     """
 
     def __init__(self, gathered: DeviceL1, irradiance: np.ndarray, sampled: np.ndarray) -> None:
@@ -26,20 +26,20 @@ class DeviceDirectionalMaps:
         self._given = rows, np.int32(stride), axes, gathered.buffer
 
     def tilted(self) -> list[DeviceArray]:
-        """Return L0 and L1 along x, y and z; see `directional_maps.directional_maps`."""
+        """Return L0 and the x, y and z components of L1; see `directional_maps.directional_maps`."""
         return self._made("tilted_maps", 4, self._receivers)
 
     def dominant(self) -> DeviceArray:
-        """Return where most light comes from; see `directional_maps.dominant_direction`."""
+        """Return the dominant direction; see `directional_maps.dominant_direction`."""
         (direction,) = self._made("dominant_direction", 1)
         return direction
 
     def projected(self) -> list[DeviceArray]:
-        """Return SH L0 and SH L1 along x, y and z; see `directional_maps.projected_maps`."""
+        """Return SH L0 and the x, y and z components of SH L1; see `directional_maps.projected_maps`."""
         return self._made("projected_maps", 4, self._receivers)
 
     def _made(self, name: str, maps: int, *arguments: cl.Buffer) -> list[DeviceArray]:
-        """Return the maps of a kernel."""
+        """Run a kernel and return its `maps` outputs, (n, 3) float32 each."""
         compute, count = self._compute, self._count
         (kernel,) = compute.kernels((RECEIVER, "directional_maps.cl"), name)
         buffers = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count) for _ in range(maps)]

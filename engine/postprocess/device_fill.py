@@ -1,4 +1,4 @@
-"""`Dilation` and `MembraneFill` on the OpenCL device."""
+"""OpenCL version of `Dilation` and `MembraneFill`."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ _NAMES = (
     "relax", "fill_small",
 )  # fmt: skip
 
-#: Relaxations at each scale: an even number, after which they are back in the image.
+#: Jacobi relaxations at each scale; an even number, so that the result ends in the image's own buffer.
 _RELAXATIONS = 4
 
-#: Sides of images up to this one are filled at all coarser scales by one kernel, and its work items for each.
+#: Image width up to which one kernel fills all coarser scales, and its work items for each image.
 _SMALL, _GROUP = 32, 256
 
 
 class _Scale(NamedTuple):
-    """One scale of the images.
+    """One scale of the image pyramid.
 
     shape   atlases, height, width
-    states  uchar of each texel, see kernels/postprocess/gutter_fill.cl
+    states  uchar for each texel, see kernels/gutter_fill.cl
     """
 
     shape: tuple[int, int, int]
@@ -35,13 +35,13 @@ class _Scale(NamedTuple):
 
 
 class DeviceFill:
-    """Fills unknown texels of images.
+    """Fill of unknown texels: rings of dilation, then a multigrid membrane.
 
     known    (atlases, r, r) bool, texels that keep their bits
-    surface  (atlases, r, r) bool, those of them that lie on a chart
+    surface  (atlases, r, r) bool, known texels that lie on a chart
     inside   (atlases, r, r) bool, texels that are filled at any distance
-    rings    that grow from known texels, each with the mean of its neighbours, on charts where there are some
-    reach    how far texels are filled, smoothly beyond the rings; others are 0
+    rings    number of dilation rings; a new texel is the mean of its chart neighbours, else of known ones
+    reach    distance in texels up to which texels are filled; farther texels are 0
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class DeviceFill:
         self._reserve(1)
 
     def _reserve(self, outputs: int) -> None:
-        """Have memory for the images of so many outputs."""
+        """Allocate buffers for the images of `outputs` outputs."""
         self._outputs = outputs
         self._relaxed = self._buffer(16 * outputs, self._scales[0].shape)
         self._coarse = [self._buffer(16 * outputs, scale.shape) for scale in self._scales[1:]]
@@ -81,7 +81,7 @@ class DeviceFill:
         self._small = [self._buffer(size, (images, texels)) for size in (1, 16)]
 
     def fill(self, image: cl.Buffer, outputs: int) -> None:
-        """Fill the images of some outputs, one after the other, float4 of each texel."""
+        """Fill the images of `outputs` outputs in place, one after the other, float4 for each texel."""
         if outputs != self._outputs:
             self._reserve(outputs)
         for ring in range(1, self._rings + 1):
@@ -99,7 +99,7 @@ class DeviceFill:
             self._extend(index, images[index], images[index + 1])
 
     def _fill_small(self, image: cl.Buffer) -> None:
-        """Fill the images of the coarsest scale, by coarser ones of its own."""
+        """Fill the images of the coarsest stored scale; one kernel handles all coarser scales."""
         scale, (group,) = self._scales[-1], self._kernels["fill_small"].group(_GROUP)
         atlases = scale.shape[0]
         sizes = (_RELAXATIONS, self._texels, atlases, scale.shape[2], scale.shape[1])
@@ -109,7 +109,7 @@ class DeviceFill:
         )  # fmt: skip
 
     def _extend(self, index: int, image: cl.Buffer, coarse: cl.Buffer) -> None:
-        """Fill the unknown texels of one scale from the coarser one, and relax them."""
+        """Interpolate the unknown texels of one scale from the coarser one, then relax them."""
         scale, coarser = self._scales[index : index + 2]
         self._fill("prolongate", scale.shape, scale.states, coarse, *_sides(coarser), image)
         images = image, self._relaxed
@@ -126,7 +126,7 @@ class DeviceFill:
         self._scales.append(scale)
 
     def _buffer(self, size: int, shape: tuple[int, ...]) -> cl.Buffer:
-        """Return `size` bytes for each texel."""
+        """Return a buffer of `size` bytes for each texel."""
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size * int(np.prod(shape)))
 
     def _run(self, name: str, shape: tuple[int, ...], *arguments: object) -> None:
@@ -140,7 +140,7 @@ class DeviceFill:
 
 
 def _coarser_texels(height: int, width: int) -> int:
-    """Return the number of texels of all coarser scales of an image, down to a single one."""
+    """Return the number of texels of all coarser scales of an image, down to one texel."""
     texels = 0
     while max(height, width) > 1:
         height, width = (height + 1) // 2, (width + 1) // 2
@@ -149,5 +149,5 @@ def _coarser_texels(height: int, width: int) -> int:
 
 
 def _sides(scale: _Scale) -> tuple[np.int32, np.int32]:
-    """Return width and height of a scale's images."""
+    """Return the width and height of the images of a scale."""
     return np.int32(scale.shape[2]), np.int32(scale.shape[1])

@@ -1,4 +1,4 @@
-"""`FinalImages` on the OpenCL device: the host hands over texels and gets finished images."""
+"""OpenCL version of `FinalImages`: takes texel values and returns finished images."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .lightmap_points import LightmapPoints
 
 
 class DeviceFinalImages:
-    """Lightmaps of the user's from the light at points; see `FinalImages`.
+    """Final lightmaps from light at points; see `FinalImages`.
 
-    centres    (atlases, r, r) bool, texels whose light is known at their centre
-    beside     points elsewhere, ordered by the texels that they lie in
+    centres  (atlases, r, r) bool, texels with a light sample at their centre
+    beside   off-centre samples, ordered by the texel in which they lie
     """
 
     def __init__(
@@ -45,10 +45,10 @@ class DeviceFinalImages:
         self._images = DeviceImages(compute, centres, fill)
 
     def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return lightmaps, (atlases, r, r, 3) float32.
+        """Return the final lightmaps, (atlases, r, r, 3) float32.
 
-        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
-        values  (s, 3) or (s, 1) float32, light of the points beside centres
+        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light at texel centres
+        values  (s, 3) or (s, 1) float32, light at the off-centre points
         """
         shown = texels_of(self._compute, texels)
         some = values if len(values) else np.zeros((1, 3), np.float32)
@@ -59,13 +59,14 @@ class DeviceFinalImages:
 
     @property
     def most(self) -> int:
-        """Outputs whose images fit in the memory that they may take."""
+        """Number of outputs whose images fit into the memory limit together."""
         return self._images.most
 
     def images_of(self, outputs: Sequence[DeviceTexels], light: cl.Buffer) -> np.ndarray:
-        """Return lightmaps of several outputs, (outputs, atlases, r, r, 3) float32.
+        """Return the final lightmaps of several outputs, (outputs, atlases, r, r, 3) float32.
 
-        light: of the points beside centres, float4, one output after the other
+        outputs  light at texel centres of each output
+        light    float4 for each off-centre point, one output after the other
         """
         self._images.load(outputs)
         if self._fit is not None:

@@ -1,4 +1,4 @@
-"""Lightmaps on the OpenCL device: from patches' values to texels, and to images whose gutters are filled."""
+"""Lightmap images on the OpenCL device: patch values to texels, and fill of unknown texels."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from .device_fill import DeviceFill
 
 _SOURCE = "images.cl"
 
-#: No texel, in kernels/postprocess/images.cl.
+#: Texel index for "no texel" in kernels/images.cl.
 NOWHERE = 0xFFFFFFFF
 
-#: Images of several outputs that are made together take this much memory of the device, bytes, three times.
+#: Memory limit in bytes for each of the three image buffers of outputs that are made together.
 _MEMORY = 1 << 28
 
 
-#: Values that a work item looks at for the largest, as in kernels/postprocess/images.cl.
+#: Values that each work item of the maximum reduction reads, as in kernels/images.cl.
 _EACH = 64
 
 
 def texels_of(compute: ComputeDevice, texels: np.ndarray) -> DeviceTexels:
-    """Return what texels show for themselves, (..., c) float32, on the device."""
+    """Upload texel values, (..., c) float32."""
     buffer, channels, largest = upload(compute, texels), texels.shape[-1], MaxReduction(compute)
     largest.take(buffer, channels, channels, texels.size // channels)
     return DeviceTexels(compute, buffer, channels, largest)
 
 
 class DeviceImages:
-    """Images of several outputs, float4 of each texel on the device, whose unknown texels are filled.
+    """Images of several outputs on the device, float4 for each texel.
+
+    The host transfers rows of texels without padding.
 
     known  (atlases, r, r) bool, texels that are loaded
-    fill   fills what is not known by then
-    most   outputs that fit in the memory that their images may take
-
-    The host hands over and gets texels in a row in memory.
+    fill   fills the other texels
+    most   number of outputs whose images fit into the memory limit
     """
 
     def __init__(self, compute: ComputeDevice, known: np.ndarray, fill: DeviceFill) -> None:
@@ -50,7 +50,7 @@ class DeviceImages:
         self.most = max(1, _MEMORY // (16 * known.size))
 
     def load(self, outputs: Sequence[DeviceTexels]) -> None:
-        """Take the known texels of some outputs."""
+        """Load the known texels of some outputs."""
         size = 16 * int(self._count)
         if len(outputs) != self._outputs:
             flags, self._outputs = cl.mem_flags.READ_WRITE, len(outputs)
@@ -62,7 +62,7 @@ class DeviceImages:
             )  # fmt: skip
 
     def filled(self) -> np.ndarray:
-        """Fill the others; return the images, (outputs, atlases, r, r, 3) float32."""
+        """Fill the other texels and return the images, (outputs, atlases, r, r, 3) float32."""
         compute, count, outputs = self._compute, int(self._count), self._outputs
         self._fill.fill(self.buffer, outputs)
         packed = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count * outputs)
@@ -71,10 +71,10 @@ class DeviceImages:
 
 
 class DeviceTexels:
-    """What texels show for themselves, on the device.
+    """Texel values of one output on the device, before the fill.
 
-    buffer    float of each texel and channel
-    channels  of each texel
+    buffer    float for each texel and channel
+    channels  1 or 3
     """
 
     def __init__(
@@ -85,13 +85,13 @@ class DeviceTexels:
 
     @property
     def largest(self) -> float:
-        """No value is larger, nor a negative one."""
+        """An upper bound of the absolute values."""
         return self._largest.value
 
     def put(self, places: cl.Buffer, light: cl.Buffer, count: int) -> None:
-        """Let `count` texels show other light, float4, but for those that no light is put in.
+        """Write light, float4, into `count` texels; skip entries with index `NOWHERE`.
 
-        places: uint32, flat indices, `NOWHERE` for the latter, whose light is 0
+        places  uint32, flat texel indices or `NOWHERE`; the light of the latter must be 0
         """
         self._compute.run(
             self._put, count, places, light, np.int32(self.channels), self.buffer, np.uint32(count)
@@ -99,42 +99,42 @@ class DeviceTexels:
         self._largest.take(light, 4, self.channels, count)
 
     def put_rows(self, chosen: np.ndarray, values: np.ndarray) -> None:
-        """Let some texels, (k,) flat indices, show other values, (k, c) float32."""
+        """Write values, (k, c) float32, into texels with flat indices (k,)."""
         if len(chosen):
             colors = np.broadcast_to(values, (len(values), 3))
             places = upload(self._compute, chosen.astype(np.uint32))
             self.put(places, upload_float4(self._compute, colors), len(chosen))
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
-        """Return what some texels, (k,) flat indices, show, (k, c) float32."""
+        """Return the values, (k, c) float32, of texels with flat indices (k,)."""
         light = download(self._compute, light_at(self._compute, [self], chosen), (len(chosen), 4))
         return light[:, : self.channels]
 
     def shown_with(self, light: cl.Buffer, count: int) -> None:
-        """Be shown with light of so many points beside centres, float4."""
+        """Include the light of `count` off-centre points, float4, in the upper bound."""
         self._largest.take(light, 4, 3, count)
 
 
 class MaxReduction:
-    """The largest absolute value of all that it has taken."""
+    """Maximum reduction: largest absolute value of all arrays passed to it."""
 
     def __init__(self, compute: ComputeDevice) -> None:
         self._compute, self._found = compute, zeros(compute, 4)
         (self._kernel,) = compute.kernels(_SOURCE, "largest_value")
 
     def take(self, values: cl.Buffer, stride: int, channels: int, count: int) -> None:
-        """Take float of `count` rows that are `stride` apart."""
+        """Include `count` rows of float, `stride` apart."""
         sizes = np.int32(stride), np.int32(channels), np.uint32(count * channels)
         self._compute.run(self._kernel, -(-count * channels // _EACH), values, *sizes, self._found)
 
     @property
     def value(self) -> float:
-        """Return it; 0 of nothing."""
+        """The largest absolute value; 0 before any value."""
         return float(download(self._compute, self._found, (1,))[0])
 
 
 def light_at(compute: ComputeDevice, outputs: Sequence[DeviceTexels], chosen: np.ndarray) -> cl.Buffer:
-    """Return what some texels, (k,) flat indices, show of each output, float4, one output after the other."""
+    """Return texel values of each output at flat indices (k,), float4, one output after the other."""
     count = np.uint32(len(chosen))
     light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, len(chosen) * len(outputs)))
     if len(chosen):
@@ -147,9 +147,9 @@ def light_at(compute: ComputeDevice, outputs: Sequence[DeviceTexels], chosen: np
 
 
 class DevicePatches:
-    """Where patches are on the lightmaps.
+    """Map from patches to the texels of the lightmaps, on the device.
 
-    entries  (atlases, r, r) uint32, the patch + 1 that each texel shows, 0 for none
+    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
     """
 
     def __init__(self, compute: ComputeDevice, entries: np.ndarray) -> None:
@@ -158,7 +158,7 @@ class DevicePatches:
         self._entries = upload(compute, entries)
 
     def texels(self, values: Values) -> DeviceTexels:
-        """Return what texels show of the patches' values, (n, c) float32; 0 elsewhere."""
+        """Return texels with the values of their patches, (n, c) float32; 0 where there is no patch."""
         compute = self._compute
         rows, stride = rows_on_device(compute, values)
         channels = values.channels if isinstance(values, DeviceArray) else values.shape[1]
@@ -171,6 +171,6 @@ class DevicePatches:
         return DeviceTexels(compute, texels, channels, largest)
 
     def images(self, values: Values) -> np.ndarray:
-        """Return the same as (atlases, r, r, c) float32 of the host."""
+        """Return the same on the host, (atlases, r, r, c) float32."""
         texels = self.texels(values)
         return download(self._compute, texels.buffer, (*self._shape, texels.channels))

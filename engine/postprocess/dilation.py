@@ -1,4 +1,4 @@
-"""Grows charts into the empty texels around them, so that interpolation meets no black (paper, VI.B)."""
+"""Dilation of charts into empty texels, so that bilinear lookups at borders read no black (paper, VI.B)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ _NEIGHBOURS = np.array([(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if (d
 
 
 class Dilation:
-    """Fills unknown texels one ring at a time, each with the mean of its known neighbours.
+    """Fill of unknown texels ring by ring, each with the mean of its known neighbours.
+
+    The neighbours are computed once; `fill` may be called for the image of each iteration.
 
     known    (h, w) bool, texels that keep their bits
     texels   number of rings
-    surface  (h, w) bool, known texels that lie on a chart, all by default. A texel beside some has the
-             mean of these alone: a gutter texel that was fitted to one chart is no light of the next
-
-    The neighbours are found once; `fill` may be called for every iteration's image.
+    surface  (h, w) bool, known texels that lie on a chart; all of `known` by default. A texel with such
+             neighbours averages only these, since the other known texels may be fitted to another chart
     """
 
     def __init__(self, known: np.ndarray, texels: int, surface: np.ndarray | None = None) -> None:
@@ -38,7 +38,7 @@ class Dilation:
 
 
 def grown(mask: np.ndarray) -> np.ndarray:
-    """Return the mask grown by one texel in all eight directions."""
+    """Return the mask dilated by one texel in all eight directions."""
     rows = mask.copy()
     rows[1:] |= mask[:-1]
     rows[:-1] |= mask[1:]
@@ -51,7 +51,7 @@ def grown(mask: np.ndarray) -> np.ndarray:
 def _ring_neighbours(
     ring: np.ndarray, known: np.ndarray, surface: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the ring's flat indices, their (t, 8) neighbours and the (t, 8) float32 weights."""
+    """Return a ring's flat indices, (t,), its eight neighbours, (t, 8), and their weights, (t, 8) float32."""
     height, width = known.shape
     y, x = (start[:, None] + step for start, step in zip(np.divmod(ring, width), _NEIGHBOURS.T, strict=True))
     inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)

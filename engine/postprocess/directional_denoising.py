@@ -1,4 +1,4 @@
-"""Directional maps as light, which a filter of light can take noise out of, and back again."""
+"""Encoding of signed directional maps as pairs of nonnegative images, which OIDN can denoise."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from ..scene.color import luminance
 from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 
-#: Part of L1 that is added to E/pi and taken from it: light 10 degrees above the surface has l1 of 6 E(n)/pi.
+#: Scale of L1 relative to E/pi in the pair. Light at 10 degrees above the surface has |L1| = 6 E/pi, so the
+#: factor keeps nearly all pairs nonnegative.
 _PART = np.float32(1 / 6)
 
-#: What the names of both lights end with that carry a map.
+#: Suffixes of the names of the two images that encode a signed map.
 CARRIED = (" +", " -")
 
 _L0, *_L1 = DIRECTIONAL_MAPS
@@ -20,10 +21,10 @@ _SH_L0, *_SH_L1 = PROJECTED_MAPS
 
 
 def encode_signed_maps(maps: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return what carries directional maps, images of light by name, each (..., 3) float32.
+    """Return nonnegative images that encode directional maps, by name, each (..., 3) float32.
 
-    A signed map M is the difference of two lights, C + M and C - M, of a light C that is brighter: both have
-    the edges and the noise of C, and a filter treats them alike.
+    A signed map M becomes the two images C + M and C - M of a brighter carrier image C, such as the
+    irradiance. Both have the edges and the noise of C, so the filter treats them alike.
     """
     images: dict[str, np.ndarray] = {}
     for name, carrier, change in _changes(maps):
@@ -37,11 +38,11 @@ def encode_signed_maps(maps: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def restored_maps(
     maps: Mapping[str, np.ndarray], filtered: Mapping[str, np.ndarray], normals: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return directional maps without noise, by name.
+    """Return the denoised directional maps, by name.
 
-    maps      with noise
-    filtered  combined and `encode_signed_maps` without it
-    normals   (..., 3) float32 of the texels: L0 + L1 . n stays combined
+    maps      maps with noise
+    filtered  denoised "combined" and denoised images of `encode_signed_maps`
+    normals   (..., 3) float32, normals of the texels; L0 is set so that L0 + L1 . n equals "combined"
     """
     restored = {}
     for name, *_ in _changes(maps):
@@ -62,7 +63,7 @@ def restored_maps(
 
 
 def _changes(maps: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield of each signed map its name, the light that carries it, and what it adds to that."""
+    """Yield the name of each signed map, its carrier image, and the scaled map that is added to it."""
     for name in _L1:
         if name in maps:
             yield name, maps["combined"], _PART * maps[name]
@@ -75,6 +76,6 @@ def _changes(maps: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray, 
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """Return part / whole, 0 where there is no whole."""
+    """Return part / whole; 0 where the whole is 0."""
     whole = np.broadcast_to(whole, part.shape)
     return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)

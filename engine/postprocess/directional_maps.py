@@ -1,4 +1,7 @@
-"""Maps that tell where light comes from, which shade normal maps: by NumPy, or on the device that has L1."""
+"""Directional lightmaps for normal mapping: L0 and L1, dominant direction, and spherical harmonics.
+
+NumPy version; it calls the OpenCL version if L1 lies on the device.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,12 @@ from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 def maps_of_directions(
     settings: Settings, irradiance: np.ndarray, sampled: np.ndarray, gathered: L1, geometry: PatchGeometry
 ) -> dict[str, Values]:
-    """Return the maps of directions that the settings name, (n, 3) float32 each, by name.
+    """Return the directional maps that the settings request, by name, (n, 3) float32 each.
 
     irradiance  (n, 3) float32, E/pi
-    sampled     (n, 3, 3) float32, L1 of the light that shadow rays sample
-    gathered    the same of all other light
+    sampled     (n, 3, 3) float32, L1 of light from shadow rays: axis, then RGB
+    gathered    L1 of all other light, same layout
+    geometry    position and normal of each point
     """
     if isinstance(gathered, DeviceL1):
         return _on_device(settings, DeviceDirectionalMaps(gathered, irradiance, sampled))
@@ -36,7 +40,7 @@ def maps_of_directions(
 
 
 def _on_device(settings: Settings, device: DeviceDirectionalMaps) -> dict[str, Values]:
-    """Return the same, made on the device."""
+    """Return the requested maps, computed on the device."""
     if settings.projected:
         return dict(zip(PROJECTED_MAPS, device.projected(), strict=True))
     made: dict[str, Values] = {}
@@ -48,13 +52,13 @@ def _on_device(settings: Settings, device: DeviceDirectionalMaps) -> dict[str, V
 
 
 def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the maps that shade normal maps, (n, 3) float32 each, by name.
+    """Return L0 and the three components of L1, (n, 3) float32 each, by name.
+
+    The irradiance for a normal n' near n is E(n')/pi = E(n)/pi + L1 . (n' - n) = L0 + L1 . n'.
 
     irradiance  (n, 3) float32, E/pi
-    l1          (n, 3, 3) float32, of each axis of the world its rgb
+    l1          (n, 3, 3) float32, gradient of E/pi by the normal: world axis, then RGB
     normals     (n, 3) float32, unit, world space
-
-    E(n')/pi = E(n)/pi + l1 . (n' - n) is L0 + L1 . n'.
     """
     axes = np.ascontiguousarray(l1.transpose(1, 0, 2))
     l0 = irradiance.copy()
@@ -64,26 +68,29 @@ def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray
 
 
 def dominant_direction(irradiance: np.ndarray, l1: np.ndarray) -> np.ndarray:
-    """Return where most light comes from, (n, 3) float32, in world space; see `directional_maps`.
+    """Return the dominant direction D, (n, 3) float32, world space, not normalized.
 
-    It is the luminance of l1 in parts of that of E/pi: E(n')/pi is about E(n)/pi (1 + D . (n' - n)).
+    D is the luminance of L1 divided by the luminance of E/pi, so that E(n')/pi is about E(n)/pi (1 + D . (n'
+    - n)); see `directional_maps`.
     """
     light = luminance(irradiance)[:, None]
     return np.divide(luminance(l1), light, out=np.zeros_like(irradiance), where=light > 0)
 
 
 def projected_maps(irradiance: np.ndarray, sums: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:
-    """Return light projected on the first two bands of spherical harmonics, (n, 3) float32 each, by name.
+    """Return radiance projected on the first two bands of spherical harmonics, (n, 3) float32, by name.
+
+    The radiance L over the hemisphere of the normal gives the irradiance E(n')/pi = L0 + L1 . n' of these
+    bands. L0 is the mean of L over the sphere; L1 is twice the mean of L times its direction (Ramamoorthi and
+    Hanrahan 2001). The component of L1 along the normal is E(n) / (2 pi). The map "SH L1" holds L1 / (2 L0),
+    clamped to length 1.
 
     irradiance  (n, 3) float32, E/pi
-    sums        (n, 3, 3) float32, of each axis of the world its rgb: along the normal SH L0, across it L1
+    sums        (n, 3, 3) float32, world axis, then RGB: the component along the normal is SH L0, the
+                component across it is L1
     normals     (n, 3) float32, unit, world space
-
-    Light L of the normal's hemisphere gives the irradiance E(n')/pi = L0 + L1 . n' of these bands, with L0
-    the mean of L over the sphere, and L1 twice that of L times its direction (Ramamoorthi and Hanrahan
-    2001): the part of L1 along the normal is E(n)/2 pi. SH L1 is L1 / (2 L0), whose length is at most 1.
     """
-    # Axis by axis: NumPy is slow along short rows.
+    # One axis at a time: NumPy is slow on short rows.
     axes = np.ascontiguousarray(sums.transpose(1, 0, 2))
     along = [np.ascontiguousarray(component)[:, None] for component in normals.T]
     l0 = along[0] * axes[0] + along[1] * axes[1] + along[2] * axes[2]

@@ -1,4 +1,4 @@
-"""Sparse linear equations with the same number of terms each."""
+"""Sparse matrix in ELLPACK format: the same number of entries in each row."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 
 class EllMatrix:
-    """A sparse matrix A whose rows have the same number of entries, and its normal equations A^T A.
+    """Sparse matrix A in ELLPACK format, and products with its normal matrix A^T A.
 
-    columns  (m, k) int, the unknowns of each row; one may stand there several times
-    entries  (m, k) float64
-    count    number of unknowns
+    columns  (m, k) int, unknown of each entry; a row may contain an unknown several times
+    entries  (m, k) float64, values
+    count    number n of unknowns
     """
 
     def __init__(self, columns: np.ndarray, entries: np.ndarray, count: int) -> None:
         self._columns, self._entries, self._count = columns, entries, count
 
     def times(self, values: np.ndarray) -> np.ndarray:
-        """Return A^T A times values of the unknowns, (n,) float64."""
+        """Return A^T A times a vector of the unknowns, (n,) float64."""
         terms = values.take(self._columns)
         product = np.einsum("mk,mk->m", self._entries, terms)
         np.multiply(self._entries, product[:, None], out=terms)
@@ -31,7 +31,7 @@ class EllMatrix:
         return self._sums(self._entries**2)
 
     def widened(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return ranges of the unknowns, two (n,) float64 arrays, that hold those of all in the same rows."""
+        """Return the ranges, (n,) float64 each, widened to the ranges of all unknowns in the same rows."""
         entry, start, unknown = self._by_column
         if not len(entry):
             return low, high
@@ -42,7 +42,10 @@ class EllMatrix:
         return low, high
 
     def carried(self, values: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return values, (n,), where those that are not known have the mean of known ones in their rows."""
+        """Propagate known values, (n,): unknowns without a value take the mean of known ones in their rows.
+
+        Repeats until no more unknowns are reached. Returns the values and the new mask, (n,) bool.
+        """
         values, known = values * known, known.copy()
         while True:
             weight = self._sums(self._of_rows(known))
@@ -53,17 +56,17 @@ class EllMatrix:
             values[reached], known[reached] = sums[reached] / weight[reached], True
 
     def _of_rows(self, values: np.ndarray) -> np.ndarray:
-        """Return the sum of the unknowns' values in each row at all its entries, (m, k) float64."""
+        """Return the sum of the unknowns' values in each row, repeated for each entry, (m, k) float64."""
         sums = values[self._columns].sum(axis=1, keepdims=True)
         return np.broadcast_to(sums, self._columns.shape)
 
     def _sums(self, terms: np.ndarray) -> np.ndarray:
-        """Return the sums of terms, (m, k), that stand in each column, (n,) float64."""
+        """Return the sum of terms, (m, k), for each column, (n,) float64."""
         return np.bincount(self._columns.ravel(), terms.ravel(), self._count)
 
     @cached_property
     def _by_column(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Entries ordered by their columns, where each column starts, and which one it is."""
+        """Entries sorted by column, the start of each column in this order, and the column numbers."""
         entry = np.argsort(self._columns, axis=None, kind="stable")
         unknown, start = np.unique(self._columns.ravel()[entry], return_index=True)
         return entry, start, unknown

@@ -1,4 +1,4 @@
-"""The lightmaps that a bake ends with: fitted to their display, with hidden texels and gutters filled."""
+"""Final lightmap images: least-squares fit to samples and seams, then fill of invalid texels and gutters."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from .dilation import Dilation, grown
 from .lightmap_points import LightmapPoints, centre_points, joined_points
 from .membrane_fill import MembraneFill
 
-#: Rings around what the fit knows that show nothing but the nearest chart: a look-up there reads them.
+#: Rings of dilation around fitted texels. Bilinear lookups at chart borders read them, so they take light of
+#: the nearest chart only.
 RINGS = 2
 
 
 class FinalImages:
-    """Lightmaps of the user's from the light at points.
+    """Final lightmaps from light at points.
 
-    centres    (atlases, r, r) bool, texels whose light is known at their centre
-    beside     points elsewhere that count
-    seams      between charts
-    has_patch  (atlases, r, r) bool, texels that are patches: those that nobody sees are filled
-    dilation   how far charts are extended, texels
+    centres    (atlases, r, r) bool, texels with a light sample at their centre
+    beside     off-centre samples
+    seams      pairs of points on both sides of UV seams
+    has_patch  (atlases, r, r) bool, texels that are patches; invalid ones are filled
+    dilation   distance by which charts are extended, texels
     """
 
     def __init__(
@@ -38,10 +39,10 @@ class FinalImages:
         ]
 
     def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return lightmaps, (atlases, r, r, 3) float32.
+        """Return the final lightmaps, (atlases, r, r, 3) float32.
 
-        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light of those whose centre counts
-        values  (s, 3) or (s, 1) float32, light of the points beside centres
+        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light at texel centres
+        values  (s, 3) or (s, 1) float32, light at the off-centre points
         """
         centres = texels.reshape(-1, texels.shape[-1])[self._centre]
         images = self._fit.images(np.concatenate([centres, values]))
@@ -54,7 +55,12 @@ class FinalImages:
 def _fills(
     known: np.ndarray, surface: np.ndarray, has_patch: np.ndarray, dilation: int
 ) -> tuple[Dilation, MembraneFill]:
-    """Return what fills an atlas around its known texels, of which some lie on charts, (r, r) bool each."""
+    """Return the two fills of one atlas.
+
+    known      (r, r) bool, texels that the fit assigns
+    surface    (r, r) bool, known texels on charts
+    has_patch  (r, r) bool, texels that are patches
+    """
     rings = min(RINGS, dilation)
     near = known
     for _ in range(rings):

@@ -1,4 +1,4 @@
-"""A second look: light of texels by a few rays of their own, which a filter's changes are held against."""
+"""Denoise weights from an independent estimate: texel light from a second set of few rays."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 from ..segment_sums import segment_sums
 from .texel_charts import TexelCharts
 
-#: The largest class of charts; each class has charts of up to four times as many texels as the one below it.
+#: Highest class of chart size. The sizes of each class reach up to four times those of the class below.
 _LARGEST_CLASS = 5
 
-#: Change, relative to the light, up to which all are one class, and the number of the classes above it, each
-#: of changes up to twice as large as those of the class below it.
+#: Relative change up to which texels are in the lowest class, and number of classes above. Each class holds
+#: changes up to twice as large as the class below.
 _LEAST_CHANGE, _CHANGE_CLASSES = 0.002, 8
 
-#: Variance of the part that is taken, between classes of changes.
+#: Prior variance of the weight between classes of changes (chosen).
 _SPREAD = 0.1
 
 
 @dataclass(frozen=True)
 class IndependentEstimate:
-    """Light whose noise has nothing to do with that of the lightmaps.
+    """Lightmaps from independent samples: their noise is uncorrelated with the noise of the baked ones.
 
-    images   (atlases, r, r, 3) float32, E/pi, of each output that is light, by name
-    centres  (atlases, r, r) bool, texels that show the light of their centres, as the second look does
-    part     rays of the second look, as a fraction of those of both looks
+    images   (atlases, r, r, 3) float32, E/pi, for each light output, by name
+    centres  (atlases, r, r) bool, texels with one sample at their centre, as the estimate has
+    part     rays of the estimate as a fraction of the rays of both
     """
 
     images: Mapping[str, np.ndarray]
@@ -38,15 +38,16 @@ class IndependentEstimate:
 def denoise_weight(
     noisy: np.ndarray, quiet: np.ndarray, again: np.ndarray, charts: TexelCharts
 ) -> np.ndarray:
-    """Return the part of the change of each texel that is nearest to the light, (k,) float32 of [0, 1].
+    """Return the weight of the denoiser's change at each texel, (k,) float32 in [0, 1].
 
-    noisy, quiet  (k, 3) float32, light before and after a filter
-    again         (k, 3) float32, of a second look; of texels without one, what is noisy
+    The weight p of a change c of light x minimizes the squared error of x + p c. With the exact light y it is
+    <c, y - x> / <c, c>. An estimate y whose noise is independent of x and c gives the same value on average:
+    a linear regression. Changes are grouped into classes of similar chart size and similar change relative to
+    the light. Each class has one weight; shrinkage pulls uncertain classes to the weight of all.
 
-    Of changes c of light x the part p is taken for which x + p c has least squares from the exact light. That
-    is <c, y - x> / <c, c> with the exact light y, and on average with a y whose noise is independent of x and
-    c, too: a regression. Changes of a class, in charts of similar sizes and of similar size relative to the
-    light, have one part. That of a class of few texels, which is uncertain, leans towards that of all.
+    noisy, quiet  (k, 3) float32, light before and after the filter
+    again         (k, 3) float32, independent estimate; equal to `noisy` at texels without one
+    charts        chart of each texel
     """
     change, toward = (quiet - noisy).astype(np.float64), (again - noisy).astype(np.float64)
     kind = _classes(noisy, change, charts)
@@ -55,7 +56,7 @@ def denoise_weight(
     along, squares, noise = segment_sums(rows, kind, kind.max(initial=0) + 1).T
     overall = along.sum() / max(squares.sum(), 1e-30)
 
-    # The variance of a part is that of the second look over the squares of the changes.
+    # The variance of a weight is the variance of the estimate divided by the squared changes.
     uncertain = noise / np.maximum(np.bincount(kind, minlength=len(noise)), 1) / _SPREAD
     part = (along + uncertain * overall) / np.maximum(squares + uncertain, 1e-30)
     of_texel: np.ndarray = np.clip(part, 0, 1).astype(np.float32)[kind]
@@ -63,7 +64,7 @@ def denoise_weight(
 
 
 def _classes(noisy: np.ndarray, change: np.ndarray, charts: TexelCharts) -> np.ndarray:
-    """Return the number of the class of each texel's change, (k,) int64."""
+    """Return the class number of each texel's change, (k,) int64."""
     size = np.minimum(np.log2(charts.size) // 2, _LARGEST_CLASS).astype(np.int64)[charts.number]
     light = np.maximum((noisy + change).sum(axis=1), 1e-30)
     part = np.abs(change.sum(axis=1)) / light / _LEAST_CHANGE

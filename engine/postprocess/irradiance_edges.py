@@ -1,4 +1,4 @@
-"""Texels on an edge of light, or of what is seen: they show more than what is at their centre."""
+"""Edge detection on irradiance and validity, which selects texels for supersampling."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from ..device.buffers import download_bytes, upload, upload_once, words_of, zero
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, rows_on_device
 
-#: Light has an edge where it differs from the mean of its neighbours by more than this part.
+#: Relative difference from the mean of the neighbours above which irradiance has an edge.
 _EDGE = 0.1
 
-#: At the border of a chart light may have an edge between the centre of a texel and its end, which no other
-#: centre shows. Light around the texel that differs from the mean of its neighbours by this part tells of it.
+#: The same around texels at a chart border. An edge between the last centre and the border crosses no other
+#: centre; uneven light around it is the only sign.
 _EDGE_NEAR_BORDER = 0.05
 
-#: Light below this part of the map's mean counts as if it were that bright.
+#: Light below this fraction of the map's mean counts as that bright.
 _DARK = 0.05
 
-#: Edges stand out from noise, which is told in blocks of this many texels squared: dark corners have more of
-#: it than what sees the sky. A part of a block at least has no edges; they stand out by this many times the
-#: largest difference there, which for a quarter is 0.67 standard deviations of normal noise.
+#: Noise is estimated in blocks of `_BLOCK` x `_BLOCK` texels, since dark corners have more of it. At least
+#: the fraction `_EVEN` of a block is assumed free of edges. An edge exceeds the largest difference in that
+#: fraction by the factor `_ABOVE_NOISE`; that difference is 0.67 standard deviations of normal noise.
 _BLOCK, _EVEN, _ABOVE_NOISE = 16, 0.25, 4.0
 
-#: The same in kernels/postprocess/irradiance_edges.cl.
+#: Macros of kernels/irradiance_edges.cl.
 _OPTIONS = {
     "EDGE": f"{_EDGE}f",
     "EDGE_NEAR_BORDER": f"{_EDGE_NEAR_BORDER}f",
@@ -34,17 +34,17 @@ _OPTIONS = {
     "ABOVE_NOISE": f"{_ABOVE_NOISE}f",
 }
 
-#: Marks of kernels/postprocess/irradiance_edges.cl.
+#: Bit flags of kernels/irradiance_edges.cl.
 _ON_EDGE, _AT_AN_END = 1, 2
 
 
 @dataclass(frozen=True)
 class PatchLight:
-    """What is known of patches once the light has settled, (n, ...) each.
+    """Solution of the patches, after the iteration has converged.
 
-    light   (n, 1) float32, all light, sum of the channels; rows one after the other
-    front   (n,) float32, the fraction of the view that no back takes
-    hidden  (n,) bool, nobody sees the patch
+    light   (n, 1) float32, E/pi, sum of the channels, contiguous
+    front   (n,) float32, validity: fraction of the hemisphere without back faces
+    hidden  (n,) bool, True for invalid patches
     """
 
     light: Values
@@ -55,15 +55,18 @@ class PatchLight:
 def find_edges(
     compute: ComputeDevice, entries: np.ndarray, known: PatchLight
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return texels on an edge, and those at an end of their chart along an axis, two (atlases, r, r) bool.
+    """Return masks of texels on an edge and of texels at a chart end, two (atlases, r, r) bool.
 
-    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none, which is at an end; nobody
-             changes it
+    An edge is a texel whose irradiance or validity differs from the mean of its neighbours along a row or
+    column. It is also a texel next to the boundary between valid and invalid patches. At chart borders a
+    lower threshold applies, since a shadow may end between the last centre and the border. Each difference
+    must exceed the local noise level. A chart end has no neighbour on either side along one axis, or no
+    patch.
 
-    An edge is where light or the backs in view are not the mean of the neighbours', and both sides of a
-    border of what is hidden. Light around a texel at the border of its chart that is less even than elsewhere
-    is one, too: a shadow may end on the way from the centre to the border. Both have to stand out from the
-    noise nearby, so that bakes of few rays do not take noise for edges.
+    compute  OpenCL device
+    entries  (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none; must not be changed later, since
+             its upload is cached
+    known    solution of the patches
     """
     options = [f"-D{name}={value}" for name, value in _OPTIONS.items()]
     names = "find_edges", "noise_of_blocks", "mark_edges"
@@ -73,7 +76,7 @@ def find_edges(
     sizes = 4 * entries.size, 4 * atlases * blocks**2, words_of(entries.size)
     off, noise, marks = (zeros(compute, size) for size in sizes)
 
-    # How far light is off the mean of its neighbours, how much of that is noise, and what is more.
+    # Difference from the neighbours' mean, then noise level of each block, then differences above it.
     least = np.float32(_DARK * float(np.asarray(known.light).mean()))
     light, _ = rows_on_device(compute, known.light)
     arrays = known.front.astype(np.float32, copy=False), known.hidden.view(np.uint8)

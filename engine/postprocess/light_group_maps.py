@@ -1,18 +1,18 @@
-"""Maps of light groups that sum up to the map of all light, whatever was done to each."""
+"""Normalization of light group maps: their sum equals the map of all light after denoising and fitting."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Where a texel has light, but no group's map has any, groups share it as they share the whole map: this part
-#: of a map's mean decides between the two.
+#: Fraction of each map's mean that is added before the division. It decides the shares where no group has
+#: light.
 _FAINT = 1e-7
 
 
 def scale_to_sum(maps: dict[str, np.ndarray], combined: np.ndarray) -> dict[str, np.ndarray]:
-    """Return maps of light groups, (atlases, r, r, 3) float32 each, by name, whose sum is that of all light.
+    """Return the light group maps, (atlases, r, r, 3) float32 each, scaled so that their sum is `combined`.
 
-    Each texel and channel is divided in the proportions of the groups' maps.
+    Each texel and channel of `combined` is divided in proportion to the groups' maps.
     """
     parts = {name: np.maximum(images, 0) for name, images in maps.items()}
     total = np.zeros_like(combined)

@@ -1,4 +1,4 @@
-"""Points of lightmaps at which the light of a surface is known."""
+"""Points on lightmaps at which irradiance is known."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from ..device.cl_device import ComputeDevice
 from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
 
-#: A patch this near to the centre of its texel, in texels, lies there: barycentrics are rounded.
+#: Maximum distance in texels at which a patch counts as lying at its texel's centre; barycentrics are
+#: rounded.
 _AT_CENTRE = 0.02
 
 
 @dataclass(frozen=True)
 class LightmapPoints:
-    """Points of lightmaps.
+    """Points on lightmaps with sample weights.
 
-    atlas     (s,) int
-    position  (s, 2) float, texels: the centre of texel (x, y) is at x + 1/2, y + 1/2
-    weight    (s,) float, positive: the part of a texel that the point stands for
+    atlas     (s,) int, lightmap of each point
+    position  (s, 2) float, texels; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
+    weight    (s,) float, positive: fraction of a texel that the point represents
     """
 
     atlas: np.ndarray
@@ -32,11 +33,11 @@ class LightmapPoints:
         return len(self.atlas)
 
     def part(self, chosen: np.ndarray) -> LightmapPoints:
-        """Return some points, by a mask or their numbers."""
+        """Return a subset of the points, by a mask or by indices."""
         return LightmapPoints(self.atlas[chosen], self.position[chosen], self.weight[chosen])
 
     def texels(self, resolution: int) -> np.ndarray:
-        """Return the flat index of the texel that each point lies in, (s,) int64."""
+        """Return the flat index of the texel that contains each point, (s,) int64."""
         column, row = np.clip(np.floor(self.position), 0, resolution - 1).astype(np.int32).T
         texel: np.ndarray = (self.atlas.astype(np.int64) * resolution + row) * resolution + column
         return texel
@@ -45,9 +46,10 @@ class LightmapPoints:
 def off_centre_patches(
     compute: ComputeDevice | None, triangles: Triangles, patches: PatchList
 ) -> tuple[np.ndarray, LightmapPoints]:
-    """Return the numbers, (k,) int64, and the points of the patches that are not at their texel's centre.
+    """Return the indices, (k,) int64, and the points of the patches that are not at their texel's centre.
 
-    These are patches of thin surfaces, in the middle of what these cover; each stands for a whole texel.
+    A surface narrower than its texel may miss the centre; the patch then lies in the middle of the covered
+    part. Each patch represents a whole texel.
     """
     if compute is None:
         number = np.arange(len(patches))
@@ -62,7 +64,7 @@ def off_centre_patches(
 
 
 def _found_thin(compute: ComputeDevice, triangles: Triangles, patches: PatchList) -> np.ndarray:
-    """Return the numbers of thin patches, (k,) int64, found on the device."""
+    """Return the indices of off-centre patches, (k,) int64, found on the device."""
     (kernel,) = compute.kernels("off_centre_patches.cl", "find_thin")
     arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
     inputs = (upload_once(compute, array) for array in arrays)
@@ -73,20 +75,20 @@ def _found_thin(compute: ComputeDevice, triangles: Triangles, patches: PatchList
 
 
 def _positions(triangles: Triangles, patches: PatchList) -> np.ndarray:
-    """Return where patches are on their lightmaps, (n, 2) float32, texels."""
+    """Return the lightmap positions of patches, (n, 2) float32, texels."""
     uvs = triangles.uvs[patches.triangle]
     position: np.ndarray = np.einsum("nk,nkd->nd", patches.barycentric, uvs)
     return position * np.float32(patches.resolution)
 
 
 def centre_points(texels: np.ndarray, resolution: int) -> LightmapPoints:
-    """Return points at the centres of texels, (k,) flat indices, that stand for whole texels."""
+    """Return points at the centres of texels, (k,) flat indices, with weight 1."""
     atlas, texel = np.divmod(texels, resolution**2)
     row, column = np.divmod(texel, resolution)
     return LightmapPoints(atlas, np.stack([column, row], axis=1) + 0.5, np.ones(len(texels)))
 
 
 def joined_points(first: LightmapPoints, second: LightmapPoints) -> LightmapPoints:
-    """Return the points of both, in order."""
+    """Return the points of both sets in order."""
     pairs = ((getattr(first, name), getattr(second, name)) for name in ("atlas", "position", "weight"))
     return LightmapPoints(*map(np.concatenate, pairs))

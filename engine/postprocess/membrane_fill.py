@@ -1,22 +1,22 @@
-"""Fills holes of an image smoothly: from coarse to fine, relaxed at each scale."""
+"""Membrane fill of image holes: pull-push with Jacobi relaxation at each scale."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Relaxations at each scale.
+#: Jacobi relaxations at each scale.
 _RELAXATIONS = 4
 
 
 class MembraneFill:
-    """Fills unknown texels with a membrane over the known ones.
+    """Fill of unknown texels with a smooth membrane over the known ones.
+
+    Coarser images hold the means of known texels. On the way back each finer image interpolates its unknown
+    texels (pull-push: Gortler et al. 1996, section 3.4). Jacobi steps of the Laplace equation then smooth
+    them. The texels are computed once; `fill` may be called for each image.
 
     known   (h, w) bool, texels that keep their bits
-    filled  (h, w) bool, texels to fill; others are 0, and so are these if nothing is known
-
-    Coarser images are means of known texels; on the way back each finer one interpolates what it does not
-    know (pull-push: Gortler et al. 1996, 3.4), and there every texel becomes the mean of its neighbours a few
-    times. The texels are found once; `fill` may be called for every image.
+    filled  (h, w) bool, texels to fill; all others become 0. If no texel is known, these become 0 too
     """
 
     def __init__(self, known: np.ndarray, filled: np.ndarray) -> None:
@@ -28,7 +28,7 @@ class MembraneFill:
             filled = np.ones_like(known)
 
     def fill(self, image: np.ndarray) -> None:
-        """Fill a contiguous (h, w, c) float32 image."""
+        """Fill a contiguous (h, w, c) float32 image in place."""
         image.reshape(-1, image.shape[2])[self._empty] = 0
         images = [image]
         for scale in self._scales:
@@ -38,7 +38,7 @@ class MembraneFill:
 
 
 class _Scale:
-    """One scale of an image: how it becomes coarser, and how what it does not know comes back.
+    """One scale of the image pyramid: restriction to the next coarser scale and interpolation from it.
 
     known, filled  (h, w) bool
     """
@@ -52,12 +52,12 @@ class _Scale:
         self._neighbours = _neighbours(self._unknown, known | filled)
 
     def coarser(self, image: np.ndarray) -> np.ndarray:
-        """Return the mean of the known texels in each square of two by two, (h', w', c) float32."""
+        """Return the mean of the known texels in each 2 x 2 block, (h', w', c) float32."""
         coarse: np.ndarray = _blocks(image * self._known).sum(axis=(1, 3)) * self._weight
         return coarse
 
     def extend(self, image: np.ndarray, coarse: np.ndarray) -> None:
-        """Fill the unknown texels from the coarser image, and relax them."""
+        """Interpolate the unknown texels from the coarser image, then relax them."""
         texels = image.reshape(-1, image.shape[2])
         taps = coarse.reshape(-1, image.shape[2])[self._taps]
         texels[self._unknown] = np.einsum("tk,tkc->tc", self._weights, taps)
@@ -66,18 +66,19 @@ class _Scale:
 
 
 def _blocks(image: np.ndarray) -> np.ndarray:
-    """Return an image, (h, w, ...), as squares of two by two, (h', 2, w', 2, ...); 0 beyond its border."""
+    """Return an image, (h, w, ...), as 2 x 2 blocks, (h', 2, w', 2, ...), padded with 0."""
     height, width = image.shape[:2]
     padded = np.pad(image, [(0, height % 2), (0, width % 2), *[(0, 0)] * (image.ndim - 2)])
     return padded.reshape((height + 1) // 2, 2, (width + 1) // 2, 2, *image.shape[2:])
 
 
 def _coarse_taps(texels: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the four coarse texels around fine ones, (t, 4) flat indices, and their float32 weights."""
+    """Return the four coarse texels around each fine one, (t, 4) flat indices, and their float32 weights."""
     height, width = ((size + 1) // 2 for size in shape)
     row, column = np.divmod(texels, shape[1])
 
-    # The nearer square of each axis has 3/4, the further one 1/4.
+    # Bilinear interpolation between cell centres: on each axis the nearer block has weight 3/4, the farther
+    # 1/4.
     rows = np.stack([row // 2, np.clip(row // 2 + 2 * (row % 2) - 1, 0, height - 1)], axis=1)
     columns = np.stack([column // 2, np.clip(column // 2 + 2 * (column % 2) - 1, 0, width - 1)], axis=1)
     taps = (rows[:, :, None] * width + columns[:, None, :]).reshape(-1, 4)
@@ -86,7 +87,7 @@ def _coarse_taps(texels: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray
 
 
 def _neighbours(texels: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Return the four neighbours of texels, (t, 4) flat indices; the texel itself where there is none."""
+    """Return the four neighbours of texels, (t, 4) flat indices; a missing neighbour is the texel itself."""
     row, column = np.divmod(texels, there.shape[1])
     neighbours = []
     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):

@@ -1,4 +1,4 @@
-"""How much of what a filter changes is noise: the rest is detail, which stays."""
+"""Noise fraction: the part of the denoiser's change that is noise, estimated without further samples."""
 
 from __future__ import annotations
 
@@ -6,26 +6,27 @@ import numpy as np
 
 from .texel_charts import TexelCharts
 
-#: Texels of a chart from which on a filter tells noise from detail in it.
+#: Minimum number of texels of a chart in which the filter separates noise from detail reliably.
 _LARGE = 400
 
-#: Standard deviations of the noise up to which a change is taken, and from which on it is detail.
+#: Change in standard deviations of the noise: accepted fully up to the first value, rejected from the second.
 _NOISE, _DETAIL = 5.0, 10.0
 
-#: Standard deviations of normal noise in the median of its size.
+#: Ratio of the standard deviation of normal noise to the median of its absolute value.
 _OF_MEDIAN = 1.48
 
 
 def noise_fraction(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) -> np.ndarray:
-    """Return which part of the change of each texel is taken for noise, (k,) float32 of [0, 1].
+    """Return the fraction of each texel's change that counts as noise, (k,) float32 in [0, 1].
 
-    noisy, quiet  (k,) float32, luminance before and after
+    Noise is assumed proportional to the light. Its standard deviation follows from the median relative change
+    in large charts, or in all charts if none is large. In large charts all of the change is noise, even
+    outliers, which few rays produce. In small charts a change far above the standard deviation is detail. For
+    the remaining changes of a small chart, James-Stein shrinkage ("Estimation with Quadratic Loss", 1961)
+    gives one common fraction from their sum of squares.
 
-    Noise is relative to the light. Its standard deviation follows from the median change in large charts, of
-    all charts if there are none. In large charts every change is noise, even one far above the standard
-    deviation: few rays leave such. In smaller ones a change far above it is detail. Of the other changes of a
-    small chart the noise explains a part of the sum of squares; the same part of each is taken for noise
-    (James and Stein, "Estimation with Quadratic Loss", 1961).
+    noisy, quiet  (k,) float32, luminance before and after the filter
+    charts        chart of each texel
     """
     change = np.divide(np.abs(quiet - noisy), quiet, out=np.zeros_like(quiet), where=quiet > 0)
     large = (charts.size >= _LARGE)[charts.number]
@@ -39,10 +40,11 @@ def noise_fraction(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) ->
 
 
 def _explained(times: np.ndarray, counts: np.ndarray, charts: TexelCharts) -> np.ndarray:
-    """Return which part of the changes of each chart noise explains, (c,) of [0, 1].
+    """Return the fraction of each chart's changes that noise explains, (c,) in [0, 1].
 
-    times   (k,) float32, changes of texels in standard deviations of the noise
-    counts  (k,) bool, texels that tell
+    times   (k,) float32, changes in standard deviations of the noise
+    counts  (k,) bool, texels whose change counts
+    charts  chart of each texel
     """
     squares, number = (np.bincount(charts.number, values, len(charts.size)) for values in (times**2, counts))
     explained: np.ndarray = np.minimum(number / np.maximum(squares, 1e-30), 1)

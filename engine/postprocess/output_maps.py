@@ -1,4 +1,4 @@
-"""What was asked of a bake: all light, its parts, where it comes from, ambient occlusion, shadow masks."""
+"""Outputs of a bake for each point: irradiance parts, directional maps, occlusion, shadow masks."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ from .outputs import light_group_maps, output_names
 
 
 class IrradianceParts(Protocol):
-    """What points receive: E/pi of all light and of its parts, (n, 3) float32."""
+    """Irradiance of points: E/pi of all light and of its parts, (n, 3) float32."""
 
     @property
     def irradiance(self) -> np.ndarray:
-        """Of all light."""
+        """All light."""
         ...
 
     @property
     def light(self) -> Values:
-        """What `irradiance` is, where it is."""
+        """All light, on the device if it is there."""
         ...
 
     @property
     def direct(self) -> np.ndarray:
-        """Of light that was not reflected."""
+        """Direct light: emitted by lights, sky and surfaces, not reflected."""
         ...
 
     @property
     def indirect(self) -> np.ndarray:
-        """Of light that was."""
+        """Indirect light: reflected at least once."""
         ...
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """L1 of all light but the sampled, (n, 3, 3); see `DeviceGather.gather_l1`."""
+        """L1 of all light except light sampled by shadow rays, (n, 3, 3); see `DeviceGather.gather_l1`."""
         ...
 
 
 class Outputs:
-    """Makes the outputs that the settings name."""
+    """Computation of the outputs that the settings request."""
 
     def __init__(self, scene: Scene, settings: Settings, lighting: DirectLighting) -> None:
         groups = light_group_maps(scene) if settings.by_light_groups else []
@@ -57,19 +57,19 @@ class Outputs:
 
     @property
     def begin_with_direct(self) -> bool:
-        """True if intermediate lightmaps are shown, and direct light is the first of what they show."""
+        """True if intermediate lightmaps are shown and start with direct light."""
         first = self._settings.light_outputs[:1]
         return self._settings.intermediates and first in (("combined",), ("direct",))
 
     def done(self, solution: Solution) -> bool:
-        """True once a solution is good enough for the outputs.
+        """Return True if a solution suffices for the outputs.
 
-        One iteration is needed by all that are lit: it tells which patches are hidden inside objects.
+        Every lit output needs one iteration, since the gather measures the validity of the patches.
         """
         return solution.done or (solution.iterations > 0 and not self._settings.has_indirect)
 
     def light(self, solution: Solution) -> Values:
-        """Return the first output that is light, so far, (n, 3) float32; direct light if none is."""
+        """Return the current state of the first light output, (n, 3) float32; else direct light."""
         first, *_ = (*self._settings.light_outputs, "direct")
         if first == "indirect":
             return solution.indirect
@@ -80,9 +80,10 @@ class Outputs:
     def make(
         self, solution: IrradianceParts, geometry: PatchGeometry
     ) -> Generator[float, None, dict[str, Values]]:
-        """Make every output but light groups, (n, 3) or (n,) float32, by name; yield the fraction of each.
+        """Compute all outputs except light groups, (n, 3) or (n,) float32, by name; yield the fraction done.
 
-        geometry  of each point
+        solution  irradiance of the points
+        geometry  position and normal of each point
         """
         made: dict[str, Values] = {}
         masks = iter(range(len(self._names)))
@@ -106,12 +107,13 @@ class Outputs:
     def _without_direction(
         self, sampled: np.ndarray, gathered: L1, irradiance: np.ndarray, geometry: PatchGeometry
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return both parts of L1, (n, 3, 3) float32, so that translucent points have no direction.
+        """Return both parts of L1, (n, 3, 3) float32, with the direction of translucent points removed.
 
-        Light that comes through from the other side is the same for any normal. Projected on spherical
-        harmonics, it is as that of a hemisphere of one radiance: its sum along the normal is E / 2.
+        Transmitted light does not depend on the normal. For spherical harmonics it equals a hemisphere of
+        constant radiance: the sum along the normal is E / 2.
 
-        sampled, gathered: see `maps_of_directions`; irradiance: (n, 3) float32, E/pi, of both sides
+        sampled, gathered  L1 of sampled and of gathered light; see `maps_of_directions`
+        irradiance         (n, 3) float32, E/pi, of both sides
         """
         points = np.flatnonzero(self._translucent[geometry.material])
         sampled, gathered = sampled.copy(), np.array(gathered)
@@ -123,7 +125,7 @@ class Outputs:
 
 
 def light_output(name: str, solution: IrradianceParts) -> Values:
-    """Return E/pi of all light, or of a part of it, (n, 3) float32."""
+    """Return E/pi of all light or of one part, (n, 3) float32."""
     if name == "combined":
         return solution.light
     return solution.direct if name == "direct" else solution.indirect

@@ -1,4 +1,4 @@
-"""What may be asked of a bake: names of its maps, and what they hold."""
+"""Names of the output maps and their decoding."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ..settings import LIGHT_OUTPUTS, Settings
 
 
 def output_names(scene: Scene, settings: Settings) -> list[str]:
-    """Return the names of `BakeResult.passes`, in their order; instances of a light get numbers.
+    """Return the names of `BakeResult.passes` in order; equal names of lights get a number.
 
-    Raises SceneError if there is nothing to give.
+    Raises SceneError if there is no map to compute.
     """
     names: list[str] = []
     for name in settings.outputs:
@@ -35,39 +35,39 @@ def output_names(scene: Scene, settings: Settings) -> list[str]:
 
 
 def light_group_maps(scene: Scene) -> list[str]:
-    """Return the names of the maps of a scene's light groups."""
+    """Return the names of the light group maps of a scene."""
     return [f"{_LIGHT_GROUP}{name}" for name in light_group_names(scene)]
 
 
 def is_light(name: str) -> bool:
-    """Return whether a map, of `output_names`, holds E/pi."""
+    """Return True if a map of `output_names` holds E/pi."""
     return name in LIGHT_OUTPUTS or is_of_light_group(name)
 
 
 def is_of_light_group(name: str) -> bool:
-    """Return whether a map, of `output_names`, is that of a light group."""
+    """Return True if a map of `output_names` belongs to a light group."""
     return name.startswith(_LIGHT_GROUP)
 
 
-#: The maps of the output "directional", whose L0 + L1 . n' is E/pi of a normal n' in world space.
+#: Maps of the output "directional": L0 + L1 . n' is E/pi for a normal n' in world space.
 DIRECTIONAL_MAPS = ("L0", "L1 x", "L1 y", "L1 z")
 
-#: The maps of the output "spherical_harmonics"; see `directional_maps.projected_maps`.
+#: Maps of the output "spherical_harmonics"; see `directional_maps.projected_maps`.
 PROJECTED_MAPS = ("SH L0", "SH L1 x", "SH L1 y", "SH L1 z")
 
-#: The map of the output of that name: luminance times direction, in parts of the light.
+#: Map of the output "dominant_direction": luminance of L1 divided by luminance of E/pi.
 DOMINANT_DIRECTION = "dominant_direction"
 
-#: Maps of both signs; all others hold light or fractions.
+#: Maps with negative values; all others hold light or fractions.
 SIGNED_MAPS = (*DIRECTIONAL_MAPS, *PROJECTED_MAPS[1:], DOMINANT_DIRECTION)
 
-#: Maps of parts of the light by channel, or of a direction: they are no colours.
+#: Maps without unit that hold ratios or directions: no color management applies.
 RATIO_MAPS = (*PROJECTED_MAPS[1:], DOMINANT_DIRECTION)
 
-#: Outputs that are several maps.
+#: Outputs that consist of several maps.
 MAPS_OF = {"directional": DIRECTIONAL_MAPS, "spherical_harmonics": PROJECTED_MAPS}
 
-#: How maps of directions are read: n is the normal of the surface, n' one that a normal map makes of it.
+#: Decoding formulas of directional maps; n is the surface normal, n' the normal after normal mapping.
 DECODING = {
     **dict.fromkeys(
         DIRECTIONAL_MAPS, "max(0, L0 + L1x n'.x + L1y n'.y + L1z n'.z), n' unit, world space, z up"
@@ -79,12 +79,12 @@ DECODING = {
     DOMINANT_DIRECTION: "combined max(0, 1 + D . (n' - n)), D = rgb, signed, world space, z up",
 }
 
-#: What names of light groups' maps begin with.
+#: Prefix of the names of light group maps.
 _LIGHT_GROUP = "light_group "
 
 
 def _unused(name: str, taken: set[str]) -> str:
-    """Return a name, with a number if it is taken."""
+    """Return the name, with a number appended if it is taken."""
     if name not in taken:
         return name
     return next(other for number in range(2, len(taken) + 3) if (other := f"{name} {number}") not in taken)

@@ -1,4 +1,7 @@
-"""Points inside of something, and the way out: a surface is seen up to where another one covers it."""
+"""Push-off: moves sample points that lie inside other geometry to its nearest outside.
+
+Rays in the tangent plane search the nearest back face, where the covering geometry ends.
+"""
 
 from __future__ import annotations
 
@@ -16,22 +19,23 @@ from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
-#: Two sides face apart if the cosine between their normals is less: those of a corner do not.
+#: Maximum cosine between the normals of two opposite sides of a wall; the sides of a corner exceed it.
 _APART = -0.9
 
-#: A point may be this far off its triangle, in barycentrics, and still lie on it.
+#: Tolerance of the barycentrics of a point that lies on its triangle.
 _ON_TRIANGLE = 1e-6
 
 
 @dataclass(frozen=True)
 class PushOffs:
-    """The way out for points inside of something, (s, ...) each.
+    """Push-off of each point, (s, ...) arrays.
 
-    offset     (s, 3) float32, m, along the surface to just outside of the nearest wall; 0 where there is none
-    thickness  (s,) float32, m, of what the point is in, along the surface, between sides that face apart; inf
-               where there are none nearby
-    wall       (s,) int32, a triangle of it; -1 for points that are not inside or find no way out
-    inside     (s,) bool, of all such points, with a way out or without
+    offset     (s, 3) float32, m, displacement along the surface to just outside the nearest wall; 0 for none
+    thickness  (s,) float32, m, thickness of the covering geometry along the surface, between opposite sides;
+               inf if no opposite sides are near
+    wall       (s,) int32, triangle of the covering geometry; -1 for points outside and points without
+               push-off
+    inside     (s,) bool, True for each point inside geometry, with or without push-off
     """
 
     offset: np.ndarray
@@ -40,7 +44,7 @@ class PushOffs:
     inside: np.ndarray
 
     def without(self, points: np.ndarray) -> PushOffs:
-        """Return the ways of all but some points, (s,) bool, which are not inside of anything."""
+        """Return the push-offs with a mask of points, (s,) bool, marked as outside."""
         rows, arrays = np.flatnonzero(points), (self.offset, self.thickness, self.wall, self.inside)
         if not len(rows):
             return self
@@ -50,12 +54,12 @@ class PushOffs:
         return PushOffs(*others)
 
     def part(self, chosen: slice) -> PushOffs:
-        """Return the ways of some points."""
+        """Return the push-offs of a range of points."""
         return PushOffs(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
 
 def joined_ways(several: list[PushOffs]) -> PushOffs:
-    """Return ways of points, then those of others; there are some at least."""
+    """Concatenate push-offs; the list must not be empty."""
     names = PushOffs.__dataclass_fields__
     return PushOffs(*(joined_rows([getattr(ways, name) for ways in several]) for name in names))
 
@@ -63,10 +67,13 @@ def joined_ways(several: list[PushOffs]) -> PushOffs:
 def push_off_points(
     scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | None = None
 ) -> PushOffs:
-    """Return the ways out of a ray scene's points; rays are as long as `reach` times the points' texels.
+    """Return the push-offs of a ray scene's points.
 
-    normals: (t, 3) float32, unit, of the triangles; lit: see `validity.lit_backs`, None if no back face has
-    patches
+    scene    ray tracer and points
+    count    number of points
+    reach    maximum length of the rays, in texels of each point
+    normals  (t, 3) float32, unit, of the triangles
+    lit      back faces with light, see `validity.lit_backs`; None if no back face has patches
     """
     compute, rays = scene.compute, scene.rays
     push, take = rays.kernels(
@@ -80,7 +87,7 @@ def push_off_points(
     offset, thickness = np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
     wall = np.full(count, -1, np.int32)
 
-    # Few points are near sides of anything.
+    # Few points are inside; only their records leave the device.
     between = np.flatnonzero(inside)
     if len(between):
         way, wall[between], side = _taken(compute, take, found, between)
@@ -94,7 +101,7 @@ def push_off_points(
 def _taken(
     compute: ComputeDevice, kernel: Kernel, found: list[cl.Buffer], points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return ways, walls and sides of some points, (k, 4) float32, (k,) int32 and (k, 2) int32."""
+    """Return offsets and thickness, (k, 4) float32, walls, (k,) int32, and sides, (k, 2) int32, of points."""
     count = len(points)
     taken = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (16, 4, 8)]
     compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), *taken, np.int32(count))
@@ -105,9 +112,9 @@ def _taken(
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return barycentrics of points moved in the planes of their triangles, (s, 3) float32.
+    """Return the barycentrics of points after a displacement in their triangles' planes, (s, 3) float32.
 
-    The second array, (s,) bool, tells which points stay on their triangles.
+    The second array, (s,) bool, is True for points that stay on their triangles.
     """
     corners = geometry.triangles.positions[geometry.triangle].astype(np.float64)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

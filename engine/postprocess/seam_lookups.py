@@ -1,4 +1,4 @@
-"""Seams as the display may hide them: their sides read no texel that shows another chart's border."""
+"""Seam points whose bilinear lookups read no texel of a foreign chart."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from ..row_ops import nonzero_entries
 from ..scene.triangles import Triangles
 from .bilinear import footprints
 
-#: A border faces what lies further than this beyond it, texels: those of one chart meet at corners.
+#: Distance in texels beyond a border point from which the border faces a lookup; excludes chart corners.
 _FACES = 0.25
 
 
 def display_seams(
     triangles: Triangles, atlases: int, resolution: int, neighbours: EdgeNeighbours | None = None
 ) -> Seams:
-    """Return the seams between the charts of the first `atlases` lightmaps, each side on its own chart.
+    """Return the seams between charts of the first `atlases` lightmaps, with lookups that are separate.
 
-    Where charts lie nearer than two texels, look-ups at both borders read the gutter between them. If no seam
-    follows the border of one, the seam of the other leaves the gutter as it is: see `own_sides`.
+    If two charts are nearer than two texels, lookups at both borders read the same gutter texels. If the
+    border of one has no seam, the seam of the other must not determine these texels; see `own_sides`.
 
-    neighbours: finds edges that may lie on each other; None for the host
+    neighbours  broad phase for edges that may coincide; None for the version on the host
     """
     edges = chart_edges(triangles, atlases, resolution)
     pairs = edge_pairs(edges, neighbours)
@@ -36,10 +36,10 @@ def display_seams(
 
 
 def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int) -> Seams:
-    """Return seams of the first `atlases` lightmaps whose sides read nothing that a border facing them reads.
+    """Return seams of the first `atlases` lightmaps whose sides read no texel that a facing border reads.
 
-    Such a side moves to the nearest line of texel centres, or centre, where it reads none; a pair that finds
-    none is left out.
+    A side that does moves to the nearest row or column of texel centres, or centre, where it reads none. A
+    pair is dropped if there is no such place.
     """
     texel, kept = seams.texel.copy(), np.ones(len(seams), bool)
     sides = [footprints(seams.atlas[:, side], seams.texel[:, side], resolution) for side in (0, 1)]
@@ -53,10 +53,11 @@ def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int
 
 
 class _BorderTexels:
-    """Texels that look-ups along borders read, in the order of their flat indices.
+    """Texels that lookups along chart borders read, sorted by flat index.
 
-    shape      number of lightmaps, and their width
-    looked_up  footprints of the look-ups at seams: of other texels nothing is asked
+    borders    points along borders without a seam
+    shape      number of lightmaps and their width
+    looked_up  lookups at seams, as `footprints` returns them; only their texels are stored
     """
 
     def __init__(
@@ -75,15 +76,16 @@ class _BorderTexels:
         self._is_read[read] = True
 
     def facing(self, position: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return which texels of look-ups at positions, (p, 2), a facing border reads, (p, 4) bool.
+        """Return a mask of the lookup texels that a facing border reads, (p, 4) bool.
 
-        texels, weights: their footprints
+        position         (p, 2), texels, position of each lookup
+        texels, weights  (p, 4), its texels and weights
         """
         foreign = np.zeros(texels.shape, bool)
         point, corner = nonzero_entries(self._is_read[texels] & (weights > 0))
         start, end = (np.searchsorted(self._texel, texels[point, corner], side) for side in ("left", "right"))
 
-        # Each of these texels with every border point that reads it.
+        # Pair each of these texels with every border point that reads it.
         count = end - start
         entry = np.repeat(np.arange(len(point)), count)
         border = self._point[np.arange(len(entry)) + np.repeat(start - np.cumsum(count) + count, count)]
@@ -94,14 +96,14 @@ class _BorderTexels:
 
 
 def _moved(position: np.ndarray, foreign: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nearest places to positions, (q, 2), that read no foreign texel, and where there are some.
+    """Return the nearest positions to (q, 2) that read no foreign texel, and a mask where one exists.
 
-    foreign: (q, 4) bool, lower left, lower right, upper left, upper right
+    foreign  (q, 4) bool, lower left, lower right, upper left, upper right
     """
     low = np.floor(position - 0.5)
     fraction = position - 0.5 - low
 
-    # On each axis: as it is, on the lower line of centres, on the upper one.
+    # Candidates on each axis: unchanged, the lower line of centres, the upper line.
     places = np.stack([fraction, np.zeros_like(fraction), np.ones_like(fraction)], axis=1)
     places = np.stack([places[:, [0, 1, 2] * 3, 0], places[:, np.repeat([0, 1, 2], 3), 1]], axis=2)
     u, v = places[..., 0], places[..., 1]

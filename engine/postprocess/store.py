@@ -1,4 +1,4 @@
-"""Puts the values of patches into lightmap images."""
+"""Lightmap images from patch values and texel samples: scatter, fit across seams, fill of unknown texels."""
 
 from __future__ import annotations
 
@@ -24,10 +24,12 @@ from .thin_wall_fit import ThinWallFit
 
 
 class LightmapImages:
-    """The images of every atlas of the user's; patches of occluders lie in further ones, which are left out.
+    """Conversion of patch values into the lightmap images of all atlases of the user.
+
+    Patches of objects without lightmap lie in further atlases, which are left out.
 
     has_patch   (atlases, r, r) bool, texels that are patches
-    keeps_fill  whether what fills images is kept for the next one with the same texels
+    keeps_fill  True if the fill is kept for the next image with the same known texels
     """
 
     def __init__(
@@ -48,12 +50,12 @@ class LightmapImages:
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
 
     def suits(self, patches: PatchList, atlases: int, dilation: int) -> bool:
-        """Return whether this is of the same texels, and extends charts as far, in texels."""
+        """Return True if patches, number of atlases and margin in texels are the same."""
         same = self._patches.resolution == patches.resolution and len(self.has_patch) == atlases
         return same and self._rings == dilation and same_values(self._patches.key, patches.key)
 
     def reset(self) -> None:
-        """Show the patches' centres alone, and take no account of seams."""
+        """Return to texels with one sample at their centre and without seams."""
         self._fit: FinalImages | DeviceFinalImages | None = None
         self._walls: ThinWallFit | None = None
         self._means: TexelMeans | None = None
@@ -61,24 +63,24 @@ class LightmapImages:
         self._dilations, self._gutters = [], None
 
     def show_all(self) -> None:
-        """Hide no patch, until `hide` says which."""
+        """Treat all patches as valid until `hide` is called."""
         self._show_but(np.zeros(len(self._patches), bool))
         self._fill(self._dark)
 
     def hide(self, front: np.ndarray, near: Contacts) -> None:
-        """Choose the patches whose texels are filled for display.
+        """Set the invalid patches, whose texels are filled.
 
-        front  (n,) float32, the fraction of each patch's view that no back takes: patches inside closed
-               objects see backs only
-        near   of the patches: those that a face hides are dark, whatever they see beyond that face
+        Replaces the previous set, since objects may move.
 
-        Those of before are chosen no more: faces move away.
+        front  (n,) float32, validity: fraction of the hemisphere without back faces; patches inside closed
+               objects have low values
+        near   contacts of the patches; a covered patch is black whatever its rays hit
         """
         self._show_but(near.hide)
         self._fill(is_invalid(front, near))
 
     def _show_but(self, dark: np.ndarray) -> None:
-        """Show patches but for dark ones, (n,) bool."""
+        """Show the patches except dark ones, (n,) bool."""
         if not same_values(dark, self._dark):
             before, now = (np.flatnonzero(flags[self._chosen]) for flags in (self._dark, dark))
             self._entry[self._texel[before]] = before + 1
@@ -86,51 +88,55 @@ class LightmapImages:
             self._device, self._dark = None, dark
 
     def _fill(self, hidden: np.ndarray) -> None:
-        """Choose the patches, (n,) bool, whose texels are filled for display."""
+        """Set the patches, (n,) bool, whose texels are filled."""
         hidden = hidden[self._chosen]
         if not np.array_equal(hidden, self._hidden):
             self._hidden, self._hidden_texels = hidden, self._texel[hidden]
             self._dilations, self._gutters = [], None
 
     def image(self, values: Values) -> np.ndarray:
-        """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3) float32, 0 elsewhere."""
+        """Return patch values, (n, 3) or (n,), as images, (atlases, r, r, 3) float32, 0 elsewhere."""
         return _coloured(self._scattered(values))
 
     @property
     def no_image(self) -> np.ndarray:
-        """What `image` would return of no atlas, (0, r, r, 3) float32."""
+        """Image of no atlas, (0, r, r, 3) float32."""
         return np.zeros((0, *self.has_patch.shape[1:], 3), np.float32)
 
     def display(self, values: Values) -> np.ndarray:
-        """Return the patches' values as images with hidden texels filled and charts dilated."""
+        """Return patch values as images with invalid texels filled and charts dilated."""
         if self._compute is None:
             return self._dilated(self.image(values))
         image: np.ndarray = self._filled(self._compute, [self._on_patches(self._compute, values, None)])[0]
         return image
 
     def refine(self, means: TexelMeans, hidden: np.ndarray) -> None:
-        """Let texels show the means of their samples; hidden: (n,) bool, patches that nobody sees."""
+        """Use the means of texel samples.
+
+        means   supersampled texels
+        hidden  (n,) bool, invalid patches
+        """
         self._fill(hidden)
         self._means, self._dilations, self._gutters = means, [], None
 
     def part(self, walls: ThinWallFit | None) -> None:
-        """Let texels beside thin walls show what these part."""
+        """Use the separate fit of texels at thin walls."""
         self._walls = walls
 
     def hide_seams(self, thin: tuple[np.ndarray, LightmapPoints], seams: Seams) -> None:
-        """Let `final` images show the same on both sides of the seams between charts of a scene.
+        """Use the least-squares fit, which makes both sides of UV seams equal, for `final` images.
 
-        thin: patches that are not at their texel's centre, see `off_centre_patches`
+        thin  patches that are not at their texel's centre, see `off_centre_patches`
         """
         centres, beside = self._light_points(*thin)
         where = centres, beside, seams, self.has_patch, self._rings
         self._fit = FinalImages(*where) if self._compute is None else DeviceFinalImages(self._compute, *where)
 
     def texels(self, values: Values, samples: np.ndarray | None) -> np.ndarray:
-        """Return what every texel shows for itself, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
+        """Return the value of each texel before the fit, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
 
-        values   (n, 3) or (n,) float32, of the patches
-        samples  (s, 3) or (s,) float32, of the samples of texels; None if there are none
+        values   (n, 3) or (n,) float32, values of the patches
+        samples  (s, 3) or (s,) float32, values of the texel samples; None if there are none
         """
         images = self._scattered(values)
         if samples is not None and self._means is not None:
@@ -141,12 +147,12 @@ class LightmapImages:
         return images
 
     def texels_on_device(self, values: Values, samples: np.ndarray | None) -> DeviceTexels:
-        """Return what `texels` does, on the device; raises AssertionError without one."""
+        """Return the same on the device; raise AssertionError without one."""
         assert self._compute is not None
         return self._on_patches(self._compute, values, samples)
 
     def final(self, texels: np.ndarray) -> np.ndarray:
-        """Return what `texels` returned as the images to keep; see `hide_seams`."""
+        """Return the final images from the result of `texels`; see `hide_seams`."""
         if self._fit is None:
             return _coloured(self._dilated(texels))
         return self._fit.images(texels, texels.reshape(-1, texels.shape[-1])[self._thin_texels])
@@ -154,12 +160,12 @@ class LightmapImages:
     def finished(
         self, values: Mapping[str, Values], samples: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """Return the images to keep of outputs, by name, as `final` does of `texels`.
+        """Return the final images of outputs, by name, like `final` of `texels`.
 
-        Texels need not leave the device for it, and several outputs are made together.
+        The texels need not leave the device, and several outputs are computed together.
 
-        values   (n, 3) or (n,) float32 of each output, of the patches
-        samples  (s, 3) or (s,) float32 of the same, of the samples of texels; empty if there are none
+        values   (n, 3) or (n,) float32 for each output, values of the patches
+        samples  (s, 3) or (s,) float32 for each output, values of the texel samples; empty if there are none
         """
         compute = self._compute
         if compute is None:
@@ -176,12 +182,12 @@ class LightmapImages:
 
     @property
     def hidden(self) -> np.ndarray:
-        """Patches that nobody sees, of those on the user's lightmaps, (m,) bool."""
+        """Invalid patches, a mask of the patches on the user's lightmaps, (m,) bool."""
         return self._hidden
 
     @property
     def known(self) -> np.ndarray:
-        """Texels that show what is seen of them, (atlases, r, r) bool; all others are filled."""
+        """Texels with valid light, (atlases, r, r) bool; all others are filled."""
         known = self.has_patch.copy()
         known.ravel()[self._hidden_texels] = False
         if self._means is not None:
@@ -191,7 +197,7 @@ class LightmapImages:
 
     @property
     def centres(self) -> np.ndarray:
-        """Texels that show the light of their centre alone, (atlases, r, r) bool."""
+        """Texels with one sample at their centre, (atlases, r, r) bool."""
         centres = self.known
         if self._means is not None:
             centres.ravel()[self._means.shown] = False
@@ -199,7 +205,7 @@ class LightmapImages:
 
     @property
     def _plain(self) -> np.ndarray:
-        """Texels that show the centre of a patch that is seen, and nothing more, (atlases * r * r,) bool."""
+        """Texels of valid patches without texel samples, (atlases * r * r,) bool."""
         plain = self.has_patch.flatten()
         plain[self._hidden_texels] = False
         if self._means is not None:
@@ -207,7 +213,7 @@ class LightmapImages:
         return plain
 
     def _light_points(self, thin: np.ndarray, points: LightmapPoints) -> tuple[np.ndarray, LightmapPoints]:
-        """Return which texels show their light at their centre, (atlases, r, r) bool; thin ones' points."""
+        """Return the texels with light at their centre, (atlases, r, r) bool, and the off-centre points."""
         centres = self._plain
         counts = thin < len(self._texel)
         counts[counts] = centres[self._texel[thin[counts]]]
@@ -221,7 +227,7 @@ class LightmapImages:
         return centres.reshape(self.has_patch.shape), points.part(order)
 
     def _scattered(self, values: Values) -> np.ndarray:
-        """Return the patches' values, (n, 3) or (n,), as (atlases, r, r, 3 or 1) float32, 0 elsewhere."""
+        """Return patch values, (n, 3) or (n,), as images, (atlases, r, r, 3 or 1) float32, 0 elsewhere."""
         if self._compute is not None:
             return self._on_device(self._compute).images(_rows(values))
         channels = np.asarray(_rows(values))
@@ -230,7 +236,7 @@ class LightmapImages:
         return image.reshape(*self.has_patch.shape, channels.shape[1])
 
     def _dilated(self, images: np.ndarray) -> np.ndarray:
-        """Return images with hidden texels filled and charts dilated."""
+        """Return images with invalid texels filled and charts dilated."""
         if self._compute is not None:
             dilated: np.ndarray = self._filled(self._compute, [texels_of(self._compute, images)])[0]
             return dilated
@@ -242,13 +248,13 @@ class LightmapImages:
         return filled
 
     def _on_device(self, compute: ComputeDevice) -> DevicePatches:
-        """Return where the patches are on the lightmaps, on the device."""
+        """Return the map from patches to texels on the device, created on first use."""
         if self._device is None:
             self._device = DevicePatches(compute, self._entry.reshape(self.has_patch.shape))
         return self._device
 
     def _on_patches(self, compute: ComputeDevice, values: Values, samples: np.ndarray | None) -> DeviceTexels:
-        """Return what `texels` does, on the device."""
+        """Return the value of each texel before the fit, on the device."""
         texels = self._on_device(compute).texels(_rows(values))
         if samples is not None and self._means is not None:
             self._means.show(texels, samples)
@@ -259,11 +265,11 @@ class LightmapImages:
         return texels
 
     def _filling(self, compute: ComputeDevice) -> DeviceImages | DeviceFinalImages:
-        """Return what makes the images to keep."""
+        """Return the object that makes the final images."""
         return self._fit if isinstance(self._fit, DeviceFinalImages) else self._plain_fill(compute)
 
     def _plain_fill(self, compute: ComputeDevice) -> DeviceImages:
-        """Return what fills hidden texels and dilates charts."""
+        """Return the fill of invalid texels and gutters, created on first use."""
         if self._gutters is None:
             known, last = self.known, self._filled_last
             if last is None or not np.array_equal(last[0], known):
@@ -273,7 +279,7 @@ class LightmapImages:
         return self._gutters
 
     def _filled(self, compute: ComputeDevice, outputs: Sequence[DeviceTexels]) -> np.ndarray:
-        """Return texels of outputs as images with hidden texels filled and charts dilated.
+        """Return texels as images with invalid texels filled and charts dilated.
 
         (outputs, atlases, r, r, 3) float32
         """
@@ -283,10 +289,10 @@ class LightmapImages:
 
 
 def _rows(values: Values) -> Values:
-    """Return values, (n, c) or (n,), as (n, c); the same array if it is."""
+    """Return values, (n, c) or (n,), with shape (n, c), without a copy if possible."""
     return values[:, None] if isinstance(values, np.ndarray) and values.ndim == 1 else values
 
 
 def _coloured(images: np.ndarray) -> np.ndarray:
-    """Return images of one channel or three, (..., c), with three, (..., 3)."""
+    """Return images with one or three channels, (..., c), with three, (..., 3)."""
     return images if images.shape[-1] == 3 else np.repeat(images, 3, axis=-1)

@@ -1,4 +1,4 @@
-"""The charts of lightmaps as their texels show them, and the light of each as a whole."""
+"""Charts as connected components of known texels, and the brightness level of each."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ import numpy as np
 from ..patches.texel_components import connected_texels
 from ..segment_sums import segment_sums
 
-#: Root mean square of a chart's light, relative to its mean, up to which it is even.
+#: Root mean square of a chart's light, relative to its mean, up to which the chart counts as evenly lit.
 _EVEN = 1.5
 
 
 class TexelCharts:
-    """Charts: known texels that are side by side.
+    """Charts of lightmaps: connected components of known texels.
 
-    number  (k,) int64, the chart of each known texel, in their order
-    size    (c,) int64, texels of each chart
-
-    known   (atlases, h, w) bool
+    number  (k,) int64, chart of each known texel, in texel order
+    size    (c,) int64, number of texels of each chart
+    known   (atlases, h, w) bool, constructor argument
     """
 
     def __init__(self, known: np.ndarray) -> None:
@@ -25,9 +24,9 @@ class TexelCharts:
         self.size = np.bincount(self.number)
 
     def levels(self, image: np.ndarray) -> np.ndarray:
-        """Return the level of light around each known texel, (k, 3) float32; 1 where that is black.
+        """Return the brightness level of each known texel, (k, 3) float32; 1 where it is black.
 
-        It is the mean of its chart where light is even in that, else of all charts.
+        The level is the mean of the texel's chart if the chart is evenly lit, else the mean of all charts.
 
         image  (atlases, h, w, 3) float32
         """
@@ -40,6 +39,6 @@ class TexelCharts:
         return levels.astype(np.float32)[self.number]
 
     def _means(self, values: np.ndarray) -> np.ndarray:
-        """Return the mean of values, (k, 3), of each chart, (c, 3) float64; 1 where that is 0."""
+        """Return the mean of values, (k, 3), for each chart, (c, 3) float64; 1 where it is 0."""
         means = segment_sums(values, self.number, len(self.size)) / self.size[:, None]
         return np.where(means > 0, means, 1)

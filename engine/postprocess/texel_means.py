@@ -1,4 +1,4 @@
-"""What texels show that have several display samples: the mean of those that are seen."""
+"""Values of supersampled texels: mean of the valid samples, extrapolated to the texel centre."""
 
 from __future__ import annotations
 
@@ -17,35 +17,34 @@ _NAMES = (
     "extrapolate_texels", "begin_fit", "step_of_fit",
 )  # fmt: skip
 
-#: Marks of kernels/postprocess/texel_means.cl.
+#: Flags of texels, as in kernels/texel_means.cl.
 _SEEN, _CUT, _BEYOND = 1, 8, 16
 
-#: Texels that a work item looks at for the range of all values, as there.
+#: Texels that each work item reads in the reduction of the range of all values, as in the kernel.
 _EACH = 32
 
-#: Times that the display is compared with the samples: neighbours are read together.
+#: Iterations of the fit; in each, all texels that a lookup reads change together.
 _STEPS = 3
 
-#: Before any value, as integers in the order of numbers: least and most of four channels.
+#: Identity of the min/max reduction: minimum and maximum of four channels as order-preserving integers.
 _NO_RANGE = np.repeat(np.array([0x7FFFFFFF, -0x80000000], np.int64).astype(np.int32), 4)
 
 
 class TexelMeans:
-    """Means over the samples of each texel, weighted by area, on the OpenCL device.
+    """Area-weighted means of the samples of each texel, on the OpenCL device.
 
-    samples  of all texels; there is one at least
-    visible  (s,) bool, samples that somebody sees; texels without any are filled as hidden ones
-    shape    atlases, r, r
+    Geometry that cuts a texel moves the mean of its valid samples off the centre. A plane through the valid
+    samples of 3 x 3 texels extrapolates the mean to the centre. Lookups in mostly valid texels also read the
+    invalid texels beyond them, which take the mean of these planes. Extrapolated texels and texels with few
+    valid samples are then fitted so that bilinear lookups match the samples, by least squares (Kavan,
+    Bargteil and Sloan 2011).
 
-    texels   (k,) int64, atlas * r * r + texel, that have samples that are seen
-    hidden   (h,) int64, those none of whose samples is seen
-    beyond   (b,) int64, hidden ones beside texels that are seen for the greater part
-
-    What is seen of a texel that something cuts lies beside its centre: its mean goes on to there by the slope
-    of a plane through the samples of 3 x 3 texels. Where most of it is seen, texels beyond it are read, too:
-    they show the mean of the planes around such texels beside them. Where light bends, they and texels that
-    are hardly seen get what makes the display right at the samples, by least squares (Kavan, Bargteil and
-    Sloan 2011).
+    samples  samples of all texels, at least one
+    visible  (s,) bool, valid samples; texels without any are filled as invalid
+    shape    (atlases, r, r)
+    texels   (k,) int64, flat indices of texels with valid samples
+    hidden   (h,) int64, flat indices of texels whose samples are all invalid
+    beyond   (b,) int64, those of `hidden` next to a mostly valid texel
     """
 
     def __init__(
@@ -62,7 +61,7 @@ class TexelMeans:
         listed.append(upload(compute, np.asarray(visible, np.uint8)))
         compute.run(self._kernels["list_samples"], len(keys), *listed, self._samples, np.int32(len(keys)))
 
-        # What is known of each texel, and which ones are beside it.
+        # State of each texel and of its neighbours.
         self._places = upload(compute, texels.astype(np.uint32))
         self._numbers = zeros(compute, 4 * int(np.prod(shape)))
         self._seen_part, states, marked = (self._buffer(size * self._count) for size in (16, 1, 1))
@@ -79,31 +78,31 @@ class TexelMeans:
         seen = state & _SEEN > 0
         self.texels, self.hidden, self.beyond = texels[seen], texels[~seen], texels[state & _BEYOND > 0]
 
-        # Each texel's light, range, and planes, of the values at hand.
+        # Light, range and planes of the current values of each texel.
         self._light, self._changed, self._low, self._high = (self._buffer(16 * self._count) for _ in range(4))
         self._planes = self._buffer(5 * 16 * self._count if self._has_planes else 16)
         self._steps = self._buffer(4 * self._count)
 
     @property
     def shown(self) -> np.ndarray:
-        """Texels that `of` has light of: `texels`, then those `beyond`, (k + b,) int64."""
+        """Flat indices of the texels that `of` returns: `texels`, then `beyond`, (k + b,) int64."""
         return np.concatenate([self.texels, self.beyond])
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Return the light of texels that are `shown`, (k + b, c) float32.
+        """Return the light of the texels `shown`, (k + b, c) float32.
 
-        values: (s, c) or (s,), of the samples; 1 or 3 channels
+        values  (s, c) or (s,) float32, values of the samples, 1 or 3 channels
         """
         channels = _channels(values)
         light: np.ndarray = download(self._compute, self._light_of(values), (self._count, 4))
         return light[self._shown, :channels]
 
     def show(self, texels: DeviceTexels, values: np.ndarray) -> None:
-        """Let texels show the light of those that are `shown`; values as of `of`."""
+        """Write the light of the texels `shown` into `texels`; see `of` for the values."""
         texels.put(self._shown_places, self._light_of(values), self._count)
 
     def _light_of(self, values: np.ndarray) -> cl.Buffer:
-        """Return the light of all texels, float4; 0 of those that are not shown. Values as of `of`."""
+        """Return the light of all texels on the device, float4; 0 where they are not `shown`."""
         channels = np.int32(_channels(values))
         given = upload(self._compute, values.astype(np.float32, copy=False)), channels
         ranges = self._low, self._high
@@ -131,7 +130,7 @@ class TexelMeans:
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
 
     def _run(self, name: str, *arguments: object) -> None:
-        """Run a kernel for each texel that has samples."""
+        """Run a kernel for each texel with samples."""
         self._compute.run(self._kernels[name], self._count, *arguments, np.int32(self._count))
 
 

@@ -1,4 +1,4 @@
-"""Points at which a lightmap has to show the light: several in a texel that shows more than one thing."""
+"""Supersampling of texels: several sample points in texels whose light is not uniform."""
 
 from __future__ import annotations
 
@@ -16,28 +16,27 @@ from ..segment_sums import segment_sums
 from ..sorted_runs import run_numbers, run_starts
 from .irradiance_edges import PatchLight, find_edges
 
-#: A texel is wholly covered from this part on; faces of a texel lie in one plane if the cosine between their
-#: normals is larger.
+#: Coverage from which a texel counts as full, and minimum cosine between normals of faces in one plane.
 _WHOLE, _FLAT = 0.999, 0.98
 
-#: Points of all texels together: the host keeps about 64 bytes of each, and some time goes into them.
+#: Maximum number of points of all texels together; the host stores about 64 bytes for each.
 _MOST_POINTS = 1 << 22
 
-#: Least points of a texel that has several.
+#: Minimum number of points of a supersampled texel.
 _FEWEST = 4
 
-#: Coverage below which a texel whose centre nobody covers shows nothing of its own.
+#: Coverage below which a texel without a patch at its centre gets no samples.
 _SLIVER = 0.01
 
 
 @dataclass(frozen=True)
 class TexelSamples(NumpyPickle):
-    """Points on surfaces, ordered by atlas and texel.
+    """Sample points on surfaces, sorted by atlas and texel.
 
     atlas        (s,) int32
-    texel        (s,) int32, row * resolution + column: the texel that shows the point
-    position     (s, 2) float32, on the lightmap, texels: the centre of texel (x, y) is at x + 1/2, y + 1/2
-    weight       (s,) float32, the part of its texel that the sample stands for
+    texel        (s,) int32, row * resolution + column of the texel that the sample belongs to
+    position     (s, 2) float32, texels, on the lightmap; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
+    weight       (s,) float32, fraction of the texel that the sample represents
     triangle     (s,) int32
     barycentric  (s, 3) float32
     """
@@ -58,19 +57,19 @@ class TexelSamples(NumpyPickle):
         return keys
 
     def part(self, chosen: slice | np.ndarray) -> TexelSamples:
-        """Return some samples."""
+        """Return a subset of the samples."""
         return TexelSamples(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
 
 def no_samples() -> TexelSamples:
-    """Return no samples."""
+    """Return an empty set of samples."""
     none = np.zeros(0, np.int32)
     weight, position = np.zeros(0, np.float32), np.zeros((0, 2), np.float32)
     return TexelSamples(none, none, position, weight, none, np.zeros((0, 3), np.float32))
 
 
 def joined_samples(several: list[TexelSamples]) -> TexelSamples:
-    """Return samples, then others; there are some at least."""
+    """Concatenate samples; the list must not be empty."""
     names = TexelSamples.__dataclass_fields__
     return TexelSamples(*(joined_rows([getattr(samples, name) for samples in several]) for name in names))
 
@@ -78,24 +77,30 @@ def joined_samples(several: list[TexelSamples]) -> TexelSamples:
 def display_samples(
     clipper: TexelClipper, parts: PatchScene, atlases: int, known: PatchLight, points: int
 ) -> tuple[TexelSamples, int]:
-    """Return so many `points` in each texel of the first atlases that shows more than its centre.
+    """Return `points` samples in each texel that is not uniform, and the number of points used.
 
-    These are texels that are partly covered, show several faces, or lie on an edge of light or of what is
-    hidden. Where they would have too many points together each has fewer, at last every second or third texel
-    alone. The number tells how many each has. The clipper is of the triangles.
+    These texels are partly covered, contain several faces, or lie on an edge of irradiance or validity. If
+    all points together exceed the limit, each texel gets fewer, and finally only every second or third texel
+    gets any.
+
+    clipper  clips the triangles of `parts` to texels
+    parts    patches of the scene
+    atlases  number of the user's lightmaps
+    known    solution of the patches
+    points   points for each texel, a square number
     """
     resolution = parts.patches.resolution
     own = parts.patches.on_texels(atlases)
     edge, at_an_end = find_edges(clipper.compute, own, known)
     edge |= _between(edge) & (own > 0)
 
-    # Of texels between others of their chart it shows in the light whether they need points.
+    # A texel between others of its chart needs points only if its light has an edge.
     border = clipper.border_pieces(edge | at_an_end)
     key = border.keys(resolution)
     several = at_an_end & _shows_several(parts, border, key, own)
     chosen, points = _affordable((several | edge).ravel(), points)
 
-    # Texels that one triangle fills are pieces, too.
+    # Texels inside one triangle need fragments too.
     filled = chosen.copy()
     filled[key] = False
     entry = own.ravel()[np.flatnonzero(filled)]
@@ -106,9 +111,9 @@ def display_samples(
 
 
 def _between(edge: np.ndarray) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, between two on an edge of light.
+    """Return the texels, (atlases, r, r) bool, between two edge texels of a row or column.
 
-    Half a shadow is the mean of light and shadow, and is on no edge for itself.
+    A texel that is half in shadow has the mean of light and shadow, so the detector finds no edge in it.
     """
     between = np.zeros_like(edge)
     between[:, 1:-1] |= edge[:, :-2] & edge[:, 2:]
@@ -117,7 +122,7 @@ def _between(edge: np.ndarray) -> np.ndarray:
 
 
 def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
-    """Return the texels, (t,) bool, that have several points, and how many points each has."""
+    """Return the texels, (t,) bool, that fit the limit of points, and the number of points of each."""
     texels = np.flatnonzero(chosen)
     while points > _FEWEST and points * len(texels) > _MOST_POINTS:
         points //= 4
@@ -127,15 +132,18 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
 
 
 def _shows_several(parts: PatchScene, border: TexelFragments, key: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, that are partly covered, or by faces of several planes.
+    """Return the texels, (atlases, r, r) bool, that are partly covered or contain faces of several planes.
 
-    key: of the pieces, see `TexelFragments.keys`; ascending
+    parts   patches of the scene
+    border  fragments of triangles in border texels
+    key     texel of each fragment, see `TexelFragments.keys`, ascending
+    own     (atlases, r, r) uint32, the patch + 1 of each texel
     """
     triangle, starts = border.triangle, run_starts(key)
     texel = key[starts]
     covered = segment_sums(border.area, run_numbers(starts, len(key)), len(starts))
 
-    # Faces beside the first one of their texel.
+    # Faces other than the first one of their texel.
     first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))
     others = np.flatnonzero(triangle != first)
     normals = parts.geometry.steps.geometric
@@ -143,7 +151,7 @@ def _shows_several(parts: PatchScene, border: TexelFragments, key: np.ndarray, o
     partly = (covered > 0) & (covered < _WHOLE)
     partly[np.searchsorted(starts, others[bent], "right") - 1] = True
 
-    # Of texels whose centre nobody covers, slivers are left to those beside them.
+    # A sliver in a texel whose centre is not covered is left to the neighbouring texel.
     partly &= (own.ravel()[texel] > 0) | (covered > _SLIVER)
     several = np.zeros(own.size, bool)
     several[texel[partly]] = True
@@ -151,14 +159,14 @@ def _shows_several(parts: PatchScene, border: TexelFragments, key: np.ndarray, o
 
 
 def _samples_of(clipper: TexelClipper, pieces: TexelFragments, resolution: int, points: int) -> TexelSamples:
-    """Return the samples of texels whose pieces are given, `points` of each, a square number.
+    """Return `points` samples, a square number, in each texel with the given fragments.
 
-    Texels that are mostly covered have the points of a grid that lie on a triangle: light that is averaged
-    around each is averaged over the texel. Others have all of their points within what is covered.
+    A texel that is mostly covered uses the points of a regular grid that lie on a triangle, so that the mean
+    covers the texel evenly. Other texels place all points inside the covered part.
     """
     keys = pieces.keys(resolution)
 
-    # Those of border texels and of others, both in their order: a stable sort merges them.
+    # A stable sort merges fragments of border texels and of full texels, both already sorted.
     order = np.argsort(keys, kind="stable")
     pieces, starts = pieces.part(order), run_starts(keys[order])
     found = clipper.points_in_texels(pieces, starts, math.isqrt(points))
@@ -170,6 +178,6 @@ def _samples_of(clipper: TexelClipper, pieces: TexelFragments, resolution: int, 
 def on_lightmap(
     triangles: Triangles, triangle: np.ndarray, barycentric: np.ndarray, resolution: int
 ) -> np.ndarray:
-    """Return where points of triangles are on their lightmap, (s, 2) float32, texels."""
+    """Return the lightmap position of points on triangles, (s, 2) float32, texels."""
     uvs = np.einsum("sk,skd->sd", barycentric, triangles.uvs[triangle])
     return (uvs * resolution).astype(np.float32)

@@ -1,21 +1,21 @@
-"""The normal equations of bilinear look-ups: each texel with its eight neighbours."""
+"""Normal matrix of bilinear lookups: a nine-point stencil for each texel."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Pairs of texels of a footprint (lower left, lower right, upper left, upper right) that are neighbours in
-#: one direction: along the row, along the column, and along both diagonals.
+#: Pairs of lookup texels (lower left, lower right, upper left, upper right) that are neighbours along the
+#: row, the column, and each diagonal.
 _DIRECTIONS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3),), ((1, 2),))
 
 
 class TexelStencil:
-    """A^T W A of look-ups A with weights W, as a matrix of nine diagonals over unknowns.
+    """A^T W A of bilinear lookups A with point weights W, stored as nine diagonals.
 
-    footprints  (m, 4) int64, numbers of the unknowns that each look-up reads
-    weights     (m, 4) float64, of each of them; the number of one with weight 0 does not matter
-    count       (m,) float64, what each look-up counts
-    unknowns    number of unknowns
+    footprints  (m, 4) int64, unknowns that each lookup reads
+    weights     (m, 4) float64, lookup weights; an unknown with weight 0 is ignored
+    count       (m,) float64, weight W of each lookup
+    unknowns    number n of unknowns
     """
 
     def __init__(self, footprints: np.ndarray, weights: np.ndarray, count: np.ndarray, unknowns: int) -> None:
@@ -25,16 +25,16 @@ class TexelStencil:
         self._links = [self._linked(footprints, weights, count, pairs) for pairs in _DIRECTIONS]
 
     def times(self, values: np.ndarray) -> np.ndarray:
-        """Return the product with values of the unknowns, (n,) float64."""
+        """Return the product with a vector of the unknowns, (n,) float64."""
         product = self.diagonal * values
         for texel, neighbour, factor in self._links:
-            # No two texels have the same neighbour in one direction.
+            # Indices are unique: no two texels have the same neighbour in one direction.
             product[texel] += factor * values[neighbour]
             product[neighbour] += factor * values[texel]
         return product
 
     def widened(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return ranges of the unknowns, two (n,) float64 arrays, that hold those of their neighbours."""
+        """Return the ranges, (n,) float64 each, widened to the ranges of the neighbours."""
         wide_low, wide_high = low.copy(), high.copy()
         for texel, neighbour, _ in self._links:
             for one, other in ((texel, neighbour), (neighbour, texel)):
@@ -45,7 +45,7 @@ class TexelStencil:
     def _linked(
         self, footprints: np.ndarray, weights: np.ndarray, count: np.ndarray, pairs: tuple
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return texels, their neighbours in a direction and the factors of their products, (k,) each."""
+        """Return texels, neighbours in one direction, and the matrix entries of these pairs, (k,) each."""
         factor, neighbour = np.zeros(len(self.diagonal)), np.zeros(len(self.diagonal), np.int64)
         for one, other in pairs:
             product = count * weights[:, one] * weights[:, other]
@@ -57,5 +57,5 @@ class TexelStencil:
 
     @staticmethod
     def _add(sums: np.ndarray, index: np.ndarray, terms: np.ndarray) -> None:
-        """Add terms to the sums that indices name."""
+        """Accumulate terms at indices."""
         sums += np.bincount(index, terms, len(sums))

@@ -1,8 +1,8 @@
-"""Texels beside walls that are too thin for them, fitted to what their bilinear display shows on both sides.
+"""Least-squares fit with relative error for texels at walls thinner than a texel, against light leaks.
 
-Such a texel is interpolated on a lit side and on a dark one. The mean of both leaks: the eye sees contrast
-(Weber's law), so the dark side shows a bright line, many times as bright as what is there. Least squares of
-the relative error put the step of light on the lit side, where it is like a shadow at the foot of the wall.
+Such a texel is read by lookups on a lit and on a dark side. Its mean leaks: perceived contrast is relative
+(Weber's law), so a bright line appears on the dark side. Minimizing the relative error moves the light step
+to the lit side, where it resembles a contact shadow.
 """
 
 from __future__ import annotations
@@ -21,31 +21,30 @@ from .device_images import DeviceTexels
 from .lightmap_points import LightmapPoints, centre_points, joined_points
 from .texel_samples import TexelSamples
 
-#: Light below this part of the brightest around counts as if it were that bright.
+#: Light below this fraction of the brightest light around counts as that bright.
 _FAINT = 1 / 20
 
-#: Texels are fitted up to this many texels from the samples in a wall.
+#: Distance in texels from samples inside a wall up to which texels are fitted.
 _REACH = 1
 
-#: Light within this many texels is around a texel.
+#: Radius in texels of the neighbourhood whose brightest light is the reference.
 _AROUND = 2
 
-#: Weight of texels that are not fitted: they stay as they are.
+#: Weight of texels that keep their value.
 _FIXED = 100.0
 
 
 class ThinWallFit:
-    """What texels within one of a thin wall show: the least squares of the relative error of their display.
+    """Fit of the texels within one texel of a thin wall; minimizes the relative error of bilinear lookups.
 
-    samples  of all texels
-    visible  (s,) bool, samples that somebody sees
+    samples  samples of all texels
+    visible  (s,) bool, valid samples
     light    (s,) float32, E/pi of the samples, sum of the channels
-    inside   (k,) int64, samples in thin walls
-    shown    that light, one channel, as all texels show it without walls
-    known    (atlases, r, r) bool, texels that show what is seen of them
-
-    texels   (t,) int64, flat indices of those that are fitted
-    centres  (p,) int64, flat indices of those of whose centres the light counts
+    inside   (k,) int64, indices of samples inside thin walls
+    shown    the same light in all texels without this fit, one channel
+    known    (atlases, r, r) bool, texels with valid light
+    texels   (t,) int64, flat indices of the fitted texels
+    centres  (p,) int64, flat indices of the texels whose centre is a sample of the fit
     """
 
     def __init__(
@@ -64,7 +63,8 @@ class ThinWallFit:
         self.texels = near[flat[near]]
         around = _around(self.texels, known.shape, 1)
 
-        # Samples tell what is shown beside the wall; so do centres of texels without any, and what stays.
+        # Equations: samples next to the wall, centres of fitted texels without samples, and texels that keep
+        # their value.
         told = np.zeros(known.size, bool)
         told[around] = True
         self._samples = np.flatnonzero(visible & (samples.weight > 0) & told[keys])
@@ -75,7 +75,7 @@ class ThinWallFit:
         beside[keys[self._samples]] = False
         self.centres = np.flatnonzero(stays | beside)
 
-        # The square of the relative error, of what is around.
+        # Scale the error of each equation by the brightest light nearby.
         brightness = _Brightness(shown, known, np.union1d(around, self.centres))
         starts = run_starts(keys[self._samples])
         bright = brightness.largest_around(keys[self._samples][starts])
@@ -97,10 +97,10 @@ class ThinWallFit:
         self._unknown = np.searchsorted(equations.texel, self.texels)
 
     def light(self, samples: np.ndarray, at_centres: np.ndarray) -> np.ndarray:
-        """Return the light of the `texels` beside walls, (t, c) float32.
+        """Return the light of the fitted `texels`, (t, c) float32.
 
-        samples     (s, 3) or (s,) float32, of all samples
-        at_centres  (p, c) float32, of the texels `centres`, what these show without walls
+        samples     (s, 3) or (s,) float32, values of all samples
+        at_centres  (p, c) float32, values of the texels `centres` without this fit
         """
         values = samples.reshape(len(samples), -1)[self._samples]
         colors = [np.broadcast_to(some, (len(some), 3)) for some in (values, at_centres)]
@@ -111,15 +111,15 @@ class ThinWallFit:
 
 
 def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
-    """Return the weight of the squared error of light, (n,), that makes it relative; 1 for what is bright."""
+    """Return the weight of squared errors of light, (n,), that makes them relative; 1 for the brightest."""
     weight: np.ndarray = (bright / np.maximum(light, _FAINT * np.maximum(bright, 1e-30))) ** 2
     return np.where(bright > 0, weight, 1.0)
 
 
 def _around(texels: np.ndarray, shape: tuple[int, ...], steps: int) -> np.ndarray:
-    """Return texels and those within steps of them, (k,) int64, flat indices, ascending.
+    """Return the texels and all within `steps` of them, (k,) int64, flat indices, ascending.
 
-    shape: of the lightmaps, (atlases, r, r)
+    shape  (atlases, r, r) of the lightmaps
     """
     around = np.zeros(shape, bool)
     flat = around.ravel()
@@ -129,7 +129,7 @@ def _around(texels: np.ndarray, shape: tuple[int, ...], steps: int) -> np.ndarra
 
 
 def _steps_from(texels: np.ndarray, resolution: int, steps: int) -> Iterator[np.ndarray]:
-    """Yield for each step what is that far from texels, (n,) int64, flat indices; at an end the last one."""
+    """Yield the texels at each offset within `steps`, (n,) int64, flat indices, clamped to the edge."""
     reach = range(-steps, steps + 1)
     before, column = np.divmod(texels, resolution)
     row = before % resolution
@@ -140,7 +140,7 @@ def _steps_from(texels: np.ndarray, resolution: int, steps: int) -> Iterator[np.
 
 
 class _Brightness:
-    """Light of texels that are known, near some of them, (n,) int64, flat indices.
+    """Light of known texels near the given ones, (n,) int64, flat indices.
 
     shown  light of all texels, one channel
     known  (atlases, r, r) bool
@@ -154,11 +154,11 @@ class _Brightness:
         self._light[near] = shown.rows(near)[:, 0]
 
     def of(self, texels: np.ndarray) -> np.ndarray:
-        """Return the light of some texels, (k,) float32; 0 where it is not known."""
+        """Return the light of texels, (k,) float32; 0 where it is unknown."""
         return self._light[texels]
 
     def largest_around(self, texels: np.ndarray) -> np.ndarray:
-        """Return the largest known light around some texels, (k,) float32, at least 0."""
+        """Return the maximum known light around texels, (k,) float32, at least 0."""
         largest = np.zeros(len(texels), np.float32)
         for index in _steps_from(texels, self._resolution, _AROUND):
             np.maximum(largest, self._light.take(index), out=largest)

@@ -1,4 +1,4 @@
-"""Walls that texels cannot part: light shows through to the other side, which the report tells."""
+"""Detection of walls thinner than two texels, through which interpolation leaks light, and their warning."""
 
 from __future__ import annotations
 
@@ -11,19 +11,22 @@ from ..sorted_runs import run_starts
 from .push_off import PushOffs
 from .texel_samples import TexelSamples
 
-#: Light on both sides that differs by more than this part shows through.
+#: Relative difference between both sides above which light leaks visibly (chosen).
 _DIFFERS = 0.25
 
-#: A wall that is at least this many texels thick parts both sides: none is interpolated on both.
+#: Thickness in texels from which no bilinear lookup reads texels on both sides of a wall.
 _PARTING = 2.0
 
 
 def in_thin_walls(
     parts: PatchScene, samples: TexelSamples, ways: PushOffs, visible: np.ndarray, light: np.ndarray
 ) -> np.ndarray:
-    """Return the samples, (k,) int64, inside of things thinner than two texels with other light behind them.
+    """Return the samples, (k,) int64, inside walls thinner than two texels with different light behind them.
 
-    visible  (s,) bool, samples that somebody sees
+    parts    patches of the scene
+    samples  samples of all texels
+    ways     push-offs of the samples
+    visible  (s,) bool, valid samples
     light    (s,) float32, E/pi, sum of the channels
     """
     thin = np.flatnonzero(np.isfinite(ways.thickness) & (ways.wall >= 0))
@@ -40,44 +43,44 @@ def in_thin_walls(
 def warn_thin_walls(
     scene: Scene, parts: PatchScene, samples: TexelSamples, ways: PushOffs, inside: np.ndarray
 ) -> list[str]:
-    """Return a warning that names the walls that samples, (k,) int64, are inside of; see `in_thin_walls`."""
+    """Return a warning that names the walls around samples, (k,) int64; see `in_thin_walls`."""
     if not len(inside):
         return []
     meshes = np.unique(parts.triangles.mesh[ways.wall[inside]])
 
-    # The density that parts both sides, of each wall where it is thinnest.
+    # Texel density that separates both sides, at the thinnest place.
     units = 1 / scene.metres_per_unit
     density = units * float((_PARTING / np.maximum(ways.thickness[inside], 1e-6)).max())
     now = units / float(_texel(parts, samples, inside).max())
     sentence = (
-        "{}: thinner than two texels of what they stand on, so light is wrong up to a texel beside them. "
-        f"{_rounded(density)} texels per metre would part both sides, now there are {_rounded(now)}; "
-        "or cut the lightmap UVs along them."
+        "{}: wall thinner than two texels, so light leaks beside it. "
+        f"Use {_rounded(density)} texels per metre (now {_rounded(now)}) "
+        "or cut the lightmap UVs along the wall."
     )
     return [object_message(sentence, [scene.meshes[mesh].name for mesh in meshes], "cut_along_walls")]
 
 
 def _texel(parts: PatchScene, samples: TexelSamples, chosen: np.ndarray) -> np.ndarray:
-    """Return how wide the texels of chosen samples are, (k,), m."""
+    """Return the texel width at chosen samples, (k,), m."""
     width: np.ndarray = np.sqrt(parts.geometry.steps.area[samples.triangle[chosen]])
     return width
 
 
 def _rounded(density: float) -> str:
-    """Return a density with at least two digits, such as 1,234 or 0.017."""
+    """Return a density as text with at least two digits, such as 1,234 or 0.017."""
     return f"{density:,.0f}" if density >= 10 else f"{density:.2g}"
 
 
 def _extremes_around(
     texels: np.ndarray, keys: np.ndarray, light: np.ndarray, resolution: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and the largest light of samples within a texel of each texel, (k,) float32 each.
+    """Return the minimum and maximum light of samples within one texel of each texel, (k,) float32 each.
 
-    Where there are no samples these are inf and 0.
+    They are inf and 0 where there are no samples.
 
     texels  (k,) int64, atlas * r * r + texel
-    keys    (c,) int64, ascending, those of the samples
-    light   (c,) float32, of the samples, one at least
+    keys    (c,) int64, texel of each sample, ascending
+    light   (c,) float32, light of the samples, at least one
     """
     starts = run_starts(keys)
     steps, found = _steps_around(keys[starts], texels, resolution), []
@@ -92,10 +95,12 @@ def _extremes_around(
 def _steps_around(
     texels: np.ndarray, around: np.ndarray, resolution: int
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return, for each of 3 x 3 steps, the numbers of texels that lie a step beside others, and of these.
+    """Return matching index pairs of neighbouring texels for each of the 3 x 3 offsets.
 
     texels  (n,) int64, ascending, atlas * r * r + texel
-    around  (m,) int64, the others
+    around  (m,) int64, texels whose neighbours are searched
+
+    Each pair holds indices into `texels` and the indices into `around` of their neighbours.
     """
     found = []
     row, column = np.divmod(around % resolution**2, resolution)

@@ -63,7 +63,7 @@ def test_a_thin_wall_on_one_floor_parts_light_from_dark(first):
     lightmap = drive(replace(scene, metres_per_unit=0.5), SETTINGS)
     (told,) = [note for note in lightmap.report.warnings if "thinner than two texels" in note]
     assert (
-        told.objects == ("Wall",) and "200 texels per metre would part both sides, now there are 50" in told
+        told.objects == ("Wall",) and "Use 200 texels per metre (now 50)" in told
     )
     foot = lamp_light(LAMP, line(first - 0.001)).mean()
     behind = first + 0.02

@@ -27,7 +27,7 @@ _ABOVE = 0.1
 #: A blocker counts if it is steep against the surface (below the second value).
 _EVEN, _STEEP = 0.9, 0.7
 
-#: Bit flags of seams and of texels, as in kernels/seam_lookups.cl.
+#: Bit flags of seams and of texels, as in kernels/postprocess/seam_lookups.cl.
 _OTHER_LIGHT = 1
 _SURFACE, _KNOWN = 1, 2
 

@@ -33,7 +33,7 @@ class DeviceBilinearEquations:
     texels               uint for each unknown, flat index
     centre               uchar for each texel, `centres`
     ranges               int2 for each unknown, first and last sample inside it
-    neighbours, factors  9 planes of int and float for each unknown, see kernels/bilinear_equations.cl
+    neighbours, factors  9 planes of int, float for each unknown; kernels/postprocess/bilinear_equations.cl
     linked               uint for each unknown, flags of its links
     columns, entries     int8 and float8 for each seam, the unknowns that it reads and their factors
     starts               int for each unknown plus one, offsets into `read_by` and `shares`

@@ -27,7 +27,7 @@ class _Scale(NamedTuple):
     """One scale of the image pyramid.
 
     shape   atlases, height, width
-    states  uchar for each texel, see kernels/gutter_fill.cl
+    states  uchar for each texel, see kernels/postprocess/gutter_fill.cl
     """
 
     shape: tuple[int, int, int]

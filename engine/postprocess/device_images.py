@@ -14,14 +14,14 @@ from .device_fill import DeviceFill
 
 _SOURCE = "images.cl"
 
-#: Texel index for "no texel" in kernels/images.cl.
+#: Texel index for "no texel" in kernels/postprocess/images.cl.
 NOWHERE = 0xFFFFFFFF
 
 #: Memory limit in bytes for each of the three image buffers of outputs that are made together.
 _MEMORY = 1 << 28
 
 
-#: Values that each work item of the maximum reduction reads, as in kernels/images.cl.
+#: Values that each work item of the maximum reduction reads, as in kernels/postprocess/images.cl.
 _EACH = 64
 
 

@@ -25,7 +25,7 @@ _DARK = 0.05
 #: fraction by the factor `_ABOVE_NOISE`; that difference is 0.67 standard deviations of normal noise.
 _BLOCK, _EVEN, _ABOVE_NOISE = 16, 0.25, 4.0
 
-#: Macros of kernels/irradiance_edges.cl.
+#: Macros of kernels/postprocess/irradiance_edges.cl.
 _OPTIONS = {
     "EDGE": f"{_EDGE}f",
     "EDGE_NEAR_BORDER": f"{_EDGE_NEAR_BORDER}f",
@@ -34,7 +34,7 @@ _OPTIONS = {
     "ABOVE_NOISE": f"{_ABOVE_NOISE}f",
 }
 
-#: Bit flags of kernels/irradiance_edges.cl.
+#: Bit flags of kernels/postprocess/irradiance_edges.cl.
 _ON_EDGE, _AT_AN_END = 1, 2
 
 

@@ -17,7 +17,7 @@ _NAMES = (
     "extrapolate_texels", "begin_fit", "step_of_fit",
 )  # fmt: skip
 
-#: Flags of texels, as in kernels/texel_means.cl.
+#: Flags of texels, as in kernels/postprocess/texel_means.cl.
 _SEEN, _CUT, _BEYOND = 1, 8, 16
 
 #: Texels that each work item reads in the reduction of the range of all values, as in the kernel.

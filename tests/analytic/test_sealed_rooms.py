@@ -62,9 +62,7 @@ def test_a_thin_wall_on_one_floor_parts_light_from_dark(first):
     hall, scene = walled_floor(first)
     lightmap = drive(replace(scene, metres_per_unit=0.5), SETTINGS)
     (told,) = [note for note in lightmap.report.warnings if "thinner than two texels" in note]
-    assert (
-        told.objects == ("Wall",) and "Use 200 texels per metre (now 50)" in told
-    )
+    assert told.objects == ("Wall",) and "Use 200 texels per metre (now 50)" in told
     foot = lamp_light(LAMP, line(first - 0.001)).mean()
     behind = first + 0.02
     dark = shown(lightmap, floor_points(hall, line(np.arange(behind + TEXEL, 1.58, 0.01))))

@@ -1,4 +1,4 @@
-"""Chooses who solves for the light of patches: every patch or groups of them, on the device or the host."""
+"""Choice of the solver: for each patch or for patch groups, on the device or the host."""
 
 from __future__ import annotations
 
@@ -32,36 +32,38 @@ from ..validity.thresholds import MAX_BACKS_INTERPOLATED
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.near_openness import backs_met, openness
 from ..visibility.sample_counts import ray_count
-from .choose_gather import choose_sweep
+from .choose_gather import choose_device_gather
 from .memory import MORE_RAYS, group_width, is_adaptive, is_smoothed
 from .receivers import Receivers, make_final_gather, separates_direct
 from .solve_job import SolveJob
 from .solver_choice import SolverChoice
 from .substitute_patches import substitute_patches
 
-#: What a plane through the light of groups may leave over, as a fraction of all light, times the root of the
-#: rays of a patch. Three times the error of these: much of it is noise of the groups, which the plane takes
-#: out, and where light bends the middle of the plane is nearer to it than what is left over says.
+#: Tolerance of the interpolation between groups, relative to the irradiance, times the square root of the
+#: samples of a patch. It is three times the sampling error: most of the residual is noise of the groups,
+#: which the plane removes. Where irradiance is curved, the plane's centre is closer than the residual
+#: suggests.
 _TOLERANCE = 2.0
 
-#: Width of the smaller squares, texels, of which one patch gathers first where groups are too coarse.
+#: Width in texels of the smaller groups, of which one patch gathers first where 4 x 4 groups are too coarse.
 _SMALLER = 2
 
-#: How far from patches something is near, texels: patches near things of which groups know nothing gather.
+#: Distance in texels below which geometry counts as near. Patches next to geometry that the groups do not
+#: sample gather themselves.
 _NEAR = 2.0
 
-#: Patches that gather for themselves, as a fraction, before it is known.
+#: Expected fraction of patches that gather themselves, for the estimate of the work.
 _GATHERING = 0.25
 
 
 def choose_solver(job: SolveJob) -> tuple[Solution, SolverChoice, SolveJob]:
-    """Return what solves a bake's light, the way that was chosen for patches to gather, and what is solved.
+    """Return the solution, the choice of the gather, and the job that is solved.
 
-    That is the job itself, or that of groups of its patches.
+    The returned job is `job` itself, or the job of its patch groups.
     """
     if job.dark:
         job.kept.light = None
-        why = "No light reaches any patch: nothing is looked for."
+        why = "No light reaches any patch: visibility is not computed."
         return BlackSolution(job.count), SolverChoice("none", "none", 0, (why,)), job
     width, reasons = group_width(job)
     if width == 1:
@@ -71,14 +73,18 @@ def choose_solver(job: SolveJob) -> tuple[Solution, SolverChoice, SolveJob]:
 
 
 def solver_like(job: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None) -> Solver:
-    """Return what solves for a part of the light, with samples and stand-ins as of all of it."""
+    """Return a solver for one part of the light, such as a light group.
+
+    It uses the samples of `choice` and the substitutes of the solution of all light. substitute: (n,) int64,
+    substitute of each patch; None if all are valid.
+    """
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
     part = replace(job, settings=settings, indirect=None, direct=None, front=None)
     return _solver(part, lambda _: stand_in)[0]
 
 
 def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, SolverChoice]:
-    """Return what solves for every patch on its own; see `Solver`."""
+    """Return a solver with one unknown for each patch; see `Solver`."""
     if find_stand_ins is None and job.near is not None:
         find_stand_ins = partial(substitute_patches, job.parts, job.near, beside=job.kept.find_substitutes)
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
@@ -92,13 +98,13 @@ def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:
-    """Return what solves for squares of patches, then gathers for each patch."""
+    """Return a solution that solves for patch groups, then gathers for each patch."""
     leader = group_representatives(job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width)
     groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
     emission = groups.mean(job.emission)
     backs = None if job.backs is None else groups.mean(job.backs)
     if job.remote is not None:
-        # Other processes begin to find what groups see; the rest of them is made meanwhile.
+        # Other processes start to compute the visibility of groups while this one prepares the rest.
         job.remote.of_groups(groups.leader, groups.texel_to_group, emission if backs is None else backs)
     squares = replace(
         job,
@@ -125,18 +131,18 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
 
 
 def _smoothed_solution(job: SolveJob) -> tuple[GroupedSolution, SolverChoice]:
-    """Return what solves for every patch; planes then take noise out of the light around each."""
+    """Return a solution for each patch that a plane fit over its neighbours then denoises."""
     solver, choice = _solver(job)
     between = _interpolated(job, job, solver, choice, [])
-    reasons = (*choice.reasons, "Where the light of patches around each lies in a plane, it has that light.")
+    reasons = (*choice.reasons, "Light that lies in a plane around a patch is taken from the plane.")
     solution = GroupedSolution(solver, SinglePatches(job.count), between)
     return solution, replace(choice, reasons=reasons)
 
 
 def _settings_of_groups(job: SolveJob) -> Settings:
-    """Return the settings by which groups are solved: they give light alone.
+    """Return the settings for the iteration over groups, which computes irradiance without other outputs.
 
-    Where patches have it from them, they also tell where it comes from.
+    Adaptive bakes interpolate directional maps from the groups too, and use more samples for each group.
     """
     settings = light_alone(job.settings)
     if not is_adaptive(job):
@@ -146,16 +152,16 @@ def _settings_of_groups(job: SolveJob) -> Settings:
 
 
 def light_alone(settings: Settings) -> Settings:
-    """Return the settings for light alone, without directions, occlusion and masks."""
+    """Return the settings with light outputs only."""
     return replace(settings, outputs=settings.light_outputs)
 
 
-#: Squares of patches: the group of each patch, the patch that leads each group, and their width, texels.
+#: A patch grouping: group of each patch, (n,) uint32; representative patch of each group; width, texels.
 _Squares = tuple[np.ndarray, np.ndarray, int]
 
 
 def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
-    """Return the squares that are solved as one, and smaller ones."""
+    """Return the groupings for the interpolation: the solved groups, then the smaller ones."""
     inside = job.kept.inside(job.rays)
     smaller = numbered(group_representatives(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
     return [(groups.group, groups.leader, groups.width), (*smaller, _SMALLER)]
@@ -164,9 +170,13 @@ def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
 def _interpolated(
     job: SolveJob, solved: SolveJob, solver: Solver, choice: SolverChoice, widths: Sequence[_Squares]
 ) -> InterpolatedGather:
-    """Return what gathers for the patches that differ from those around them.
+    """Return the final gather that interpolates smooth patches and traces the others.
 
-    solved: patches, or the squares of them that come first in `widths`, of which `solver` tells the light
+    job     all patches
+    solved  job of the patches, or of the first grouping of `widths`, that `solver` solves
+    solver  solution of `solved`
+    choice  choice of the gather
+    widths  groupings, coarse to fine
     """
 
     def last_of(chosen: np.ndarray) -> FinalGather:
@@ -174,7 +184,7 @@ def _interpolated(
         receivers = Receivers(parts, job.rays.of(parts), job.sampled_light[chosen])
         return make_final_gather(solved, choice, receivers, job.settings)[0]
 
-    # Only groups know nothing of what is near the patches between them.
+    # Groups have too few samples to detect geometry near the patches between them.
     opening = openness(job.rays, _NEAR) if widths else None
     backs = None if job.parts.triangles.backs is None else backs_met(job.rays) > MAX_BACKS_INTERPOLATED
     patches = np.arange(job.count)
@@ -192,13 +202,13 @@ def _interpolated(
 
 
 def _by_hemicubes(job: SolveJob) -> bool:
-    """True if irradiance comes to host memory, since OpenGL draws hemicubes in every iteration, or sums."""
+    """Return True if irradiance is in host memory: OpenGL draws hemicubes in each iteration, or sums them."""
     return job.settings.method == "paper" or job.compute is None
 
 
 def _device_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
-    """Return the light of all patches on the OpenCL device, gathered through identities."""
-    sweep, choice = choose_sweep(job)
+    """Return the radiosity state on the OpenCL device, which gathers through visibility samples."""
+    sweep, choice = choose_device_gather(job)
     radiosity = DeviceRadiosity(
         job.opencl, sweep, job.parts.surfaces.reflectance, job.front_emission, job.area,
         job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
@@ -208,9 +218,9 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
 
 
 def _begins_sparse(job: SolveJob, sweep: DeviceGather) -> bool:
-    """Return whether the first sweeps gather from a few samples of each patch.
+    """Return True if the first iterations may use a few samples of each patch.
 
-    They do where many sweeps are to come: not from light that is known.
+    This pays if many iterations follow, so not if the bake starts from known light.
     """
     if not isinstance(sweep, CachedGather) or not sweep.can_be_sparse:
         return False
@@ -219,7 +229,7 @@ def _begins_sparse(job: SolveJob, sweep: DeviceGather) -> bool:
 
 
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
-    """Return the light of all patches in host memory, gathered by OpenGL or as the paper does."""
+    """Return the radiosity state in host memory, with hemicubes by OpenGL or by the paper's method."""
     gather, choice = _choose_gather(job)
     reflectance = colors_on_host(job.parts.surfaces.reflectance)
     indirect, direct = (
@@ -233,17 +243,17 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
 
 
 def _choose_gather(job: SolveJob) -> tuple[HostGather, SolverChoice]:
-    """Return how hemicubes are drawn and summed."""
+    """Return the gather that draws hemicubes and sums them, and the choice with its reasons."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
     seen = (job.parts, job.back_emission, job.sky, settings)
-    tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings ask for the paper's method"
+    tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings request the paper's method"
     if settings.method != "paper":
         if fits_glsl_cache(job.graphics, tiles, job.count):
-            reason = "Hemicubes are drawn once and summed by OpenGL: there is no OpenCL."
+            reason = "Hemicubes are drawn once and summed by OpenGL: there is no OpenCL device."
             return GlslGather(job.graphics, *seen), SolverChoice(
                 "cached", "raster", samples, (reason,), "glsl"
             )
-        why = "there is no OpenCL, and they are too many to be kept by OpenGL"
-    reason = f"Hemicubes are drawn anew in every iteration: {why}."
+        why = "there is no OpenCL device, and they exceed the memory of OpenGL"
+    reason = f"Hemicubes are drawn in every iteration: {why}."
     paper = PaperGather(job.graphics, job.compute, *seen)
     return paper, SolverChoice("paper", "raster", samples, (reason,), paper.integrator)

@@ -1,4 +1,4 @@
-"""Display samples and the light that they receive."""
+"""Texel samples and their gathered irradiance."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..postprocess.texel_samples import TexelSamples
 
 @dataclass(frozen=True)
 class GatheredSamples(NumpyPickle):
-    """Some samples, where they are after they were pushed out, and what they receive; see `TexelSampleLight`.
+    """Texel samples, their positions after push-off, and their light; see `TexelSampleLight`.
 
     irradiance  (s, 3) float32, E/pi of all light
     """
@@ -26,7 +26,7 @@ class GatheredSamples(NumpyPickle):
     values: dict[str, np.ndarray]
 
     def part(self, chosen: slice) -> GatheredSamples:
-        """Return some of them."""
+        """Return the samples of a range."""
         some = self.samples.part(chosen), self.ways.part(chosen)
         rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
         return GatheredSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

@@ -1,4 +1,4 @@
-"""How many sweeps a solution still takes: foretold from how its residual falls."""
+"""Prediction of the remaining iterations from the decay of the convergence error."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from collections.abc import Sequence
 
 from ..settings import Settings
 
-#: Accelerated sweeps to the default tolerance: between 5 and 9 for reflectances from 0.5 to 0.9.
+#: Accelerated iterations to the default tolerance: 5 to 9 for reflectances from 0.5 to 0.9 (measured).
 _ACCELERATED = 7
 
-#: Reflectances that sweeps are expected for.
+#: Range to which the reflectance is clamped.
 _LEAST, _MOST = 0.01, 0.99
 
-#: Residuals that tell how fast they fall: early ones fall faster.
+#: Number of last convergence errors used for the decay rate; early ones decay faster.
 _RECENT = 3
 
 
 def iterations_left(residuals: Sequence[float], settings: Settings, reflectance: float) -> int:
-    """Return how many sweeps are expected to come.
+    """Return the expected number of remaining iterations.
 
-    residuals    after each sweep so far, falling by one factor; NaN or infinite where unknown
-    reflectance  mean of patches all over the scene: in a closed one the error of plain sweeps falls by it
-                 each time
+    residuals    convergence error after each iteration so far; NaN or infinite where unknown
+    settings     settings of the bake
+    reflectance  mean over the patches; in a closed scene it is the decay factor of plain (Jacobi) iterations
     """
     if not settings.has_indirect:
         return max(1 - len(residuals), 0)

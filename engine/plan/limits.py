@@ -1,4 +1,4 @@
-"""Whether a bake fits what the driver and the device can hold, before anything large is allocated."""
+"""Limits of drivers and devices, checked before anything large is allocated."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.raster.targets import MAX_PATCHES
 
-#: Bytes that a lightmap texel takes while the patches of one atlas are listed: two RGBA32F targets, which the
-#: host has a copy of.
+#: Bytes for each texel of one atlas while its patches are listed: two RGBA32F targets, which the host copies.
 _LIST_BYTES = 2 * 16
 
-#: Bytes that it takes in every atlas: an entry of the index map, which the host has too, beside the triangle
-#: that touches the texel.
+#: Bytes for each texel of every atlas: an index map entry, which the host copies, and the index of the
+#: triangle that touches the texel.
 _OWNER_BYTES, _TOUCHED_BYTES = 4, 4
 
 
@@ -30,12 +29,13 @@ def check_limits(
         )
     if len(scene.atlases) > layers:
         raise SettingsError(
-            f"The scene has {len(scene.atlases)} lightmaps, with those of its occluders; "
+            f"The scene has {len(scene.atlases)} lightmaps, with internal ones; "
             f"'{graphics.name}' holds at most {layers}. "
             "Put objects into one lightmap: give them the same atlas name, or raise the resolution."
         )
 
-    # Memory that grows with the lightmaps; hemicubes are drawn in batches that fit. OpenGL tells of none.
+    # Memory that grows with the lightmaps. Hemicubes are drawn in batches that fit. OpenGL reports no memory
+    # size.
     if compute is None:
         return
     texels, atlases = settings.resolution**2, len(scene.atlases)

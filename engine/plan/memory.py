@@ -1,4 +1,4 @@
-"""How much device memory the samples of patches take: whether they are kept, or patches form groups."""
+"""Device memory of visibility samples: decides on caching and on patch groups."""
 
 from __future__ import annotations
 
@@ -7,50 +7,50 @@ from ..visibility.sample_counts import most_samples, sample_bytes
 from ..visibility.sampler import VisibilitySampler
 from .solve_job import SolveJob
 
-#: Width of the squares of patches that are solved as one, texels.
+#: Width of patch groups, texels.
 _GROUP_WIDTH = 4
 
-#: Rays of a group where the light between groups is interpolated, as a multiple of those of a patch.
+#: Samples of a group, as a multiple of those of a patch, if the irradiance between groups is interpolated.
 MORE_RAYS = 3
 
-#: Where other processes gather, more patches than this are solved in squares: light of all of them travels
-#: to each process in each sweep. No memory decides, so that the bits are the same for any devices.
+#: Maximum number of patches with one unknown each where other processes gather, since each process receives
+#: the light of all patches in each iteration. Independent of memory, so that results do not depend on the
+#: devices.
 _MOST_SHARED = 1 << 22
 
-#: Fewer patches than this gather for themselves, all of them: in squares of coarse texels light does not lie
-#: in a plane, and what they save is lost by sorting patches. That of single ones lies in one more often.
+#: Minimum number of patches for adaptive interpolation between groups. Groups of coarse texels rarely fit a
+#: plane, and sorting the patches costs more than it saves.
 _FEWEST = 1 << 14
 
 
 def memory_budget(job: SolveJob) -> int:
-    """Return the device memory that the samples of patches may take, bytes: half of it by default."""
+    """Return the device memory for visibility samples, bytes; half of the device by default."""
     memory = job.opencl.device.global_mem_size
     return min(job.settings.memory_budget or memory // 2, memory)
 
 
-def is_kept(job: SolveJob, identity: VisibilitySampler) -> bool:
-    """Return whether the samples of all patches are kept from the first sweep on."""
+def is_cached(job: SolveJob, identity: VisibilitySampler) -> bool:
+    """Return True if the samples of all patches are cached."""
     return job.settings.method != "stream" and identity.row_bytes * job.count <= memory_budget(job)
 
 
-def finding_sweeps(job: SolveJob, identity: VisibilitySampler) -> int:
-    """Return how many sweeps find what patches see: the first if it is kept, else every one."""
-    return 1 if is_kept(job, identity) else max(2, job.settings.max_bounces)
+def visibility_passes(job: SolveJob, identity: VisibilitySampler) -> int:
+    """Return the number of iterations that compute visibility: 1 if it is cached, else all."""
+    return 1 if is_cached(job, identity) else max(2, job.settings.max_bounces)
 
 
 def is_adaptive(job: SolveJob) -> bool:
-    """Return whether only patches that differ from the groups around them gather for themselves.
+    """Return True if patches that fit the plane of the groups around them are interpolated, not traced.
 
-    A graphics card casts the rays that are saved while the host sorts patches out. What a patch sees is found
-    anew where the settings say so.
+    Used on CPUs only: a GPU traces the saved rays faster than the host sorts the patches.
     """
     return _interpolates(job) and job.count >= _FEWEST
 
 
 def is_smoothed(job: SolveJob) -> bool:
-    """Return whether all patches gather, and then have the light of planes through it where these fit.
+    """Return True if every patch gathers and a plane fit then denoises it where the fit is good.
 
-    Denoise takes more of a noise that is each patch's own.
+    Not with Denoise, which removes more of noise that is independent between patches.
     """
     return _interpolates(job) and job.count < _FEWEST and not job.settings.denoise
 
@@ -70,32 +70,32 @@ def _interpolates(job: SolveJob) -> bool:
 
 
 def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
-    """Return the width of the squares of patches that are solved as one, texels, and why; 1 for none."""
+    """Return the width of patch groups in texels, 1 for none, and the reasons."""
     settings, count = job.settings, job.count
     if job.compute is None or settings.method == "paper" or not settings.has_indirect:
         return 1, ()
     if job.parts.sides is not None:
-        return 1, ("Every patch is solved on its own: some surfaces are translucent.",)
+        return 1, ("Every patch is solved separately: some surfaces are translucent.",)
     if settings.patch_groups:
-        return settings.patch_groups, ("The settings ask for groups of patches.",)
+        return settings.patch_groups, ("The settings request patch groups.",)
     if is_adaptive(job):
-        reason = f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one, with more rays each."
+        reason = f"Groups of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one, with more rays each."
         return _GROUP_WIDTH, (reason,)
     if job.remote is not None:
         width = shared_width(settings, count)
-        reason = f"Squares of {width} x {width} patches are solved as one: {count:,} share light."
+        reason = f"Groups of {width} x {width} patches are solved as one: all {count:,} exchange light."
         return width, (reason,) if width > 1 else ()
     needed = most_samples(settings) * count * sample_bytes(count, job.parts.cutouts.tinted)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
     reason = (
-        f"Squares of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {memory_clause(job, needed)}."
+        f"Groups of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {memory_clause(job, needed)}."
     )
     return _GROUP_WIDTH, (reason,)
 
 
 def shared_width(settings: Settings, count: int) -> int:
-    """Return the width of the squares of `count` patches where other processes gather, texels; 1 for none."""
+    """Return the width of groups of `count` patches where other processes gather, texels; 1 for none."""
     if not settings.has_indirect:
         return 1
     if settings.patch_groups:
@@ -104,6 +104,6 @@ def shared_width(settings: Settings, count: int) -> int:
 
 
 def memory_clause(job: SolveJob, needed: int) -> str:
-    """Return a clause on the memory that samples need, bytes, and what they may take."""
+    """Return a clause with the memory that samples need, bytes, and the budget."""
     budget = memory_budget(job)
-    return f"what patches see takes {needed / 2**20:,.0f} MiB, {budget / 2**20:,.0f} MiB may be used"
+    return f"visibility data needs {needed / 2**20:,.0f} MiB, the limit is {budget / 2**20:,.0f} MiB"

@@ -1,4 +1,4 @@
-"""The light that a bake leaves to the next one of its session: where a warm start begins."""
+"""Solution of the last bake, from which a warm start begins."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from ..solve.solution import Solution
 
 @dataclass(frozen=True)
 class PreviousSolution:
-    """What is known of the light of n patches.
+    """Light of n patches after a bake.
 
-    light    (n, 4) float32, E/pi, and the fraction of each patch's view that no back takes
-    front    (n,) float32, that fraction
-    sampled  (n, 3) float32, E/pi of the part that shadow rays sample
-    direct   (n, 3) float32, E/pi of the part that was not reflected
-    sources  all that decides `direct`, see `SolveJob.direct_sources`; None if that is not known
+    light    (n, 4) float32, E/pi, and validity: fraction of the hemisphere without back faces
+    front    (n,) float32, validity
+    sampled  (n, 3) float32, E/pi from shadow rays
+    direct   (n, 3) float32, E/pi before any reflection
+    near     contacts of the patches
+    sources  everything that determines `direct`, see `SolveJob.direct_sources`; None if unknown
     """
 
     patches: PatchList
@@ -43,39 +44,39 @@ class PreviousSolution:
         near: Contacts,
         sources: tuple | None,
     ) -> PreviousSolution:
-        """Return the light of a solution so far; sampled: (n, 3) float32, E/pi by shadow rays."""
+        """Return the current light of a solution; sampled: (n, 3) float32, E/pi from shadow rays."""
         light, direct = solution.so_far
         return cls(patches, light, solution.front, sampled, direct, near, sources)
 
     def front_of(self, sources: tuple | None) -> np.ndarray | None:
-        """Return `front` if patches see what they saw; None if that may be another."""
+        """Return `front` if visibility is unchanged, else None."""
         if sources is None or self.sources is None:
             return None
         return self.front if same_values(sources[:2], self.sources[:2]) else None
 
     def direct_of(self, sources: tuple | None) -> Values | None:
-        """Return `direct` if other sources are the same; None if it may be another."""
+        """Return `direct` if all of its sources are unchanged, else None."""
         return self.direct if sources is not None and same_values(sources, self.sources) else None
 
     def prepared(self) -> PreviousSolution:
-        """Return this, ready for the next bake, whose first image waits for what is left over."""
+        """Return this solution with its derived arrays computed, which speeds up the next bake."""
         _ = self.gathered, self.indirect
         return self
 
     @cached_property
     def gathered(self) -> np.ndarray:
-        """E/pi of all light but that which shadow rays sample, (n, 3) float32."""
+        """E/pi of all light except light from shadow rays, (n, 3) float32."""
         return rest_of(rows_of(self.light), self.sampled)
 
     @cached_property
     def indirect(self) -> Values:
-        """E/pi of the light that was reflected, (n, 3) float32; on the device, if that has all light."""
+        """E/pi of reflected light, (n, 3) float32; on the device if `light` is."""
         if isinstance(self.light, DeviceArray):
             return self.light.plus(self.direct, -1)
         return rest_of(self.light, colors_on_host(self.direct))
 
     def on(self, patches: PatchList) -> PreviousSolution:
-        """Return the light of other patches: that of their texels, black where none was known."""
+        """Return the light transferred to other patches by texel; black where the texel had no patch."""
         if same_values(patches.key, self.patches.key) and patches.resolution == self.patches.resolution:
             return self
         found, known = self._numbers_of(patches)
@@ -90,7 +91,7 @@ class PreviousSolution:
         return PreviousSolution(patches, light, front, of(self.sampled), of(direct), near)
 
     def _numbers_of(self, patches: PatchList) -> tuple[np.ndarray, np.ndarray]:
-        """Return which patch of this light has the texel of each other one, (m,) int64, and if any has."""
+        """Return the old patch at the texel of each new patch, (m,) int64, and a mask where there is one."""
         if patches.resolution != self.patches.resolution:
             return np.zeros(len(patches), np.int64), np.zeros(len(patches), bool)
         place = np.searchsorted(self.patches.key, patches.key)

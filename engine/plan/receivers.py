@@ -1,4 +1,4 @@
-"""Points that gather once light has settled: patches after groups of them were solved, points of texels."""
+"""Final gather points: patches after their groups are solved, or texel samples."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..patches.patch_scene import PatchScene
 from ..settings import Settings
 from ..solve.final_gather import FinalGather
 from ..visibility.rays.ray_scene import RayScene
-from .choose_gather import stream_sweep
+from .choose_gather import stream_gather
 from .solve_job import SolveJob
 from .solver_choice import SolverChoice
 from .visibility_trial import make_sampler
@@ -20,9 +20,11 @@ from .visibility_trial import make_sampler
 
 @dataclass(frozen=True)
 class Receivers:
-    """Points that gather once light has settled: patches, or points of texels.
+    """Points of a final gather: patches or texel samples.
 
-    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
+    parts          points as patches, with the scene's triangles
+    rays           ray tracer with the points as origins
+    sampled_light  (n, 3) float32, E/pi of light from shadow rays
     """
 
     parts: PatchScene
@@ -33,9 +35,9 @@ class Receivers:
 def make_final_gather(
     solved: SolveJob, choice: SolverChoice, receivers: Receivers, settings: Settings
 ) -> tuple[FinalGather, int]:
-    """Return what gathers from the patches of a job, and how many samples it takes of all receivers together.
+    """Return the final gather from the patches of a job, and the number of samples of all receivers.
 
-    The receivers look for themselves, but see the patches of the job.
+    The receivers trace their own rays; the rays return patches of the job.
     """
     final: PointGather
     if solved.remote is not None:
@@ -58,15 +60,15 @@ def make_final_gather(
 def final_gather(
     solved: SolveJob, visibility: str, receivers: Receivers, settings: Settings
 ) -> tuple[GatherPass, int]:
-    """Return what gathers on this device from the patches of a job, and the samples of each receiver."""
-    lookers = looking(solved, receivers, settings)
-    identity = make_sampler(lookers, visibility)
-    final = GatherPass(solved.opencl, stream_sweep(lookers, identity), receivers.sampled_light)
+    """Return the gather pass on this device, and the samples of each receiver."""
+    job = receiver_job(solved, receivers, settings)
+    identity = make_sampler(job, visibility)
+    final = GatherPass(solved.opencl, stream_gather(job, identity), receivers.sampled_light)
     return final, identity.samples
 
 
-def looking(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
-    """Return what receivers look for that see the patches of a job."""
+def receiver_job(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
+    """Return a job whose rays start at the receivers and hit patches of `solved`."""
     parts = solved.parts.seen_from(receivers.parts.patches, receivers.parts.geometry)
     return replace(
         solved,
@@ -78,5 +80,5 @@ def looking(solved: SolveJob, receivers: Receivers, settings: Settings) -> Solve
 
 
 def separates_direct(solved: SolveJob, settings: Settings) -> bool:
-    """Return whether what is gathered before any bounce is an output, or a part of one."""
+    """Return True if an output needs the light before any bounce separately."""
     return solved.gathers_direct and not {"direct", "indirect"}.isdisjoint(settings.outputs)

@@ -1,4 +1,4 @@
-"""What devices of other processes do in a bake: all that is done for each patch, or point of a texel."""
+"""Protocol of devices in other processes: all work for each patch or texel sample."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class RemoteDevices(ShadowCaster, RemoteGather, Protocol):
     """Devices of other processes, such as `cluster.cluster_devices.ClusterDevices`."""
 
     def describe(self) -> str:
-        """Return a sentence for the report: who works."""
+        """Return a report sentence that describes the devices."""
 
     def gather_at(
         self, samples: TexelSamples, light: HalfRadiance, choice: SolverChoice, settings: Settings
     ) -> Generator[float, None, list[GatheredSamples]]:
-        """Return what points of texels gather from the light of all; see `texel_sample_gather.gather_at`."""
+        """Gather at texel samples from the light of all patches; see `texel_sample_gather.gather_at`."""
         ...

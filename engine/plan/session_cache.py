@@ -1,4 +1,4 @@
-"""What a bake leaves to the next one of its session: all that lights, colours and the world do not change."""
+"""Session cache: data that depends on geometry only and is reused by the next bake."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from ..visibility.unoccluded_sky import open_sky
 from .previous_solution import PreviousSolution
 from .substitute_patches import PatchPairs, find_substitutes
 
-#: Settings that change nothing of what patches are and see. Whether light bounces and has directions does.
+#: Settings that do not affect patches and visibility. `has_indirect` and the need for directions do.
 _LEAVING_VISIBILITY = frozenset({
     "accelerate", "ao_distance", "ao_samples", "centres", "checkpoint_interval", "checkpoint_space",
     "denoise", "denoise_device", "denoise_library", "margin", "hide_seams", "intermediates", "max_bounces",
@@ -49,25 +49,25 @@ _LEAVING_VISIBILITY = frozenset({
     "warm_start",
 })  # fmt: skip
 
-#: A larger sky, bytes, is not kept to be compared with the next one.
+#: Maximum size in bytes of a sky that is stored for comparison with the next one.
 _MOST_SKY = 1 << 26
 
-#: What is kept takes this part of the device's memory by default.
+#: Divisor of the device memory for the default budget of the cache.
 _PART = 4
 
 
 class SessionCache:
-    """The patches of a scene, the rays through it, and what patches see, on the devices of a session.
+    """Patches, ray tracer and visibility of a scene, on the devices of a session.
 
-    It serves any bake of the same geometry, lightmap UVs and transparency by the same settings, as far as
-    these change what patches see.
+    The cache is valid for any bake with the same geometry, lightmap UVs, transparency and visibility
+    settings.
 
-    samples      what patches see; None if that is not kept
-    light        of the last bake that left it for a warm start, whatever its geometry; None if none did
-    sampled      by shadow rays in that bake
-    key          of the scene and settings that it serves
-    surfaces     which surfaces of the last scene are open
-    checkpoints  what a bake that was interrupted has left in files, and what the current one writes
+    samples      visibility cache; None if it is not stored
+    light        solution of the last bake, for a warm start, whatever its geometry; None if there is none
+    sampled      direct light of that bake
+    key          digest of the scene and settings for which the cache is valid
+    surfaces     open surfaces of the last scene
+    checkpoints  files of interrupted bakes and of the current one
     """
 
     samples: VisibilityCache | None
@@ -100,7 +100,7 @@ class SessionCache:
         self.clear()
 
     def clear(self) -> None:
-        """Drop everything."""
+        """Drop all data that depends on geometry."""
         self._parts = self._rays = self._top = self._seams = self.samples = None
         self._areas = self._inside = self._near = self._clipper = self._thin = None
         self._static = self._bright = self._beside = None
@@ -109,12 +109,10 @@ class SessionCache:
     def make_patch_scene(
         self, graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, settings: Settings
     ) -> PatchScene:
-        """Return the patches of a scene whose occluders have places.
+        """Return the patches of a scene whose objects without lightmap have charts.
 
-        See `patches.patch_scene.make_patch_scene`.
-
-        All that is kept of other geometry, or by other settings, is dropped. On a warm start what is kept of
-        other geometry stays to be compared with: its samples hold where nothing has moved.
+        Drops the data of other geometry or visibility settings. A warm start keeps the old visibility
+        samples, since they remain valid where nothing moved. See `patches.patch_scene.make_patch_scene`.
         """
         arrays = self._arrays if settings.warm_start else None
         key = (geometry_digest(scene, arrays), *visibility_settings(settings))
@@ -141,7 +139,7 @@ class SessionCache:
         return self._parts
 
     def ray_scene(self, compute: ComputeDevice | None, parts: PatchScene) -> RayScene:
-        """Return what casts rays from the patches of the scene."""
+        """Return the ray tracer with the patches as origins."""
         if self._rays is None:
             self._rays = RayScene(compute, parts, self._top)
         return self._rays
@@ -149,10 +147,10 @@ class SessionCache:
     def begin(
         self, compute: ComputeDevice | None, parts: PatchScene, atlases: int, settings: Settings
     ) -> tuple[Future[np.ndarray], Future[Seams] | None]:
-        """Begin to find the area that each patch stands for, in a thread beside the devices.
+        """Start to compute the area of each patch in a background thread; return the futures.
 
-        After that it finds the seams of the first `atlases` lightmaps, if they are asked for: they are needed
-        last, and two threads would hold up each other.
+        The thread then computes the seams of the first `atlases` lightmaps if the settings request them. They
+        are needed last, and two threads would slow each other down.
         """
         thread = ThreadPoolExecutor(1, "kept")
         if self._areas is None:
@@ -172,7 +170,7 @@ class SessionCache:
         return last[2]
 
     def split_sky(self, world: np.ndarray) -> Sky:
-        """Return both parts of a world, kept until it is another; see `direct.sky.split_sky`."""
+        """Return both parts of a world, cached until the world changes; see `direct.sky.split_sky`."""
         last = self._split
         if last is None or not (last[0] is world or np.array_equal(last[0], world)):
             last = world, split_sky(world)
@@ -180,20 +178,20 @@ class SessionCache:
         return last[1]
 
     def contacts(self, lighting: DirectLighting) -> Contacts:
-        """Return what faces nearby do to the patches; it changes with which of them emit alone."""
+        """Return the contacts of the patches, cached until the set of emissive patches changes."""
         if self._near is None:
             self._near = lighting.contacts()
         return self._near
 
     def find_substitutes(self, parts: PatchScene, hidden: np.ndarray) -> PatchPairs:
-        """Return which patches may stand in for hidden ones; see `substitute_patches.find_substitutes`."""
+        """Return the candidates for substitutes; see `substitute_patches.find_substitutes`."""
         last = self._beside
         if last is None or last[0] is not parts.patches or not np.array_equal(last[1], hidden):
             self._beside = last = parts.patches, hidden, find_substitutes(parts, hidden)
         return last[2]
 
     def inside(self, rays: RayScene) -> np.ndarray:
-        """Return which patches are inside of something, (n,) bool; see `validity.invalid.patches_inside`."""
+        """Return the patches inside geometry, (n,) bool; see `validity.invalid.patches_inside`."""
         if self._inside is None:
             self._inside = patches_inside(rays, rays.count)
         return self._inside
@@ -201,16 +199,13 @@ class SessionCache:
     def off_centre_patches(
         self, compute: ComputeDevice | None, parts: PatchScene
     ) -> tuple[np.ndarray, LightmapPoints]:
-        """Return the patches that are not at their texel's centre.
-
-        See `lightmap_points.off_centre_patches`.
-        """
+        """Return the patches not at their texel's centre; see `lightmap_points.off_centre_patches`."""
         if self._thin is None:
             self._thin = off_centre_patches(compute, parts.triangles, parts.patches)
         return self._thin
 
     def clipper(self, compute: ComputeDevice, parts: PatchScene) -> TexelClipper:
-        """Return what clips the triangles at texels."""
+        """Return the clipper of triangles at texel borders."""
         if self._clipper is None:
             self._clipper = TexelClipper(compute, parts.triangles, parts.patches.resolution)
         return self._clipper
@@ -218,7 +213,7 @@ class SessionCache:
     def begin_texels(
         self, compute: ComputeDevice, parts: PatchScene, atlases: int, settings: Settings
     ) -> None:
-        """Make what images of the first `atlases` lightmaps need that is the same for any light."""
+        """Prepare what the images of the first `atlases` lightmaps need independently of light."""
         if settings.texel_samples > 1:
             self.clipper(compute, parts).rows(atlases)
         if settings.hide_seams:
@@ -227,10 +222,11 @@ class SessionCache:
     def static_light(
         self, sky: np.ndarray, found: bool, make: Callable[[], BackgroundLight]
     ) -> BackgroundLight:
-        """Return the static light of `samples`, made anew if these or the sky are others than before.
+        """Return the background light of `samples`; compute it if the samples or the sky have changed.
 
-        sky    (h, w, 3) float32, radiance, equirectangular, as patches see it
-        found  False if some samples are still to be found
+        sky    (h, w, 3) float32, radiance, equirectangular, without the part that lights sample
+        found  False if some samples are not yet computed
+        make   creates the background light
         """
         last = self._static
         if not (found and last is not None and np.array_equal(last[0], sky)):
@@ -239,10 +235,7 @@ class SessionCache:
         return last[1]
 
     def open_sky(self, sky: np.ndarray) -> np.ndarray | None:
-        """Return E/pi of all of a sky; see `visibility.unoccluded_sky.open_sky`.
-
-        That of the last one is kept.
-        """
+        """Return E/pi of an unoccluded sky, cached; see `visibility.unoccluded_sky.open_sky`."""
         last = self._sky
         if last is None or not (last[0] is sky or np.array_equal(last[0], sky)):
             last = sky, open_sky(sky)
@@ -252,9 +245,9 @@ class SessionCache:
     def store(
         self, patches: PatchList, atlases: int, settings: Settings, compute: ComputeDevice | None
     ) -> LightmapImages:
-        """Return what puts values of patches into lightmaps: the last one, if it is of the same texels.
+        """Return the lightmap images, reused if the texels are the same.
 
-        Which of them are hidden, and what it fills images with, is kept for a warm start alone.
+        Only a warm start keeps the invalid patches and the fill.
         """
         if self._store is not None and self._store.suits(patches, atlases, settings.margin):
             self._store.reset()
@@ -268,9 +261,9 @@ class SessionCache:
     def light_on(
         self, compute: ComputeDevice | None, parts: PatchScene, atlases: int, settings: Settings
     ) -> PreviousSolution | None:
-        """Return the light of the last bake on patches for a warm start.
+        """Return the last bake's light on these patches for a warm start, else None.
 
-        None without one; then areas and seams begin to be found, see `begin`.
+        Without it, starts to compute areas and seams; see `begin`.
         """
         if settings.warm_start and self.light:
             return self.light.on(parts.patches)
@@ -278,10 +271,7 @@ class SessionCache:
         return None
 
     def limit(self, compute: ComputeDevice | None, budget: int) -> None:
-        """Drop what patches see if it takes more memory of the device than a budget, bytes.
-
-        0 is a quarter of the device's.
-        """
+        """Drop visibility samples that exceed a memory budget, bytes; 0 is a quarter of the device memory."""
         if self._store is not None:
             self._store.reset()
         if compute is None or self.samples is None:
@@ -291,12 +281,12 @@ class SessionCache:
 
 
 def visibility_settings(settings: Settings) -> tuple:
-    """Return all of the settings that may change what patches are and what they see."""
+    """Return the values of all settings that may change patches or visibility."""
     names = [entry.name for entry in fields(settings) if entry.name not in _LEAVING_VISIBILITY]
     values = (getattr(settings, name) for name in names)
     return (*values, settings.has_indirect, directional_options(settings), _modified(settings.patch_file))
 
 
 def _modified(path: str | None) -> int | None:
-    """Return when a file was written last, ns; None without one."""
+    """Return the modification time of a file, ns; None if there is none."""
     return Path(path).stat().st_mtime_ns if path is not None and Path(path).exists() else None

@@ -1,4 +1,4 @@
-"""What a solver is made for: the patches of a bake, their light, and the devices to solve it on."""
+"""Input of a solver: patches of a bake, their light, and the devices."""
 
 from __future__ import annotations
 
@@ -33,20 +33,23 @@ from .session_cache import SessionCache, visibility_settings
 
 @dataclass(frozen=True)
 class SolveJob:
-    """The radiosity equation of a bake.
+    """Radiosity equation of a bake.
 
-    emission       (n, 3) float32, radiance of each patch that the patches themselves see
-    sky            (h, w, 3) float32, radiance, equirectangular, as patches see it
-    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample
-    area           (n,) float32, m^2, of each patch
-    remote         gathers for all patches on devices of other processes; None to gather here
-    kept           what an earlier bake has left of the same patches, and what this one leaves
-    indirect       (n, 3) float32, E/pi of reflected light that a warm start begins with; None for none
-    direct         (n, 3) float32, E/pi of light that is not reflected, if it is known to be as it was
-    front          (n,) float32, the fraction of each patch's view that no back takes, if that is known
-    part_of        the job of all light, of which this one is a part: both begin alike
-    near           what faces nearby do to the patches; None if that is not known
-    backs          (n, 3) float32, radiance of the back of each patch; None if it is `emission`
+    graphics, compute  OpenGL context and OpenCL device; None without OpenCL
+    parts              patches of the scene
+    rays               ray tracer with the patches as origins
+    emission           (n, 3) float32, radiance of each patch toward other patches
+    sky                (h, w, 3) float32, radiance, equirectangular, without the part that lights sample
+    sampled_light      (n, 3) float32, E/pi of light from shadow rays
+    area               (n,) float32, m^2, area of each patch
+    remote             gather by other processes; None to gather here
+    kept               session cache of the patches
+    indirect           (n, 3) float32, E/pi of reflected light at the start of a warm start; None for none
+    direct             (n, 3) float32, E/pi of light before any reflection, if it is unchanged; else None
+    front              (n,) float32, validity, if it is unchanged; else None
+    part_of            job of all light, if this is a part of it; both start alike
+    near               contacts of the patches; None if unknown
+    backs              (n, 3) float32, radiance of each patch's back face; None if equal to `emission`
     """
 
     graphics: GraphicsContext
@@ -69,12 +72,12 @@ class SolveJob:
 
     @property
     def count(self) -> int:
-        """Patches."""
+        """Number of patches."""
         return len(self.parts.patches)
 
     @property
     def fronts(self) -> int:
-        """Patches that are no back faces: the first ones, as backs have the last atlases. All if none is."""
+        """Number of patches on front faces, which come first; back faces use the last atlases."""
         triangles = self.parts.triangles
         if triangles.backs is None:
             return self.count
@@ -89,28 +92,28 @@ class SolveJob:
 
     @cached_property
     def surroundings(self) -> Background:
-        """What patches see beside each other's fronts, on the OpenCL device."""
+        """Background on the OpenCL device: sky and emission of back faces."""
         return upload_background(self.opencl, self.back_emission, self.sky, self.kept.open_sky)
 
     @cached_property
     def front_emission(self) -> cl.Buffer:
-        """Radiance of the front of each patch + 1 on the OpenCL device, float4; entry 0 is black."""
+        """Radiance of the front face of patch i at entry i + 1, float4 buffer; entry 0 is black."""
         if self.backs is None:
             return self.surroundings.emission
         return upload_float4_once(self.opencl, self.emission, first=1)
 
     @property
     def back_emission(self) -> np.ndarray:
-        """Radiance of the back of each patch, (n, 3) float32."""
+        """Radiance of the back face of each patch, (n, 3) float32."""
         return self.emission if self.backs is None else self.backs
 
     @cached_property
     def checkpoint(self) -> Checkpoint:
-        """What is in files of what these patches see, and of their light."""
+        """Files of visibility samples and light of these patches."""
         return self.kept.checkpoints.of(self._visibility_key)
 
     def after(self, last: PreviousSolution | None) -> SolveJob:
-        """Return the same, but that it begins with the light of an earlier bake, if there is any."""
+        """Return the job with the light of an earlier bake as its start, if there is any."""
         if last is None:
             return self
         sources = self.direct_sources
@@ -120,9 +123,9 @@ class SolveJob:
 
     @property
     def direct_sources(self) -> tuple | None:
-        """All that decides the light that is not reflected; None unless what patches see is kept.
+        """Everything that determines the light before any reflection; None unless visibility is cached.
 
-        The first two decide what patches see. What refers to this does not keep it.
+        The first two entries determine visibility. Holds only a weak reference to the cache.
         """
         samples = self.kept.samples
         if samples is None or not samples.complete:
@@ -132,9 +135,9 @@ class SolveJob:
 
     @cached_property
     def first_radiance(self) -> np.ndarray:
-        """What each patch sends out before light has gone from patch to patch, (n,) float32, sum of channels.
+        """Exitant radiance of each patch before any bounce, (n,) float32, sum of the channels.
 
-        Column by column: pages of three would be mapped for it.
+        Computed column by column, which saves memory for an (n, 3) temporary.
         """
         light, reflectance = self.sampled_light, colors_on_host(self.parts.surfaces.reflectance)
         radiance: np.ndarray = channel_sum(self.parts.surfaces.emission)
@@ -145,7 +148,7 @@ class SolveJob:
 
     @property
     def light_key(self) -> tuple:
-        """All that decides the light of the patches, where it is known what they see and how they gather."""
+        """Everything that determines the light of the patches, given their visibility and gather."""
         settings = self.settings
         reflectance = colors_on_host(self.parts.surfaces.reflectance)
         own = self.parts.surfaces.own
@@ -153,7 +156,7 @@ class SolveJob:
         return (*arrays, own, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
 
     def _visibility_key(self) -> str:
-        """Return a digest of all that decides what the patches see of each other."""
+        """Return a digest of everything that determines the visibility between the patches."""
         parts, devices = self.parts, [self.graphics.name]
         if self.compute is not None:
             devices.append(device_digest(self.compute.device))
@@ -164,18 +167,18 @@ class SolveJob:
 
     @property
     def columns(self) -> int:
-        """Iterates that the solver keeps: more if sweeps are accelerated."""
+        """Number of iterates that the solver stores; accelerated iterations need more."""
         return COLUMNS if self.settings.accelerated else PLAIN_COLUMNS
 
     @cached_property
     def gathers_direct(self) -> bool:
-        """True if patches gather light before any is reflected."""
+        """True if patches gather light before any reflection."""
         all_light = self.part_of or self
         return all_light._is_seen
 
     @property
     def dark(self) -> bool:
-        """True if no light reaches any patch, and nothing but light is asked for."""
+        """True if no light reaches any patch and only light is an output."""
         return not self.lit and self.settings.only_light
 
     @property
@@ -185,5 +188,5 @@ class SolveJob:
 
     @cached_property
     def _is_seen(self) -> bool:
-        """True if patches or the sky, as patches see them, send out light of their own."""
+        """True if patches, or the unsampled part of the sky, emit light."""
         return bool(self.sky.any() or self.emission.any() or self.back_emission.any())

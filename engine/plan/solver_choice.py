@@ -1,4 +1,4 @@
-"""How a bake was chosen to be solved."""
+"""Record of the chosen method and its reasons."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SolverChoice:
-    """How patches gather.
+    """Choice of the gather for a bake.
 
-    method      "paper", "cached" or "stream"; "none" where there is no light to gather
-    visibility  "raster" or "rays"; "none" where nothing is looked for
-    samples     of each patch
-    reasons     sentences that say why
-    integrator  what sums up, "opencl" or "glsl"
-    patches     that are solved for
-    pace        seconds that a sample takes to be found, as tried; NaN if it was not
-    final_samples  of all patches together, found after the light has settled
-    found       True if an earlier bake of the session has found what patches see
-    found_again  True if it is found again where something has moved
-    resumed     fraction of the patches of which an interrupted bake has found it
+    method         "paper", "cached" or "stream"; "none" without any light
+    visibility     "raster" or "rays"; "none" without any light
+    samples        visibility samples of each patch
+    reasons        sentences for the report
+    integrator     "opencl" or "glsl"
+    patches        number of unknowns
+    pace           seconds for each visibility sample as measured; NaN if not measured
+    final_samples  visibility samples of all patches in the final gather
+    found          True if all visibility is reused from an earlier bake of the session
+    found_again    True if stale samples of moved objects are computed again
+    resumed        fraction of the patches whose visibility an interrupted bake has stored
     """
 
     method: str

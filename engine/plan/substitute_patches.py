@@ -1,4 +1,7 @@
-"""Patches that send out the light of hidden ones, whose texels are seen in part."""
+"""Substitute patches: valid neighbours whose light stands for that of invalid patches.
+
+Part of an invalid patch's texel may be visible; rays that hit it need plausible light.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +18,22 @@ from ..solve.solver import Seen
 from ..threaded_slabs import taken
 from ..validity.invalid import is_invalid
 
-#: Texels that are looked around at once.
+#: Texels that are processed at once.
 _TEXELS = 1 << 18
 
-#: Least cosine between normals of a hidden patch and its stand-in; how far that is off its plane, texels.
+#: Minimum cosine between the normals of a patch and its substitute, and maximum distance between their
+#: planes, texels.
 _ALIKE, _NEAR = 0.9, 0.5
 
 
-#: Numbers of hidden patches, and of one that is seen beside each, (p,) int64 twice.
+#: Pairs of an invalid patch and a valid neighbour, two (p,) int64 arrays.
 PatchPairs = tuple[np.ndarray, np.ndarray]
 
 
 def find_substitutes(parts: PatchScene, hidden: np.ndarray) -> PatchPairs:
-    """Return hidden patches, and those that are seen in texels beside theirs, on the same plane.
+    """Return pairs of invalid patches and valid ones in neighbouring texels on the same plane.
 
-    hidden: (n,) bool, of all patches, some of them
+    hidden  (n,) bool, invalid patches; at least one
     """
     shown = parts.texel_to_patch
     of_hidden = taken(np.concatenate([[False], hidden]), shown.ravel()).reshape(shown.shape)
@@ -48,22 +52,22 @@ def substitute_patches(
     seen_light: Seen,
     beside: Callable[[PatchScene, np.ndarray], PatchPairs] = find_substitutes,
 ) -> np.ndarray | None:
-    """Return the patch that stands in for each one, (n,) int64: itself, if it is seen; None if all are.
+    """Return the substitute of each patch, (n,) int64, valid patches themselves; None if all are valid.
 
-    For a patch that nobody sees, as one whose centre is under a box, it is the darkest of those that are seen
-    in texels beside its own, on the same plane: what is seen of its texel has their light, and under a thin
-    wall the dark side must not get that of the lit one. Without one a patch is its own.
+    The substitute is the darkest of the candidates, so that under a thin wall the dark side takes no light of
+    the lit side. A patch without candidates is its own substitute.
 
-    near        what faces nearby do to the patches
-    seen_light  what they have gathered
-    beside      `find_substitutes`, or what remembers its last result
+    parts       patches of the scene
+    near        contacts of the patches
+    seen_light  gathered light of the patches
+    beside      `find_substitutes`, or a version that caches its last result
     """
     hidden = is_invalid(seen_light.front, near)
     if not hidden.any():
         return None
     patch, seen = beside(parts, hidden)
 
-    # The first of each patch's pairs, the darkest before others.
+    # The first pair of each patch is the darkest.
     order = np.lexsort((channel_sum(seen_light.light_of(seen)), patch))
     patch, first = np.unique(patch[order], return_index=True)
     result = np.arange(len(hidden))
@@ -72,9 +76,11 @@ def substitute_patches(
 
 
 def _seen_beside(parts: PatchScene, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:
-    """Return what `find_substitutes` does, of some texels.
+    """Return the pairs of `find_substitutes` for some texels.
 
-    texels: (k,) int64, of hidden patches, see `PatchList.key`
+    parts   patches of the scene
+    hidden  (n,) bool, invalid patches
+    texels  (k,) int64, texels of invalid patches, see `PatchList.key`
     """
     entries = entries_around(parts.texel_to_patch, texels)
     place, step = nonzero_entries(np.concatenate([[False], ~hidden])[entries])

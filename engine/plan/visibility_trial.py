@@ -1,4 +1,4 @@
-"""Tries the ways to find what patches see, and times them on the scene itself."""
+"""Timed trial of the visibility samplers, rays and raster, on the scene itself."""
 
 from __future__ import annotations
 
@@ -12,44 +12,44 @@ from ..settings import Settings
 from ..visibility.raster.raster_sampler import RasterSampler
 from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.sampler import VisibilitySampler
-from .memory import finding_sweeps, memory_budget
+from .memory import memory_budget, visibility_passes
 from .rates import DrawingRates
 from .solve_job import SolveJob
 
-#: The ways to find what patches see.
-IDENTITIES = ("rays", "raster")
+#: Names of the visibility samplers.
+SAMPLERS = ("rays", "raster")
 
-#: Patches that are tried first, how many times more the next try takes, and when a try is long enough, s.
+#: Patches of the first trial, growth factor of the next ones, and duration in seconds that ends the trial.
 _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 
-#: If rays take less than this for all patches, drawing is not tried: the trial would take about as long, s.
+#: If rays take less than this for all patches, in seconds, raster is not tried: the trial would take as long.
 _SHORT = 0.5
 
-#: Nor if rays are faster by this factor than drawing ever was on this device.
+#: Raster is not tried either if rays are this many times faster than raster ever was on this device.
 _CLEARLY = 4
 
 
 def make_sampler(job: SolveJob, visibility: str) -> VisibilitySampler:
-    """Return a way to find what patches see, "rays" or "raster"."""
+    """Return the visibility sampler "rays" or "raster"."""
     return _makers(job)[visibility]()
 
 
 def untried_visibility(settings: Settings) -> str:
-    """Return the way to find what patches see where no trial tells the faster one: rays, unless set."""
+    """Return the name of the sampler if no trial runs: rays unless the settings say raster."""
     return "raster" if settings.visibility == "raster" else "rays"
 
 
 def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
-    """Return the way to find what patches see, the faster one if the settings leave it open; and why.
+    """Return the sampler, the reasons, and the time of a sample, s; NaN without a trial.
 
-    Last comes the time of a sample, s; NaN if nothing was tried.
+    If the settings leave it open, the faster sampler is chosen.
     """
     wanted, makers = job.settings.visibility, _makers(job)
     if wanted != "auto":
         why = (
-            "Surfaces tint light: rays follow it."
+            "Some surfaces are tinted, which requires rays."
             if job.parts.cutouts.tinted
-            else f"The settings ask for {wanted}."
+            else f"The settings request {wanted}."
         )
         return makers[wanted](), [why], math.nan
     tried: dict[str, VisibilitySampler] = {}
@@ -63,14 +63,14 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
             break
     best = max(rates, key=lambda name: rates[name])
     told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
-    reasons = [f"Views of patches found in a second: {told}."]
+    reasons = [f"Patches sampled per second: {told}."]
     if why_alone and len(tried) < len(makers):
         reasons.append(f"Nothing else was tried: {why_alone}.")
     if "raster" in rates:
         drawing, texels = _drawing_rates(job)
         drawing.learn(len(job.parts.triangles.positions), rates["raster"] * texels)
 
-    # The memory of what was rejected is free for the bake.
+    # Release the memory of the rejected sampler.
     chosen = tried.pop(best)
     tried.clear()
     job.graphics.collect()
@@ -78,25 +78,25 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
 
 
 def _why_alone(job: SolveJob, identity: VisibilitySampler, rate: float) -> str:
-    """Return why a way that finds `rate` views in a second is not compared with drawing, empty if it is."""
-    if rate * _SHORT > job.count * finding_sweeps(job, identity):
-        return f"{identity.name} find all of them in {job.count / rate:.2g} s"
+    """Return the reason not to try raster, given a rate in patches per second; empty if it is tried."""
+    if rate * _SHORT > job.count * visibility_passes(job, identity):
+        return f"{identity.name} need {job.count / rate:.2g} s for all patches"
     drawing, texels = _drawing_rates(job)
     drawn = drawing.bound(len(job.parts.triangles.positions)) / texels
     if rate > _CLEARLY * drawn:
-        return f"drawing has found no more than {drawn:,.0f} on this device"
+        return f"raster reached at most {drawn:,.0f} on this device"
     return ""
 
 
 def _drawing_rates(job: SolveJob) -> tuple[DrawingRates, int]:
-    """Return how fast hemicubes of a job's width were drawn, and the texels of each."""
+    """Return the recorded raster rates for this hemicube width, and the texels of each hemicube."""
     settings = job.settings
     rates = DrawingRates(settings.cache_dir, job.graphics.name, settings.hemicube)
     return rates, 3 * settings.hemicube**2
 
 
 def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
-    """Return what makes each way to find what patches see, first the one that is quickly tried."""
+    """Return a constructor for each sampler, the one with the shorter trial first."""
     return {
         "rays": lambda: RaySampler(job.opencl, job.rays, job.parts, job.surroundings, job.settings),
         "raster": lambda: RasterSampler(job.graphics, job.opencl, job.parts, job.surroundings, job.settings),
@@ -104,15 +104,15 @@ def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
 
 
 def _patches_per_second(job: SolveJob, identity: VisibilitySampler) -> float:
-    """Return how many patches' views an identity finds in a second, timed on more and more of them.
+    """Return the patches per second of a sampler, timed on growing numbers of patches.
 
-    Fixed overhead, as the copy of a whole batch of hemicubes, is subtracted. Once it shows that all of them
-    are found in a moment, nothing longer is tried.
+    Fixed overhead, such as the copy of a whole batch of hemicubes, is subtracted. The trial ends early if all
+    patches take only a moment.
     """
     tried, before = min(_TRIED, job.count), (0, 0.0)
     largest = min(job.opencl.device.max_mem_alloc_size, memory_budget(job)) // identity.row_bytes
     largest = min(job.count, max(tried, largest))
-    views = job.count * finding_sweeps(job, identity)
+    views = job.count * visibility_passes(job, identity)
     _time(job, identity, tried)
     while True:
         seconds = _time(job, identity, tried)
@@ -123,7 +123,7 @@ def _patches_per_second(job: SolveJob, identity: VisibilitySampler) -> float:
 
 
 def _time(job: SolveJob, identity: VisibilitySampler, tried: int) -> float:
-    """Return the seconds that the views of some patches in the middle take."""
+    """Return the time for the samples of `tried` patches in the middle of the list, s."""
     compute, first = job.opencl, (job.count - tried) // 2
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * tried)
     backs = BackfaceLight(compute, job.count, len(job.emission), job.settings.directional)

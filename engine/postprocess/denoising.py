@@ -67,7 +67,7 @@ class Denoising:
                 filtered = yield from self._filtered(device, images, again)
             finally:
                 device.release()
-            self.reasons.append(f"{device.name} took the noise out.")
+            self.reasons.append(f"{device.name} denoised the lightmaps.")
             return filtered
         except DenoiseError as error:
             self.warnings.append(f"The lightmaps were not denoised. {error}")
@@ -82,7 +82,7 @@ class Denoising:
                 return DenoiseDevice(library, chosen)
             except DenoiseError as error:
                 self.warnings.append(
-                    f"{error} The processor denoised instead: choose another Denoise Device in Hemibake's "
+                    f"{error} The CPU denoised instead: choose another Denoise Device in Hemibake's "
                     "preferences, or update the driver."
                 )
         return DenoiseDevice(library, "cpu")

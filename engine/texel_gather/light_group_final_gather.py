@@ -10,7 +10,7 @@ import numpy as np
 from ..device.device_array import colors_on_host
 from ..gather.light_group_gather import LightGroupLook
 from ..plan.choose_gather import static_light
-from ..plan.receivers import Receivers, looking, make_final_gather
+from ..plan.receivers import Receivers, make_final_gather, receiver_job
 from ..plan.solve_job import SolveJob
 from ..plan.solver_choice import SolverChoice
 from ..plan.visibility_trial import make_sampler
@@ -71,7 +71,7 @@ def _look(
     groups: Sequence[SolveJob], choice: SolverChoice, receivers: Receivers, settings: Settings
 ) -> LightGroupLook:
     """Return what looks for receivers, for groups without emission."""
-    jobs = [looking(group, receivers, settings) for group in groups]
+    jobs = [receiver_job(group, receivers, settings) for group in groups]
     identity = make_sampler(jobs[0], choice.visibility)
     sampling, first = SampleLayout.of(identity), jobs[0]
     fitting = max(settings.batch_bytes // identity.row_bytes, identity.batch)

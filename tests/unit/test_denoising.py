@@ -142,7 +142,7 @@ def test_a_card_that_is_not_there_is_a_warning_and_the_processor_denoises(fake, 
     quiet, step = denoised(known_texels(), images, denoise_device="cuda")
     assert (quiet["combined"][known_texels()] > 1).all()
     (warning,) = step.warnings
-    assert "type CUDA" in warning and "The processor denoised instead" in warning
+    assert "type CUDA" in warning and "The CPU denoised instead" in warning
 
 
 def test_without_a_library_the_warning_names_the_remedy(monkeypatch):

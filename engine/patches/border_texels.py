@@ -1,4 +1,4 @@
-"""Texels that triangles touch without covering their centres: whose patch they show, by OpenCL."""
+"""Border texels, which triangles touch without covering the centre, and their patches (OpenCL)."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from ..device.opencl import cl
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 
-#: Neighbours (dy, dx) whose patch a texel may belong to, nearest first.
+#: Offsets (dy, dx) of the neighbours whose patch a border texel may take, nearest first.
 OFFSETS = sorted(
     ((dy, dx) for dy in range(-2, 3) for dx in range(-2, 3) if (dy, dx) != (0, 0)),
     key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset),
 )
 
-#: A point this near to a texel's centre, in texels along u and v, lies within it and not on its border.
+#: Distance in texels along u and v from the texel centre within which a point lies inside the texel.
 WITHIN = 0.499
 
-#: The program of border texels, patches on edges and edges that lie near: one is built faster than three.
+#: Main files of one program for border texels, patches on edges, and coincident edges: one builds faster than
+#: three.
 SOURCE = ("border_texels.cl", "edge_patches.cl", "edge_neighbours.cl")
 OPTIONS = (f"-DWITHIN={WITHIN}f",)
 
 
 @dataclass(frozen=True)
 class BorderTexels:
-    """Texels whose centres no triangle covers, and the triangle that touches each nearest to its centre.
+    """Border texels, whose centre no triangle covers, and the touching triangle nearest to it.
 
     texel     (m,) int64, ascending: (atlas * resolution + row) * resolution + column
     triangle  (m,) int32
@@ -41,12 +42,12 @@ class BorderTexels:
         return len(self.texel)
 
     def part(self, chosen: np.ndarray) -> BorderTexels:
-        """Return some texels, by a mask or their numbers."""
+        """Return a subset of the texels, by a mask or by indices."""
         return BorderTexels(self.texel[chosen], self.triangle[chosen])
 
 
 class DeviceBorder:
-    """Border texels on the OpenCL device."""
+    """Search for patches near border texels, on the OpenCL device."""
 
     def __init__(self, compute: ComputeDevice, geometry: PatchGeometry, border: BorderTexels) -> None:
         self._compute, self._border = compute, border
@@ -59,12 +60,15 @@ class DeviceBorder:
         self._scene = [upload(compute, array) for array in arrays]
 
     def nearest_patches(self, patches: PatchList, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the nearest patch of the same surface + 1 of each border texel, or 0, (m,) uint32.
+        """Return the nearest patch + 1 on the surface of each border texel, or 0, (m,) uint32.
 
-        Same surface: the same mesh, and at most twice as far away in the world as on the lightmap. The second
-        array, (m,) bool, tells where the triangle's nearest point lies within the texel.
+        Both are on one surface if they belong to the same mesh and are at most twice as far apart in the
+        world as on the lightmap. The second array, (m,) bool, is True where the triangle's point nearest to
+        the centre lies inside the texel.
 
-        own: that of `PatchList.on_texels`, which nobody changes
+        patches  patch list
+        own      (atlases, r, r) uint32 of `PatchList.on_texels`; must not be changed later, since its upload
+                 is cached
         """
         count = len(self._border)
         nearest, inside = np.empty(count, np.uint32), np.empty(count, np.uint8)
@@ -81,9 +85,10 @@ class DeviceBorder:
         return nearest, inside.astype(bool)
 
     def middles(self, chosen: np.ndarray, resolution: int) -> np.ndarray:
-        """Return the centroids of what triangles cover of some texels, (k, 3) float32 barycentrics.
+        """Return the centroids of the parts of texels that triangles cover, (k, 3) float32 barycentrics.
 
-        chosen: (k,) int64, numbers of border texels, one at least
+        chosen      (k,) int64, indices of border texels, at least one
+        resolution  width of the lightmaps, texels
         """
         some, count = self._border.part(chosen), len(chosen)
         inputs = upload(self._compute, some.texel), upload(self._compute, some.triangle)

@@ -1,4 +1,4 @@
-"""Borders of charts that no seam follows: beyond them a chart shows its own light."""
+"""Chart borders without a seam: a chart keeps its own light up to them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from .chart_edges import ChartEdges
 from .edge_pairs import EdgePairs
 
-#: Points for a texel of a border's length, at least; its ends are two further ones.
+#: Minimum points for each texel of border length; the two ends are added.
 _POINTS = 1.5
 
 
@@ -18,7 +18,7 @@ class ChartBorders:
     """Points along the borders of charts.
 
     atlas    (b,) int32
-    texel    (b, 2) float64, place on the lightmap, texels: the first one's centre is at (0.5, 0.5)
+    texel    (b, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
     outward  (b, 2) float64, unit vector on the lightmap, away from the chart
     """
 
@@ -28,7 +28,7 @@ class ChartBorders:
 
 
 def borders_without_seam(edges: ChartEdges, pairs: EdgePairs) -> ChartBorders:
-    """Return points along those edges of charts that belong to no pair, ends included."""
+    """Return points along the chart edges that belong to no pair, including their ends."""
     free = np.ones(len(edges), bool)
     free[pairs.first] = free[pairs.second] = False
     edges = edges.part(free)

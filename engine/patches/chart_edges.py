@@ -1,4 +1,4 @@
-"""The edges at which charts end: sides of triangles that no other triangle continues on the lightmap."""
+"""Chart edges: triangle sides that no other triangle of the chart shares."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from ..scene.triangles import Triangles
 
-#: A triangle of fewer square texels has no area on the lightmap.
+#: Minimum area on the lightmap, square texels; smaller triangles count as degenerate.
 _NO_TEXELS = 1e-9
 
-#: Odd factors of a multilinear hash over the world's and the lightmap's coordinates, and over the atlas.
+#: Odd random factors of a multilinear hash of world coordinates, lightmap UVs and atlas.
 _FACTORS = np.random.default_rng(14).integers(1 << 62, 1 << 63, 6, np.uint64) * np.uint64(2) + np.uint64(1)
 
 
 @dataclass(frozen=True)
 class ChartEdges:
-    """Edges of charts, each from its first to its second end.
+    """Edges of charts, each from a first to a second end.
 
-    positions  (e, 2, 3) float32, metres from `Triangles.origin`
+    positions  (e, 2, 3) float32, m, relative to `Triangles.origin`
     normals    (e, 2, 3) float32, shading normals
-    texels     (e, 2, 2) float64, lightmap position in texels
+    texels     (e, 2, 2) float64, lightmap position, texels
     outward    (e, 2) float64, unit vector on the lightmap, away from the edge's triangle
     atlas      (e,) int32
     """
@@ -36,12 +36,12 @@ class ChartEdges:
         return len(self.atlas)
 
     def part(self, chosen: np.ndarray) -> ChartEdges:
-        """Return some edges, by a mask or their numbers."""
+        """Return a subset of the edges, by a mask or by indices."""
         return ChartEdges(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
     @property
     def length(self) -> np.ndarray:
-        """Length in the world, (e,) float64, metres."""
+        """Length in the world, (e,) float64, m."""
         return _length(self.positions[:, 1].astype(np.float64) - self.positions[:, 0])
 
     @property
@@ -51,10 +51,10 @@ class ChartEdges:
 
 
 def chart_edges(triangles: Triangles, atlases: int, resolution: int) -> ChartEdges:
-    """Return the edges at which the charts of the first `atlases` lightmaps end.
+    """Return the chart edges of the first `atlases` lightmaps.
 
-    Two triangles of one chart share an edge's end points in the world and on the lightmap. Triangles
-    without an area on the lightmap have no edges.
+    Two triangles of one chart share both ends of an edge in the world and on the lightmap. Triangles without
+    area on the lightmap have no edges.
     """
     shown = np.flatnonzero((triangles.atlas < atlases) & (_texels(triangles.uvs, resolution) > _NO_TEXELS))
     corners = _corner_keys(triangles, shown)
@@ -75,13 +75,13 @@ def chart_edges(triangles: Triangles, atlases: int, resolution: int) -> ChartEdg
 
 
 def end_keys(edges: ChartEdges) -> np.ndarray:
-    """Return a key of every edge, (e,) uint64, that edges with the same end points in the world share."""
+    """Return a hash of each edge, (e,) uint64, equal for edges with the same end points in the world."""
     keys: np.ndarray = _hashed(edges.positions, _FACTORS).sum(axis=1)
     return keys
 
 
 def _outward(ends: np.ndarray, opposite: np.ndarray) -> np.ndarray:
-    """Return the unit normals of edges, (e, 2, 2), away from the third corners of their triangles, (e, 2)."""
+    """Return unit normals, (e, 2), of edges, (e, 2, 2), that point away from the triangle's third corner."""
     along = ends[:, 1] - ends[:, 0]
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
     away = np.einsum("ed,ed->e", ends[:, 0] - opposite, normal)
@@ -89,26 +89,26 @@ def _outward(ends: np.ndarray, opposite: np.ndarray) -> np.ndarray:
 
 
 def _texels(uvs: np.ndarray, resolution: int) -> np.ndarray:
-    """Return twice the area of triangles, uvs (t, 3, 2), on the lightmap, (t,) float32, texels."""
+    """Return twice the lightmap area of triangles with UVs (t, 3, 2), (t,) float32, square texels."""
     (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]).T * resolution for k in (1, 2))
     area: np.ndarray = np.abs(u1 * v2 - u2 * v1)
     return area
 
 
 def _corner_keys(triangles: Triangles, chosen: np.ndarray) -> np.ndarray:
-    """Return keys of the corners of some triangles, (m, 3) uint64: of place in world and lightmap."""
+    """Return a hash of each triangle corner, (m, 3) uint64, of world position, lightmap UV and atlas."""
     keys = _hashed(triangles.positions[chosen], _FACTORS) ^ _hashed(triangles.uvs[chosen], _FACTORS[3:])
     return keys + triangles.atlas[chosen].astype(np.uint64)[:, None] * _FACTORS[5]
 
 
 def _hashed(values: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """Return a multilinear hash of float32 values, (..., k), with the finalizer of SplitMix64, (...) uint64.
+    """Return a hash of float32 values, (..., k): (...) uint64.
 
-    Carter and Wegman 1979; Steele, Lea and Flood 2014.
+    Multilinear hash (Carter and Wegman 1979) with the finalizer of SplitMix64 (Steele, Lea and Flood 2014).
     """
     total = np.zeros(values.shape[:-1], np.uint64)
     for index in range(values.shape[-1]):
-        # Minus zero and zero are one place.
+        # Adding zero maps minus zero to zero.
         bits = (values[..., index] + np.float32(0)).view(np.uint32)
         total += bits * factors[index]
     total = (total ^ (total >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -117,10 +117,10 @@ def _hashed(values: np.ndarray, factors: np.ndarray) -> np.ndarray:
 
 
 def _alone(keys: np.ndarray) -> np.ndarray:
-    """Return which keys occur once, (n,) bool.
+    """Return a mask of the keys that occur once, (n,) bool.
 
-    Numbers take the low bits of the keys, so that one sort orders both: of three million edges of closed
-    charts, it is likely that two are taken for one another and dropped.
+    Indices replace the low bits of the keys, so that one sort orders keys and indices. With three million
+    edges of closed charts, about two are lost to collisions.
     """
     bits = np.uint64(max(1, len(keys).bit_length()))
     ordered = np.sort(keys >> bits << bits | np.arange(len(keys), dtype=np.uint64))

@@ -1,4 +1,4 @@
-"""Draws the charts of an atlas flat: lightmap UVs become positions, texels pixels (paper, IV.A)."""
+"""Rasterization of charts with OpenGL: lightmap UVs become positions, texels pixels (paper, IV.A)."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 from ..device.gl_context import GraphicsContext
 
-#: What is kept where several fragments meet in a texel.
+#: Blending of fragments in the same texel: keep the last, the nearest, or the sum.
 _LAST, _NEAREST, _SUM = range(3)
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A way to draw charts.
+    """Configuration of one chart pass.
 
-    name     of its files in shaders/
-    stages   of its program
-    targets  components and type of each target
-    kept     which fragment of a texel: the last, the nearest by depth, or the sum of all
+    name     base name of its files in shaders/
+    stages   shader stages of its program
+    targets  number of components and type of each render target
+    kept     blending of fragments: last, nearest by depth, or sum
     """
 
     name: str
@@ -29,16 +29,16 @@ class Drawing:
     kept: int
 
 
-#: Triangle + 1 and two barycentrics of every texel whose centre is covered.
+#: Triangle + 1 and two barycentrics of each texel whose centre is covered.
 PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
 
-#: The same of triangles whose corners lie between texels; see shaders/patches/patches.geom.
+#: The same for UVs that are snapped to texel borders; see shaders/patches.geom.
 ALIGNED = Drawing("patches", ("vert", "geom", "frag"), PATCHES.targets, _LAST)
 
-#: Triangle + 1 of every texel that is touched: the one nearest to the texel's centre.
+#: Triangle + 1 of each touched texel: the triangle nearest to the texel centre.
 TOUCHED = Drawing("conservative_coverage", ("vert", "geom", "frag"), ((1, "u4"),), _NEAREST)
 
-#: Number of triangles that cover each texel's centre, 255 for more.
+#: Number of triangles that cover each texel centre, at most 255.
 OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f1"),), _SUM)
 
 _TYPES = {"u4": np.uint32, "f4": np.float32, "f1": np.uint8}
@@ -47,9 +47,9 @@ _TYPES = {"u4": np.uint32, "f4": np.float32, "f1": np.uint8}
 def draw_charts(
     graphics: GraphicsContext, drawing: Drawing, uvs: np.ndarray, resolution: int
 ) -> list[np.ndarray]:
-    """Draw triangles, uvs (t, 3, 2) float32, into targets of a lightmap's size.
+    """Draw triangles with UVs, (t, 3, 2) float32, into render targets of the lightmap's size.
 
-    Returns one (r * r, components) array of each target, texel by texel; 0 where nothing is drawn.
+    Returns one array, (r * r, components), for each target; 0 where nothing is drawn.
     """
     if not len(uvs):
         return [np.zeros((resolution**2, size), _TYPES[kind]) for size, kind in drawing.targets]
@@ -63,14 +63,14 @@ def draw_charts(
     buffer = context.buffer(np.ascontiguousarray(uvs, np.float32).tobytes())
     vertices = context.vertex_array(program, [(buffer, "2f", "in_uv")])
 
-    # One draw for all charts.
+    # Draw all charts in one call.
     framebuffer.use()
     framebuffer.clear(depth=1.0)
     _keep(context, drawing.kept)
     vertices.render(moderngl.TRIANGLES)
     _keep(context, _LAST)
 
-    # Back to the host.
+    # Read the targets back.
     images = [
         np.frombuffer(target.read(), _TYPES[kind]).reshape(-1, components)
         for target, (components, kind) in zip(targets, drawing.targets, strict=True)
@@ -81,7 +81,7 @@ def draw_charts(
 
 
 def _keep(context: moderngl.Context, kept: int) -> None:
-    """Choose what is kept of the fragments that meet in a texel."""
+    """Set the OpenGL state for the blending of fragments in the same texel."""
     context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
     context.depth_func = "<"
     context.blend_func = moderngl.ONE, moderngl.ONE

@@ -1,4 +1,4 @@
-"""What lightmap UVs alone decide of a scene's patches: it stays where objects move."""
+"""Chart texels: the part of the patch list that depends on lightmap UVs only and survives object motion."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from .texel_coverage import border_texels, check_overlap, covered_texels, warn_u
 
 @dataclass(frozen=True)
 class ChartTexels:
-    """The charts of a scene's lightmaps, as texels see them.
+    """Chart coverage of a scene's lightmaps.
 
-    names        of the meshes
-    patches      of the texels whose centres are covered
-    on_triangle  (t,) int64, how many of them are on each triangle
-    entries      (atlases, r, r) uint32: which of them + 1 each texel is, 0 for none
+    names        names of the meshes
+    patches      patches of the texels whose centres are covered
+    on_triangle  (t,) int64, number of patches on each triangle
+    entries      (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none
     border       all other texels that a triangle touches
-    warnings     sentences for the user
+    warnings     messages for the user
     """
 
     names: tuple[str, ...]
@@ -39,7 +39,7 @@ class ChartTexels:
     warnings: tuple[str, ...]
 
     def suit(self, scene: Scene, triangles: Triangles, before: Triangles) -> bool:
-        """Return whether a scene has the same charts; before: the triangles that they were read from."""
+        """Return True if a scene has the same charts as the triangles `before`, the source of these."""
         return (
             self.names == tuple(mesh.name for mesh in scene.meshes)
             and len(self.entries) == len(scene.atlases)
@@ -57,7 +57,7 @@ def read_charts(
     triangles: Triangles,
     settings: Settings,
 ) -> ChartTexels:
-    """Find the texels that charts cover and touch; raises Scene-, Settings-, PatchFileError."""
+    """Rasterize the charts of a scene; raises SceneError, SettingsError or PatchFileError."""
     covered = list_or_load_patches(graphics, scene, triangles, settings)
     own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
     covered = inset_edge_patches(compute, geometry, covered, own)

@@ -1,4 +1,4 @@
-"""Boxes of edges that overlap, found by an OpenCL device for a thread beside the one that bakes."""
+"""OpenCL search for overlapping boxes of chart edges, in a thread parallel to the bake."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ..device.cl_device import ComputeDevice
 from .border_texels import OPTIONS, SOURCE
 from .edge_boxes import FACTORS, EdgeBoxes
 
-#: Pairs that there is room for at a time: this number for each box, and the least of all.
+#: Capacity of the list of pairs: pairs for each box, and the minimum.
 _OF_EACH, _LEAST = 4, 1 << 16
 
 
 class DeviceNeighbours:
-    """Finds boxes that overlap by a kernel; see `EdgeNeighbours`. Made by the thread that bakes."""
+    """Search for overlapping boxes with a kernel; see `EdgeNeighbours`. Created by the thread of the bake."""
 
     def __init__(self, compute: ComputeDevice) -> None:
         self._beside = compute.beside(SOURCE, "find_edge_neighbours", OPTIONS)
@@ -26,21 +26,24 @@ class DeviceNeighbours:
             return
         levels, rank = np.unique(boxes.level, return_inverse=True)
         for pairs in self._listed(boxes, 2.0**levels, rank):
-            # The order in which work items list them is that of chance.
+            # Work items append pairs in arbitrary order; sort them for reproducible results.
             key = (rank[pairs[:, 1]] * len(boxes) + pairs[:, 0]) * len(boxes) + pairs[:, 1]
             first, second = pairs[np.argsort(key)].T.astype(np.int64)
             yield first, second
 
     def _listed(self, boxes: EdgeBoxes, sizes: np.ndarray, rank: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield pairs of boxes that overlap, (p, 2) int32; in order but for those of one part.
+        """Yield pairs of overlapping boxes, (p, 2) int32, unordered within each array.
 
-        sizes: of cubes, m, (s,) float64, ascending; rank: which of them each box has, (m,) int64
+        boxes  boxes of the edges
+        sizes  (s,) float64, m, cube sizes of the hash grids, ascending
+        rank   (m,) int64, index into `sizes` for each box
         """
         room = max(_LEAST, _OF_EACH * len(boxes))
         inputs, pairs = self._inputs(boxes, sizes, rank), self._beside.room_for(8 * room)
         total = np.zeros(1, np.uint32)
 
-        # Items of the kernel are cut in two until there is room: one item never has more pairs than boxes.
+        # Halve the range of work items until its pairs fit; one item has at most as many pairs as there are
+        # boxes.
         spans = [(0, len(boxes) * len(sizes))]
         while spans:
             start, end = spans.pop()
@@ -58,7 +61,7 @@ class DeviceNeighbours:
                 yield found
 
     def _inputs(self, boxes: EdgeBoxes, sizes: np.ndarray, rank: np.ndarray) -> tuple:
-        """Return the first arguments of the kernel: each box is entered in cubes of its own size."""
+        """Return the first kernel arguments: a hash grid with each box entered at its own cube size."""
         keys, owner = boxes.cubes(sizes[rank][:, None])
         keys += rank[owner] * FACTORS[3]
         order = np.argsort(keys)

@@ -1,4 +1,4 @@
-"""Boxes around edges of charts, in space and among the directions of their normals."""
+"""Bounding boxes of chart edges in position and normal, the broad phase for coincident edges."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ import numpy as np
 from ..row_ops import largest_in_rows
 from .chart_edges import ChartEdges
 
-#: Edges lie on each other where they are nearer than this many texels, or than float32 tells them apart.
+#: Distance below which edges coincide: a fraction of a texel, or the precision of float32 relative to the
+#: coordinates.
 _NEAR, _ROUNDING = 0.02, 2.0**-21
 
-#: Cosine of the largest angle between shading normals that are alike: 2.5 degrees.
+#: Minimum cosine between shading normals of one smooth surface: 2.5 degrees.
 ALIKE = 0.999
 
-#: Half the distance of unit vectors at that angle, and a little more than rounding.
+#: Half the distance between unit vectors at that angle, plus rounding.
 _ALIKE_APART = np.sqrt((1 - ALIKE) / 2) + 1e-6
 
-#: Odd factors of a hash of cubes, and of their size.
+#: Odd factors of the spatial hash: three coordinates and the cube size.
 FACTORS = np.array([0x1F123BB5159A55E5, 0x3C6EF372FE94F82B, 0x510E527FADE682D1, 0x6A09E667F3BCC909], np.int64)
 
 
 @dataclass(frozen=True)
 class EdgeBoxes:
-    """Boxes with all that may lie on edges and has like normals.
+    """Axis-aligned boxes in six dimensions, padded by the tolerance for coincident edges.
 
-    low, high  (m, 6) float32, metres from `Triangles.origin` along three axes, then components of normals
+    low, high  (m, 6) float32, positions in m relative to `Triangles.origin`, then components of normals
     """
 
     low: np.ndarray
@@ -40,18 +41,18 @@ class EdgeBoxes:
 
     @cached_property
     def level(self) -> np.ndarray:
-        """Smallest power of two that no side of a box in space is longer than, m, (m,) int64."""
+        """Binary logarithm of the longest side in space, m, rounded up, (m,) int64."""
         sides = self.high[:, :3].astype(np.float64) - self.low[:, :3]
         return np.ceil(np.log2(sides.max(axis=1))).astype(np.int64)
 
     def part(self, chosen: np.ndarray) -> EdgeBoxes:
-        """Return some boxes, by their numbers."""
+        """Return a subset of the boxes, by indices."""
         return EdgeBoxes(self.low[chosen], self.high[chosen])
 
     def cubes(self, size: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return keys of the cubes that boxes touch and the numbers of the boxes, two (k,) int64 arrays.
+        """Return the hash grid cells that boxes touch: keys and box indices, two (k,) int64 arrays.
 
-        size: of the cubes, m, one or (m, 1), a power of two that no side of the box is longer than
+        size  cube size, m, a scalar or (m, 1); a power of two at least as large as each box
         """
         low, high = (
             np.floor(ends[:, :3] / np.float32(size)).astype(np.int64) for ends in (self.low, self.high)
@@ -67,21 +68,22 @@ class EdgeBoxes:
 
 
 class EdgeNeighbours(Protocol):
-    """Finds boxes that overlap."""
+    """Broad phase: finds overlapping boxes."""
 
     def overlapping(self, boxes: EdgeBoxes) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield all pairs of boxes that overlap, once each, in parts, as two (p,) int64 arrays.
+        """Yield all pairs of overlapping boxes once, in chunks of two (p,) int64 arrays.
 
-        The second one is of a higher level than the first, or of the same and has the higher number. Pairs
-        are in the order of that level, then of both numbers.
+        The second box has the higher level, or the same level and the higher index. Pairs are sorted by that
+        level, then by both indices.
         """
         ...
 
 
 def edge_boxes(edges: ChartEdges) -> EdgeBoxes:
-    """Return the box of each edge and of what is near it; two edges on each other have boxes that overlap.
+    """Return the box of each edge with its tolerance; the boxes of coincident edges overlap.
 
-    Boxes of normals hold the arc between those of both ends: at most its height from the box of these.
+    A box of normals contains the arc between the normals of both ends, which exceeds the box of the two
+    normals by at most the height of the arc.
     """
     near, normals = tolerance_of(edges)[:, None], unit(edges.normals.astype(np.float64))
     height = 1 - np.linalg.norm(normals.sum(axis=1), axis=1, keepdims=True) / 2
@@ -95,14 +97,14 @@ def edge_boxes(edges: ChartEdges) -> EdgeBoxes:
 
 
 def tolerance_of(edges: ChartEdges) -> np.ndarray:
-    """Return within which distance others lie on each edge, (e,) float64, metres."""
+    """Return the distance below which another edge coincides with each edge, (e,) float64, m."""
     far = largest_in_rows(np.abs(edges.positions).reshape(len(edges), 6))
     tolerance: np.ndarray = np.maximum(_NEAR * edges.length / edges.texel_length, _ROUNDING * far)
     return tolerance
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Scale vectors, (..., d), to length 1, those without one to 0."""
+    """Return vectors, (..., d), scaled to length 1; zero vectors stay 0."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     scaled: np.ndarray = vectors / np.maximum(length, 1e-20)
     return scaled

@@ -1,4 +1,4 @@
-"""Finds edges of charts that lie on each other in the world, wholly or in part."""
+"""Search for pairs of chart edges that coincide in the world, wholly or partly."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from .chart_edges import ChartEdges, end_keys
 from .edge_boxes import ALIKE, EdgeNeighbours, edge_boxes, tolerance_of, unit
 from .host_edge_neighbours import HostNeighbours
 
-#: Of edges with the same end points, each is compared with this many others at most.
+#: Maximum number of other edges with the same end points that an edge is compared with.
 _MOST = 8
 
 
 @dataclass(frozen=True)
 class EdgePairs:
-    """Pairs of edges with like normals, and which part of them lies on each other.
+    """Pairs of coincident edges with similar normals.
 
-    first, second  (p,) int64, numbers of the edges
-    part           (p, 2, 2) float64, of both edges: where the common part starts and ends, 0 at an edge's
-                   first end, 1 at its second
+    first, second  (p,) int64, indices of the edges
+    part           (p, 2, 2) float64, start and end of the common part along both edges; 0 is the first end, 1
+                   the second
     """
 
     first: np.ndarray
@@ -30,9 +30,9 @@ class EdgePairs:
 
 
 def edge_pairs(edges: ChartEdges, neighbours: EdgeNeighbours | None = None) -> EdgePairs:
-    """Return all pairs of edges that lie on each other and whose normals are alike there.
+    """Return all pairs of edges that coincide and have similar normals there.
 
-    neighbours: finds boxes that overlap; None for the host
+    neighbours  broad phase; None for the version on the host
     """
     whole = _compared(edges, *_same_ends(edges))
     left = np.ones(len(edges), bool)
@@ -48,7 +48,7 @@ def edge_pairs(edges: ChartEdges, neighbours: EdgeNeighbours | None = None) -> E
 
 
 def _same_ends(edges: ChartEdges) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of edges with the same end points: numbers of the edges, two (p,) int64 arrays."""
+    """Return pairs of edges with the same end points, two (p,) int64 index arrays."""
     keys = end_keys(edges)
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
@@ -61,13 +61,13 @@ def _same_ends(edges: ChartEdges) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _compared(edges: ChartEdges, first: np.ndarray, second: np.ndarray) -> EdgePairs:
-    """Return those of some pairs of edges that lie on each other and whose normals are alike there."""
+    """Return the pairs that coincide and have similar normals, with their common parts."""
     line, other = (edges.positions[chosen].astype(np.float64) for chosen in (first, second))
     along = line[:, 1] - line[:, 0]
     square = np.einsum("pd,pd->p", along, along)
     ends = np.einsum("pkd,pd->pk", other - line[:, :1], along) / square[:, None]
 
-    # The common part along the first edge, and where the second edge has it.
+    # Common part as parameters along the first and along the second edge.
     common = np.clip(np.sort(ends, axis=1), 0, 1)
     run = (ends[:, 1] - ends[:, 0])[:, None]
     part_of_other = (common - ends[:, :1]) / np.where(run == 0, 1, run)
@@ -77,7 +77,7 @@ def _compared(edges: ChartEdges, first: np.ndarray, second: np.ndarray) -> EdgeP
     apart = largest_in_rows(steps.reshape(len(first), 6))
     overlap = (common[:, 1] - common[:, 0]) * np.sqrt(square)
 
-    # Like normals in the middle of it.
+    # Compare the normals in the middle of the common part.
     middle = part.mean(axis=2, keepdims=True)
     sides = (_between(edges.normals[chosen], middle[:, k])[:, 0] for k, chosen in enumerate((first, second)))
     alike = np.einsum("pd,pd->p", *map(unit, sides)) > ALIKE
@@ -86,6 +86,6 @@ def _compared(edges: ChartEdges, first: np.ndarray, second: np.ndarray) -> EdgeP
 
 
 def _between(ends: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Return values between the ends of edges, (p, 2, d), at some places each, (p, k), as (p, k, d)."""
+    """Return values interpolated between the ends of edges, (p, 2, d), at parameters (p, k): (p, k, d)."""
     between: np.ndarray = ends[:, None, 0] + where[:, :, None] * (ends[:, None, 1] - ends[:, None, 0])
     return between

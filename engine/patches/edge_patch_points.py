@@ -1,4 +1,4 @@
-"""Patches on the very edge of a chart: they look from within what is covered of their texel."""
+"""Inset of patches at chart edges, so that rays do not start exactly on an edge."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList
 
-#: Nearer to an edge than this, texels, is on it; as in kernels/patches/edge_patches.cl.
+#: Distance in texels below which a point lies on an edge, as in kernels/patches/edge_patches.cl.
 _ON_EDGE = 0.02
 
-#: Components of a unit vector that are larger lead to a neighbour; as there.
+#: Minimum component of a unit vector that counts as a step to a neighbour, as in the kernel.
 _LEADING = 0.3
 
 
 def inset_edge_patches(
     compute: ComputeDevice | None, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
 ) -> PatchList:
-    """Return patches, those on the edge of a chart in the middle of what their triangle covers of the texel.
+    """Return the patches; those on a chart edge move to the centroid of the covered part of their texel.
 
-    A point on the edge where two walls meet would look past the other wall.
+    Rays from a point on the edge between two walls would miss the other wall.
 
-    texel_to_patch: that of `PatchList.on_texels`
+    texel_to_patch  (atlases, r, r) uint32 of `PatchList.on_texels`
     """
     if compute:
         found = _found_on_edges(compute, geometry, patches, texel_to_patch)
@@ -47,7 +47,7 @@ def inset_edge_patches(
 def _found_on_edges(
     compute: ComputeDevice, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
 ) -> np.ndarray:
-    """Return what `_at_ends_of_charts` does, by the device."""
+    """Return the result of `_at_ends_of_charts`, computed on the device."""
     (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)
     arrays = geometry.triangles.uvs, texel_to_patch, patches.triangle, patches.barycentric
     inputs = [upload_once(compute, array) for array in arrays]
@@ -60,7 +60,7 @@ def _found_on_edges(
 
 
 def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
-    """Return the patches on an edge of their triangle beyond which no texel is a patch, (k,) int64."""
+    """Return the patches on an edge of their triangle with no patch beyond it, (k,) int64."""
     around = np.pad(texel_to_patch > 0, ((0, 0), (1, 1), (1, 1)))
     outer = around[:, :-2, 1:-1] & around[:, 2:, 1:-1]
     outer &= around[:, 1:-1, :-2]
@@ -77,9 +77,10 @@ def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry:
 
 
 def _edges(geometry: PatchGeometry, resolution: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far patches are from the edges of their triangles on the lightmap, (k, 3) float64, texels.
+    """Return the distance of patches from the edges of their triangles, (k, 3) float64, texels.
 
-    The second array, (k, 3, 2) float64, has unit vectors away from the triangle. Edge i is opposite corner i.
+    The second array, (k, 3, 2) float64, holds unit vectors away from the triangle. Edge i is opposite corner
+    i.
     """
     corners = geometry.triangles.uvs[geometry.triangle].astype(np.float64) * resolution
     start = np.roll(corners, -1, axis=1)

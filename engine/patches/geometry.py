@@ -1,4 +1,4 @@
-"""Where patches are: centre, normals, texel steps, from their barycentric coordinates."""
+"""Geometry of patches from barycentric coordinates: centre, normals, and texel size in the world."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ..scene.triangles import Triangles
 from ..sorted_runs import run_counts
 from .patch_list import PatchList
 
-#: Patches whose corners are interpolated at once: what a processor's caches hold.
+#: Patches that are interpolated at once; fits into the CPU caches.
 _BLOCK = 1 << 14
 
 
 @dataclass(frozen=True)
 class TexelSteps:
-    """What a texel of each triangle's chart is in the world.
+    """World-space steps of one texel on each triangle.
 
-    edge_u     (t, 3) float32, metres, step of one texel along u
-    edge_v     (t, 3) float32, metres, step of one texel along v
+    edge_u     (t, 3) float32, m, step of one texel along u
+    edge_v     (t, 3) float32, m, step of one texel along v
     geometric  (t, 3) float32, unit geometric normal
-    area       (t,) float32, m^2, of one texel
-    whole      (t,) float32, m^2, of the triangle
+    area       (t,) float32, m^2, area of one texel
+    whole      (t,) float32, m^2, area of the triangle
     """
 
     edge_u: np.ndarray
@@ -35,24 +35,24 @@ class TexelSteps:
 
     @cached_property
     def longer(self) -> np.ndarray:
-        """Length of the longer step, (t,) float32, metres."""
+        """Length of the longer step, (t,) float32, m."""
         squares = (np.einsum("td,td->t", edge, edge) for edge in (self.edge_u, self.edge_v))
         longer: np.ndarray = np.sqrt(np.maximum(*squares))
         return longer
 
     def scaled(self, factor: float) -> TexelSteps:
-        """Return what texels whose sides are a factor as long are."""
+        """Return the steps for texels whose sides are `factor` times as long."""
         edges = np.float32(factor) * self.edge_u, np.float32(factor) * self.edge_v
         return TexelSteps(*edges, self.geometric, np.float32(factor**2) * self.area, self.whole)
 
 
 class PatchGeometry:
-    """World-space geometry of each patch, computed when it is first asked for.
+    """World-space geometry of patches, computed on first use.
 
-    triangles    of the scene
-    steps        of its texels
+    triangles    triangles of the scene
+    steps        world-space texel steps of the triangles
     triangle     (n,) int32, index into `triangles`
-    barycentric  (n, 3) float32, where the patch is on its triangle
+    barycentric  (n, 3) float32, position on the triangle
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class PatchGeometry:
         self.triangle, self.barycentric = triangle, barycentric
 
     def part(self, chosen: slice | np.ndarray) -> PatchGeometry:
-        """Return the geometry of some patches."""
+        """Return the geometry of a subset of the patches."""
         where = take_rows(self.triangle, chosen), take_rows(self.barycentric, chosen)
         return PatchGeometry(self.triangles, self.steps, *where)
 
@@ -80,7 +80,7 @@ class PatchGeometry:
 
     @cached_property
     def center(self) -> np.ndarray:
-        """Centre, (n, 3) float32, m from `Triangles.origin` (barycentrics times corners: paper, III.A)."""
+        """Centre, (n, 3) float32, m, relative to `Triangles.origin` (paper, III.A)."""
         return self._interpolated(self.triangles.positions)
 
     @cached_property
@@ -96,13 +96,13 @@ class PatchGeometry:
 
     @cached_property
     def edge_u(self) -> np.ndarray:
-        """Step of one texel along u, (n, 3) float32, metres."""
+        """World-space step of one texel along u, (n, 3) float32, m."""
         edge: np.ndarray = self.steps.edge_u.take(self.triangle, axis=0)
         return edge
 
     @cached_property
     def edge_v(self) -> np.ndarray:
-        """Step of one texel along v, (n, 3) float32, metres."""
+        """World-space step of one texel along v, (n, 3) float32, m."""
         edge: np.ndarray = self.steps.edge_v.take(self.triangle, axis=0)
         return edge
 
@@ -114,12 +114,12 @@ class PatchGeometry:
 
     @cached_property
     def material(self) -> np.ndarray:
-        """Material, (n,) int32."""
+        """Material index, (n,) int32."""
         material: np.ndarray = self.triangles.material.take(self.triangle, axis=0)
         return material
 
     def _interpolated(self, corners: np.ndarray) -> np.ndarray:
-        """Return values of triangles' corners, (t, 3, 3), at the patches, (n, 3) float32."""
+        """Interpolate corner values, (t, 3, 3), at the patches: (n, 3) float32."""
         values = np.empty((len(self.triangle), 3), np.float32)
         for first in range(0, len(values), _BLOCK):
             here = slice(first, first + _BLOCK)
@@ -129,13 +129,13 @@ class PatchGeometry:
 
 
 def patch_geometry(triangles: Triangles, patches: PatchList) -> PatchGeometry:
-    """Return where every patch is in the world."""
+    """Return the world-space geometry of all patches."""
     steps = texel_steps(triangles, patches.resolution)
     return PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
 
 
 def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
-    """Return what a texel of each triangle's chart is in the world."""
+    """Return the world-space steps of one texel on each triangle."""
     corners, uvs = _axes_first(triangles.positions), _axes_first(triangles.uvs)
     first, second = (corners[:, k] - corners[:, 0] for k in (1, 2))
     (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]) * resolution for k in (1, 2))
@@ -146,14 +146,14 @@ def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
     normal = _cross(first, second)
     length = _length(normal)
     geometric = np.where(length > 1e-20, normal / np.maximum(length, 1e-20), [[0], [0], [1]])
-    # The square of a large texel's area leaves float32, and at last the area itself.
+    # float32 overflows for the squared area of huge texels, and at last for the area.
     area = np.minimum(_length(_cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max)
     vectors = _axes_last(edge_u), _axes_last(edge_v), _axes_last(geometric)
     return TexelSteps(*vectors, area.astype(np.float32), length / 2)
 
 
 def _axes_first(corners: np.ndarray) -> np.ndarray:
-    """Return corners of triangles, (t, 3, d), as (d, 3, t): arithmetic on long rows is the fastest."""
+    """Return triangle corners, (t, 3, d), as (d, 3, t): NumPy is fastest on long rows."""
     return np.ascontiguousarray(corners.transpose(2, 1, 0))
 
 
@@ -163,7 +163,7 @@ def _axes_last(vectors: np.ndarray) -> np.ndarray:
 
 
 def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return cross products of vectors, (3, t)."""
+    """Return the cross products of vectors, (3, t) each."""
     (ax, ay, az), (bx, by, bz) = first, second
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
@@ -176,7 +176,7 @@ def _length(vectors: np.ndarray) -> np.ndarray:
 
 
 def _unit(vectors: np.ndarray, geometric: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Scale vectors of patches to length 1, in place; their triangles' normals replace those without one."""
+    """Normalize vectors of patches in place; zero vectors become their triangle's normal."""
     length = np.sqrt(np.einsum("nd,nd->n", vectors, vectors))
     vectors /= np.maximum(length, 1e-20)[:, None]
     undirected = np.flatnonzero(~(length > 1e-20))

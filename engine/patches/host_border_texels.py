@@ -1,4 +1,4 @@
-"""Finds whose patch border texels show as `border_texels` does, on the host: for machines without OpenCL."""
+"""NumPy version of `DeviceBorder`, for machines without OpenCL."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from .texel_clip import clipped_centroids
 
 
 class HostBorder:
-    """Border texels in the memory of the host; its methods are those of `DeviceBorder`."""
+    """Search for patches near border texels; see `DeviceBorder`."""
 
     def __init__(self, geometry: PatchGeometry, border: BorderTexels) -> None:
         self._triangles, self._steps, self._border = geometry.triangles, geometry.steps, border
 
     def nearest_patches(self, patches: PatchList, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the nearest patch of the same surface + 1 of each border texel, or 0, (m,) uint32.
+        """Return the nearest patch + 1 on the surface of each border texel, or 0, (m,) uint32.
 
-        The second array, (m,) bool, tells where the triangle's nearest point lies within the texel.
+        The second array, (m,) bool, is True where the triangle's point nearest to the centre lies inside the
+        texel.
         """
         barycentric, inside = self._closest_points(patches.resolution)
         triangles, touching = self._triangles, self._border.triangle
@@ -42,16 +43,16 @@ class HostBorder:
         return nearest, inside
 
     def middles(self, chosen: np.ndarray, resolution: int) -> np.ndarray:
-        """Return the centroids of what triangles cover of some texels, (k, 3) float32 barycentrics."""
+        """Return the centroids of the parts of texels that triangles cover, (k, 3) float32 barycentrics."""
         some = self._border.part(chosen)
         row, column = np.divmod(some.texel % resolution**2, resolution)
         corners = self._triangles.uvs[some.triangle].astype(np.float64) * resolution
         return clipped_centroids(corners, np.stack([column, row], axis=1)).astype(np.float32)
 
     def _closest_points(self, resolution: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the barycentrics (m, 3) of the point of each triangle nearest to its texel's centre.
+        """Return the barycentrics, (m, 3), of the triangle point nearest to each texel centre.
 
-        The second array, (m,) bool, tells which of these points lie within their texel.
+        The second array, (m,) bool, is True for points inside their texel.
         """
         corners = self._triangles.uvs[self._border.triangle].astype(np.float64) * resolution
         row, column = np.divmod(self._border.texel % resolution**2, resolution)

@@ -1,4 +1,4 @@
-"""Boxes of edges that overlap, found by the host: a grid of cubes for each size of them."""
+"""NumPy search for overlapping boxes of chart edges, with a hash grid for each box size."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from .edge_boxes import EdgeBoxes
 
-#: Pairs of boxes that are compared at a time.
+#: Maximum number of candidate pairs that are compared at once.
 _CHUNK = 1 << 20
 
 
 class HostNeighbours:
-    """Finds boxes that overlap by NumPy; see `EdgeNeighbours`."""
+    """Search for overlapping boxes with NumPy; see `EdgeNeighbours`."""
 
     def overlapping(self, boxes: EdgeBoxes) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield pairs of boxes that overlap.
 
-        Space is cut into cubes, anew for each level. A box touches at most eight of its own size and of every
-        larger one: there it meets the boxes of that size.
+        Each level has its own hash grid. A box touches at most eight cubes of its own size and of each larger
+        size, in which it meets the boxes of that size.
         """
         for level in np.unique(boxes.level):
             seeker = np.flatnonzero(boxes.level <= level)
@@ -30,17 +30,18 @@ class HostNeighbours:
 def _in_one_cube(
     boxes: EdgeBoxes, size: float, full_size: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield pairs of boxes that overlap, once each and in order: any of m boxes, and one of full size.
+    """Yield the overlapping pairs of any of m boxes and a box of full size, each pair once and sorted.
 
-    size       of the cubes, m
-    full_size  (m,) bool, boxes as large as the cubes
+    boxes      m boxes, none larger than the cubes
+    size       cube size, m
+    full_size  (m,) bool, boxes of the level of the cubes
     """
     keys, box = boxes.cubes(size)
     full = np.flatnonzero(full_size[box])
     full = full[np.argsort(keys[full])]
     start, end = (np.searchsorted(keys[full], keys, side) for side in ("left", "right"))
 
-    # Entries of a box, one after the other, in parts of whole boxes.
+    # Entries sorted by box, processed in chunks of whole boxes.
     count = end - start
     order = np.argsort(box, kind="stable")
     entries = np.searchsorted(box[order], np.arange(len(boxes) + 1))
@@ -53,17 +54,19 @@ def _in_one_cube(
         second = box[full[np.repeat(start[entry], count[entry]) + np.arange(len(first)) - offset]]
         first, second = _overlapping(axes, first, second)
 
-        # Boxes meet in several cubes; of two of full size the one with the lower number is the first.
+        # Two boxes may share several cubes; of two full-size boxes the lower index comes first.
         once = (first != second) & (~full_size[first] | (first < second))
         pairs = np.unique(first[once] * len(boxes) + second[once])
         yield np.divmod(pairs, len(boxes))
 
 
 def _overlapping(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return those of some pairs of boxes that overlap, two (q,) int64 arrays.
+    """Return the pairs of boxes that overlap, two (q,) int64 arrays.
 
-    axes: (6, 2, m) float32, along each axis the low and the high ends of all boxes. One axis after the other:
-    each leaves fewer pairs to the next.
+    Tests one axis after the other, since each leaves fewer pairs to the next.
+
+    axes           (6, 2, m) float32, lower and upper bounds of all boxes on each axis
+    first, second  (p,) int64, candidate pairs
     """
     for low, high in axes:
         meet = np.flatnonzero((low[first] <= high[second]) & (low[second] <= high[first]))
@@ -72,7 +75,7 @@ def _overlapping(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> tup
 
 
 def _parts_of(count: np.ndarray) -> Iterator[slice]:
-    """Yield slices of counts, (n,) int, that sum up to `_CHUNK` at most, or of one count."""
+    """Yield slices of counts, (n,) int, that sum to at most `_CHUNK`, or hold a single count."""
     ends = np.cumsum(count)
     start = 0
     while start < len(count):

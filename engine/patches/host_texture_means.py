@@ -1,4 +1,4 @@
-"""Means of textures over texels as `texture_means` finds them, on the host: for machines without OpenCL."""
+"""NumPy version of `TextureMeans`, for machines without OpenCL."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def multiply_on_host(
     values: np.ndarray,
     maps: Sequence[tuple[TexturedPatches, Texture]],
 ) -> None:
-    """Multiply values of patches, (n, 3) float32, by textures of their materials."""
+    """Multiply values of patches, (n, 3) float32, in place by texel means of their textures."""
     for textured, texture in maps:
         values[textured.patch] *= _mean(geometry.part(textured.patch), meshes, textured, texture)
 
@@ -30,14 +30,14 @@ def multiply_on_host(
 def _mean(
     geometry: PatchGeometry, meshes: Sequence[Mesh], textured: TexturedPatches, texture: Texture
 ) -> np.ndarray:
-    """Return a texture's mean over each texel, (m, 3) float32."""
+    """Return the mean of a texture over each texel, (m, 3) float32."""
     corners = textured.corners(meshes, texture)
     side = textured.squares(corners, texture)
     if texture.srgb and side > 1:
         texture = replace(texture, pixels=srgb_to_linear(texture.pixels), srgb=False)
     pixels = shrink(texture.pixels, *averaged_size(texture, side)) if side > 1 else texture.pixels
 
-    # Samples of the texel that lie in the patch's triangle; the patch's own point where none does.
+    # Average the texel's sample points inside the patch's triangle; without any, use the patch's own point.
     local = np.searchsorted(textured.triangles, geometry.triangle)
     corners, weights = corners[local], geometry.barycentric.astype(np.float64)
     total, count = np.zeros((len(local), 3)), np.zeros((len(local), 1))
@@ -51,7 +51,7 @@ def _mean(
 
 
 def _points(weights: np.ndarray, steps: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the barycentrics of one point of every texel, (m, 3) float64; they may lie off the triangle."""
+    """Yield one sample point of each texel as barycentrics, (m, 3) float64; it may lie off the triangle."""
     offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
     for v in offsets:
         for u in offsets:
@@ -59,6 +59,6 @@ def _points(weights: np.ndarray, steps: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _on_texture(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return UVs, (m, 2) float64, at barycentrics."""
+    """Return texture UVs, (m, 2) float64, at barycentrics."""
     uvs: np.ndarray = np.einsum("nk,nkd->nd", weights, corners)
     return uvs

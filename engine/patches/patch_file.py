@@ -1,8 +1,8 @@
-"""Stores a patch list in a binary file and loads it again (paper, IV.A).
+"""Binary file of a patch list (paper, IV.A).
 
-Layout, little-endian: magic, version, resolution, number of patches, CRC-32 of the charts they were
-made from, CRC-32 of the body; then the body: atlas, texel, mesh, face, subface (int32 each) and
-barycentric (3 float32), array after array.
+Layout, little-endian: magic, version, resolution, number of patches, CRC-32 of the charts, CRC-32 of the
+body. The body holds the arrays atlas, texel, mesh, face and subface (int32 each), then barycentric (3
+float32).
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ _MAGIC = b"HEMIPATC"
 _VERSION = 1
 _HEADER = struct.Struct("<8sIIQII")
 
-#: Bytes of a patch: five integers and three barycentrics.
+#: Bytes of each patch: five integers and three barycentrics.
 _PATCH_BYTES = 4 * (5 + 3)
 
-#: Barycentrics may leave their triangle by this much.
+#: Tolerance of barycentrics outside of their triangle.
 _BARYCENTRIC_TOLERANCE = 1e-3
 
 
 def list_or_load_patches(
     graphics: GraphicsContext, scene: Scene, triangles: Triangles, settings: Settings
 ) -> PatchList:
-    """Load the patch list from `settings.patch_file`; without such a file make the list and store it there.
+    """Read the patch list from `settings.patch_file`; without such a file create the list and write it there.
 
-    Raises PatchFileError if the file is unusable or cannot be written, SceneError as `list_patches`.
+    Raises PatchFileError if the file is unusable or cannot be written, and SceneError as `list_patches` does.
     """
     if settings.patch_file is None:
         return list_patches(graphics, scene, triangles, settings.resolution, settings.align_uvs)
@@ -51,7 +51,7 @@ def list_or_load_patches(
 def write_patches(path: Path, scene: Scene, patches: PatchList, align: bool = False) -> None:
     """Write the patch list of a scene; raises PatchFileError if the file cannot be written.
 
-    Under its name the file is whole or not there: it is written beside it.
+    The write is atomic: a temporary file next to it is renamed.
     """
     columns = (patches.atlas, patches.texel, *_faces(scene)[:, patches.triangle])
     body = b"".join(column.astype("<i4").tobytes() for column in columns)
@@ -76,9 +76,9 @@ def write_patches(path: Path, scene: Scene, patches: PatchList, align: bool = Fa
 def read_patches(path: Path, scene: Scene, resolution: int, align: bool = False) -> PatchList:
     """Read the patch list of a scene from a file.
 
-    Raises PatchFileError if the file cannot be read, is not a patch file, of another version,
-    truncated or damaged, was made from other charts or for another resolution, or has patches that the
-    scene has not.
+    Raises PatchFileError if the file cannot be read, has another format or version, or is damaged. Also
+    raises it if the file belongs to other charts or another resolution, or contains patches outside the
+    scene.
     """
     try:
         data = path.read_bytes()
@@ -120,9 +120,9 @@ def read_patches(path: Path, scene: Scene, resolution: int, align: bool = False)
 
 
 def charts_checksum(scene: Scene, align: bool = False) -> int:
-    """Return a CRC-32 of all that a patch list depends on but its resolution: charts, faces, atlases.
+    """Return a CRC-32 of the charts, faces and atlases on which a patch list depends.
 
-    align: whether UVs are moved to borders of texels
+    align  True if UVs are snapped to texel borders
     """
     checksum = int(align)
     for mesh in scene.meshes:
@@ -132,16 +132,16 @@ def charts_checksum(scene: Scene, align: bool = False) -> int:
 
 
 def _faces(scene: Scene) -> np.ndarray:
-    """Return mesh, face and subface of every triangle, (3, t) int32: what the paper knows it by (IV.A)."""
+    """Return mesh, face and subface of each triangle, (3, t) int32: its identifier in the paper (IV.A)."""
     meshes = enumerate(scene.meshes)
     parts = [[np.full(len(mesh.face), index), mesh.face, mesh.subface] for index, mesh in meshes]
     return np.concatenate(parts, axis=1, dtype=np.int32)
 
 
 def _triangles_of(faces: np.ndarray, scene: Scene) -> np.ndarray:
-    """Return the triangle of each mesh, face and subface, (3, n) int32; -1 where there is none.
+    """Return the triangle index of each mesh, face and subface, (3, n) int32; -1 for none.
 
-    Triangles are in the order of meshes, faces and subfaces: a binary search finds them.
+    Uses binary search, since triangles are sorted by mesh, face and subface.
     """
     there = _faces(scene).astype(np.int64)
     sizes = there.max(axis=1) + 1
@@ -156,7 +156,7 @@ def _triangles_of(faces: np.ndarray, scene: Scene) -> np.ndarray:
 
 
 def _off_lightmaps(patches: PatchList, scene: Scene) -> np.ndarray:
-    """Return which patches, (n,) bool, are on no texel of an atlas, or not in the order of texels."""
+    """Return a mask of patches, (n,) bool, outside the texels of the atlases or out of texel order."""
     texels = patches.resolution**2
     wrong = (patches.atlas < 0) | (patches.atlas >= len(scene.atlases))
     wrong |= (patches.texel < 0) | (patches.texel >= texels)
@@ -165,7 +165,7 @@ def _off_lightmaps(patches: PatchList, scene: Scene) -> np.ndarray:
 
 
 def _off_triangles(patches: PatchList, scene: Scene) -> np.ndarray:
-    """Return which patches, (n,) bool, lie on no triangle, on one of another atlas, or beside it."""
+    """Return a mask of patches, (n,) bool, without triangle, on a triangle of another atlas, or off it."""
     atlases = np.repeat([mesh.atlas for mesh in scene.meshes], [len(mesh.face) for mesh in scene.meshes])
     wrong = (patches.triangle < 0) | (atlases[patches.triangle] != patches.atlas)
     weights, slack = patches.barycentric, _BARYCENTRIC_TOLERANCE

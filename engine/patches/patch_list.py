@@ -1,4 +1,4 @@
-"""The patch list: which texels of the lightmaps lie on a surface, and where (paper, III.A and IV.A)."""
+"""Patch list: lightmap texels whose centres lie on a surface, and their positions (paper, III.A, IV.A)."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from ..scene.triangles import Triangles
 from ..threaded_slabs import map_slabs, taken
 from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 
-#: The arrays of a patch list, one entry a patch.
+#: Arrays of a patch list with one entry for each patch.
 _COLUMNS = ("atlas", "texel", "triangle", "barycentric")
 
 
 @dataclass(frozen=True)
 class PatchList:
-    """Where each patch lies in the lightmaps and on its triangle; ordered by atlas, then texel.
+    """Lightmap texel and surface point of each patch, sorted by atlas and texel.
 
+    resolution   width and height of the lightmaps, texels
     atlas        (n,) int32
-    texel        (n,) int32, row * resolution + column, row 0 at v = 0
+    texel        (n,) int32, row * resolution + column; row 0 is at v = 0
     triangle     (n,) int32, index into `Triangles`
-    barycentric  (n, 3) float32, of the patch's point within the triangle, each in [0, 1], sum 1: the texel's
-                 centre, or the middle of what a thin surface covers of the texel
+    barycentric  (n, 3) float32, surface point, each in [0, 1], sum 1: the texel centre, or the centroid of
+                 the covered part of the texel
     """
 
     resolution: int
@@ -41,24 +42,24 @@ class PatchList:
 
     @cached_property
     def key(self) -> np.ndarray:
-        """Texel in all lightmaps, (n,) int64: (atlas * resolution + row) * resolution + column; ascending."""
+        """Flat texel index, (n,) int64, ascending: (atlas * resolution + row) * resolution + column."""
         key = np.multiply(self.atlas, self.resolution**2, dtype=np.int64)
         key += self.texel
         return key
 
     @cached_property
     def _on_texels(self) -> dict[int, np.ndarray]:
-        """What `on_texels` returned last, by the number of atlases."""
+        """Last result of `on_texels`, by number of atlases."""
         return {}
 
     def count_in(self, atlases: int) -> int:
-        """Return how many patches are in the first atlases: they come before all others."""
+        """Return the number of patches in the first `atlases` atlases, which come before all others."""
         return int(np.searchsorted(self.key, atlases * self.resolution**2))
 
     def on_texels(self, atlases: int) -> np.ndarray:
-        """Return the patch + 1 on each texel of the first atlases, (atlases, r, r) uint32; 0 for none.
+        """Return the patch + 1 of each texel of the first atlases, (atlases, r, r) uint32; 0 for none.
 
-        The same array each time, which nobody can change.
+        The array is cached and read-only.
         """
         if atlases not in self._on_texels:
             count = self.count_in(atlases)
@@ -75,22 +76,22 @@ class PatchList:
         return self._on_texels[atlases]
 
     def moved(self, barycentric: np.ndarray) -> PatchList:
-        """Return patches on the same texels and triangles, at other points, (n, 3) float32 barycentrics."""
+        """Return patches on the same texels and triangles, at other barycentrics, (n, 3) float32."""
         moved = replace(self, barycentric=barycentric)
         vars(moved).update(key=self.key, _on_texels=self._on_texels)
         return moved
 
     def part(self, chosen: slice | np.ndarray) -> PatchList:
-        """Return some patches, by a mask or their numbers."""
+        """Return a subset of the patches, by a slice, a mask or indices."""
         return PatchList(self.resolution, *(take_rows(getattr(self, name), chosen) for name in _COLUMNS))
 
 
 def list_patches(
     graphics: GraphicsContext, scene: Scene, triangles: Triangles, resolution: int, align: bool = False
 ) -> PatchList:
-    """Rasterise the lightmap UVs of every atlas and compact the covered texels.
+    """Rasterize the lightmap UVs of each atlas and compact the covered texels.
 
-    align: UVs are moved to borders of texels (paper, VI.B)
+    align  True to snap UVs to texel borders (paper, VI.B)
 
     Raises SceneError if no texel centre is covered.
     """
@@ -109,7 +110,7 @@ def list_patches(
 
 
 def concatenate(parts: list[PatchList]) -> PatchList:
-    """Join patch lists of one resolution, in order."""
+    """Concatenate patch lists of one resolution."""
     if len(parts) == 1:
         return parts[0]
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
@@ -130,9 +131,9 @@ def _patches_in(
 
 
 def _on_triangle(drawn: np.ndarray) -> np.ndarray:
-    """Return all three barycentrics, (n, 3) float32, of the two that were drawn, (n, 2).
+    """Return three barycentrics, (n, 3) float32, from the two that were drawn, (n, 2) float32.
 
-    Those drawn on slivers do not lie on their triangles, or are NaN: they are moved there.
+    On slivers the rasterizer interpolates values outside the triangle or NaN; these are clamped.
     """
     barycentric, not_on = np.empty((len(drawn), 3), np.float32), [np.zeros(0, np.int64)]
 

@@ -1,4 +1,4 @@
-"""What each patch reflects and emits: constants and textures, averaged over the patch's texel."""
+"""Reflectance and emission of patches: constants and textures, averaged over each texel."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from .host_texture_means import multiply_on_host
 from .texture_means import TextureMeans
 from .textured import TexturedPatches, textured_patches
 
-#: What materials give to patches, each a colour times a texture.
+#: Material properties of patches, each a color times a texture.
 _KINDS = ("reflectance", "emission")
 
-#: Patches that a mean is made of, about.
+#: Approximate number of patches in the mean reflectance.
 _ASKED = 1 << 10
 
-#: Multiplies values of patches, (n, 3) float32, by textures of their materials.
+#: Function that multiplies values of patches, (n, 3) float32, by textures of their materials.
 _Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 
 
 @dataclass(frozen=True)
 class PatchMaterials:
-    """Surfaces as the solver needs them.
+    """Material of each patch, averaged over its texel.
 
-    reflectance    (n, 3) float32, where it was made: of translucent surfaces the sum of diffuse reflectance
-                   and transmittance
-    emission       (n, 3) float32, radiance of the front
-    back_emission  (n, 3) float32, radiance of the back; None if it is that of the front
-    own            (n, 3) float32, the part of `reflectance` that is reflected; None if all of it is
+    reflectance    (n, 3) float32, on host or device; diffuse reflectance plus transmittance of translucent
+                   surfaces
+    emission       (n, 3) float32, W/(m^2 sr), radiance of the front face
+    back_emission  (n, 3) float32, W/(m^2 sr), radiance of the back face; None if equal to the front
+    own            (n, 3) float32, reflected fraction of `reflectance`; None if all of it is reflected
     """
 
     reflectance: Values
@@ -50,30 +50,30 @@ class PatchMaterials:
 
     @property
     def emission_of_backs(self) -> np.ndarray:
-        """Radiance of the back of each patch, (n, 3) float32."""
+        """Radiance of the back face of each patch, (n, 3) float32."""
         return self.emission if self.back_emission is None else self.back_emission
 
     @cached_property
     def shining(self) -> np.ndarray:
-        """Patches that emit from either side, (k,) int64."""
+        """Indices of patches that emit from either face, (k,) int64."""
         if self.back_emission is None:
             return nonzero_rows(self.emission)
         return np.flatnonzero(any_in_rows(self.emission) | any_in_rows(self.back_emission))
 
     @cached_property
     def mean_reflectance(self) -> float:
-        """Mean of patches at even distances in their list, of the channels; 0 without any."""
+        """Mean reflectance of evenly spaced patches, over all channels; 0 without patches."""
         count = len(self.reflectance)
         some = np.arange(0, count, max(1, count // _ASKED))
         return float(values_at(self.reflectance, some).mean()) if count else 0.0
 
     def shine_as(self, others: PatchMaterials) -> bool:
-        """Return whether the same patches emit."""
+        """Return True if the same patches emit."""
         same = self.emission is others.emission and self.back_emission is others.back_emission
         return same or np.array_equal(self.shining, others.shining)
 
     def black_at(self, patches: np.ndarray) -> PatchMaterials:
-        """Return the same, but that some patches, (n,) bool, reflect nothing."""
+        """Return the same with zero reflectance at some patches, (n,) bool."""
         places = np.flatnonzero(patches)
         if not len(places):
             return self
@@ -86,13 +86,17 @@ class PatchMaterials:
 
 @dataclass(frozen=True)
 class KnownSurfaces:
-    """What patches reflected and emitted in a scene before: most of them still do."""
+    """Materials of the patches in a previous scene, which are reused where unchanged."""
 
     scene: Scene
     surfaces: PatchMaterials
 
     def shown_by(self, scene: Scene, kind: str) -> np.ndarray:
-        """Return which materials of a scene of the same geometry have the same of a kind, (m,) bool."""
+        """Return a mask, (m,) bool, of the materials whose color and texture of a kind are unchanged.
+
+        scene  scene of the same geometry
+        kind   "reflectance" or "emission"
+        """
         pairs = zip(self.scene.meshes, scene.meshes, strict=True)
         if not all(same_values(mesh.texture_uvs, other.texture_uvs) for mesh, other in pairs):
             return np.zeros(len(scene.materials), bool)
@@ -110,9 +114,13 @@ def patch_surfaces(
     resolution: int,
     known: KnownSurfaces | None = None,
 ) -> PatchMaterials:
-    """Return what every patch of lightmaps of a resolution reflects and emits.
+    """Return reflectance and emission of each patch.
 
-    known: of the same patches in a scene of the same geometry; None to read all textures
+    compute     OpenCL device; None to use the host
+    scene       scene with materials and textures
+    geometry    geometry of the patches
+    resolution  width of the lightmaps, texels
+    known       materials of the same patches in a scene of the same geometry; None to read all textures
     """
     if any(material.translucent for material in scene.materials):
         return _translucent_surfaces(compute, scene, geometry, resolution)
@@ -127,7 +135,7 @@ def patch_surfaces(
             values[kind] = before
             continue
 
-        # Textures that stay are not read again.
+        # Unchanged textures are not read again.
         made = values[kind] = _constants(scene, kind, geometry)
         textures[kind] = [None if stays else texture for stays, texture in zip(same, maps, strict=True)]
         stays = same & [texture is not None for texture in maps]
@@ -143,7 +151,7 @@ def patch_surfaces(
 def _made_surfaces(
     compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry, resolution: int
 ) -> PatchMaterials:
-    """Return what `patch_surfaces` does where nothing is known; a device keeps what patches reflect."""
+    """Compute all materials without previous ones; with OpenCL the reflectance stays on the device."""
     maps = [_maps(scene, kind) for kind in _KINDS]
     device = compute if compute is not None and _fits(compute, maps) else None
     reflectance: Values = (
@@ -153,7 +161,7 @@ def _made_surfaces(
     _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
     surfaces = PatchMaterials(reflectance, emission, _back_emission(compute, scene, geometry, resolution))
 
-    # Few materials emit: all other patches need not be asked.
+    # Few materials emit, so only their patches are tested.
     if surfaces.back_emission is None:
         vars(surfaces)["shining"] = _shining(scene, geometry, emission)
     return surfaces
@@ -162,7 +170,7 @@ def _made_surfaces(
 def _back_emission(
     compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry, resolution: int
 ) -> np.ndarray | None:
-    """Return the radiance of the back of each patch, (n, 3) float32; None if it is that of the front."""
+    """Return the radiance of the back face of each patch, (n, 3) float32; None if equal to the front."""
     if all(material.back is None for material in scene.materials):
         return None
     backs = [
@@ -181,7 +189,7 @@ def _back_emission(
 def _translucent_surfaces(
     compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry, resolution: int
 ) -> PatchMaterials:
-    """Return what `patch_surfaces` does where some materials are translucent."""
+    """Return the materials of patches in a scene with translucent materials."""
     surfaces = _made_surfaces(compute, scene, geometry, resolution)
     transmitted = _constants(scene, "translucency", geometry)
     maps = _maps(scene, "translucency")
@@ -196,12 +204,12 @@ def _translucent_surfaces(
 
 
 def _maps(scene: Scene, kind: str) -> list[Texture | None]:
-    """Return the texture of a kind of each material."""
+    """Return the texture of a kind for each material; None for none."""
     return [getattr(material, f"{kind}_map") for material in scene.materials]
 
 
 def _shining(scene: Scene, geometry: PatchGeometry, emission: np.ndarray) -> np.ndarray:
-    """Return `PatchMaterials.shining`: patches of materials that emit whose textures leave some of it."""
+    """Return `PatchMaterials.shining`: patches of emissive materials whose texture is not black there."""
     emits = np.array([material.emission.any() for material in scene.materials], bool)
     if not emits.any():
         return np.zeros(0, np.int64)
@@ -216,9 +224,12 @@ def _multiply(
     resolution: int,
     kinds: Sequence[tuple[Values, Sequence[Texture | None]]],
 ) -> None:
-    """Multiply values of patches, (n, 3) float32, by textures of each material, where it has one.
+    """Multiply values of patches, (n, 3) float32, in place by the textures of their materials.
 
-    compute: holds each texture, and values that are on a device; None to multiply on the host
+    compute                      device of the textures and of values that are on a device; None to use the
+                                 host
+    scene, geometry, resolution  scene, its patches, and width of the lightmaps in texels
+    kinds                        values and the texture of each material
     """
     if any(texture for _, textures in kinds for texture in textures):
         chosen = [any(maps) for maps in zip(*(textures for _, textures in kinds), strict=True)]
@@ -233,13 +244,13 @@ def _multiply(
 
 
 def _fits(compute: ComputeDevice, maps: Sequence[Sequence[Texture | None]]) -> bool:
-    """Return whether a device holds each of some textures."""
+    """Return True if each of the textures fits into one buffer of the device."""
     sizes = [texture.pixels.nbytes for textures in maps for texture in textures if texture]
     return max(sizes, default=0) <= int(compute.device.max_mem_alloc_size)
 
 
 def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
-    """Return the colour of a kind of each patch's material, (n, 3) float32."""
+    """Return the color of a kind of each patch's material, (n, 3) float32."""
     colors = [getattr(material, kind) for material in scene.materials]
     if not np.any(colors):
         return np.zeros((len(geometry.triangle), 3), np.float32)
@@ -247,14 +258,14 @@ def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
 
 
 def _constants_on(compute: ComputeDevice, scene: Scene, geometry: PatchGeometry) -> DeviceArray:
-    """Return what each patch's material reflects, on a device."""
+    """Return the reflectance of each patch's material, on the device."""
     colors = _of_triangles([material.reflectance for material in scene.materials], geometry)
     of_triangle = DeviceArray(compute, upload(compute, colors), len(colors))
     return of_triangle.taken(upload_once(compute, geometry.triangle), len(geometry.triangle))
 
 
 def _of_triangles(colors: Sequence[np.ndarray], geometry: PatchGeometry) -> np.ndarray:
-    """Return the colour of each triangle's material, (t, 3) float32."""
+    """Return the color of each triangle's material, (t, 3) float32."""
     table: np.ndarray = np.stack(colors).astype(np.float32).take(geometry.triangles.material, axis=0)
     return table
 
@@ -262,6 +273,6 @@ def _of_triangles(colors: Sequence[np.ndarray], geometry: PatchGeometry) -> np.n
 def _on_patches(
     textures: Sequence[Texture | None], textured: Sequence[TexturedPatches | None]
 ) -> list[tuple[TexturedPatches, Texture]]:
-    """Return the textures, one a material, that patches show, with these patches."""
+    """Return the patches of each textured material with its texture."""
     maps = zip(textured, textures, strict=True)
     return [(patches, texture) for patches, texture in maps if texture and patches and len(patches.patch)]

@@ -1,4 +1,4 @@
-"""Seams: where charts that lie apart on the lightmaps meet in the world on one smooth surface."""
+"""UV seams: chart borders that are apart on the lightmaps but meet on a smooth surface in the world."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from ..scene.triangles import Triangles
 from .chart_edges import ChartEdges, chart_edges
 from .edge_pairs import EdgePairs, edge_pairs
 
-#: Points for a texel of a seam's length.
+#: Points for each texel of seam length.
 _POINTS = 1.5
 
-#: Points that are nearer on the lightmap, in texels, are one.
+#: Distance in texels below which the points of a pair coincide on the lightmap.
 _ONE_POINT = 0.01
 
 
 @dataclass(frozen=True)
 class Seams:
-    """Pairs of points, one on each side of a seam: together in the world, apart on the lightmaps.
+    """Pairs of points on both sides of seams: the same place in the world, different places on the lightmaps.
 
     atlas   (p, 2) int32
-    texel   (p, 2, 2) float64, place on the lightmap, texels: the first one's centre is at (0.5, 0.5)
-    weight  (p,) float64, texels of the seam's length that the pair stands for
+    texel   (p, 2, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
+    weight  (p,) float64, seam length in texels that the pair represents
     """
 
     atlas: np.ndarray
@@ -34,27 +34,27 @@ class Seams:
         return len(self.weight)
 
     def part(self, chosen: np.ndarray) -> Seams:
-        """Return some pairs of points, by a mask or their numbers."""
+        """Return a subset of the pairs, by a mask or by indices."""
         return Seams(self.atlas[chosen], self.texel[chosen], self.weight[chosen])
 
 
 def no_seams() -> Seams:
-    """Return no seams."""
+    """Return an empty set of seams."""
     return Seams(np.zeros((0, 2), np.int32), np.zeros((0, 2, 2)), np.zeros(0))
 
 
 def find_seams(triangles: Triangles, atlases: int, resolution: int) -> Seams:
     """Return the seams between the charts of the first `atlases` lightmaps.
 
-    Charts meet where their edges lie on each other and the shading normals are alike: of one object or of
-    two, with the same corners or not. A hard edge is no seam.
+    Two chart edges form a seam if they coincide and their shading normals are similar. They may belong to one
+    object or two, with the same corners or not. A hard edge is no seam.
     """
     edges = chart_edges(triangles, atlases, resolution)
     return seams_of(edges, edge_pairs(edges))
 
 
 def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:
-    """Return seams as points spread evenly over the common parts of pairs of edges."""
+    """Return points spread evenly over the common parts of pairs of edges."""
     both = np.stack([pairs.first, pairs.second], axis=1)
     length = (edges.texel_length[both] * np.abs(pairs.part[:, :, 1] - pairs.part[:, :, 0])).max(axis=1)
     count = np.ceil(_POINTS * length).astype(np.int64)
@@ -62,7 +62,7 @@ def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:
     number = np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count)
     along = (number + 0.5) / count[pair]
 
-    # From where the common part starts on both lightmaps to where it ends.
+    # From the start of the common part on both lightmaps to its end.
     ends = edges.texels[both]
     direction = ends[:, :, 1] - ends[:, :, 0]
     start = ends[:, :, 0] + pairs.part[:, :, 0, None] * direction
@@ -71,7 +71,7 @@ def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:
     texel *= along[:, None, None]
     texel += start[pair]
 
-    # Both sides of a pair may lie in one place.
+    # Drop pairs whose two sides are at the same place of the lightmap.
     atlas = edges.atlas[both][pair]
     off = np.abs(texel[:, 1] - texel[:, 0]) > _ONE_POINT
     apart = off[:, 0] | off[:, 1] | (atlas[:, 0] != atlas[:, 1])

@@ -1,4 +1,4 @@
-"""Clips triangles at the texels that they touch, in lightmap UV space."""
+"""Polygon clipping of triangles against the texels that they touch, in lightmap UV space (NumPy)."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import numpy as np
 
 
 def clipped_centroids(corners: np.ndarray, texels: np.ndarray) -> np.ndarray:
-    """Return the centroid of what each triangle covers of a texel, as barycentrics (m, 3) float64.
+    """Return the centroid of the part of each triangle inside a texel, (m, 3) float64 barycentrics.
 
-    corners  (m, 3, 2) float64, in texels; may have no area
-    texels   (m, 2) int, column and row; each triangle reaches into its texel
+    A part without area gives a point between its corners.
 
-    Without an area it is a point between the corners of what is left.
+    corners  (m, 3, 2) float64, texels; may have no area
+    texels   (m, 2) int, column and row of one texel for each triangle, which touches it
     """
     polygons = clip_at_texels(corners, texels)
     return _centroids(polygons[:, :, :2], polygons[:, :, 2:])
 
 
 def clip_at_texels(corners: np.ndarray, texels: np.ndarray) -> np.ndarray:
-    """Return what each triangle covers of a texel, (m, 7, 5) float64: position in it, and barycentrics.
+    """Return the part of each triangle inside a texel as a polygon, (m, 7, 5) float64.
 
-    corners  (m, 3, 2) float64, in texels
+    Each vertex holds its position relative to the texel and its barycentrics. The triangle is clipped at the
+    four sides of the texel (Sutherland and Hodgman 1974). Unused vertices repeat the first one.
+
+    corners  (m, 3, 2) float64, texels
     texels   (m, 2) int, column and row
-
-    Each triangle is clipped at the four sides of the texel (Sutherland and Hodgman 1974), and carries
-    its barycentrics along. Unused corners of a polygon repeat the first one.
     """
     local = corners - texels[:, None]
     weights = np.broadcast_to(np.eye(3), (len(corners), 3, 3))
@@ -36,22 +36,23 @@ def clip_at_texels(corners: np.ndarray, texels: np.ndarray) -> np.ndarray:
 
 
 def polygon_areas(points: np.ndarray) -> np.ndarray:
-    """Return the areas, (m,), of convex polygons with corners (m, k, 2)."""
+    """Return the areas, (m,), of convex polygons with vertices (m, k, 2)."""
     areas: np.ndarray = fan_areas(points).sum(axis=1)
     return areas
 
 
 def fan_areas(points: np.ndarray) -> np.ndarray:
-    """Return the areas, (m, k - 2), of the triangles between the first corner and each side of a polygon."""
+    """Return the areas, (m, k - 2), of the triangle fan of polygons with vertices (m, k, 2)."""
     first, second = points[:, 1:-1] - points[:, :1], points[:, 2:] - points[:, :1]
     areas: np.ndarray = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]) / 2
     return areas
 
 
 def _clip(polygons: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Return what convex polygons, (m, k, c), have on the positive side of a line, (m, k + 1, c).
+    """Return convex polygons, (m, k, c), clipped to the positive side of a line, (m, k + 1, c).
 
-    distance: of each corner from the line, (m, k). Unused corners at the end repeat the first one.
+    distance  (m, k), signed distance of each vertex from the line. Unused vertices at the end repeat the
+              first one.
     """
     count = polygons.shape[1]
     after, distance_after = np.roll(polygons, -1, axis=1), np.roll(distance, -1, axis=1)
@@ -60,7 +61,7 @@ def _clip(polygons: np.ndarray, distance: np.ndarray) -> np.ndarray:
     step = np.divide(distance, distance - distance_after, out=np.zeros_like(distance), where=crosses)
     crossing = polygons + step[:, :, None] * (after - polygons)
 
-    # Corner, crossing, corner, crossing, …: those that are there first, in their order.
+    # Interleave vertices and crossings, then move the existing ones to the front in their order.
     both = np.stack([polygons, crossing], axis=2).reshape(len(polygons), 2 * count, polygons.shape[2])
     there = np.stack([inside, crosses], axis=2).reshape(len(polygons), 2 * count)
     order = np.argsort(~there, axis=1, kind="stable")[:, : count + 1]
@@ -70,7 +71,7 @@ def _clip(polygons: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 
 def _centroids(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return the mean of the weights, (m, k, 3), over convex polygons with corners (m, k, 2)."""
+    """Return the mean of vertex weights, (m, k, 3), over convex polygons with vertices (m, k, 2)."""
     area = fan_areas(points)
     middle = (weights[:, :1] + weights[:, 1:-1] + weights[:, 2:]) / 3
     total = area.sum(axis=1)

@@ -1,4 +1,4 @@
-"""Texels that hang together: the charts of lightmaps, as their texels show them."""
+"""Connected components of texels: charts as they appear in the lightmap."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from ..unwrap.adjacency import components
 
 
 def connected_texels(known: np.ndarray) -> np.ndarray:
-    """Return the number of the chart of each known texel, in their order, (k,) int64.
+    """Return the component number of each known texel, (k,) int64, in texel order.
 
-    known: (atlases, h, w) bool; charts are known texels that are side by side.
+    Texels of a row form runs; runs of adjacent rows are joined if they share a column.
 
-    Texels of a row are joined as runs, and runs with those of the next row that they share a column with.
+    known  (atlases, h, w) bool; components are 4-connected
     """
     _, height, width = known.shape
     padded = np.pad(known.reshape(-1, width), [(0, 0), (1, 1)])
     before, after = padded[:, :-1], padded[:, 1:]
 
-    # Numbers along all rows, one behind the other: those of the next row are larger by the pitch.
+    # Flat indices with one padding column: a texel and the texel in the next row differ by the pitch.
     pitch = width + 1
     starts, ends = np.flatnonzero(after > before), np.flatnonzero(before > after)
     row = starts // pitch

@@ -1,4 +1,4 @@
-"""Which texels triangles touch: to find overlapping charts, and surfaces that cover no texel's centre."""
+"""Texel coverage by triangles: border texels, overlapping charts, and objects without any patch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .chart_raster import OVERLAP, TOUCHED, draw_charts
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 
-#: Charts overlap if more than this fraction of an object's texels is covered twice.
+#: Fraction of an object's texels that may be covered twice before its charts count as overlapping.
 _OVERLAP_TOLERANCE = 0.005
 
 
@@ -35,7 +35,7 @@ def border_texels(
 def _border_texels_in(
     graphics: GraphicsContext, triangles: Triangles, atlas: int, covered: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the border texels of one atlas, and the triangle that touches each nearest to its centre."""
+    """Return the border texels of one atlas and the touching triangle nearest to each centre."""
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
     (number,) = draw_charts(graphics, TOUCHED, triangles.uvs[chosen], len(covered))
     texel = np.flatnonzero((number[:, 0] > 0) & (covered.ravel() == 0))
@@ -43,9 +43,9 @@ def _border_texels_in(
 
 
 def warn_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
-    """Return warnings that name the objects without an area, and those whose UVs cover no texel's centre.
+    """Return warnings that name objects without area and objects whose charts cover no texel centre.
 
-    texels: see `covered_texels`
+    texels  (objects,) int64, see `covered_texels`
     """
     filled = [mesh for mesh in scene.meshes if len(mesh.face)]
     shrunk = dict.fromkeys(
@@ -67,14 +67,14 @@ def warn_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
 
 
 def _have_area(positions: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """Return which of some triangles, (t, 3, 3), have an area, (t,) bool."""
+    """Return a mask of triangles, (t, 3, 3), with an area, (t,) bool."""
     edges = np.diff(np.asarray(positions, np.float64).reshape(-1, 3, 3), axis=1)
     have: np.ndarray = any_in_rows(np.cross(edges[:, 0], edges[:, 1]))
     return have
 
 
 def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
-    """Return on how many texels each object has patches, (objects,) int64."""
+    """Return the number of patches of each object, (objects,) int64."""
     mesh = geometry.triangles.mesh
     texels: np.ndarray = np.bincount(mesh, geometry.on_triangle, len(scene.meshes)).astype(np.int64)
     return texels
@@ -83,9 +83,11 @@ def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
 def check_overlap(
     graphics: GraphicsContext, scene: Scene, triangles: Triangles, patches: PatchList, texels: np.ndarray
 ) -> list[str]:
-    """Return a warning for each object a few of whose texels are covered by several triangles.
+    """Return a warning for each object with a few texels covered by several triangles.
 
-    texels: see `covered_texels`. Raises OverlapError, naming the objects, if charts truly overlap.
+    texels  (objects,) int64, see `covered_texels`
+
+    Raises OverlapError that names the objects if the charts overlap.
     """
     found = []
     for atlas in range(len(scene.atlases)):
@@ -97,7 +99,7 @@ def check_overlap(
     twice = place[patches.key[place] == keys]
     mesh = triangles.mesh[patches.triangle[twice]]
 
-    # Fractions of each object's texels; rounding at common chart borders doubles a few texels at most.
+    # Rounding at common chart borders covers at most a few texels twice.
     doubled = np.bincount(mesh, minlength=len(scene.meshes))
     bad = doubled > np.maximum(_OVERLAP_TOLERANCE * texels, 2)
     if bad.any():
@@ -111,7 +113,7 @@ def check_overlap(
 
 
 def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, doubled: np.ndarray) -> str:
-    """Name the objects that meet in a sample of the doubled texels."""
+    """Return an error message that names the objects that overlap in a sample of the texels."""
     sample = doubled[:: max(1, len(doubled) // 64)]
     meshes = {int(mesh) for patch in sample for mesh in _meshes_at(triangles, patches, int(patch))}
     names = [scene.meshes[mesh].name for mesh in sorted(meshes)]
@@ -125,7 +127,7 @@ def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, dou
 
 
 def _meshes_at(triangles: Triangles, patches: PatchList, patch: int) -> np.ndarray:
-    """Return the meshes of all triangles that cover a patch's texel centre."""
+    """Return the meshes of all triangles that cover the centre of a patch's texel."""
     resolution = patches.resolution
     texel = int(patches.texel[patch])
     center = (np.array([texel % resolution, texel // resolution]) + 0.5) / resolution

@@ -1,4 +1,4 @@
-"""What triangles cover of texels that they do not fill: conservative rasterisation of lightmap UVs."""
+"""Texel fragments: the parts of triangles inside texels, by conservative rasterization (OpenCL)."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from ..row_ops import joined_rows, take_rows
 from ..scene.triangles import Triangles
 from ..sorted_runs import order_of
 
-#: Least area of a piece, of a texel: what is smaller comes from rounding.
+#: Minimum area of a fragment, in texels; smaller ones result from rounding.
 _LEAST_PIECE = 1e-6
 
 _NAMES = ("border_texels", "piece_areas", "points_in_texels", "list_points")
 
-#: Bytes of a triangle, a texel, barycentrics, a position and a weight.
+#: Bytes for each point: triangle, texel, barycentrics, position, weight.
 _OF_POINT = (4, 4, 12, 8, 4)
 
 
 @dataclass(frozen=True)
 class TexelFragments:
-    """Parts of texels that lie in one triangle each.
+    """Fragments: the intersection of a texel and a triangle.
 
     atlas     (m,) int32
     texel     (m,) int32, row * resolution + column
     triangle  (m,) int32
-    area      (m,) float32, of a texel
+    area      (m,) float32, in texels
     """
 
     atlas: np.ndarray
@@ -43,24 +43,24 @@ class TexelFragments:
         return len(self.texel)
 
     def keys(self, resolution: int) -> np.ndarray:
-        """Return atlas * r * r + texel of each piece, (m,) int64."""
+        """Return atlas * r * r + texel of each fragment, (m,) int64."""
         keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
         return keys
 
     def part(self, chosen: np.ndarray | slice) -> TexelFragments:
-        """Return some pieces, by a mask or their numbers."""
+        """Return a subset of the fragments, by a mask, indices or a slice."""
         columns = self.atlas, self.texel, self.triangle, self.area
         return TexelFragments(*(take_rows(column, chosen) for column in columns))
 
 
 class TexelPoints(NamedTuple):
-    """Points of texels, in the order of these; nobody changes them.
+    """Sample points in texels, in texel order; the arrays must not be changed, since their upload is cached.
 
     atlas        (s,) int32
     texel        (s,) int32, row * resolution + column
     triangle     (s,) int32
     barycentric  (s, 3) float32
-    position     (s, 2) float32, on the lightmap, texels
+    position     (s, 2) float32, lightmap position, texels
     weight       (s,) float32, texels
     """
 
@@ -73,13 +73,13 @@ class TexelPoints(NamedTuple):
 
 
 def joined_pieces(several: list[TexelFragments]) -> TexelFragments:
-    """Return some pieces, then others; there is one list at least."""
+    """Concatenate fragments; the list must not be empty."""
     names = TexelFragments.__dataclass_fields__
     return TexelFragments(*(joined_rows([getattr(pieces, name) for pieces in several]) for name in names))
 
 
 class TexelClipper:
-    """Clips triangles of lightmaps at texels, on the OpenCL device, which keeps what it needs of them."""
+    """Clipper of lightmap triangles against texels, on the OpenCL device, with cached inputs."""
 
     def __init__(self, compute: ComputeDevice, triangles: Triangles, resolution: int) -> None:
         self.compute, self._triangles, self._resolution = compute, triangles, resolution
@@ -88,19 +88,18 @@ class TexelClipper:
         self._listed: dict[int, tuple] = {}
 
     def rows(self, atlases: int) -> tuple:
-        """Return how many rows of texels the triangles of the first atlases touch, and these on the device.
+        """Return the number of texel rows that the triangles of the first atlases touch, and their buffers.
 
-        They are made once.
+        Computed once for each number of atlases.
         """
         if atlases not in self._listed:
             self._listed[atlases] = self._list_rows(atlases)
         return self._listed[atlases]
 
     def border_pieces(self, wanted: np.ndarray) -> TexelFragments:
-        """Return the pieces of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
+        """Return the fragments of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
 
-        They are in the order of these texels.
-        A texel that no border of a triangle crosses may have a piece here, too: one triangle fills it.
+        The fragments are sorted by texel. A full texel may appear too if one triangle fills it.
         """
         count, *buffers = self.rows(len(wanted))
         if not count:
@@ -109,7 +108,7 @@ class TexelClipper:
         compute = self.compute
         rows = (self._uvs, *buffers, upload(compute, wanted.view(np.uint8)), np.int32(self._resolution))
 
-        # Count, then list.
+        # First pass counts, second pass writes.
         starts, none = zeros(compute, 4 * count), zeros(compute, 4)
         self._run("border_texels", count, *rows, np.int32(0), starts, none, none, none)
         ends = np.cumsum(self._read(starts, count, "i4"))
@@ -123,17 +122,18 @@ class TexelClipper:
         return pieces.part(order_of(pieces.keys(self._resolution)))
 
     def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelFragments:
-        """Return what triangles, (m,), cover of texels, (m,), of their own atlases, where it is anything."""
+        """Return the fragments of triangles, (m,), in texels, (m,), of their atlases; drops empty ones."""
         count = len(texel)
         areas = zeros(self.compute, 4 * max(1, count))
         self._run("piece_areas", count, self._uvs, *self._where(triangle, texel), areas)
         return self._pieces(triangle, texel, self._read(areas, count, "f4"))
 
     def points_in_texels(self, pieces: TexelFragments, starts: np.ndarray, side: int) -> TexelPoints:
-        """Return the points of texels, `side` squared for each; see kernels/patches/texel_fragments.cl.
+        """Return `side`^2 sample points in each texel; see kernels/patches/texel_fragments.cl.
 
-        pieces  in the order of their texels
-        starts  (t,) int64, the first piece of each texel
+        pieces  fragments sorted by texel
+        starts  (t,) int64, first fragment of each texel
+        side    sample points along each axis
         """
         each, texels = side**2, len(starts)
         where = [self._indices(pieces.triangle), self._indices(pieces.texel)]
@@ -143,7 +143,7 @@ class TexelClipper:
         sides = np.int32(self._resolution), np.int32(side)
         self._run("points_in_texels", texels, self._uvs, *where, area, ends, *sides, *found, counts)
 
-        # Who uploads the points finds them on the device.
+        # Cached uploads: later passes find these points on the device.
         last = np.cumsum(self._read(counts, texels, "i4"))
         firsts, total = self._indices(np.append(0, last[:-1])), int(last[-1]) if texels else 0
         listed = [self._buffer(size * total) for size in _OF_POINT]
@@ -154,13 +154,13 @@ class TexelClipper:
         return TexelPoints(self._triangles.atlas[triangle], texel, triangle, *others)
 
     def _list_rows(self, atlases: int) -> tuple:
-        """Return how many rows `_rows` returns, these on the device, and the atlas of each triangle."""
+        """Return the number of rows of `_rows`, their buffers, and the buffer of triangle atlases."""
         triangle, row = self._rows(atlases)
         arrays = (triangle, row, self._triangles.atlas.astype(np.int32, copy=False))
         return len(triangle), *(upload(self.compute, array) for array in arrays if len(triangle))
 
     def _rows(self, atlases: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return each triangle of the first atlases with each row of texels that it touches, (m,) int32."""
+        """Return pairs of triangle and texel row that it touches in the first atlases, two (m,) int32."""
         triangles, resolution = self._triangles, self._resolution
         chosen = np.flatnonzero(triangles.atlas < atlases)
         corners = [np.ascontiguousarray(triangles.uvs[:, corner, 1]) for corner in range(3)]
@@ -174,23 +174,23 @@ class TexelClipper:
         return np.repeat(chosen.astype(np.int32), count), row
 
     def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelFragments:
-        """Return pieces that have an area."""
+        """Return fragments without those whose area is negligible."""
         pieces = TexelFragments(self._triangles.atlas[triangle], texel, triangle, area)
         return pieces.part(area > _LEAST_PIECE)
 
     def _where(self, *arrays: np.ndarray) -> tuple:
-        """Return arrays on the device, as int32, and the resolution."""
+        """Upload arrays as int32; return the buffers and the resolution."""
         return (*map(self._indices, arrays), np.int32(self._resolution))
 
     def _indices(self, values: np.ndarray) -> cl.Buffer:
-        """Return numbers on the device, as int32; there may be none."""
+        """Upload an array as int32; an empty array becomes a small buffer."""
         return upload(self.compute, values.astype(np.int32)) if len(values) else zeros(self.compute, 8)
 
     def _read(self, buffer: cl.Buffer, count: int, kind: str) -> np.ndarray:
         return download(self.compute, buffer, (count,)).view(kind) if count else np.zeros(0, kind)
 
     def _points(self, buffer: cl.Buffer, shape: tuple[int, ...], kind: str) -> np.ndarray:
-        """Return what a buffer holds of points; who uploads it once gets the buffer."""
+        """Download point data and register its buffer as the cached upload of the result."""
         values = self._read(buffer, int(np.prod(shape)), kind).reshape(shape)
         self.compute.shared.of(values, "bits", lambda: buffer)
         return values

@@ -1,9 +1,8 @@
-"""From a lightmap texel to its patch, also where no texel centre is covered.
+"""Index map from lightmap texels to patches, including texels whose centre no triangle covers.
 
-A look-up by lightmap UV can land on a texel that a triangle touches without covering its centre.
-Such a texel belongs to a patch nearby on the same surface, so that no light is lost at chart
-borders; the radiosity itself is never dilated during iterations (paper, VI.B). A surface too thin
-to cover any centre nearby gets a patch of its own.
+A lookup by lightmap UV may hit a texel that a triangle only touches. Such a texel takes a nearby patch of the
+same surface, so that no light is lost at chart borders. Radiosity is never dilated during the iterations
+(paper, VI.B). A surface too thin to cover any centre nearby gets its own patch.
 """
 
 from __future__ import annotations
@@ -24,13 +23,12 @@ from .patch_list import PatchList
 
 @dataclass(frozen=True)
 class IndexMap:
-    """Which patch each texel shows.
+    """Index map with the data to update it.
 
-    patches         all of them, those on thin surfaces included
-    texel_to_patch  (atlases, r, r) uint32: patch + 1, or 0
-    nearest         (m,) uint32, the covered patch of the same surface that is nearest to each border texel
-                    + 1, or 0
-    inside          (m,) bool: more than a border of the surface is in the texel
+    patches         all patches, including patches of thin surfaces
+    texel_to_patch  (atlases, r, r) uint32, patch + 1, or 0
+    nearest         (m,) uint32, nearest chart patch + 1 on the surface of each border texel, or 0
+    inside          (m,) bool, True if the surface reaches into the texel, beyond its border
     """
 
     patches: PatchList
@@ -42,10 +40,12 @@ class IndexMap:
 def index_map(
     compute: ComputeDevice | None, geometry: PatchGeometry, charts: ChartTexels, before: IndexMap | None
 ) -> IndexMap:
-    """Give every touched texel a patch.
+    """Assign a patch to each touched texel.
 
-    geometry  of the charts' patches
-    before    that of the same charts where they were: the same one is returned if nothing has changed
+    compute   OpenCL device; None to use the host
+    geometry  geometry of the chart patches
+    charts    chart coverage of the lightmaps
+    before    index map of the same charts before objects moved; returned unchanged if still valid
     """
     patches, border = charts.patches, charts.border
     if not len(border):
@@ -57,8 +57,8 @@ def index_map(
     if before and np.array_equal(nearest, before.nearest) and np.array_equal(inside, before.inside):
         return before
 
-    # Surfaces without a covered centre nearby become patches in the middle of what the texel shows of them:
-    # a point on their edge would see past the surfaces that meet them there.
+    # Patches of thin surfaces lie at the centroid of the covered part. Rays from a point on an edge would
+    # miss adjacent surfaces.
     texel_to_patch = charts.entries.copy()
     thin = np.flatnonzero((nearest == 0) & inside)
     if len(thin):
@@ -74,9 +74,14 @@ def index_map(
 def _with_thin(
     compute: ComputeDevice | None, patches: PatchList, thin: BorderTexels, middle: np.ndarray
 ) -> PatchList:
-    """Return patches, and those on thin surfaces with barycentrics (k, 3), by atlas and texel.
+    """Return the patches merged with patches on thin surfaces, sorted by atlas and texel.
 
-    A device that has the patches gets the others.
+    The device copies of the patch arrays are updated too.
+
+    compute  OpenCL device; None on the host
+    patches  patches of the charts
+    thin     border texels of thin surfaces
+    middle   (k, 3) float32, barycentrics of the new patches
     """
     atlas, texel = np.divmod(thin.texel, patches.resolution**2)
     columns = (
@@ -95,9 +100,12 @@ def _with_thin(
 
 
 def _inserted(place: np.ndarray, count: int) -> np.ndarray:
-    """Return where `count` rows, then others, come from once the others are inserted, (count + k,) int64.
+    """Return the source row of each row after an insertion, (count + k,) int64.
 
-    place: (k,) int64, ascending: the row before which each of the others comes
+    Row indices from `count` on refer to the inserted rows.
+
+    place  (k,) int64, ascending, index before which each new row is inserted
+    count  number of old rows
     """
     others = place + np.arange(len(place))
     steps = np.ones(count + len(place), np.int64)

@@ -1,4 +1,4 @@
-"""What images and the index map hold around texels."""
+"""Values of images and index maps in the 3 x 3 neighbourhood of texels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def cells_around(images: np.ndarray, key: np.ndarray) -> np.ndarray:
-    """Return the values of 3 x 3 texels around others, (k, 9) of the images' type; 0 beyond the border.
+    """Return the values of 3 x 3 texels around each texel, (k, 9), type of `images`; 0 beyond the edge.
 
     images  (atlases, r, r)
     key     (k,) int64, (atlas * r + row) * r + column, see `PatchList.key`
@@ -18,7 +18,7 @@ def cells_around(images: np.ndarray, key: np.ndarray) -> np.ndarray:
         flat.take(key + (up * resolution + right), mode="clip", out=column)
     values: np.ndarray = columns.T
 
-    # Few texels are at the border of a lightmap.
+    # Few texels are at the edge of a lightmap.
     y, x = key // resolution % resolution, key % resolution
     ends = np.flatnonzero((y == 0) | (y == resolution - 1) | (x == 0) | (x == resolution - 1))
     for column, (up, right) in zip(columns, steps, strict=True):
@@ -29,18 +29,18 @@ def cells_around(images: np.ndarray, key: np.ndarray) -> np.ndarray:
 
 
 def entries_around(texel_to_patch: np.ndarray, key: np.ndarray) -> np.ndarray:
-    """Return the entries of 3 x 3 texels around others, (k, 9) int64: patch + 1, 0 for none.
+    """Return the index map entries of 3 x 3 texels around each texel, (k, 9) int64: patch + 1, 0 for none.
 
-    texel_to_patch  (atlases, r, r) uint32 index map
+    texel_to_patch  (atlases, r, r) uint32, index map
     key             (k,) int64, see `cells_around`
     """
     return cells_around(texel_to_patch, key).astype(np.int64)
 
 
 def beside_any(flags: np.ndarray) -> np.ndarray:
-    """Return the texels with one of some others among 3 x 3 around them, (atlases, r, r) bool.
+    """Return the mask dilated by one texel in all eight directions, (atlases, r, r) bool.
 
-    flags: (atlases, r, r) bool, the others
+    flags  (atlases, r, r) bool
     """
     rows = flags.copy()
     rows[:, 1:] |= flags[:, :-1]

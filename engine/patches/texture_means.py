@@ -1,4 +1,4 @@
-"""Means of textures over the texels of patches, by OpenCL."""
+"""Texture filtering over texels: mean of a texture over each patch's texel (OpenCL)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ..scene.texture import Texture
 from .geometry import PatchGeometry
 from .textured import SAMPLES, TexturedPatches, averaged_size
 
-#: Bytes of an image that are shrunk at a time.
+#: Bytes of an image that are reduced at once.
 _STRIP = 1 << 26
 
 
 class TextureMeans:
-    """Multiplies values of patches by the means of textures over their texels.
+    """Multiplication of patch values by texture means over their texels.
 
-    A texel has 4 x 4 samples, of which those in the triangle of its patch count. Images whose pixels are
-    finer are averaged over squares first.
+    A texel has 4 x 4 sample points, of which those inside the patch's triangle count. Images with finer
+    pixels are first reduced by a box filter.
     """
 
     def __init__(self, compute: ComputeDevice, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:
@@ -36,7 +36,7 @@ class TextureMeans:
         self._mean, self._shrink = compute.kernels("texture_means.cl", *names, options=options)
 
     def multiply(self, values: Values, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:
-        """Multiply values of patches, (n, 3) float32 in rows of three, by textures of their materials."""
+        """Multiply values of patches, (n, 3) float32, in place by textures of their materials."""
         if not maps:
             return
         places = np.zeros(len(self._geometry.triangles.material), np.int32)
@@ -66,9 +66,9 @@ class TextureMeans:
         )  # fmt: skip
 
     def _averaged(self, texture: Texture, side: int) -> cl.Buffer:
-        """Return the pixels of a texture averaged over squares.
+        """Return the pixels of a texture reduced by a box filter of `side` x `side` pixels.
 
-        The device holds one image at a time; materials that show it one after the other share it.
+        The device stores one image at a time; consecutive materials with the same image share it.
         """
         key = id(texture.pixels), side, texture.srgb
         if self._image is None or self._image[0] != key:
@@ -79,7 +79,7 @@ class TextureMeans:
         return self._image[1]
 
     def _shrunk(self, texture: Texture, side: int) -> cl.Buffer:
-        """Return a texture averaged over squares, scene-linear, as `resampling.shrink` does it."""
+        """Return a texture reduced by a box filter, scene-linear, as `resampling.shrink` does."""
         (height, width), (rows, columns) = texture.pixels.shape[:2], averaged_size(texture, side)
         image = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 12 * rows * columns)
         at_once = max(1, _STRIP // (12 * width * side))

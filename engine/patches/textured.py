@@ -1,4 +1,4 @@
-"""How the patches of a material, and the texels around them, lie on its textures."""
+"""Textured patches: mapping between the texels of patches and the pixels of their textures."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from ..scene.model import Mesh
 from ..scene.texture import Texture
 from .geometry import PatchGeometry
 
-#: Samples along u and v of a texel; textures are shrunk until their pixels are no finer.
+#: Sample points along u and v of a texel.
 SAMPLES = 4
 
-#: Up to this number of materials their patches are searched for one by one; beyond it they are sorted.
+#: Maximum number of materials for which one search each is faster than one sort.
 _SEARCHED = 8
 
-#: Images are averaged over squares of pixels while samples are at least this many of their pixels apart.
+#: Minimum distance of sample points in pixels for which an image is reduced by a box filter.
 _SHRINK = 2
 
 
 @dataclass(frozen=True)
 class TexturedPatches:
-    """The patches of one material, and the triangles that it is on.
+    """Patches and triangles of one material.
 
     patch      (m,) int64, ascending
-    triangles  (k,) int64, index into `Triangles`, ascending: mesh after mesh
-    mesh       (k,) int32, of each triangle
-    count      (k,) int64, patches on each triangle
-    steps      (k, 2, 3) float64, how barycentrics change from texel to texel along u and v
+    triangles  (k,) int64, index into `Triangles`, ascending, grouped by mesh
+    mesh       (k,) int32, mesh of each triangle
+    count      (k,) int64, number of patches on each triangle
+    steps      (k, 2, 3) float64, change of barycentrics by one texel along u and v
     """
 
     patch: np.ndarray
@@ -40,7 +40,7 @@ class TexturedPatches:
     steps: np.ndarray
 
     def corners(self, meshes: Sequence[Mesh], texture: Texture) -> np.ndarray:
-        """Return where the corners of the triangles are on a texture, (k, 3, 2) float32."""
+        """Return the texture UVs of the triangle corners, (k, 3, 2) float32."""
         starts = np.r_[0, np.cumsum([len(mesh.positions) for mesh in meshes])]
         corners = np.zeros((len(self.triangles), 3, 2), np.float32)
         here, first = np.unique(self.mesh, return_index=True)
@@ -50,9 +50,9 @@ class TexturedPatches:
         return corners
 
     def squares(self, corners: np.ndarray, texture: Texture) -> int:
-        """Return the side of the squares, pixels, that an image is averaged over: a power of two.
+        """Return the width in pixels of the box filter for an image, a power of two.
 
-        Its pixels are then about as far apart as the samples of a typical texel: by the median over texels.
+        The reduced pixels are then about as far apart as the sample points of the median texel.
         """
         size = np.array([texture.pixels.shape[1], texture.pixels.shape[0]])
         length = np.linalg.norm(np.einsum("nsk,nkd->nsd", self.steps, corners) * size, axis=2).ravel()
@@ -64,7 +64,7 @@ class TexturedPatches:
 def textured_patches(
     geometry: PatchGeometry, resolution: int, materials: Sequence[bool]
 ) -> list[TexturedPatches | None]:
-    """Return the patches and the triangles of each material that is chosen, None of the others."""
+    """Return patches and triangles of each chosen material, None for the others."""
     triangles = geometry.triangles
     patches, places = (_grouped(of.material, materials) for of in (geometry, triangles))
     return [
@@ -77,9 +77,9 @@ def textured_patches(
 
 
 def _grouped(numbers: np.ndarray, chosen: Sequence[bool]) -> list[np.ndarray | None]:
-    """Return where each chosen number stands among numbers, (n,): (m,) int64 each, ascending.
+    """Return the indices of each chosen value in `numbers`, (n,): (m,) int64 each, ascending.
 
-    None of those that are not chosen.
+    None for values that are not chosen.
     """
     if sum(chosen) <= _SEARCHED:
         return [np.flatnonzero(numbers == number) if wanted else None for number, wanted in enumerate(chosen)]
@@ -89,13 +89,13 @@ def _grouped(numbers: np.ndarray, chosen: Sequence[bool]) -> list[np.ndarray | N
 
 
 def averaged_size(texture: Texture, side: int) -> tuple[int, int]:
-    """Return the height and width of a texture averaged over squares."""
+    """Return the height and width of a texture after reduction."""
     height, width = (-(-size // side) for size in texture.pixels.shape[:2])
     return height, width
 
 
 def _weighted_median(values: np.ndarray, count: np.ndarray) -> float:
-    """Return the median of values, each of which is there `count` times."""
+    """Return the median of values, each repeated `count` times."""
     order = np.argsort(values)
     last = np.cumsum(count[order])
     total = int(last[-1])
@@ -104,7 +104,7 @@ def _weighted_median(values: np.ndarray, count: np.ndarray) -> float:
 
 
 def _barycentric_steps(uvs: np.ndarray, resolution: int) -> np.ndarray:
-    """Return how barycentrics change from texel to texel along u and v, (k, 2, 3) float64."""
+    """Return the change of barycentrics by one texel along u and v, (k, 2, 3) float64."""
     first, second = np.moveaxis((uvs[:, 1:] - uvs[:, :1]).astype(np.float64) * resolution, 1, 0)
     determinant = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     inverse = np.divide(1.0, determinant, out=np.zeros_like(determinant), where=determinant != 0)

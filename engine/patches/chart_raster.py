@@ -32,7 +32,7 @@ class Drawing:
 #: Triangle + 1 and two barycentrics of each texel whose centre is covered.
 PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
 
-#: The same for UVs that are snapped to texel borders; see shaders/patches.geom.
+#: The same for UVs that are snapped to texel borders; see shaders/patches/patches.geom.
 ALIGNED = Drawing("patches", ("vert", "geom", "frag"), PATCHES.targets, _LAST)
 
 #: Triangle + 1 of each touched texel: the triangle nearest to the texel centre.

@@ -1,4 +1,4 @@
-// Vectors of three numbers, close together in memory, become float4, `first` zeros before them and more after.
+// Unpacks rows of three floats to float4, with `first` zero rows before them and zero rows after.
 __kernel void to_float4(__global const float *narrow, __global float4 *wide, const int first, const int values,
                         const int count)
 {
@@ -7,7 +7,7 @@ __kernel void to_float4(__global const float *narrow, __global float4 *wide, con
         wide[i] = i < first || i >= first + values ? (float4)(0.0f) : (float4)(vload3(i - first, narrow), 0.0f);
 }
 
-// Colours whose rows are `stride` apart become float4.
+// Unpacks rgb from rows that are `stride` floats apart to float4.
 __kernel void widen_rows(__global const float *rows, const int stride, __global float4 *wide, const int count)
 {
     const int i = get_global_id(0);
@@ -15,7 +15,7 @@ __kernel void widen_rows(__global const float *rows, const int stride, __global 
         wide[i] = (float4)(vload3(0, rows + (size_t)stride * i), 0.0f);
 }
 
-// The colours of `planes` float4 of each item, one plane after the other, three floats each.
+// Packs float4 to three floats. Input: `planes` float4 per item; output: one plane of items after another.
 __kernel void to_float3(__global const float4 *wide, const int planes, const int items, __global float *narrow)
 {
     const int i = get_global_id(0);
@@ -23,7 +23,7 @@ __kernel void to_float3(__global const float4 *wide, const int planes, const int
         vstore3(wide[i].xyz, (size_t)(i % planes) * items + i / planes, narrow);
 }
 
-// Colours, close together in memory, become float4 at places of their own, `first` after the beginning.
+// Scatters (n, 3) float colours to float4 rows first + places[i].
 __kernel void scatter_colours(__global const float *colors, __global const uint *places, const int first,
                               __global float4 *wide, const int count)
 {
@@ -32,7 +32,7 @@ __kernel void scatter_colours(__global const float *colors, __global const uint 
         wide[first + places[i]] = (float4)(vload3(i, colors), 0.0f);
 }
 
-// Three floats take the places of others.
+// Scatters (n, 3) float values to rows places[i] of another (m, 3) float array.
 __kernel void put_rows(__global const float *values, __global const uint *places, __global float *rows,
                        const int count)
 {
@@ -41,7 +41,8 @@ __kernel void put_rows(__global const float *values, __global const uint *places
         vstore3(vload3(i, values), places[i], rows);
 }
 
-// Rows of `columns` words with others inserted: the one with number k comes to inserted[k], which ascend.
+// Inserts rows into an array of rows of `columns` words. Row k of `others` becomes row inserted[k] of the result;
+// `inserted` is ascending. Each row finds its source by binary search.
 __kernel void insert_rows(__global const uint *rows, __global const uint *others, __global const int *inserted,
                           const int number, const int columns, __global uint *joined, const int count)
 {
@@ -62,7 +63,7 @@ __kernel void insert_rows(__global const uint *rows, __global const uint *others
         joined[i * columns + column] = source[column];
 }
 
-// The first `channels` numbers of rows `stride` apart become 0.
+// Sets the first `channels` floats of some rows, `stride` apart, to 0.
 __kernel void blacken(__global float *rows, const int stride, const int channels, __global const uint *places,
                       const int count)
 {
@@ -71,7 +72,7 @@ __kernel void blacken(__global float *rows, const int stride, const int channels
         rows[(size_t)stride * places[i] + channel] = 0.0f;
 }
 
-// float4 of which the fourth becomes 0.
+// Sets w of each float4 to 0.
 __kernel void clear_fourth(__global float4 *wide, const int count)
 {
     const int i = get_global_id(0);
@@ -79,7 +80,7 @@ __kernel void clear_fourth(__global float4 *wide, const int count)
         wide[i].w = 0.0f;
 }
 
-// The sum of the channels of each of some rows of three floats or more, `stride` apart.
+// Sums rgb of rows that are `stride` floats apart (at least 3).
 __kernel void sum_channels(__global const float *rows, const int stride, __global float *sums, const int count)
 {
     const int i = get_global_id(0);
@@ -89,7 +90,7 @@ __kernel void sum_channels(__global const float *rows, const int stride, __globa
     }
 }
 
-// The fourth number of each float4.
+// Extracts w of each float4.
 __kernel void take_fourth(__global const float4 *wide, __global float *taken, const int count)
 {
     const int i = get_global_id(0);
@@ -97,7 +98,7 @@ __kernel void take_fourth(__global const float4 *wide, __global float *taken, co
         taken[i] = wide[i].w;
 }
 
-// The first `channels` numbers of some of the rows `stride` apart, close together.
+// Gathers the first `channels` floats of the chosen rows, `stride` apart, into a packed array.
 __kernel void take_colors(__global const float *rows, const int stride, const int channels,
                           __global const uint *chosen, __global float *taken, const int count)
 {
@@ -106,7 +107,8 @@ __kernel void take_colors(__global const float *rows, const int stride, const in
         taken[(size_t)channels * i + channel] = rows[(size_t)stride * chosen[i] + channel];
 }
 
-// Colours, rows `stride` apart, plus others times a sign, from 0 on, as float4.
+// Adds two colour arrays, the second times `sign`, with rows `stride` and `apart` floats apart. Stores max(sum, 0) as
+// float4.
 __kernel void add_colors(__global const float *rows, const int stride, __global const float *others,
                          const int apart, const float sign, __global float4 *total, const int count)
 {

@@ -1,9 +1,9 @@
 #pragma once
 
-// How images go on beyond their borders: 0 again and again, 1 mirrored, 2 by their border, 3 by zeros
+// Extension modes of images beyond their borders: 0 repeat, 1 mirror, 2 extend the border pixels, 3 clip to zero
 // (EXTENSIONS in engine/scene/cutouts.py).
 
-// A point of an image that shows what another one far beyond its borders does: near enough for int32.
+// Returns an equivalent UV point near the image, so that pixel indices fit in int32.
 float2 near_image(const float2 uv, const int extension)
 {
     if (extension == 0)
@@ -11,8 +11,8 @@ float2 near_image(const float2 uv, const int extension)
     return extension == 1 ? uv - 2.0f * floor(0.5f * uv) : clamp(uv, -1.0f, 2.0f);
 }
 
-// What is left of a number divided by a positive one, 0 or more: in integers, since a card's quotient of two equal
-// numbers may be a little less than 1.
+// Returns the non-negative remainder of an integer division. Integers are used because on GPUs a float quotient of
+// equal numbers may be slightly below 1.
 int remainder_of(const int i, const int size)
 {
     const int rest = i % size;

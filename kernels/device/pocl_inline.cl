@@ -1,11 +1,10 @@
-// Functions of OpenCL C that kernels call most, in the language's own terms. PoCL comes with a library of them for each
-// family of processors; where that has other instructions than the code it is linked with, as on processors newer than
-// PoCL, LLVM inlines none of it, and each `min` of a ray is a call that saves all vectors. Values are the same, but for
-// rounding. engine/device/cl_device.py puts this before the source of a program.
+// Inline replacements of frequent OpenCL C built-ins for PoCL on CPUs. PoCL ships a built-in library per CPU family. On
+// newer CPUs LLVM does not inline it, and each `min` becomes a call that saves all vector registers. Results agree
+// except for rounding. engine/device/cl_device.py prepends this file to programs.
 
 #define INLINED __attribute__((overloadable, always_inline)) inline
 
-// Of two values, or of a vector and a number for all of it.
+// For two values, or for a vector and a scalar.
 #define PAIRED(T) \
     INLINED T inlined_min(const T a, const T b) { return b < a ? b : a; } \
     INLINED T inlined_max(const T a, const T b) { return a < b ? b : a; } \
@@ -29,7 +28,7 @@ PAIRED_WITH(uint2, uint)
 PAIRED(long)
 PAIRED(ulong)
 
-// As above, but a number wins against what is none.
+// fmin and fmax return the other operand if one is NaN.
 INLINED float inlined_fmin(const float a, const float b) { return (a < b || b != b) ? a : b; }
 INLINED float inlined_fmax(const float a, const float b) { return (a > b || b != b) ? a : b; }
 #define NUMBERED(T) \
@@ -56,7 +55,7 @@ INLINED float inlined_dot(const float3 a, const float3 b) { return a.x * b.x + a
 INLINED float inlined_dot(const float4 a, const float4 b) { return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w; }
 INLINED float3 inlined_cross(const float3 a, const float3 b) { return a.yzx * b.zxy - a.zxy * b.yzx; }
 
-// Where squares neither vanish nor overflow; else as the library has it.
+// Range of squares without underflow or overflow. Outside it the library function is called.
 #define SQUARES_FROM 1e-30f
 #define SQUARES_TO 1e30f
 #define MEASURED(T) \
@@ -89,8 +88,8 @@ ABSOLUTE(float3, int3)
 ABSOLUTE(float4, int4)
 ABSOLUTE(float8, int8)
 
-// Sine and cosine of half turns, of an eighth of a turn to each side of a quarter, and the arc tangent up to an eighth are
-// polynomials whose largest relative error is the least, below that of rounding.
+// Minimax polynomials with relative errors below float32 rounding: sine and cosine of pi x on |x| <= 1/4, and arc
+// tangent on [0, 1].
 INLINED float sine_near_0(const float z) { return 3.14159274f + z * (-5.16770792f + z * (2.54976106f - z * 0.589012206f)); }
 INLINED float cosine_near_0(const float z)
 {
@@ -155,7 +154,7 @@ LOADED(__global, int)
 LOADED(__private, float)
 LOADED(__private, int)
 
-// PoCL has macros of these names itself.
+// PoCL defines some of these names as macros, so each is undefined first.
 #undef min
 #define min inlined_min
 #undef max

@@ -1,6 +1,6 @@
 #pragma once
 
-// Work items are texels of images: column, row, image.
+// Work items map to image texels: column, row, image index.
 
 #define AT(x, y) (((size_t)get_global_id(2) * height + (y)) * width + (x))
 

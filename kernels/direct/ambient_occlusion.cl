@@ -3,7 +3,8 @@
 #include "emitters.cl"
 #include "hemisphere_openness.cl"
 
-// The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.
+// Computes ambient occlusion: the cosine-weighted fraction of each patch's hemisphere without geometry nearer than
+// `reach` (metres), from `budget` rays. 1 is unoccluded.
 __kernel void ambient_occlusion(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const int budget,
                                 const float reach, const uint seed, __global float4 *result, const int start,
                                 const int end)

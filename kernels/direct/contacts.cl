@@ -2,13 +2,13 @@
 #include "receiver.cl"
 #include "validity.cl"
 
-// How far apart faces are, in heights of the eye, that lie on one another.
+// Maximum distance between coincident faces, as a fraction of the ray origin's height.
 #define ON 0.25f
 
-// HIDDEN for patches that a face hides which touches them: a ray against the geometric normal, from `above` to
-// `below` the surface, both in heights of the eye, meets the back of that face. BACK_TO_BACK where the two faces
-// lie on one another and both see something else than backs: they are the walls of two rooms that share a plane,
-// or the sides of a leaf, and hide nothing. Of a floor and the box on it one sees the inside of the box.
+// Detects patches covered by a touching face. A short ray along the negative normal, from `above` to `below` the
+// surface (in ray-origin heights), tests for a back face there. HIDDEN: the patch is covered. BACK_TO_BACK: the two
+// faces coincide and both sides are open, as for walls of adjacent rooms or the sides of a leaf; nothing is covered.
+// For a box on a floor the floor's side is inside the box, so the floor is HIDDEN.
 __kernel void in_contact(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const float above, const float below,
                          __global uchar *result, const int count)
 {

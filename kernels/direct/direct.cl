@@ -7,37 +7,37 @@
 #include "shaft.cl"
 #include "blockers.cl"
 
-// Direct light at every patch: samples of emitters, each with a shadow ray.
+// Direct lighting of patches by sampled shadow rays, with light selection by a light tree (light_tree.cl).
 
-// Early-out: after this many rays, or this fraction of an emitter's samples if that is more, an emitter that all
-// of them or none has reached counts as seen whole or not at all.
+// Early termination: if the first TRIAL rays to an emitter, or this fraction of its samples if that is more, are all
+// unoccluded or all blocked, the rest are assumed equal and not traced.
 #define TRIAL 24.0f
 #define TRIAL_FRACTION 0.375f
 
-// Parts of light that differ by less are the same, but for rounding.
+// Tolerance at which visibility values count as equal; covers rounding.
 #define SAME 1e-3f
 
-// How often the samples of an emitter are drawn whose rays bring different parts of its light: a penumbra, or a
-// texel across an edge of a shadow. All noise of direct light is there.
+// Number of sampling rounds for an emitter that is partly visible (penumbra, or shadow edge within the texel). Almost
+// all noise of direct light arises there.
 #define ROUNDS 4
 
-// Least rays to an emitter for which finding what may be in their way costs less than casting them.
+// Minimum number of rays to an emitter for which shaft culling costs less than tracing them (measured).
 #define SHAFT_FROM 3.0f
 
-// The golden ratio's fraction of the range of integers, and patches along a curve through the texels that share
-// emitters out among them.
+// Golden ratio - 1 as a fraction of 2^32, and the number of patches along the Hilbert curve that share one stratified
+// distribution of emitters.
 #define GOLDEN 2654435769u
 #define NEIGHBOURS 64
 
-// The transmittance of surfaces that counts for an emitter's light. Surfaces and the sky are gathered as well: both
-// parts of their light come through alike.
+// Returns which transmittance applies to an emitter's light. Emissive surfaces and the sky are also gathered as
+// indirect light, so they use BOUNCE, for equal attenuation of both parts.
 int kind_of_rays(__global const Emitter *e)
 {
     return e->kind == SKY_MAP || (e->kind == TRIANGLE && e->triangle >= 0) ? BOUNCE : SHADOW;
 }
 
-// The fraction of a sample's light that reaches a point, on its way from a little above the surface to a
-// little before the light: that may be a surface, too.
+// Returns the transmittance from a point p to a light sample. The ray starts just above the surface and ends just
+// before the light, which may be a surface itself.
 Fraction seen(const Rays *rays, const Blockers *blockers, const Receiver *r, const float3 p, const Sample *s,
               const int kind)
 {
@@ -54,30 +54,30 @@ Fraction seen(const Rays *rays, const Blockers *blockers, const Receiver *r, con
 
 typedef struct {
     float3 light;
-    float unshadowed;  // its luminance if nothing cast a shadow
+    float unshadowed;  // luminance without shadows
     L1 l1;             // of the light (irradiance_l1.cl)
 } Sum;
 
-// Consecutive samples of one emitter. If it is of one radiance its light is known but for the shadows: samples
-// only tell what fraction of it comes through.
+// Accumulates consecutive samples of one emitter. If its radiance is uniform, its unoccluded irradiance is computed
+// analytically, and samples estimate only the visible fraction (ratio estimator).
 typedef struct {
-    int first, rounds;     // number of its first sample; how often its samples are drawn
-    float expected;        // samples of a round
-    float tried;           // shadow rays
-    Fraction through;      // their sum of the parts of light that arrive
-    Fraction least, most;  // of these parts
+    int first, rounds;     // index of the first sample; number of sampling rounds
+    float expected;        // samples per round
+    float tried;           // shadow rays traced
+    Fraction through;      // sum of their transmittances
+    Fraction least, most;  // extremes of these
     Fraction shadowed;
     float unshadowed;
 #ifdef TINTED
-    L1 tilted;             // of the samples, times what is shadowed of each
+    L1 tilted;             // sum of L1 times visible luminance
 #else
-    float3 tilted;         // `l1_of_direction` the samples, times what is shadowed of each
+    float3 tilted;         // sum of l1_of_direction times visible luminance
 #endif
-    float3 open;           // its whole light, mean over the texel
-    Sum sum;               // of an emitter of other radiances
+    float3 open;           // unoccluded irradiance, mean over the texel
+    Sum sum;               // used for non-uniform emitters
 } Run;
 
-// Points of a texel along u and v where light that changes over it is computed.
+// Grid of points in a texel, per axis, at which unoccluded irradiance is averaged if it varies over the texel.
 #define GRID 4
 
 float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiver *r)
@@ -98,7 +98,7 @@ Run start_run(const int first, const float expected)
     return run;
 }
 
-// Adds the L1 of a run, of an emitter of this light by the luminance of its samples.
+// Adds the L1 of a finished run. light: irradiance of the emitter per unit of sample luminance.
 void add_tilted(L1 *l1, const float3 light, const Run *run)
 {
 #ifdef TINTED
@@ -130,10 +130,10 @@ void finish_run(const Run *run, Sum *sum)
     sum->unshadowed += luminance(open);
 }
 
-// E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
-// they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
-// the golden ratio: together they give each emitter its share, a dim one, too. rgb of the result is the light; a its
-// luminance if nothing cast a shadow. DIRECTIONAL: the L1 of all light, too, x, y and z of each patch. chosen: numbers of the patches, or null for all.
+// Computes direct irradiance (E/pi) of patches. Samples are allotted to emitters by systematic resampling, in
+// proportion to their estimated irradiance, so that many emitters cost little more than one. Sequences of neighbouring
+// patches are offset by the golden ratio: together they sample weak emitters evenly, too. result: rgb irradiance; a is
+// its luminance without shadows. l1 (with DIRECTIONAL): three float4 per patch. chosen: patch indices, or null for all.
 __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
                                   __global const Emitter *emitters, __global const LightNode *light_nodes,
                                   const int root, __global const Modulation *modulations,
@@ -167,12 +167,12 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
     int step;
     for (int index = 0; total > 0.0f; index += step) {
         if (index == budget || index + offset >= span.x) {
-            // Once more, along further points of the sequence, if only part of the rays arrived.
+            // Repeat the emitter with further points of the sequence if only some rays arrived.
             if (!is_even(&run) && run.rounds < ROUNDS) {
                 ++run.rounds;
                 index = run.first;
             } else {
-                // After the last sample, too, come emitters that have one of their own.
+                // After the last sample, remaining emitters with a sample of their own follow.
                 finish_run(&run, &sum);
                 emitter = next_emitter(&walk, &lights, &r, index == budget ? INFINITY : index + offset, &span);
                 if (index == budget && emitter < 0)
@@ -186,14 +186,15 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
                 }
             }
         }
-        // A sample of an emitter's own takes none of the line. Of lights too bright for floats the span may be NaN.
+        // A sample of an emitter's own does not advance the common sequence. With lights too bright for float32 the
+        // span may be NaN.
         step = index < budget && !(index + offset >= span.x);
         if (emitter < 0)
             continue;
         __global const Emitter *e = emitters + emitter;
 
 #ifndef DIRECTIONAL
-        // Nothing is in the way of its light, which is known.
+        // No geometry in the shaft: the analytic irradiance is exact.
         if (blockers.count == 0) {
             run.shadowed = (Fraction)(1.0f);
             run.unshadowed = 1.0f;
@@ -201,7 +202,7 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
         }
 #endif
 
-        // Where all rays of a trial met, or none, the others of this emitter are spared.
+        // Skip the remaining rays of an emitter if all rays so far agree (see TRIAL).
         const bool spared = run.tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && is_even(&run);
         if (spared && e->uniform)
             continue;
@@ -209,7 +210,7 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
         const float3 p = jittered_origin(&rays, &r, u.zw);
         Sample s = sample_emitter(e, &glow, &sky, &lights.modulations, &r, p, u.xy);
 #ifdef TRANSMISSION
-        // Only the part of a surface that stops rays shines.
+        // Only the opaque fraction of a surface emits.
         if (s.surface > 0)
             s.light *= smallest(opacity(&rays, s.surface - 1, s.weights, s.shines_front, BOUNCE));
 #endif

@@ -2,7 +2,8 @@
 #include "receiver.cl"
 #include "modulation.cl"
 
-// Emitters of direct light: samples of lamps, emissive triangles and bright sky, and how much each may bring.
+// Emitters of direct light: samples on lights, emissive triangles and bright sky, and estimates of their irradiance for
+// light selection.
 
 // Kinds of emitters (engine/direct/emitters.py).
 #define POINT 0
@@ -10,12 +11,12 @@
 #define TRIANGLE 2
 #define SKY_MAP 3
 
-// Solid angle above which triangles are sampled by direction instead of by area, sr: points spread by area take half the
-// time. Of triangles of one radiance samples only tell what fraction is seen, so that they may be wider.
+// Solid angle above which triangles are sampled by solid angle instead of by area, sr. Area sampling takes half the
+// time. For uniform triangles samples estimate only visibility, so the limit is higher.
 #define WIDE 0.1f
 #define WIDE_UNEVEN 0.01f
 
-// Least square of a distance.
+// Minimum squared distance, avoids division by zero.
 #define LEAST 1e-36f
 
 float unit_float(const uint bits) { return (bits >> 8) * (1.0f / 16777216.0f); }
@@ -29,8 +30,8 @@ uint reversed_bits(uint x)
     return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
 }
 
-// Low-discrepancy points, shifted for each patch: in xy the R2 sequence (Roberts 2018), in zw the van der
-// Corput sequence and multiples of the golden ratio.
+// Returns sample i of two 2D low-discrepancy sequences, randomly shifted per patch (Cranley-Patterson rotation): R2
+// (Roberts 2018) in xy, van der Corput and golden ratio in zw.
 float4 sample_point(const uint index, const uint seed)
 {
     const uint4 shift = (uint4)(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u),
@@ -42,21 +43,21 @@ float4 sample_point(const uint index, const uint seed)
 
 float luminance(const float3 colour) { return dot(colour, (float3)(0.2126f, 0.7152f, 0.0722f)); }
 
-// What a sample brings: direction and distance of the light, E/pi without shadow.
+// Light sample: direction and distance from the receiver, and E/pi without shadow.
 typedef struct {
     float3 direction;
     float distance;
     float3 light;
-    bool back;  // of a surface
+    bool back;  // True if it is on a back face
 #ifdef TRANSMISSION
-    int surface;     // number of a surface's triangle + 1, 0 for other light; which side of it shines, and where
+    int surface;     // emissive triangle + 1, or 0 for lights and sky
     bool shines_front;
     float2 weights;
 #endif
 } Sample;
 
-// How much of a spot's intensity goes along a direction away from it: the cone is round in the light's own,
-// perhaps unequally scaled space (Cycles, kernel/light/spot.h).
+// Returns the fraction of a spot light's intensity in a direction away from it. The cone is circular in the light's own
+// space, which may be scaled non-uniformly (Cycles, kernel/light/spot.h).
 float in_cone(__global const Emitter *e, const float3 away, const float cos_half, const float blend)
 {
     const float3 own = (float3)(dot(away, vload3(0, e->cone_x)), dot(away, vload3(0, e->cone_y)),
@@ -66,8 +67,8 @@ float in_cone(__global const Emitter *e, const float3 away, const float cos_half
     return t * t * (3.0f - 2.0f * t);
 }
 
-// Inside of a sphere that shines: light of one radiance from everywhere, also of a spot (Cycles,
-// kernel/light/spot.h), by the cosine.
+// Samples a spherical light from inside: constant radiance from all directions, cosine-distributed, also for spots
+// (Cycles, kernel/light/spot.h).
 Sample sample_around(__global const Emitter *e, const float3 centre, const float3 up, const float2 u)
 {
     float3 x, y;
@@ -81,7 +82,7 @@ Sample sample_around(__global const Emitter *e, const float3 centre, const float
     return s;
 }
 
-// Point and spot: a disk that faces the receiver, a sphere, or a point.
+// Samples a point or spot light: a disk facing the receiver (soft falloff), a sphere, or a point.
 Sample sample_point_light(__global const Emitter *e, const float3 p, const float3 up, const float2 u)
 {
     const float3 centre = vload3(0, e->position) - p;
@@ -116,7 +117,7 @@ Sample sample_point_light(__global const Emitter *e, const float3 p, const float
     return s;
 }
 
-// Sun: a disk in the sky; uniform in solid angle projected along its axis.
+// Samples a sun: a disk in the sky, uniform in solid angle projected along its axis.
 Sample sample_sun(__global const Emitter *e, const float2 u)
 {
     float3 x, y;
@@ -128,22 +129,22 @@ Sample sample_sun(__global const Emitter *e, const float2 u)
     return s;
 }
 
-// A direction into a spherical triangle, uniform in solid angle (Arvo 1995); angle is its solid angle (Van Oosterom
-// and Strackee 1983). Products of edges keep their digits where a triangle is small.
+// Returns a direction in a spherical triangle, uniform in solid angle (Arvo 1995). angle: its solid angle (Van Oosterom
+// and Strackee 1983). Cross products of edges stay accurate for small triangles.
 float3 in_spherical_triangle(const float3 a, const float3 b, const float3 c, const float2 u, float *angle)
 {
     const float3 ab = b - a, ac = c - a;
     const float volume = fabs(dot(a, cross(ab, ac)));
     *angle = 2.0f * atan2(volume, 1.0f + dot(a, b) + dot(b, c) + dot(c, a));
 
-    // The angle at the first corner: what its two sides' planes have in common is the volume.
+    // The dihedral angle at corner a, from the normals of the two planes; their cross product has the length `volume`.
     const float along = dot(cross(a, ab), cross(a, ac));
     const float scale = rsqrt(fmax(along * along + volume * volume, 1e-36f));
     const float cos_alpha = scale * along, sin_alpha = scale * volume;
     const float turn = u.x * *angle * M_1_PI_F, sine = sinpi(turn), cosine = cospi(turn);
     const float s = sine * cos_alpha - cosine * sin_alpha, t = cosine * cos_alpha + sine * sin_alpha;
 
-    // The third corner moves along its side until the triangle is as large as it shall be.
+    // Move corner c along its edge until the partial triangle has the sampled fraction of the area.
     const float p = t - cos_alpha, v = s + sin_alpha * dot(a, b);
     const float bottom = (v * s + p * t) * sin_alpha;
     const float q = clamp(((v * t - p * s) * cos_alpha - v) / (fabs(bottom) < 1e-12f ? 1e-12f : bottom), -1.0f, 1.0f);
@@ -153,7 +154,7 @@ float3 in_spherical_triangle(const float3 a, const float3 b, const float3 c, con
     return z * b + sqrt(fmax(1.0f - z * z, 0.0f)) * normalize(end - dot(end, b) * b);
 }
 
-// A number in [0, 1] whose density is linear, a at 0 to b at 1; `density` is multiplied by it.
+// Returns a number in [0, 1] with linear density from a at 0 to b at 1. Multiplies `density` by it.
 float linear_sample(const float u, const float a, const float b, float *density)
 {
     const float x = fmin(u * (a + b) / (a + sqrt(mix(a * a, b * b, u))), 1.0f);
@@ -162,20 +163,20 @@ float linear_sample(const float u, const float a, const float b, float *density)
 }
 
 typedef struct {
-    __global const float4 *radiance;       // of the front of each patch, plus 1
-    __global const float4 *back_radiance;  // of its back
+    __global const float4 *radiance;       // of front faces, by patch + 1
+    __global const float4 *back_radiance;  // of back faces
     __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
     __global const float2 *uvs;       // of each corner of each triangle
     int resolution;
 } Glow;
 
-// True if a patch is in front of a triangle, not in its plane: relative to the patch, its corner and normal.
+// Returns true if the receiver is in front of a triangle and not in its plane. corner: relative to the receiver.
 bool shows_front(const Receiver *r, const float3 corner, const float3 normal)
 {
     return dot(normal, corner) < -r->height * length(normal);
 }
 
-// Emissive triangle, or part of an area light: by direction where it is seen wide, else by area.
+// Samples an emissive triangle or a triangle of an area light: by solid angle if it is wide, else by area.
 Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiver *r, const float3 p, const float2 u)
 {
     const float3 a = vload3(0, e->position) - p, edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2);
@@ -190,7 +191,7 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
     if (twice * 0.5f > wide * dot(middle, middle) || size > 0.25f * dot(middle, middle)) {
         const float3 first = normalize(a), second = normalize(a + edge1), third = normalize(a + edge2);
 
-        // More samples where the receiver faces them: the cosines of the corners, interpolated (Hart et al. 2020).
+        // Warp the samples by the cosines of the corners, bilinearly interpolated (Hart et al. 2020).
         const float at_a = fmax(dot(first, r->normal), 0.01f), at_b = fmax(dot(second, r->normal), 0.01f);
         const float at_c = fmax(dot(third, r->normal), 0.01f);
         float density = 1.0f;
@@ -213,7 +214,7 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
         weight = 0.5f * fabs(dot(normal, s.direction)) / (s.distance * s.distance);
     }
 
-    // The front of an area light shines, both sides of surfaces do, each with its own radiance.
+    // Area lights emit from the front. Surfaces emit from both sides, with separate radiance.
     const float cosine = -dot(normal, s.direction) / twice;
     s.back = !shows_front(r, a, normal);
     float3 radiance;
@@ -222,7 +223,7 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
             return s;
         radiance = vload3(0, e->strength);
         if (e->spread < 1.57f) {
-            // Spread (numerics of Cycles' area lights, kernel/light/area.h).
+            // Spread angle, the formula of Cycles' area lights (kernel/light/area.h).
             const float tangent = tan(e->spread);
             const float slope = sqrt(fmax(1.0f - cosine * cosine, 0.0f)) / fmax(cosine, 1e-6f);
             radiance *= fmax(tangent - slope, 0.0f) / (tangent - e->spread);
@@ -249,13 +250,13 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
 
 typedef struct {
     __global const float4 *pixels;      // radiance
-    __global const float *cumulative;   // of luminance times solid angle over the pixels listed, to 1
-    __global const int *listed;         // the pixels that shine
+    __global const float *cumulative;   // distribution of luminance times solid angle, up to 1
+    __global const int *listed;         // indices of the bright pixels
     int width, height, count;
     float total;
 } Bright;
 
-// Bright sky: pixels in proportion to their light.
+// Samples the bright part of the sky: pixels in proportion to luminance times solid angle.
 Sample sample_sky(const Bright *sky, const float2 u)
 {
     int low = 0, high = sky->count - 1;
@@ -278,8 +279,8 @@ Sample sample_sky(const Bright *sky, const float2 u)
     return s;
 }
 
-// As `open_light` and `weight_of`, a function of its own: calls in several places make kernels large, which takes
-// seconds to build and is no faster.
+// Not inlined, like `open_light` and `weight_of`: inlining at several places makes kernels large, which costs seconds
+// to compile and is no faster (measured).
 __attribute__((noinline))
 Sample sample_emitter(__global const Emitter *e, const Glow *glow, const Bright *sky, const Modulations *modulations,
                       const Receiver *r, const float3 p, const float2 u)
@@ -293,9 +294,9 @@ Sample sample_emitter(__global const Emitter *e, const Glow *glow, const Bright 
     return s;
 }
 
-// Clip a convex polygon to what is in front of a plane through the origin (Sutherland and Hodgman 1974);
-// return its number of corners, at most one more. A convex polygon changes sides twice. Where it lies in the
-// plane its heights are but rounding and may change sides more often: the first two changes count.
+// Clips a convex polygon to the half-space in front of a plane through the origin (Sutherland and Hodgman 1974).
+// Returns the number of corners, at most one more. A convex polygon crosses the plane twice. If it lies in the plane,
+// rounding may cause more crossings; only the first two count.
 int clip(const float3 *corners, const int count, const float3 normal, float3 *clipped)
 {
     int kept = 0, changes = 0;
@@ -318,7 +319,7 @@ int clip(const float3 *corners, const int count, const float3 normal, float3 *cl
     return kept;
 }
 
-// What `open_light` sums over the sides of a triangle that is above both horizons, all at a time.
+// Sums the edge terms of Lambert's formula for a triangle wholly above both horizons, three edges at once.
 float form_factor(const float3 a, const float3 b, const float3 c, const float3 normal)
 {
     const float3 ax = (float3)(a.x, b.x, c.x), ay = (float3)(a.y, b.y, c.y), az = (float3)(a.z, b.z, c.z);
@@ -332,8 +333,8 @@ float form_factor(const float3 a, const float3 b, const float3 c, const float3 n
     return parts.x + parts.y + parts.z;
 }
 
-// E/pi at a point from all of a triangle of one radiance, if nothing is in between: the form factor of its
-// part above both horizons, the smooth one and the patch's (Lambert 1760; Arvo 1995).
+// Returns the unoccluded irradiance (E/pi) at a point from a uniform triangle: the analytic form factor of the part
+// above both horizons, of the smooth and the geometric normal (Lambert 1760; Arvo 1995).
 __attribute__((noinline))
 float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
 {
@@ -365,7 +366,7 @@ float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
     return radiance * (fabs(sum) * 0.5f * M_1_PI_F);
 }
 
-// True if the light of a triangle changes little over a texel.
+// Returns true if the irradiance from a triangle hardly varies over a texel.
 bool is_far(__global const Emitter *e, const Receiver *r)
 {
     const float3 a = vload3(0, e->position) - r->at, edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2);
@@ -375,10 +376,11 @@ bool is_far(__global const Emitter *e, const Receiver *r)
     return r->size < 0.05f * distance;
 }
 
-// Light nearer than this fraction of a texel's width is spread over the texel.
+// Lights nearer than this fraction of a texel's width are spread over the texel in estimates.
 #define SPREAD 0.1f
 
-// How strong a point or spot is in a direction: some of its mean, too, since the texel sees it from others.
+// Estimates a point or spot light's luminous intensity in a direction. A share of its mean is added, since other points
+// of the texel see other directions.
 float own_strength(__global const Emitter *e, const Modulations *modulations, const float3 away, const float distance)
 {
     if (e->modulation == 0)
@@ -387,7 +389,7 @@ float own_strength(__global const Emitter *e, const Modulations *modulations, co
     return luminance(vload3(0, e->strength) * factor) + 0.05f * e->luminance;
 }
 
-// About how much light an emitter brings without shadow; 0 only if it brings none.
+// Estimates the unshadowed irradiance from an emitter, for light selection. Returns 0 only if it contributes none.
 float emitter_weight(__global const Emitter *e, const Receiver *r, const Modulations *modulations,
                      const float sky_total)
 {
@@ -402,7 +404,7 @@ float emitter_weight(__global const Emitter *e, const Receiver *r, const Modulat
         if (dot(r->normal, to) < -reach || dot(r->horizon, to) < -reach)
             return 0.0f;
 
-        // A spot's cone is wider by what the texel spans.
+        // The spot's cone is widened by the angle that the texel spans.
         const float widest = e->cos_half_angle - 0.05f - r->size / fmax(d, 1e-20f);
         const float spot = e->cos_half_angle >= -1.0f && e->radius == 0.0f && widest > -1.0f
             ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
@@ -427,6 +429,7 @@ float emitter_weight(__global const Emitter *e, const Receiver *r, const Modulat
     if (!e->uniform)
         return about;
 
-    // Of one radiance: exactly, but what the middle of the texel does not see may be seen beside it.
+    // Uniform radiance: the analytic irradiance, with a lower bound for light that reaches only other points of the
+    // texel.
     return fmax(luminance(open_light(e, r->at, r)), 0.02f * about);
 }

@@ -3,15 +3,18 @@
 #include "modulation.cl"
 #include "emitters.cl"
 
-// A tree over emitters (engine/direct/light_tree.py), and the way of a patch's samples down to emitters.
+// Light tree: importance sampling of many emitters (engine/direct/light_tree.py builds the tree). Distant nodes are
+// treated as one light; samples descend in proportion to estimated irradiance.
 
 #define TREE_STACK 32  // the tree is balanced: enough for 2^31 emitters
 
-// A node is taken as one light if its radius is less than this part of the distance (Barnes and Hut 1986).
+// Opening criterion of Barnes and Hut 1986: a node counts as one light if its radius is below this fraction of its
+// distance.
 #define OPENING 0.4f
 
-// An emitter nearby, of one radiance, that expects at least this many samples but less than one has one of its own, not
-// by lot: its light is known but for the shadow, and would be noise. These are at most a part of a patch's samples.
+// A near uniform emitter with an expected sample count between OWN_SAMPLE and 1 gets one sample of its own, instead of
+// one by chance: its irradiance is analytic except for the shadow, and would turn into noise. Such samples are limited
+// to a fraction PART_OF_OWN of the patch's budget.
 #define OWN_SAMPLE 0.1f
 #define PART_OF_OWN 0.25f
 
@@ -22,8 +25,8 @@ typedef struct {
     Modulations modulations;
 } Lights;
 
-// About how much light all emitters of an inner node bring without shadow; 0 only if they bring none.
-// `open` is set if the node is too near to be taken as one light.
+// Estimates the unshadowed irradiance from all emitters of an inner node. Returns 0 only if none of them can
+// contribute. open: set if the node is too near to be one light.
 float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
 {
     const float3 to = vload3(0, node->centre) - r->at;
@@ -33,7 +36,7 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
     if (height < -extent || dot(r->horizon, to) < -extent)
         return 0.0f;
 
-    // Outside of the cone in which they shine, seen from anywhere on the texel?
+    // Cull the node if the texel lies outside the cone of its emission.
     const float3 away = -to / d;
     const float sine = fmin(extent / d, 1.0f), cosine = sqrt(1.0f - sine * sine), widest = node->cos_half_angle;
     const float rim = widest * cosine - sqrt(fmax(1.0f - widest * widest, 0.0f)) * sine;
@@ -41,7 +44,7 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
         return 0.0f;
     *open = radius > OPENING * d;
 
-    // The floors stand for what the centre does not see, but a part of the node may.
+    // Lower bounds cover parts of the node that the estimate at its centre misses.
     const float3 squares = away * away;
     const float3 products = (float3)(away.x * away.y, away.x * away.z, away.y * away.z);
     const float squared = dot(vload3(0, node->squares), squares) + 2.0f * dot(vload3(0, node->products), products);
@@ -51,7 +54,7 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
         / fmax(d2, SPREAD * SPREAD * r->size * r->size);
 }
 
-// The weight of an inner node or an emitter.
+// Estimates the irradiance from an inner node (code >= 0) or an emitter (~code).
 __attribute__((noinline))
 float weight_of(const Lights *lights, const int code, const Receiver *r, bool *open)
 {
@@ -60,11 +63,11 @@ float weight_of(const Lights *lights, const int code, const Receiver *r, bool *o
         : node_weight(lights->nodes + code, r, open);
 }
 
-// Weights that are kept from one way down the tree to the next, which comes to the same nodes in the same order: -1 of
-// a node that is not taken as one light.
+// Number of weights cached by the first traversal for the second, which visits the same nodes in the same order. A
+// cached -1 marks a node to be opened.
 #define WEIGHTS_KEPT 32
 
-// The weight of all lights: of emitters nearby, and of nodes far away. The first ones are kept.
+// Sums the weights of all lights: near emitters and distant nodes. Caches the first WEIGHTS_KEPT.
 float total_weight(const Lights *lights, const int root, const Receiver *r, float *kept)
 {
     int stack[TREE_STACK], depth = 0, code = root;
@@ -87,20 +90,20 @@ float total_weight(const Lights *lights, const int root, const Receiver *r, floa
     }
 }
 
-// Samples on their way: they lie evenly on a line, on which every emitter has an interval. Nodes wait
-// for their turn with the end and the width of theirs; a negative width is not known yet.
+// State of the descent. Samples lie at integer steps on a line, on which each emitter owns an interval. The stack holds
+// nodes with the end and width of their intervals; a negative width is not computed yet.
 typedef struct {
     int codes[TREE_STACK];
     float2 spans[TREE_STACK];
     int depth;
-    float scale;   // width of a weight of 1
-    float passed;  // where the intervals of nodes taken as one light end so far
-    int visits;    // of how many nodes and emitters the weight was asked for
+    float scale;   // interval width per unit of weight
+    float passed;  // end of the last interval so far
+    int visits;    // weights requested so far
     float kept[WEIGHTS_KEPT];
-    int own;       // how many more emitters may have a sample of their own
+    int own;       // remaining emitters with a sample of their own
 } Walk;
 
-// At the root, with all `budget` samples before it; return what all lights weigh.
+// Starts the descent at the root with a budget of samples. Returns the total weight.
 float start_walk(Walk *walk, const Lights *lights, const int root, const Receiver *r, const int budget)
 {
     const float total = total_weight(lights, root, r, walk->kept);
@@ -114,7 +117,7 @@ float start_walk(Walk *walk, const Lights *lights, const int root, const Receive
     return total;
 }
 
-// The weight of a node or an emitter that `total_weight` came to, too.
+// Returns the weight of a node visited in total_weight, from the cache if possible.
 float weight_again(Walk *walk, const Lights *lights, const int code, const Receiver *r, bool *open)
 {
     const int visit = walk->visits++;
@@ -124,8 +127,8 @@ float weight_again(Walk *walk, const Lights *lights, const int code, const Recei
     return walk->kept[visit];
 }
 
-// The emitter whose interval a sample lies in, with the interval's end and width; -1 if nothing there shines. Before
-// it come those that have a sample of their own: their width is 1, whether or not the sample lies in their interval.
+// Returns the emitter whose interval contains a sample, with end and width of the interval; -1 if none. Emitters with a
+// sample of their own are returned before it, with width 1.
 int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const float sample, float2 *span)
 {
     while (walk->depth > 0) {
@@ -152,7 +155,7 @@ int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const floa
         const int2 halves = vload2(0, lights->nodes[code].children);
         float2 first = *span, second = *span;
         if (!open) {
-            // Below, an interval is split in proportion to what the halves may bring.
+            // Inner intervals are split in proportion to the estimated irradiance of the two children.
             bool ignored;
             const float a = weight_of(lights, halves.x, r, &ignored);
             const float b = weight_of(lights, halves.y, r, &ignored);

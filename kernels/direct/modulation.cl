@@ -1,14 +1,14 @@
 #pragma once
 
-// What the nodes of a lamp make of its strength: a profile over directions and a falloff over distance.
-// engine/direct/modulation.py packs lamps, engine/scene/profile.py profiles.
+// Modulation of lights by their shader nodes: an angular profile (IES or baked) and a distance falloff.
+// engine/direct/modulation.py packs the lights, engine/scene/profile.py the profiles.
 
 typedef struct {
     __global const Modulation *lamps;
     __global const float *profiles;  // one after another
 } Modulations;
 
-// The interval of ascending angles that a value lies in.
+// Returns the interval of ascending angles that contains a value (binary search).
 int interval_of(__global const float *angles, const int count, const float value)
 {
     int low = 0, high = count - 1;
@@ -22,14 +22,14 @@ int interval_of(__global const float *angles, const int count, const float value
     return low;
 }
 
-// Weights of four neighbours at t between the middle two (Catmull and Rom 1974).
+// Returns cubic interpolation weights of four neighbours at t between the middle two (Catmull and Rom 1974).
 float4 cubic_weights(const float t)
 {
     return (float4)(t * (t * (1.0f - 0.5f * t) - 0.5f), 1.0f + t * t * (1.5f * t - 2.5f),
                     t * (0.5f + t * (2.0f - 1.5f * t)), 0.5f * t * t * (t - 1.0f));
 }
 
-// The factor of a profile along a direction in the lamp's space, 0 beyond its angles.
+// Returns a profile's factor, rgb, along a direction in the light's space; 0 outside its angles.
 float3 profile_factor(__global const float *profile, const float3 direction)
 {
     const int azimuths = (int)profile[0], polars = (int)profile[1];
@@ -51,7 +51,7 @@ float3 profile_factor(__global const float *profile, const float3 direction)
     return fmax(sum, 0.0f);
 }
 
-// The factor of a lamp's strength along a direction away from it, at a distance.
+// Returns the factor of a light's strength along a direction away from it, at a distance in metres.
 float3 modulation(const Modulations *modulations, const int number, const float3 away, const float distance)
 {
     __global const Modulation *lamp = modulations->lamps + number;

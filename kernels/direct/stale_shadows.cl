@@ -1,9 +1,9 @@
 #include "receiver.cl"
 
-// Which patches may be lit otherwise once something has moved: those that receive light elsewhere than before, and those
-// that it may come, or have been, between and a light.
+// Marks patches whose direct light may have changed after objects moved: patches that moved themselves, and patches
+// with moved geometry between them and a light.
 
-// How far from the centre of a patch the rays to lights may start (ray_origin, jittered_origin).
+// Returns the maximum distance of shadow-ray origins from the centre of a patch (ray_origin, jittered_origin), metres.
 float reach_of(const Receiver *r)
 {
     const float3 edge3 = r->edge2 - r->edge1;
@@ -11,8 +11,8 @@ float reach_of(const Receiver *r)
     return 1.001f * (0.5f * (length(r->edge_u) + length(r->edge_v)) + 2.0f * r->height + r->lifted * longest);
 }
 
-// Whether a ball meets what two others span, of which the first, of the radius `here`, is at the origin: the least of
-// |t to - centre| - (1 - t) here - t there, a convex function of t, is at most the ball's radius.
+// Returns true if a ball intersects the convex hull of two balls: one of radius `here` at the origin, one of radius
+// `there` at `to`. Minimises |t to - centre| - (1 - t) here - t there, a convex function of t in 0..1.
 bool is_between(const float3 centre, const float radius, const float here, const float3 to, const float there)
 {
     const float apart = length(to), growth = (there - here) / fmax(apart, 1e-30f);
@@ -24,8 +24,10 @@ bool is_between(const float3 centre, const float radius, const float here, const
     return length(t * to - centre) <= here + t * (there - here) + radius;
 }
 
-// lights: balls around all that shadow rays go to (engine/direct/stale_shadows.py). before, now: records of the patches.
-// moved: centre and radius of a ball around what has moved, as it was and as it is. 1 for patches to be lit anew.
+// Stores 1 for each patch to be lit again.
+// lights: bounding balls of all targets of shadow rays (engine/direct/stale_shadows.py).
+// before, now: receiver records of the patches.
+// moved: bounding ball of moved geometry at both positions, centre and radius.
 __kernel void mark_stale_shadows(__global const ReceiverRecord *before, __global const ReceiverRecord *now,
                                  __global const LightBall *lights, const int light_count, const float4 moved,
                                  __global uchar *marks, const int count)

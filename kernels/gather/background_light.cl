@@ -4,8 +4,8 @@
 #include "view_samples.cl"
 #include "unoccluded_sky.cl"
 
-// The static light, which no bounce changes: that of the surroundings where kept samples meet them, and that of
-// the backs, which is known. One patch a group, of the rows of patches from `cached_from` on.
+// Computes background light, constant over all iterations: sky radiance at samples that hit the background, plus
+// emission of back faces. One work group per patch, for cached rows from patch `cached_from` on.
 
 __kernel void add_background(__global const Front *cache, const int cached_from,
                              __global const ReceiverRecord *receivers, SAMPLES, const int samples, const int n,
@@ -29,7 +29,7 @@ __kernel void add_background(__global const Front *cache, const int cached_from,
         if (ENTRY(row[i]) != outside)
             continue;
 
-        // Light of an even sky needs no direction.
+        // A uniform sky needs no directions.
         const float3 direction = directed ? sample_direction(&view, i, pattern, n) : view.normal;
         const float3 sky_light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
         const float3 light = TINTED_BY(sky_light, row[i], tints);

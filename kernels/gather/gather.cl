@@ -1,21 +1,23 @@
 #include "visibility_sample.cl"
 
-// One iteration: what patches see, known as rows of patch numbers, becomes the light they gather. LIGHT_GROUPS: groups
-// of light that gather at once, 1 for all light together; those of a patch lie side by side, so that each number is
-// read once.
+// One gather iteration over the visibility cache: sums the radiance of the entries that each patch's samples hit.
+// LIGHT_GROUPS light groups are gathered at once (1 without groups); their radiance is interleaved per patch, so that
+// each entry is read once.
 
 #define LIGHT_ARGUMENTS __global const float4 *static_light, __global const float4 *direct, \
     __global const float4 *irradiance, __global float4 *gathered, __global float4 *defects, \
     const int column, const int count
 
-// Store a patch's light with its static and its direct light, and the defect: its difference to the last irradiance.
+// Stores a patch's irradiance, the sum of gathered, background and direct light, and its defect, the change since the
+// last iteration.
 #define STORE(light, patch) do { \
     const float4 all = light + static_light[patch] + direct[patch]; \
     gathered[(size_t)column * count + patch] = all; \
     defects[(size_t)column * count + patch] = all - irradiance[patch]; \
 } while (0)
 
-// What four samples bring of a group. EVEN: all samples weigh the same, so that their light is divided in the end.
+// Returns the weighted radiance of four samples. EVEN: samples have equal weights, and the caller divides by their
+// number.
 float4 light_of(__global const float4 *radiance, const Front4 seen, __global const float4 *weights,
                 __global const float4 *tints)
 {
@@ -32,8 +34,8 @@ float4 light_of(__global const float4 *radiance, const Front4 seen, __global con
 #endif
 }
 
-// One patch a group of work items, from patch `first` on. Samples are read four at a time, of these fours one in
-// `stride`: neighbouring patches begin with different ones. Without EVEN `stride` is 1.
+// Gathers one patch per work group, from patch `first` on. Rows are read in quads of samples, of which one in `stride`
+// is used; neighbouring patches start at different quads. `stride` is 1 without EVEN.
 __kernel void gather(__global const Front4 *cache, __global const float4 *multiplier,
                      __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int stride,
                      const int first, __global const float4 *tints, __local float4 *partial)
@@ -62,7 +64,7 @@ __kernel void gather(__global const Front4 *cache, __global const float4 *multip
     }
 }
 
-// The same where the static light already contains what patches have gathered.
+// Variant for when the background light already includes the gathered light.
 __kernel void store_gathered(LIGHT_ARGUMENTS)
 {
     const int patch = get_global_id(0);

@@ -4,13 +4,13 @@
 #include "visibility_sample.cl"
 #include "view_samples.cl"
 
-// L1 of the light that patches gather from what they see, known as rows of patch numbers, with that of the
-// static light. The sum is along right, up and normal of each view, as its samples are, and turned in the end.
+// Gathers L1 of indirect light from the visibility cache and adds L1 of the background light. Sums are in the local
+// frame of each view (right, up, normal) and rotated to world space at the end.
 
-// `l1_of_direction` a sample's direction in the frame of its view, times its weight.
+// Returns l1_of_direction of sample i in the local frame, times its weight.
 #ifdef COSINE
-// Of each sample cosine and sine of its angle and the squared radius on the disk, before a patch shifts both:
-// its angle is the same for all samples of a patch, so their sum is turned instead.
+// pattern: cosine and sine of each sample's azimuth, and squared radius on the disk, before the shift of the patch. The
+//     azimuth shift is common to all samples of a patch, so the sum is rotated instead.
 #define PATTERN __global const float4 *pattern
 float3 tilt_of_sample(PATTERN, const int i, const int samples, const int n, const float shift)
 {
@@ -27,7 +27,7 @@ float3 tilt_of_sample(PATTERN, const int i, const int samples, const int n, cons
 }
 #endif
 
-// One patch a group, of the rows of patches from `cached_from` on.
+// Processes one patch per work group. static_l1: L1 of the background light, three float4 per patch.
 __kernel void gather_l1(__global const Front *cache, const int cached_from,
                         __global const ReceiverRecord *receivers, PATTERN, const int samples, const int n,
                         const uint salt, const int rotate, __global const float4 *tints, const int start,

@@ -1,6 +1,6 @@
-// Light on its way between devices: three half floats a patch, in parts of a unit.
+// Conversion of radiance to three half floats per patch for transfer between devices.
 
-// The largest number of the values that each work item has seen.
+// Stores the maximum channel value found by each work item.
 __kernel void brightest(__global const float4 *radiance, const int count, __global float *most)
 {
     float found = 0.0f;
@@ -9,7 +9,7 @@ __kernel void brightest(__global const float4 *radiance, const int count, __glob
     most[get_global_id(0)] = found;
 }
 
-// Radiance of patches, after one black entry, times a factor becomes half floats.
+// Converts radiance (after one black entry) times a factor to half floats.
 __kernel void to_half(__global const float4 *radiance, const float factor, __global half *parts, const int count)
 {
     const int i = get_global_id(0);
@@ -17,7 +17,7 @@ __kernel void to_half(__global const float4 *radiance, const float factor, __glo
         vstore_half3_rte(factor * radiance[i + 1].xyz, i, parts);
 }
 
-// And back, between two black entries.
+// Converts half floats back to radiance, with a black entry before and after.
 __kernel void from_half(__global const half *parts, const float unit, __global float4 *radiance, const int count)
 {
     const int i = get_global_id(0);
@@ -25,7 +25,7 @@ __kernel void from_half(__global const half *parts, const float unit, __global f
         radiance[i] = i == 0 || i == count + 1 ? (float4)(0.0f) : (float4)(unit * vload_half3(i - 1, parts), 0.0f);
 }
 
-// Light that was gathered, and the fraction of each view that no back takes, become float4.
+// Joins gathered irradiance and validity (fraction of the hemisphere without back faces) to float4.
 __kernel void join_half(__global const float *light, __global const float *front, __global float4 *gathered,
                         const int count)
 {

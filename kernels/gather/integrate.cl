@@ -1,12 +1,11 @@
 #include "hemicube_directions.cl"
 
-// Integration of hemicubes in three steps (paper, IV.C and Fig. 3). A texture array of
-// `layers` layers, each `rows` x `columns` hemicubes of 3n x n texels, becomes one value a hemicube.
-// rgb is radiance; a is 1 where the front of a surface or the surroundings are seen, and 2 where the
-// surroundings still have to be looked up.
+// Integrates rasterised hemicubes in three steps (paper, IV.C and Fig. 3): multiply, reduce rows, reduce columns. Input
+// is a texture array whose layers hold `rows` x `columns` hemicubes of n x 3n texels. rgb is radiance; a is 1 for front
+// faces and background, and 2 where the background has yet to be looked up.
 
-// Workspace: layers stacked on top of each other, so that the later steps see one tall image. No light comes
-// from behind the surface itself, where a smooth normal leans over it.
+// Multiplies each texel by the multiplier map. workspace: layers stacked vertically to one tall image. Texels below the
+// geometric horizon, where a smooth normal leans over its surface, become 0.
 __kernel void multiply(__global const float4 *hemicubes, __global const float *multiplier,
                        __global const Frame *frames, __global float4 *workspace,
                        __global const float4 *sky, const int sky_width, const int sky_height,
@@ -31,7 +30,7 @@ __kernel void multiply(__global const float4 *hemicubes, __global const float *m
     workspace[texel] = above ? value * multiplier[tile_y * n + tile_x] : (float4)(0.0f);
 }
 
-// One work item adds up one column of one hemicube: 3n rows become a single row.
+// Sums each column of each hemicube: 3n rows become one. One work item per column.
 __kernel void reduce_row(__global const float4 *workspace, __global float4 *rows, const int width,
                          const int hemicube_rows, const int n)
 {
@@ -45,8 +44,7 @@ __kernel void reduce_row(__global const float4 *workspace, __global float4 *rows
     rows[(size_t)hemicube_row * width + x] = sum;
 }
 
-// One work group, of n items where the device allows, halves the number of columns of one hemicube until one
-// value is left.
+// Sums the remaining row of each hemicube by parallel reduction in one work group.
 __kernel void reduce_column(__global const float4 *rows, __global float4 *irradiance, const int n,
                             __local float4 *partial)
 {

@@ -1,17 +1,18 @@
 #pragma once
 
-// What light is to tilted normals: E(n')/pi = E(n)/pi + l1 . (n' - n), a vector l1 for each channel.
+// L1 of irradiance: a vector l1 per channel with E(n')/pi = E(n)/pi + l1 . (n' - n) for normals n' near n (normal
+// maps).
 
-// rgb of each axis of the world; adding to it is free unless DIRECTIONAL is defined.
+// rgb for each world axis. Without DIRECTIONAL, additions compile to nothing.
 typedef struct {
     float4 x, y, z;
 } L1;
 
-// Factors x and y of c = d . n, by which light from a direction d that brings E(n)/pi = 1 has l1 = x (d - c n) + y n.
-// Least squares over normals as rough surfaces have them (Beckmann and Spizzichino 1963, slope 0.4), of the cosine
-// times the shadow that bumps cast on each other (Estevez, Lecocq and Stein, "A Microfacet-Based Shadowing Function
-// to Solve the Bump Terminator Problem", Ray Tracing Gems 2019), as Cycles of Blender 4.5 has it; as polynomials, which
-// tests/gpu/test_tilt.py computes again.
+// Returns factors x and y as functions of c = d . n: light from a unit direction d with E(n)/pi = 1 has l1 = x (d - c
+// n) + y n. They are a least-squares fit over normals of a rough surface (Beckmann and Spizzichino 1963, slope 0.4).
+// The fitted function is the cosine times the bump shadowing term of Estevez, Lecocq and Stein ("A Microfacet-Based
+// Shadowing Function to Solve the Bump Terminator Problem", Ray Tracing Gems, 2019), as in Cycles since Blender 4.5.
+// Stored as polynomials; tests/gpu/test_tilt.py computes them again.
 #ifndef PROJECTED
 float2 l1_factors(const float c)
 {
@@ -21,8 +22,8 @@ float2 l1_factors(const float c)
             c * (45.5535f + c * (-138.9425f + c * (238.2109f + c * (-245.3737f + c * (142.2527f - c * 35.4425f))))));
 }
 #else
-// PROJECTED on spherical harmonics instead: the mean radiance over the sphere along the normal, across it twice
-// the mean of radiance times direction. Light that grazes the surface counts less, so that it adds no noise.
+// PROJECTED: projection onto spherical harmonics instead, with the mean radiance along the normal and twice the mean of
+//     radiance times direction across it. Grazing light is damped, because it would add noise.
 #define LEAST_COSINE 0.015625f
 float2 l1_factors(const float c)
 {
@@ -30,7 +31,7 @@ float2 l1_factors(const float c)
 }
 #endif
 
-// The l1 of light from a direction, of any length.
+// Returns l1 of light from a direction of any length.
 float3 l1_of_direction(const float3 direction, const float3 normal)
 {
 #ifdef DIRECTIONAL
@@ -43,7 +44,7 @@ float3 l1_of_direction(const float3 direction, const float3 normal)
 #endif
 }
 
-// Add light, E(n)/pi, with its `l1_of_direction`.
+// Adds light, E(n)/pi, with its l1_of_direction.
 void add_l1(L1 *l1, const float3 light, const float3 tilt)
 {
 #ifdef DIRECTIONAL

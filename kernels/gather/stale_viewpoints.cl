@@ -1,4 +1,4 @@
-// Marks patches that look from elsewhere, or in other directions, than before.
+// Marks patches whose viewpoint, orientation, texel or triangle changed since the last bake.
 
 bool same(__global const float *one, __global const float *other)
 {

@@ -1,10 +1,11 @@
 #include "texel_corners.cl"
 #include "texel_clip.cl"
 
-// Texels that a triangle touches without covering their centres: whose patch they show, and the middle of what
-// the triangle covers of them. WITHIN: see engine/patches/border_texels.py.
+// Border texels: texels that a triangle touches without covering their centre. Finds the patch that each of them shows,
+// and the centroid of the covered area. WITHIN: see engine/patches/border_texels.py.
 
-// The point of a triangle's border that is nearest to 0, as barycentrics; inside: it lies within the texel about 0.
+// Returns the point of a triangle's outline nearest to the origin, as barycentrics. corners: relative to the texel's
+// centre, texels. inside: true if the point lies within the texel.
 float3 nearest_point(const float2 *corners, bool *inside)
 {
     float3 nearest = 0.0f;
@@ -29,10 +30,11 @@ float3 in_world(__global const float *positions, const int triangle, const float
            weights.z * vload3(3 * triangle + 2, positions);
 }
 
-// nearest: the nearest patch of the same surface + 1, or 0, of each border texel. Same surface: the same mesh, and
-// at most twice as far away in the world as on the lightmap. inside: the triangle comes so near to the texel's
-// centre that what it shows is more than a border. texels: of all atlases; sizes: metres of a texel of each
-// triangle, along the longer side; offsets: neighbours, nearest first.
+// Finds the nearest patch (+ 1, or 0) on the same surface for each border texel. Same surface: same mesh, and a world
+// distance of at most twice the distance on the lightmap.
+// inside: 1 if the triangle passes within WITHIN of the texel's centre.
+// texels: flat indices over all lightmaps. sizes: texel size of each triangle along the longer side, metres. offsets:
+//     neighbour offsets, nearest first.
 __kernel void nearest_patches(__global const long *texels, __global const int *triangles,
                               __global const float *uvs, __global const float *positions,
                               __global const int *meshes, __global const float *sizes,
@@ -69,7 +71,8 @@ __kernel void nearest_patches(__global const long *texels, __global const int *t
     }
 }
 
-// The centroids, as barycentrics, of what triangles cover of texels; without an area a point between the corners.
+// Stores the centroid of the covered part of each texel, as barycentrics of its triangle. For areas of about 0 it
+// stores the mean of the fan's centroids.
 __kernel void covered_middles(__global const long *texels, __global const int *triangles,
                               __global const float *uvs, const int resolution, __global float *middles,
                               const int count)
@@ -83,7 +86,7 @@ __kernel void covered_middles(__global const long *texels, __global const int *t
     const float2 start = (float2)(texel % resolution, texel / resolution % resolution);
     corners_at(uvs, triangles[i], resolution, start, corners);
 
-    // Corners that are not there repeat the first one.
+    // Unused corners repeat the first one, which adds no area.
     for (int k = clip_at_texel(corners, polygon); k < MOST_CORNERS; ++k)
         polygon[k] = polygon[0];
     float total = 0.0f;

@@ -1,15 +1,15 @@
-// Boxes of edges that overlap: a grid of cubes for each size of boxes, in which each box is entered at its own size and
-// looked for at all larger ones. See engine/patches/edge_boxes.py.
+// Finds overlapping pairs of chart-edge boxes by hierarchical grid hashing: one grid of cubes per box size. Each box is
+// entered at its own size and queried at all larger sizes (engine/patches/edge_boxes.py).
 
-#define AXES 6  // three of space, then three of normals
+#define AXES 6  // three of position, then three of the normal
 
-// Along one axis.
+// Returns the cube coordinate along one axis.
 long cube_at(const float place, const float inverse)
 {
     return (long)floor(place * inverse);
 }
 
-// The first of ascending keys that is not below one.
+// Returns the index of the first of ascending keys that is at least `key`.
 int lower_bound(__global const long *keys, const int count, const long key)
 {
     int first = 0, last = count;
@@ -23,10 +23,10 @@ int lower_bound(__global const long *keys, const int count, const long key)
     return first;
 }
 
-// Lists pairs of boxes that overlap. An item is a box and a size, number item / count, of the second box; items from
-// `start` to `end` are done. boxes: low ends, then high ones; inverses: of the sizes of cubes, powers of two, so that
-// products are exact; ranks: number of each box's size; keys, owners: cubes of all boxes, ascending; listed: how many
-// pairs there are, more than `most` if there is no room for all.
+// Lists pairs of overlapping boxes. Work item `start` + i is one box and one size (item / count) of its partner.
+// boxes: 6 low, then 6 high bounds each. inverses: 1 / cube size, powers of two, so that products are exact.
+// ranks: size class of each box. keys, owners: cubes of all boxes, ascending, and the box in each.
+// listed: number of pairs found, which may exceed the capacity `most`.
 __kernel void find_edge_neighbours(__global const float *boxes, __global const int *ranks, __global const float *inverses,
                                    __global const long *keys, __global const int *owners, const int entries,
                                    const long4 factors, const int count, const long start, const long end,
@@ -50,7 +50,7 @@ __kernel void find_edge_neighbours(__global const float *boxes, __global const i
         last[axis] = cube_at(high[axis], inverse);
     }
 
-    // A box is in one or two cubes along each axis.
+    // A box covers one or two cubes along each axis.
     for (int corner = 0; corner < 8; ++corner) {
         long cube[3], key = rank * factors.w;
         bool repeated = false;
@@ -69,7 +69,7 @@ __kernel void find_edge_neighbours(__global const float *boxes, __global const i
                 found = low[axis] <= boxes[2 * AXES * other + AXES + axis]
                     && boxes[2 * AXES * other + axis] <= high[axis];
 
-            // Of all cubes that both lie in, the lowest one counts.
+            // Report a pair only in the lowest cube that both boxes share.
             for (int axis = 0; axis < 3 && found; ++axis) {
                 const long start = cube_at(boxes[2 * AXES * other + axis], inverse);
                 found = cube[axis] == (first[axis] > start ? first[axis] : start);

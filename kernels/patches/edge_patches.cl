@@ -1,12 +1,12 @@
 #include "texel_corners.cl"
 
-// Patches on the very edge of a chart, as engine/patches/edge_patch_points.py finds them on the host.
+// Finds patches that lie on the outline of a chart; the host version is engine/patches/edge_patch_points.py.
 
-#define ON_EDGE 0.02f  // nearer to an edge than this, texels, is on it
-#define LEADING 0.3f   // components of a unit vector that are larger lead to a neighbour
+#define ON_EDGE 0.02f  // maximum distance from an edge, texels
+#define LEADING 0.3f   // minimum component of the outward normal that points to a neighbour
 
-// Marks the texels whose patch lies on an edge of its triangle beyond which no texel is a patch; own: the patch + 1 of
-// each texel of all lightmaps, 0 for none.
+// Marks texels whose patch lies on an edge of its triangle with no patch in the texels beyond. own: patch + 1 of each
+// texel of all lightmaps, or 0.
 __kernel void find_edge_patches(__global const float *uvs, __global const uint *own, __global const int *patch_triangles,
                                 __global const float *barycentrics, const int resolution, __global uchar *marks,
                                 const int count)

@@ -1,8 +1,8 @@
 #pragma once
 
-// What a triangle covers of a texel: a polygon, and the areas of its fan of triangles around its first corner.
+// Clipping of a triangle to a texel. The result is a convex polygon, with fan areas around its first corner.
 
-#define MOST_CORNERS 7  // of a triangle that is clipped at four lines
+#define MOST_CORNERS 7  // of a triangle clipped to four lines
 
 float distance_to(const float4 corner, const int line)
 {
@@ -10,10 +10,9 @@ float distance_to(const float4 corner, const int line)
     return line & 2 ? 1.0f - along : along;
 }
 
-// Clips a triangle at the four sides of a texel (Sutherland and Hodgman 1974). xy: position in the texel; zw:
-// barycentrics of the second and the third corner. Returns the number of corners, 1 at least: where nothing is left,
-// the first is one of the triangle before its last cut. A function and loops of their own: repeated in line they take
-// drivers seconds to build.
+// Clips a triangle to the unit square of a texel (Sutherland and Hodgman 1974). Polygon xy: position in the texel; zw:
+// barycentrics of the second and third corner. Returns the number of corners, at least 1: for an empty result the first
+// corner is from before the last cut. Not inlined or unrolled, because that takes drivers seconds to compile.
 __attribute__((noinline))
 int clip_at_texel(const float2 *corners, float4 *polygon)
 {
@@ -41,7 +40,7 @@ int clip_at_texel(const float2 *corners, float4 *polygon)
     return max(count, 1);
 }
 
-// Area of a triangle of a polygon's fan around its first corner.
+// Returns the area of triangle k of a polygon's fan around its first corner.
 float fan_area(const float4 *polygon, const int k)
 {
     const float2 first = polygon[k + 1].xy - polygon[0].xy, second = polygon[k + 2].xy - polygon[0].xy;

@@ -1,6 +1,7 @@
 #pragma once
 
-// Corners of a triangle, texels, from a point, which float32 holds exactly.
+// Computes the corners of a triangle on the lightmap relative to a point, texels. fma keeps float32 exact on large
+// lightmaps.
 void corners_at(__global const float *uvs, const int triangle, const int resolution, const float2 point,
                 float2 *corners)
 {

@@ -1,13 +1,14 @@
 #include "texel_corners.cl"
 #include "texel_clip.cl"
 
-// What triangles cover of texels that they do not fill: conservative rasterisation of lightmap UVs, and points within
-// (engine/patches/texel_fragments.py). Positions are relative to a texel or row, so that large lightmaps stay exact.
+// Texel fragments: conservative rasterisation of lightmap UVs. Finds the parts of partly covered texels that each
+// triangle covers, and places sample points in them (engine/patches/texel_fragments.py). Positions are relative to a
+// texel or row, so that large lightmaps stay exact.
 
-// Multipliers of the R2 sequence (Roberts 2018), in parts of 2^32.
+// Increments of the R2 sequence (Roberts 2018), as fractions of 2^32.
 #define R2 (uint2)(3242174889u, 2447445414u)
 
-// Rounding of a column's position, texels: spans of borders are wider by as much.
+// Slack for the rounding of column positions, texels (chosen).
 #define ROUNDING 2e-3f
 
 float covered_area(__global const float *uvs, const int triangle, const int resolution, const int2 texel)
@@ -22,7 +23,7 @@ float covered_area(__global const float *uvs, const int triangle, const int reso
     return area;
 }
 
-// The least and the greatest x that a triangle's border has between two heights; (INFINITY, -INFINITY) for none.
+// Returns minimum and maximum x of a triangle's outline between two heights; (INFINITY, -INFINITY) if none.
 float2 extremes(const float2 *corners, const float low, const float high)
 {
     float2 range = (float2)(INFINITY, -INFINITY);
@@ -39,7 +40,7 @@ float2 extremes(const float2 *corners, const float low, const float high)
     return range;
 }
 
-// Columns of a row of texels: a triangle touches those from x to w, and fills those from y to z.
+// Returns column spans of a triangle in a row of texels: it touches columns x..w and fully covers columns y..z.
 int4 spans_in_row(const float2 *corners, const int resolution)
 {
     const float last = resolution;
@@ -52,7 +53,8 @@ int4 spans_in_row(const float2 *corners, const int resolution)
     return convert_int4((float4)(start, filled, until, end));
 }
 
-// Wanted texels of a row that a triangle touches and does not fill: how many, and from `starts` on, which.
+// Counts (lists = 0) or lists (lists = 1) the wanted texels of a row that a triangle touches but does not fill. When
+// listing, entries go from starts[item] on, with their covered areas.
 __kernel void border_texels(__global const float *uvs, __global const int *triangles, __global const int *rows,
                             __global const int *atlases, __global const uchar *wanted, const int resolution,
                             const int lists, __global int *starts, __global int *found, __global int *found_texels,
@@ -92,8 +94,8 @@ __kernel void piece_areas(__global const float *uvs, __global const int *triangl
                                     (int2)(texels[piece] % resolution, texels[piece] / resolution));
 }
 
-// A point of what a triangle covers of a texel, as barycentrics of its second and third corner: one number of `unit`
-// chooses a triangle of the polygon's fan by area, and what is left of it, with the other, a point in there.
+// Maps a point of the unit square to the covered part of a texel, uniform in area; returns barycentrics of the second
+// and third corner. unit.x selects a triangle of the fan by area and is reused within it.
 float2 point_within(const float2 *corners, const float2 unit)
 {
     float4 polygon[MOST_CORNERS];
@@ -111,20 +113,20 @@ float2 point_within(const float2 *corners, const float2 unit)
             + root * across * polygon[fan + 2].zw;
 }
 
-// How far outside of a triangle a point of a grid may be, texels: an edge has two sides.
+// Tolerance at which a grid point counts as on a triangle, texels. Both triangles of a shared edge include it.
 #define RIM 1e-4f
 
-// A texel has a grid where at least this part of the grid's points lie on a triangle.
+// Minimum fraction of grid points on triangles for a texel to use the regular grid (chosen).
 #define GRID_FROM 0.75f
 
-// a.x b.y - a.y b.x, right to the last bits where both products are nearly the same (Kahan's difference of products).
+// Returns a.x b.y - a.y b.x with full precision under cancellation (Kahan's difference of products).
 float cross2(const float2 a, const float2 b)
 {
     const float product = a.y * b.x, off = fma(-a.y, b.x, product);
     return fma(a.x, b.y, -product) + off;
 }
 
-// Barycentrics of a place, those of the nearest one on the triangle; distances from the sides are parts of its heights.
+// Returns true if a position lies on a triangle, within RIM of its sides. part: barycentrics, clamped to the triangle.
 bool is_on(const float2 *corners, const float2 place, float3 *part)
 {
     const float2 second = corners[1] - corners[0], third = corners[2] - corners[0], here = place - corners[0];
@@ -135,11 +137,13 @@ bool is_on(const float2 *corners, const float2 place, float3 *part)
     return all(all_parts * fabs(area) >= -RIM * sides);
 }
 
-// The points of texels, `side` squared each. Pieces are in the order of their texels, those of texel i from starts[i] to
-// starts[i + 1]. Where triangles cover most of a texel the points are those of a regular grid, row by row, each on the
-// first piece that it lies on, -1 for none. Elsewhere all are within what is covered: along the pieces they are at even
-// distances (systematic sampling), so a piece has one more or less than its area would have at most, in each piece
-// those of an R2 sequence. A point weighs its part of the texel, or of what is covered. counts: points of each texel.
+// Places side x side sample points in each texel. Fragments are sorted by texel; texel i has fragments starts[i] to
+// starts[i + 1].
+// If triangles cover most of the texel, the points form a regular grid. Each lies on the first fragment that contains
+// it, or has piece -1.
+// Otherwise all points lie in the covered part: systematic sampling by area allots them to fragments, and an R2
+// sequence places them in each.
+// weights: weight of each point of a texel, as a fraction of the texel's area. counts: number of points of each texel.
 __kernel void points_in_texels(__global const float *uvs, __global const int *triangles, __global const int *texels,
                                __global const float *areas, __global const int *starts, const int resolution,
                                const int side, __global int *pieces, __global float *barycentrics,
@@ -174,7 +178,7 @@ __kernel void points_in_texels(__global const float *uvs, __global const int *tr
     if (found >= GRID_FROM * points)
         return;
 
-    // Charts below a texel, and corners of large ones.
+    // Charts smaller than a texel, and corners of large charts.
     float covered = 0.0f;
     for (int piece = starts[i]; piece < starts[i + 1]; ++piece)
         covered += areas[piece];
@@ -196,7 +200,7 @@ __kernel void points_in_texels(__global const float *uvs, __global const int *tr
     }
 }
 
-// The points that `points_in_texels` has found, close together: those of texel i from firsts[i] on.
+// Compacts the points found by `points_in_texels`: points of texel i are stored from firsts[i] on.
 __kernel void list_points(__global const int *triangles, __global const int *texels, __global const int *pieces,
                           __global const float *barycentrics, __global const float *positions,
                           __global const float *weights, __global const int *firsts, const int points,

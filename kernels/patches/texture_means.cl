@@ -1,8 +1,8 @@
 #include "image_borders.cl"
 
-// Means of textures over the texels of patches, and images averaged over squares of their pixels.
+// Box filters of textures: mean over the texels of patches, and downsampling of images.
 
-// IEC 61966-2-1.
+// Converts sRGB to linear (IEC 61966-2-1).
 float3 linear_of(const float3 display)
 {
     const float3 bent = pow((fmax(display, 0.0f) + 0.055f) / 1.055f, 2.4f);
@@ -39,9 +39,10 @@ float2 on_texture(__global const float2 *corner, const float3 weights)
     return weights.x * corner[0] + weights.y * corner[1] + weights.z * corner[2];
 }
 
-// Multiplies the values of `count` patches by a texture's mean over their texels. places: of each triangle its
-// place in `steps`, two a triangle, and in `corners`, three. Only samples in the patch's triangle count; where
-// none is, the patch's own point does.
+// Multiplies the values of `count` patches by the mean of a texture over their texels, from SAMPLES x SAMPLES points.
+// Only points within the patch's triangle count; if there are none, the patch's own point does.
+// places: index of each triangle in `steps` (two barycentric steps per triangle) and `corners` (three UVs per
+//     triangle).
 __kernel void texture_mean(__global const int *triangles, __global const float *barycentrics,
                            __global const int *places, __global const int *patches, __global const float *steps,
                            __global const float2 *corners, __global const float *pixels, const int width,
@@ -71,14 +72,14 @@ __kernel void texture_mean(__global const int *triangles, __global const float *
     vstore3(vload3(patch, values) * mean, patch, values);
 }
 
-// Which part of a new pixel of an axis old ones cover: pixel `old` of `size`, pixel `made` of `made_size`.
+// Returns the fraction of new pixel `made` (of `made_size`) that old pixel `old` (of `size`) covers along one axis.
 float covered(const long old, const long size, const long made, const long made_size)
 {
     return (float)(min((old + 1) * made_size, (made + 1) * size) - max(old * made_size, made * size)) / size;
 }
 
-// Shrinks an image: every new pixel is the mean over its part of the old ones. pixels: rows from `first` on;
-// `count` new pixels from `start` on are made.
+// Downsamples an image with a box filter: each new pixel is the area-weighted mean of old ones. pixels: rows from
+// `first` on. Computes `count` new pixels from `start` on.
 __kernel void downsample(__global const float *pixels, const int first, const int width, const int height,
                          const int new_width, const int new_height, const int srgb, __global float *image,
                          const int start, const int count)

@@ -1,11 +1,11 @@
 #include "bilinear_taps.cl"
 #include "texel_links.cl"
 
-// Equations of the texels whose bilinear display is nearest to the light at points, and the same on both sides of
-// seams (engine/postprocess/bilinear_equations.py).
+// Builds the least-squares equations of texels whose bilinear interpolation reproduces irradiance at sample points, and
+// is equal on both sides of seams (engine/postprocess/bilinear_equations.py).
 
-// Marks of texels: a point tells about it; it is an unknown; one look-up reads it and its right, or upper
-// neighbour.
+// Flags of texels. TOLD: a sample point constrains it. UNKNOWN: it is solved for. RIGHT, UPPER: one look-up reads it
+// together with its right or upper neighbour.
 #define TOLD 1u
 #define UNKNOWN 2u
 #define RIGHT 4u
@@ -14,13 +14,13 @@
 #define SEAM_WEIGHT 30.0f
 #define SMOOTHNESS 0.01f
 
-// A texel with this on the diagonal is known by its points alone.
+// Diagonal entry from which on sample points alone determine a texel.
 #define WELL_KNOWN 0.15f
 
-// A point tells about texels that have at least this weight in its footprint; so does a side of a seam.
+// Minimum bilinear weight at which a point constrains a texel, or a texel takes part in a seam.
 #define TELLS 1e-3f
 
-#define CORNERS 8  // of both sides of a seam
+#define CORNERS 8  // texels read by both sides of a seam
 
 void mark_footprint(const Footprint *f, const int atlas, const int resolution, __global uint *marks)
 {
@@ -35,7 +35,7 @@ void mark_footprint(const Footprint *f, const int atlas, const int resolution, _
     }
 }
 
-// The marks of texels, a byte each.
+// Stores 1 for each texel that is an unknown.
 __kernel void unknown_texels(__global const uint *marks, __global uchar *unknown, const int count)
 {
     const int texel = get_global_id(0);
@@ -43,7 +43,7 @@ __kernel void unknown_texels(__global const uint *marks, __global uchar *unknown
         unknown[texel] = (marks[texel] & UNKNOWN) != 0;
 }
 
-// Texels that points beside centres read.
+// Marks texels that sample points read.
 __kernel void mark_points(__global const float2 *positions, __global const uint *owners, __global uint *marks,
                           const int resolution, const int count)
 {
@@ -59,7 +59,7 @@ __kernel void mark_points(__global const float2 *positions, __global const uint 
     atomic_or(marks + owners[point], TOLD);
 }
 
-// True if some point tells about what a look-up reads.
+// Returns true if a sample point constrains any texel that a look-up reads.
 bool has_equation(const Footprint *f, const int atlas, const int resolution, __global const uchar *centres,
                   __global const uint *marks)
 {
@@ -71,7 +71,7 @@ bool has_equation(const Footprint *f, const int atlas, const int resolution, __g
     return false;
 }
 
-// Texels that seams read, of one side of which some point tells at least.
+// Marks texels that seams read. A seam counts if sample points constrain at least one of its sides.
 __kernel void mark_seams(__global const float4 *sides, __global const int2 *atlases, __global const uchar *centres,
                          __global uint *marks, __global uchar *counts, const int resolution, const int count)
 {
@@ -95,8 +95,8 @@ __kernel void number_texels(__global const uint *texels, __global int *numbers, 
         numbers[texels[unknown]] = unknown;
 }
 
-// The first point of each unknown texel, and the one after its last; points are ordered by texel. Two work items write
-// them: as one int2 each would write what it has read of the other half, too.
+// Stores the range of points of each unknown texel; points are sorted by texel. Start and end are separate int stores
+// by different work items: storing an int2 would overwrite the other half.
 __kernel void find_points(__global const uint *owners, __global const int *numbers, __global int *ranges,
                           const int count)
 {
@@ -110,7 +110,8 @@ __kernel void find_points(__global const uint *owners, __global const int *numbe
         ranges[2 * numbers[texel] + 1] = point + 1;
 }
 
-// The unknowns around each, itself where there is none; what points tell, as factors of the nine links.
+// Assembles the nine-point stencil of each unknown: indices of its neighbours (itself where none is unknown) and the
+// coefficients from sample points.
 __kernel void link_texels(__global const uint *texels, __global const int *numbers, __global const uint *marks,
                           __global const uchar *centres, __global const int2 *ranges,
                           __global const float2 *positions, __global const float *weights,
@@ -155,7 +156,7 @@ __kernel void link_texels(__global const uint *texels, __global const int *numbe
     diagonal[unknown] = sums[4];
 }
 
-// Adds what makes neighbours alike of which one is hardly known.
+// Adds smoothness terms between neighbours of which one is poorly constrained.
 __kernel void smooth_links(__global const uint *texels, __global const uint *marks, __global const int *neighbours,
                            __global const float *diagonal, __global float *factors, __global uint *linked,
                            const int resolution, const int count)
@@ -168,7 +169,7 @@ __kernel void smooth_links(__global const uint *texels, __global const uint *mar
         const int other = neighbours[link * count + unknown];
         if (other == unknown)
             continue;
-        // A pair is marked at its left or lower end.
+        // The flag of a pair is stored at its left or lower texel.
         const uint first = link < 4 ? texels[other] : texel;
         if (!(marks[first] & (link == 3 || link == 5 ? RIGHT : UPPER)))
             continue;
@@ -181,8 +182,8 @@ __kernel void smooth_links(__global const uint *texels, __global const uint *mar
     }
 }
 
-// The rows of seams: unknowns and factors of both sides; all factors of a seam that does not count are 0. What
-// has no weight stands for the first unknown that has.
+// Assembles the rows of seams: unknowns and coefficients of both sides; all 0 for seams that do not count. Slots
+// without weight repeat an unknown that has weight.
 __kernel void seam_rows(__global const float4 *sides, __global const int2 *atlases, __global const float *lengths,
                         __global const uchar *counts, __global const int *numbers, __global int8 *columns,
                         __global float8 *entries, __global int *uses, const int resolution, const int count)
@@ -217,7 +218,7 @@ __kernel void seam_rows(__global const float4 *sides, __global const int2 *atlas
     entries[seam] = vload8(0, entry);
 }
 
-// Entries, seam * 8 + corner, of each unknown, from `next` of it on, in the order of arrival.
+// Lists the seam entries (seam * 8 + corner) of each unknown from next[unknown] on, in arbitrary order.
 __kernel void list_entries(__global const int *columns, __global const float *entries, __global int *next,
                            __global int *list, const int count)
 {
@@ -226,8 +227,8 @@ __kernel void list_entries(__global const int *columns, __global const float *en
         list[atomic_inc(next + columns[entry])] = entry;
 }
 
-// Sorts the entries of each unknown, so that sums are the same in every bake, into seams and factors of theirs; adds
-// the squares of these to the diagonal.
+// Sorts the entries of each unknown, so that sums are the same in every bake. Splits them into seam and coefficient,
+// and adds squared coefficients to the diagonal. inverse: reciprocal diagonal (Jacobi preconditioner).
 __kernel void order_entries(__global const int *starts, __global const float *entries, __global const float *factors,
                             __global int *list, __global float *shares, __global float *inverse, const int count)
 {

@@ -1,16 +1,16 @@
 #include "bilinear_taps.cl"
 #include "texel_links.cl"
 
-// Texels of several outputs, by conjugate gradients with bounds (engine/postprocess/bounded_cg.py). Light is scaled
-// to at most 1; all channels run at once, each with its own steps. Work items are unknowns, or seams, and images: vectors
-// have a plane for each image.
+// Solves texels of several outputs by conjugate gradients with bounds (engine/postprocess/bounded_cg.py). Irradiance is
+// scaled to at most 1. All channels run in parallel with separate step sizes. Work items are unknowns, or seams, in
+// dimension 0 and images in dimension 1; vectors have one plane per image.
 
 #define IMAGE ((size_t)get_global_id(1))
 
-#define OVERSHOOT 0.02f  // of the range of the points around a texel
-#define TOLERANCE 5e-3f  // part of the first residual at which a run ends
+#define OVERSHOOT 0.02f  // extension of bounds, as a fraction of the range
+#define TOLERANCE 5e-3f  // residual at which a run ends, relative to its first
 
-// Numbers of a run in `run`, those of each image together.
+// Scalars of a run, stored in `run` for each image.
 #define ENERGY 0
 #define STEP 1
 #define RATIO 2
@@ -22,8 +22,8 @@
 
 #define BOTH_SIDES 8
 
-// What points around each unknown tell: their weighted sum, mean, and the range of those in its own texel. reached: 1
-// where there is a mean; scales: of each image the largest value and its inverse.
+// Accumulates the sample points around each unknown: right-hand side, weighted mean, and range of the points in its own
+// texel. reached: 1 if a mean exists. scales: maximum and its reciprocal for each image.
 __kernel void sum_points(__global const uint *texels, __global const uchar *centres, __global const float4 *image,
                          __global const int *neighbours, __global const int2 *ranges,
                          __global const float2 *positions, __global const float *weights,
@@ -73,7 +73,7 @@ __kernel void sum_points(__global const uint *texels, __global const uchar *cent
     high[here] = most;
 }
 
-// Unknowns that were not reached before a round get the mean of neighbours that shall be like them.
+// Initialises unknowns without points by the mean of neighbours linked by smoothness, in rounds.
 __kernel void spread_along_links(__global const int *neighbours, __global const uint *linked, const uchar round,
                                  __global uchar *reached, __global float4 *solution, const int count)
 {
@@ -100,7 +100,7 @@ __kernel void spread_along_links(__global const int *neighbours, __global const 
     }
 }
 
-// The same, along seams: the mean of all that their rows read.
+// The same along seams: the mean of all unknowns in their seam rows.
 __kernel void spread_along_seams(__global const int *starts, __global const int *seams, __global const int *columns,
                                  const uchar round, __global uchar *reached, __global float4 *solution,
                                  const int count)
@@ -130,7 +130,7 @@ __kernel void spread_along_seams(__global const int *starts, __global const int 
     }
 }
 
-// Ranges of the unknowns that points read together.
+// Widens the range of each unknown to the ranges of unknowns that share sample points with it.
 __kernel void widen_ranges(__global const int *neighbours, __global const uint *linked, __global const float4 *low,
                            __global const float4 *high, __global float4 *wide_low, __global float4 *wide_high,
                            const int count)
@@ -151,7 +151,7 @@ __kernel void widen_ranges(__global const int *neighbours, __global const uint *
     wide_high[plane + unknown] = most;
 }
 
-// The range of all that each seam reads.
+// Stores the joint range of all unknowns that each seam reads.
 __kernel void ranges_of_seams(__global const int *columns, __global const float4 *low, __global const float4 *high,
                               __global float4 *seam_low, __global float4 *seam_high, const int unknowns,
                               const int count)
@@ -169,7 +169,8 @@ __kernel void ranges_of_seams(__global const int *columns, __global const float4
     seam_high[IMAGE * count + seam] = most;
 }
 
-// The ranges of the seams of each unknown, and a little more, within that of all points.
+// Computes the bounds of each unknown: joint range of its seams plus OVERSHOOT, within the range of all points. tight:
+// the upper bound is the maximum of its own points where they exist.
 __kernel void bound(__global const int *starts, __global const int *seams, __global const float4 *seam_low,
                     __global const float4 *seam_high, __global const float4 *all_points,
                     __global const float4 *own_high, const int tight, __global float4 *low,
@@ -191,7 +192,7 @@ __kernel void bound(__global const int *starts, __global const int *seams, __glo
     high[here] = fmin(most + slack, all_points[2 * IMAGE + 1]);
 }
 
-// The least and the greatest of all ranges; one group an image.
+// Stores the minimum and maximum of all ranges of an image. One work group per image.
 __kernel void range_of_all(__global const float4 *low, __global const float4 *high, __global float4 *all_points,
                            const int count, __local float4 *partial)
 {
@@ -216,7 +217,7 @@ __kernel void range_of_all(__global const float4 *low, __global const float4 *hi
     }
 }
 
-// What each seam differs by.
+// Stores the difference between both sides of each seam.
 __kernel void differences(__global const int8 *columns, __global const float8 *entries, __global const float4 *values,
                           __global float4 *products, const int unknowns, const int count)
 {
@@ -230,7 +231,7 @@ __kernel void differences(__global const int8 *columns, __global const float8 *e
         + e.s4 * values[c.s4] + e.s5 * values[c.s5] + e.s6 * values[c.s6] + e.s7 * values[c.s7];
 }
 
-// A row of the normal equations times values, whose differences along seams are known.
+// Returns a row of the normal equations times a vector. products: seam differences of that vector.
 float4 row_times(EQUATIONS, __global const float4 *values, __global const float4 *products, const int unknown,
                  const int count)
 {
@@ -244,13 +245,13 @@ float4 row_times(EQUATIONS, __global const float4 *values, __global const float4
     return sum;
 }
 
-// 0 for channels that are held at a bound.
+// Returns 0 for channels held at a bound, else 1.
 float4 free_channels(const uchar held)
 {
     return (float4)(held & 1 ? 0.0f : 1.0f, held & 2 ? 0.0f : 1.0f, held & 4 ? 0.0f : 1.0f, 0.0f);
 }
 
-// The sum of a group of an image.
+// Sums values over the work group and stores the partial sum of an image.
 void add_group(const float4 value, __local float4 *partial, __global float4 *sums)
 {
     const int item = get_local_id(0);
@@ -264,7 +265,7 @@ void add_group(const float4 value, __local float4 *partial, __global float4 *sum
         sums[IMAGE * get_num_groups(0) + get_group_id(0)] = partial[0];
 }
 
-// The residual of a start, and the first direction; sums of the residual's energy.
+// Starts conjugate gradients: residual, first search direction, and partial sums of the preconditioned residual norm.
 __kernel void begin_run(EQUATIONS, __global const float *inverse, __global const float4 *right,
                         __global const uchar *held, __global const float4 *solution,
                         __global const float4 *products, __global float4 *residual, __global float4 *direction,
@@ -284,7 +285,7 @@ __kernel void begin_run(EQUATIONS, __global const float *inverse, __global const
     add_group(energy, partial, sums);
 }
 
-// How the energy changes along the direction; sums of it.
+// Multiplies the matrix by the search direction, and stores partial sums of its curvature.
 __kernel void cg_curvature(EQUATIONS, __global const uchar *held, __global const float4 *direction,
                            __global const float4 *products, __global float4 *change, __global float4 *sums,
                            const int rows, const int count, __local float4 *partial)
@@ -302,7 +303,7 @@ __kernel void cg_curvature(EQUATIONS, __global const uchar *held, __global const
     add_group(energy, partial, sums);
 }
 
-// A step along the direction; sums of the energy that is left.
+// Takes a step along the search direction and updates the residual; stores partial sums of its norm.
 __kernel void advance(__global const float *inverse, __global const float4 *direction, __global const float4 *change,
                       __global const float4 *run, __global float4 *solution, __global float4 *residual,
                       __global float4 *sums, const int count, __local float4 *partial)
@@ -329,8 +330,9 @@ __kernel void cg_direction(__global const float *inverse, __global const float4 
         direction[here] = inverse[unknown] * residual[here] + run[NUMBERS * IMAGE + RATIO] * direction[here];
 }
 
-// Adds the sums of all groups up, and makes a number of the run of them: ENOUGH and ENERGY at the start, ENERGY at
-// that of the second run, STEP of a direction, RATIO and ENERGY after it. A channel with little energy rests.
+// Sums the partial sums of all work groups and updates one scalar of the run (`made`): the stopping threshold ENOUGH
+// and ENERGY at the start, ENERGY at a restart, STEP, or RATIO and ENERGY after a step. Channels below the threshold
+// get steps of 0.
 __kernel void add_up(__global const float4 *sums, const int groups, const int made, __global float4 *run,
                      __local float4 *partial)
 {
@@ -360,7 +362,7 @@ __kernel void add_up(__global const float4 *sums, const int groups, const int ma
     run[ENERGY] = sum;
 }
 
-// Holds at their bounds what a run left outside.
+// Clamps unknowns to their bounds, and marks the clamped channels as held.
 __kernel void clamp_bounds(__global const float4 *low, __global const float4 *high, __global float4 *solution,
                            __global uchar *held, const int count)
 {

@@ -1,17 +1,18 @@
 #pragma once
 
-// What a bilinear look-up of a lightmap reads: the four texels around a point (engine/postprocess/bilinear.py).
+// Bilinear taps: the four texels that a bilinear look-up of a lightmap reads, and their weights
+// (engine/postprocess/bilinear.py).
 
-// A point this near to the centres of a row or column of texels, in texels, lies on them.
+// Distance from a row or column of texel centres below which a position counts as on it, texels.
 #define ON_CENTRE 0.001953125f
 
-// Texels of the lower left and the upper right corner, and how much the latter weighs along each axis.
+// Lower left and upper right texel, and the weight of the latter along each axis.
 typedef struct {
     int2 near, far;
     float2 part;
 } Footprint;
 
-// position: texels; the centre of texel (x, y) is at x + 1/2, y + 1/2.
+// Returns the taps of a position in texels; the centre of texel (x, y) is at (x + 1/2, y + 1/2).
 Footprint footprint_at(const float2 position, const int resolution)
 {
     const float2 low = floor(position - 0.5f);
@@ -23,7 +24,7 @@ Footprint footprint_at(const float2 position, const int resolution)
     return f;
 }
 
-// Corners: lower left, lower right, upper left, upper right.
+// Returns a tap's texel. Corners: 0 lower left, 1 lower right, 2 upper left, 3 upper right.
 int2 corner_of(const Footprint *f, const int corner)
 {
     return (int2)(corner & 1 ? f->far.x : f->near.x, corner & 2 ? f->far.y : f->near.y);

@@ -1,6 +1,7 @@
-// Maps of directions from E/pi and its L1 (irradiance_l1.cl): engine/postprocess/directional_maps.py has the formulas.
+// Converts E/pi and its L1 (irradiance_l1.cl) of patches to directional lightmaps. Formulas:
+// engine/postprocess/directional_maps.py.
 
-// The L1 of a patch along an axis of the world: of the sampled light, a plane for each axis, and of all other light.
+// Returns L1 of a patch along a world axis: sampled direct light (one plane per axis) plus gathered light.
 #define GIVEN __global const float *light, const int stride, __global const float *sampled, \
     __global const float4 *gathered
 float3 l1_along(__global const float *sampled, __global const float4 *gathered, const int axis, const size_t patch,
@@ -41,7 +42,7 @@ __kernel void dominant_direction(GIVEN, __global float *direction, const int cou
     vstore3(all > 0.0f ? along / all : (float3)(0.0f), i, direction);
 }
 
-// A part of the projected light, 0 where its mean is.
+// Returns a ratio per channel; 0 where the mean is 0.
 float3 part_of(const float3 across, const float3 mean)
 {
     return (float3)(mean.x > 0.0f ? across.x / mean.x : 0.0f, mean.y > 0.0f ? across.y / mean.y : 0.0f,

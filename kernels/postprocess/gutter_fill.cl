@@ -1,7 +1,7 @@
 #include "texel.cl"
 
-// Fills unknown texels of images: rings that grow from charts (engine/postprocess/dilation.py), and a membrane over known
-// texels from coarse to fine (engine/postprocess/membrane_fill.py).
+// Fills texels without light: dilation in rings around charts (engine/postprocess/dilation.py), and a membrane that
+// interpolates from coarse to fine (engine/postprocess/membrane_fill.py).
 
 #define EMPTY 0
 #define UNKNOWN 1
@@ -9,12 +9,12 @@
 
 #define FAR 65535  // no known texel within reach
 
-// What is filled are images of several outputs, one after the other, each of all atlases: they share what is known of
-// the texels of an atlas.
+// Images are stored one output after another, each for all lightmaps. Outputs share the states of the lightmaps'
+// texels.
 #define ATLAS (get_global_id(2) % atlases)
 #define IN_ATLAS(x, y) ((ATLAS * height + (y)) * width + (x))
 
-// Texels along the row to the nearest known one.
+// Stores the distance to the nearest known texel in the same row; FAR if beyond `reach`.
 __kernel void distance_in_row(__global const uchar *known, __global ushort *distance, const int reach,
                               const int width, const int height)
 {
@@ -26,7 +26,7 @@ __kernel void distance_in_row(__global const uchar *known, __global ushort *dist
     distance[texel] = nearest;
 }
 
-// Rings around known texels up to each one (Chebyshev distance), of what is known of rows.
+// Stores the Chebyshev distance to the nearest known texel, from the distances within rows.
 __kernel void distance_in_column(__global const ushort *in_row, __global ushort *distance, const int reach,
                                  const int width, const int height)
 {
@@ -41,7 +41,7 @@ __kernel void distance_in_column(__global const ushort *in_row, __global ushort 
     distance[texel] = nearest <= reach ? nearest : FAR;
 }
 
-// A ring of texels, each with the mean of its neighbours on a chart's surface, else in inner rings.
+// Fills one ring of texels with the mean of their neighbours on a chart's surface, or else in inner rings.
 __kernel void dilate_ring(__global const ushort *distance, __global const uchar *surface, const int ring,
                           __global float4 *image, const uint atlases, const int width, const int height)
 {
@@ -64,7 +64,8 @@ __kernel void dilate_ring(__global const ushort *distance, __global const uchar 
     image[texel] = surface_total > 0.0f ? surface_sum / surface_total : sum / total;
 }
 
-// What texels are to the membrane: known up to some rings, unknown in further ones and where nobody sees them.
+// Classifies texels for the membrane: known up to `rings`; unknown beyond and where texels lie inside geometry; else
+// empty.
 __kernel void classify(__global const ushort *distance, __global const uchar *inside, const int rings,
                        __global uchar *states, const int width, const int height)
 {
@@ -72,7 +73,7 @@ __kernel void classify(__global const ushort *distance, __global const uchar *in
     states[texel] = distance[texel] <= rings ? KNOWN : inside[texel] || distance[texel] < FAR ? UNKNOWN : EMPTY;
 }
 
-// Whether a square of two by two texels holds a known one.
+// Returns true if a 2 x 2 block holds a known texel.
 bool has_known(__global const uchar *fine, const int fine_width, const int fine_height, const int x, const int y)
 {
     bool known = false;
@@ -82,7 +83,7 @@ bool has_known(__global const uchar *fine, const int fine_width, const int fine_
     return known;
 }
 
-// The mean of the known texels in a square, 0 without any.
+// Returns the mean of the known texels in a 2 x 2 block, or 0.
 float4 mean_of_known(__global const uchar *states, __global const float4 *fine, const int fine_width,
                      const int fine_height, const int x, const int y)
 {
@@ -98,7 +99,7 @@ float4 mean_of_known(__global const uchar *states, __global const float4 *fine, 
     return total > 0.0f ? sum / total : (float4)(0.0f);
 }
 
-// The value of a texel in a coarser image, interpolated: the nearer square of each axis has 3/4.
+// Returns the bilinear interpolation of a coarser image: weight 3/4 for the nearer block along each axis.
 float4 interpolated(__global const float4 *coarse, const int coarse_width, const int coarse_height, const int x,
                     const int y)
 {
@@ -110,7 +111,7 @@ float4 interpolated(__global const float4 *coarse, const int coarse_width, const
     return (9.0f * near_row[near.x] + 3.0f * near_row[far.x] + 3.0f * far_row[near.x] + far_row[far.x]) / 16.0f;
 }
 
-// The mean of the four neighbours of an unknown texel, itself in place of empty ones. Known ones stay in `image`.
+// Returns the mean of the four neighbours of an unknown texel; an empty neighbour is replaced by the texel itself.
 float4 mean_of_neighbours(__global const uchar *states, __global const float4 *image, __global const float4 *before,
                           const int width, const int height, const int x, const int y)
 {
@@ -126,7 +127,7 @@ float4 mean_of_neighbours(__global const uchar *states, __global const float4 *i
     return sum / 4.0f;
 }
 
-// Squares of two by two texels: those that hold a known one are known.
+// Computes the states of a coarser scale: a 2 x 2 block is known if it holds a known texel.
 __kernel void coarser_states(__global const uchar *fine, const int fine_width, const int fine_height,
                              __global uchar *states, const int width, const int height)
 {
@@ -135,7 +136,7 @@ __kernel void coarser_states(__global const uchar *fine, const int fine_width, c
     states[texel] = has_known(fine, fine_width, fine_height, x, y) ? KNOWN : UNKNOWN;
 }
 
-// The mean of the known texels in each square.
+// Restricts an image to a coarser scale by the mean of the known texels of each block.
 __kernel void restrict_mean(__global const uchar *states, __global const float4 *fine, const int fine_width,
                             const int fine_height, __global float4 *image, const uint atlases, const int width,
                             const int height)
@@ -145,7 +146,7 @@ __kernel void restrict_mean(__global const uchar *states, __global const float4 
     image[texel] = mean_of_known(states + ATLAS * size, fine + get_global_id(2) * size, fine_width, fine_height, x, y);
 }
 
-// Unknown texels from the coarser image. Empty ones are 0.
+// Initialises unknown texels from the coarser scale; empty texels become 0.
 __kernel void prolongate(__global const uchar *states, __global const float4 *coarse, const int coarse_width,
                          const int coarse_height, __global float4 *image, const uint atlases, const int width,
                          const int height)
@@ -158,7 +159,7 @@ __kernel void prolongate(__global const uchar *states, __global const float4 *co
     image[texel] = state == EMPTY ? (float4)(0.0f) : interpolated(coarse, coarse_width, coarse_height, x, y);
 }
 
-// Every unknown texel becomes the mean of its neighbours.
+// Relaxes the membrane by one Jacobi iteration: each unknown texel becomes the mean of its neighbours.
 __kernel void relax(__global const uchar *states, __global const float4 *image, __global const float4 *before,
                     __global float4 *after, const uint atlases, const int width, const int height)
 {
@@ -169,14 +170,14 @@ __kernel void relax(__global const uchar *states, __global const float4 *image, 
     after[texel] = mean_of_neighbours(states + ATLAS * size, image + plane, before + plane, width, height, x, y);
 }
 
-// A side of a scale: each has half the side of the finer one, rounded up.
+// Returns the side of an image at a scale; each scale has half the side of the finer one, rounded up.
 int side_of(const int side, const int scale)
 {
     return (side + (1 << scale) - 1) >> scale;
 }
 
-// The same as `coarser_states`, `restrict_mean`, `prolongate` and `relax` at all scales of small images; a group for
-// each image. states, images: of all coarser scales, `texels` for each image; relaxed: as large as the finest images.
+// Runs coarser_states, restrict_mean, prolongate and relax at all scales of small images, one work group per image.
+// states, images: all coarser scales, `texels` per image. relaxed: buffer as large as the finest images.
 __kernel void fill_small(__global const uchar *finest_states, __global float4 *finest, __global uchar *states,
                          __global float4 *images, __global float4 *relaxed, const int relaxations, const int texels,
                          const uint atlases, const int width, const int height)
@@ -189,7 +190,7 @@ __kernel void fill_small(__global const uchar *finest_states, __global float4 *f
     images += image * texels;
     relaxed += image * size;
 
-    // Coarser scales, one after the other.
+    // Restrict to coarser scales.
     __global const uchar *fine_states = finest_states;
     __global const float4 *fine = finest;
     int scales = 0, first = 0;
@@ -208,7 +209,7 @@ __kernel void fill_small(__global const uchar *finest_states, __global float4 *f
         first += count;
     }
 
-    // Back to the finest one.
+    // Prolongate and relax back to the finest scale.
     for (int scale = scales - 1; scale >= 0; --scale) {
         const int w = side_of(width, scale), h = side_of(height, scale), count = w * h;
         const int coarse_width = side_of(width, scale + 1), coarse_height = side_of(height, scale + 1);

@@ -1,6 +1,6 @@
 #include "texel.cl"
 
-// Texels of one or three channels, in a row in memory, as an image, with 0 where nothing is known.
+// Unpacks texels of one or three channels to a float4 image; 0 where `known` is 0.
 __kernel void spread_channels(__global const float *narrow, const int channels, __global const uchar *known,
                               const uint number, __global float4 *images, const uint count)
 {
@@ -21,7 +21,8 @@ __kernel void pack_channels(__global const float4 *images, __global float *narro
         vstore3(images[i].xyz, i, narrow);
 }
 
-// Values of patches, `stride` apart, in texels; 0 where there is none. One work item for each channel of a texel.
+// Writes patch values, rows `stride` apart, to the texels of an image; 0 for texels without a patch. One work item per
+// channel.
 __kernel void pick_patches(__global const float *values, const int stride, const int channels,
                            __global const uint *entries, __global float *texels, const uint count)
 {
@@ -32,7 +33,7 @@ __kernel void pick_patches(__global const float *values, const int stride, const
     texels[i] = entry == 0 ? 0.0f : values[(size_t)(entry - 1) * stride + i % channels];
 }
 
-// Other light in some texels.
+// Overwrites some texels of an image; places[i] is NOWHERE for values to skip.
 #define NOWHERE 0xffffffffu
 __kernel void put_texels(__global const uint *places, __global const float4 *light, const int channels,
                          __global float *texels, const uint count)
@@ -46,7 +47,7 @@ __kernel void put_texels(__global const uint *places, __global const float4 *lig
         vstore3(light[i].xyz, places[i], texels);
 }
 
-// What some texels of an output show.
+// Reads the chosen texels of an output as float4.
 __kernel void take_texels(__global const float *texels, __global const uint *chosen, const int channels,
                           const uint number, __global float4 *light, const uint count)
 {
@@ -58,7 +59,8 @@ __kernel void take_texels(__global const float *texels, __global const uint *cho
     light[(size_t)number * count + i] = (float4)(shown, 0.0f);
 }
 
-// The bits of the largest absolute value: those of numbers from 0 on are in the order of the numbers.
+// Finds the largest absolute value by an atomic maximum of float bits. Bits of non-negative floats have the order of
+// the floats.
 #define EACH 64
 __kernel void largest_value(__global const float *values, const int stride, const int channels, const uint count,
                             __global uint *largest)

@@ -1,24 +1,25 @@
 #include "texel.cl"
 
-// Texels of lightmaps whose light or view is not the mean of their neighbours', so that they show more than their
-// centre (engine/postprocess/irradiance_edges.py).
+// Detects texels whose irradiance or validity deviates from the mean of their neighbours; these texels are supersampled
+// (engine/postprocess/irradiance_edges.py).
 
 #define ON_EDGE 1
 #define AT_AN_END 2
 #define AT_A_BORDER 4
 
-#define EDGE_OF_BACKS 0.1f  // least difference of the fractions of backs in view
+#define EDGE_OF_BACKS 0.1f  // minimum step of validity
 
-// How far a value is from the mean of two neighbours, relative to the largest, which counts as `least` at least.
+// Returns the deviation of a value from the mean of two neighbours, relative to the largest of the three and at least
+// `least`.
 float off_mean(const float before, const float value, const float after, const float least)
 {
     const float largest = fmax(fmax(before, after), fmax(value, least));
     return fabs(value - 0.5f * (before + after)) / fmax(largest, 1e-30f);
 }
 
-// entries: the patch + 1 of each texel, 0 for none; a neighbour without one counts as equal. off: how far the light is from the mean
-// along a row or column. marks: an edge of what is seen of backs, or of what is hidden; no neighbour along an axis;
-// one at most.
+// Computes the deviation `off` of each texel's irradiance along rows and columns, and its marks.
+// entries: patch + 1 of each texel, or 0; a neighbour without a patch counts as equal.
+// marks: ON_EDGE at steps of validity, AT_A_BORDER without a neighbour on one side, AT_AN_END without both.
 __kernel void find_edges(__global const uint *entries, __global const float *light, __global const float *front,
                          __global const uchar *hidden, const float least, __global float *off,
                          __global uchar *marks, const int width, const int height)
@@ -51,8 +52,8 @@ __kernel void find_edges(__global const uint *entries, __global const float *lig
     marks[texel] |= edge ? ON_EDGE : 0;
 }
 
-// The noise of each block of BLOCK x BLOCK texels, as images of blocks: ABOVE_NOISE times the value of off that a part EVEN of every
-// second texel in rows and columns stays below, of those with patches; 0 where there are none.
+// Estimates the noise of each block of BLOCK x BLOCK texels: ABOVE_NOISE times the EVEN quantile of `off`, over the
+// patches among every second texel per axis. 0 for blocks without patches.
 __kernel void noise_of_blocks(__global const uint *entries, __global const float *off, const int side,
                               __global float *noise, const int width, const int height)
 {
@@ -66,7 +67,7 @@ __kernel void noise_of_blocks(__global const uint *entries, __global const float
                 values[count++] = off[place];
         }
 
-    // The value with as many below it, or equal and listed before it, as its rank says.
+    // Select by rank: count smaller values, with ties in list order.
     const int rank = (int)(EVEN * count);
     noise[texel] = 0.0f;
     for (int i = 0; i < count; ++i) {
@@ -78,8 +79,8 @@ __kernel void noise_of_blocks(__global const uint *entries, __global const float
     }
 }
 
-// Marks texels whose light is off the mean of their neighbours by more than noise: at the border of a chart, that of their neighbours,
-// too. blocks: of BLOCK texels along each side of an image.
+// Marks texels whose deviation exceeds noise as ON_EDGE; at chart borders a neighbour's deviation suffices. blocks:
+// number of blocks along each side of an image.
 __kernel void mark_edges(__global const float *off, __global const float *noise, const int blocks,
                          __global uchar *marks, const int width, const int height)
 {

@@ -1,6 +1,6 @@
 #include "texel_corners.cl"
 
-// Patches that are farther from the centre of their texels, in texels, than rounding explains
+// Marks patches whose point is farther from the centre of its texel than rounding explains, in texels
 // (engine/postprocess/lightmap_points.py).
 __kernel void find_thin(__global const float *uvs, __global const int *triangles, __global const float *barycentrics,
                         __global const int *texels, const int resolution, const float rounding,

@@ -1,16 +1,19 @@
 #include "bilinear_taps.cl"
 
-// What both sides of seams show: light that differs may be parted by what stands there (engine/postprocess/blocked_seams.py).
+// Compares the irradiance that a bilinear look-up returns on both sides of seams. A difference may come from geometry
+// that separates the sides (engine/postprocess/blocked_seams.py).
 
-// Marks: light of both sides differs, or is not known of both; one side at least reads what nobody sees.
+// Marks of seams. OTHER_LIGHT: both sides differ, or one has no known texel. READS_HIDDEN: one side reads invalid
+// texels.
 #define OTHER_LIGHT 1
 #define READS_HIDDEN 2
 
-// Of texels.
+// Flags of texels.
 #define SURFACE 1
 #define KNOWN 2
 
-// What a look-up shows of texels that are known, how much it reads of those, and of surface that is not.
+// Returns the interpolated irradiance of known texels (x), their weight (y), and the weight of unknown surface texels
+// (z).
 float3 shown_light(const float2 side, const int atlas, __global const float *light, __global const uchar *texels,
                    const int resolution)
 {
@@ -27,7 +30,7 @@ float3 shown_light(const float2 side, const int atlas, __global const float *lig
     return (float3)(sums.y > 0.0f ? sums.x / sums.y : 0.0f, sums.yz);
 }
 
-// light: of each texel; differs: by this part of the larger light it is another one.
+// Marks seams. light: irradiance of each texel; differs: maximum difference as a fraction of the larger side.
 __kernel void compare_sides(__global const float4 *sides, __global const int2 *atlases, __global const float *light,
                             __global const uchar *texels, const float differs, __global uchar *marks,
                             const int resolution, const int count)

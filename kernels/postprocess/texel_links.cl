@@ -1,12 +1,11 @@
 #pragma once
 
-// Links of an unknown texel to those around it, by number:
+// Stencil links of an unknown texel to its neighbours, by index:
 //
 //     6 7 8
 //     3 4 5     4 is the texel itself
 //     0 1 2
 //
-// Bits of `linked` tell what they stand for: 1 << link, some point reads both ends; SMOOTH << link, both ends shall
-// be alike.
+// Bits of `linked`: 1 << link if a sample point reads both ends; SMOOTH << link if a smoothness term joins both ends.
 #define LINKS 9
 #define SMOOTH 512u

@@ -1,53 +1,53 @@
 #include "bilinear_taps.cl"
 
-// What texels show that have several display samples (engine/postprocess/texel_means.py): the mean of those that are seen;
-// where something cuts a texel, what a plane through the samples of 3 x 3 texels has at its centre; beyond that, what
-// makes the display right at the samples.
+// Values of supersampled texels (engine/postprocess/texel_means.py). A texel gets the mean of its valid samples. If
+// geometry crosses it, a plane fitted to the samples of 3 x 3 texels is evaluated at its centre. Beside such texels,
+// values are fitted so that the bilinear display matches the samples.
 //
-// Texels that have samples are numbered in the order of their flat indices, and so are their samples: those of number
-// i begin at firsts[i]. numbers[flat index] is the number + 1, 0 for texels without samples. A sample is its place on
-// the lightmap, texels, and its weight: positive where it is seen, negative where nobody sees it, 0 if it counts for
-// nothing.
+// Supersampled texels are numbered by flat index, and their samples are sorted alike: texel i has samples from
+// firsts[i] on. numbers[flat index] is the texel's number + 1, or 0. A sample is float4: position on the lightmap in
+// texels (xy) and weight (z). The weight is positive if the sample is visible, negative if it is invalid, and 0 if
+// unused.
 
-// What is known of a texel.
-#define SEEN 1      // somebody sees some sample
-#define HIDES 2     // some sample is hidden, or was moved out of something
-#define MOSTLY 4    // half of the samples are seen, at least
-#define CUT 8       // it hides something, or a texel beside it is hidden: it has a plane
-#define BEYOND 16   // hidden, beside a texel with a plane that is mostly seen
+// Flags of texels.
+#define SEEN 1      // at least one valid sample
+#define HIDES 2     // a sample is invalid or was pushed off geometry
+#define MOSTLY 4    // at least half of the samples are valid
+#define CUT 8       // HIDES, or a neighbour is invalid: a plane is fitted
+#define BEYOND 16   // invalid, next to a mostly valid texel with a plane
 
 #define LIT (SEEN | BEYOND)
 
-// A sample that weighs less than this part of the heaviest of its texel was moved out of something.
+// Weight, as a fraction of the texel's heaviest sample, below which a sample was pushed off geometry.
 #define MOVED 0.01f
 
-// Variance of places, texels squared, which light has no slope over: that of noise stays small.
+// Variance added to sample positions, texels squared: slopes from less spread are noise.
 #define STEADY 0.003f
 
-// Light goes on by its slope as far as so many standard deviations of the samples' places, and no farther.
+// Maximum extrapolation by slope, in standard deviations of the sample positions.
 #define FARTHEST 1.4f
 
-// How far light may go on beyond the range of the samples around, in parts of that range: a plane through somewhat more
-// than a texel is read up to a texel beyond it. Then the same of texels that suit samples that read them.
+// Maximum extrapolation beyond the range of nearby samples, as a fraction of that range: for planes, which are
+// evaluated up to a texel away, and for texels fitted to the samples that read them.
 #define BEYOND_PLANE 1.0f
 #define BEYOND_READERS 2.0f
 
-// Weight of what a texel had before, in samples that stand for a whole texel.
+// Weight of a fitted texel's previous value, in samples (regularisation).
 #define BEFORE 0.01f
 
-// Texels whose light suits the samples that read them: hardly any of theirs, or none, tells it.
+// Returns true for texels fitted to the samples that read them, because they have few valid samples or none.
 bool is_fitted(const uchar state) { return state & BEYOND || ((state & CUT) && !(state & MOSTLY)); }
 
-// Where a texel is on its lightmap.
+// Declares column and row of a texel.
 #define COLUMN_AND_ROW(texel) const int column = (texel) % resolution, row = (texel) / resolution % resolution
 
-// Steps to the 3 x 3 texels around one, as far as they are on its lightmap, and the number of the texel there.
+// Loops over the 3 x 3 texels around one, within the lightmap; number of the texel there, or -1.
 #define AROUND \
     for (int up = max(-1, -row); up <= min(1, resolution - 1 - row); ++up) \
         for (int right = max(-1, -column); right <= min(1, resolution - 1 - column); ++right)
 #define NUMBER_AT(texel) ((int)numbers[(texel) + (uint)(up * resolution + right)] - 1)
 
-// From the centre of the texel that is looked around: a sample's place.
+// Position of a sample relative to the centre of the current texel.
 #define PLACE(sample) ((sample).xy - (float2)(column + 0.5f, row + 0.5f))
 
 float4 value_of(__global const float *values, const int channels, const int sample)
@@ -55,7 +55,7 @@ float4 value_of(__global const float *values, const int channels, const int samp
     return channels == 1 ? (float4)(values[sample]) : (float4)(vload3(sample, values), 0.0f);
 }
 
-// Adds to a sum what rounding has kept out of it (Kahan 1965).
+// Adds a value to a sum with Kahan compensation (Kahan 1965).
 void add_to(float4 *sum, float4 *left, const float4 value)
 {
     const float4 wanted = value - *left, total = *sum + wanted;
@@ -63,7 +63,7 @@ void add_to(float4 *sum, float4 *left, const float4 value)
     *sum = total;
 }
 
-// Samples as they are above.
+// Packs samples to float4 as described above.
 __kernel void list_samples(__global const float *positions, __global const float *weights,
                            __global const uchar *visible, __global float4 *samples, const int count)
 {
@@ -72,7 +72,7 @@ __kernel void list_samples(__global const float *positions, __global const float
         samples[k] = (float4)(vload2(k, positions), visible[k] ? weights[k] : -weights[k], 0.0f);
 }
 
-// Total weight of the samples that are seen, and where they are on the mean, from the texel's centre.
+// Computes the total weight and mean position of each texel's valid samples, and its flags.
 __kernel void look_at_texels(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                              const int resolution, __global uint *numbers, __global float4 *seen_part,
                              __global uchar *states, const int count)
@@ -101,7 +101,7 @@ __kernel void look_at_texels(__global const float4 *samples, __global const int 
     states[i] = heaviest > 0.0f ? SEEN | (whole < number ? HIDES : 0) | (2 * whole >= number ? MOSTLY : 0) : 0;
 }
 
-// A texel needs a plane.
+// Marks valid texels that need a plane: geometry crosses them, or a neighbour is invalid.
 __kernel void mark_cut(__global const uint *texels, __global const uint *numbers, const int resolution,
                        __global const uchar *states, __global uchar *marked, const int count)
 {
@@ -117,7 +117,7 @@ __kernel void mark_cut(__global const uint *texels, __global const uint *numbers
     marked[i] = states[i] | ((states[i] & SEEN) && cut ? CUT : 0);
 }
 
-// A hidden texel is read by what is seen beside it.
+// Marks invalid texels next to a mostly valid texel with a plane; bilinear look-ups read them.
 __kernel void mark_extrapolated(__global const uint *texels, __global const uint *numbers, const int resolution,
                                 __global const uchar *states, __global uchar *marked, const int count)
 {
@@ -133,7 +133,7 @@ __kernel void mark_extrapolated(__global const uint *texels, __global const uint
     marked[i] = states[i] | (!(states[i] & SEEN) && near ? BEYOND : 0);
 }
 
-// Means, and the least and the largest value of what is seen; `light` is 0 where nothing is.
+// Computes the mean, minimum and maximum of each texel's valid samples; `light` is 0 if there are none.
 __kernel void texel_means(__global const float4 *samples, __global const int *firsts,
                           __global const float4 *seen_part, __global const float *values, const int channels,
                           __global float4 *light, __global float4 *low, __global float4 *high, const int count)
@@ -156,11 +156,11 @@ __kernel void texel_means(__global const float4 *samples, __global const int *fi
     high[i] = most;
 }
 
-// Numbers as integers in the same order, and back.
+// Maps floats to integers of the same order, and back.
 int4 ordered(const float4 v) { const int4 bits = as_int4(v); return bits ^ (bits >> 31 & 0x7fffffff); }
 float4 unordered(const int4 bits) { return as_float4(bits ^ (bits >> 31 & 0x7fffffff)); }
 
-// The range of all values that are seen: least, then most, of each channel. A work item looks at EACH texels.
+// Finds minimum and maximum of all valid samples per channel by atomics. Each work item processes EACH texels.
 #define EACH 32
 __kernel void range_of_all(__global const float4 *low, __global const float4 *high, __global int *range,
                            const int count)
@@ -178,10 +178,10 @@ __kernel void range_of_all(__global const float4 *low, __global const float4 *hi
     atomic_max(range + 4, last.x), atomic_max(range + 5, last.y), atomic_max(range + 6, last.z);
 }
 
-// Planes around cut texels, of the least weighted squares to the samples of 3 x 3 texels: `level` at the centre, slopes
-// along u and v, and how low and high light may go on. What hides something in a texel has moved the mean of the rest
-// off its centre: it goes on to there, no farther than a Mahalanobis distance of FARTHEST, since slopes across a strip
-// of samples are those of its noise.
+// Fits a plane around each cut texel by weighted least squares over the samples of 3 x 3 texels: level at the centre,
+// slopes along u and v, and bounds. Geometry in the texel displaces the mean of its valid samples from the centre, so
+// the value is extrapolated back along the slope. The distance is limited to a Mahalanobis distance of FARTHEST,
+// because slopes across a narrow strip of samples are noise.
 __kernel void fit_planes(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                          __global const uint *numbers, const int resolution, __global const uchar *states,
                          __global const float4 *seen_part, __global const float *values, const int channels,
@@ -192,7 +192,7 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
     if (i >= count || !(states[i] & CUT))
         return;
 
-    // Means of places and values, which all sums below are about.
+    // Compute means of positions and values; all sums below are relative to them.
     float total = 0.0f;
     float2 middle = (float2)(0.0f);
     float4 mean = (float4)(0.0f), least = (float4)(INFINITY), most = (float4)(-INFINITY);
@@ -230,7 +230,7 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
         }
     }
 
-    // The inverse of the places' covariance gives the slopes, and distances along them.
+    // The inverse covariance of positions gives the slopes and the Mahalanobis distance.
     spread.xz += STEADY;
     const float3 inverse = (float3)(spread.z, -spread.y, spread.x) / (spread.x * spread.z - spread.y * spread.y);
     const float4 slope_u = inverse.x * right_side_u + inverse.y * right_side_v;
@@ -251,7 +251,7 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
     }
 }
 
-// Hidden texels beside what is seen show the mean of the planes that go on there.
+// Sets invalid texels beside valid ones to the mean of the planes extrapolated to them.
 __kernel void extrapolate_texels(__global const uint *texels, __global const uint *numbers, const int resolution,
                                  __global const uchar *states, __global const float4 *planes, __global float4 *light,
                                  const int count)
@@ -273,7 +273,7 @@ __kernel void extrapolate_texels(__global const uint *texels, __global const uin
     light[i] = sum / number;
 }
 
-// What a sample reads: numbers of the texels of its footprint, -1 for those without weight.
+// Bilinear taps of a sample: texel numbers, -1 without weight.
 typedef struct {
     int number[4];
     float weight[4];
@@ -302,8 +302,8 @@ Reading reading_at(const float2 position, const int atlas, __global const uint *
     return reading;
 }
 
-// How much a sample tells of texel i: the weight with which it reads it, times its own; 0 where it is not seen or does
-// not count.
+// Returns the weight with which a sample constrains texel i: bilinear weight times sample weight; 0 if it is invalid or
+// unused.
 float share_of(const float4 sample, const int i, const int atlas, __global const uint *numbers, const int resolution,
                __global const uchar *states, Reading *reading)
 {
@@ -316,8 +316,8 @@ float share_of(const float4 sample, const int i, const int atlas, __global const
     return reading->counts ? weight * sample.z : 0.0f;
 }
 
-// Least squares of the display at samples (Kavan, Bargteil and Sloan 2011): between what fitted texels stay, and the
-// length of their steps by Jacobi's method.
+// Prepares the least-squares fit of the display to the samples (Kavan, Bargteil and Sloan 2011): bounds and Jacobi step
+// sizes of the fitted texels.
 __kernel void begin_fit(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                         __global const uint *numbers, const int resolution, __global const uchar *states,
                         __global const float *values, const int channels, __global const int *range,
@@ -350,7 +350,7 @@ __kernel void begin_fit(__global const float4 *samples, __global const int *firs
     steps[i] = 1.0f / (total + BEFORE);
 }
 
-// A step: the light of fitted texels makes the display more alike the samples that read them. Others stay as they are.
+// Runs one Jacobi step on the fitted texels, clamped to their bounds. Other texels are copied.
 __kernel void step_of_fit(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                           __global const uint *numbers, const int resolution, __global const uchar *states,
                           __global const float *values, const int channels, __global const float4 *low,

@@ -3,14 +3,17 @@
 #include "receiver.cl"
 #include "shaft.cl"
 
-// Triangles that may stand between a texel and a triangle that shines: those that reach into the shaft around both.
+// Candidate blockers between one texel and one emissive triangle, by shaft culling (Haines and Wallace 1991; shaft.cl).
+// find_blockers stores the triangles that reach into the convex hull of texel and emitter, so that shadow rays test
+// only them.
 
 #if PACKET == 8
-// Room for rounding, relative to the farthest corner.
+// Slack of the shaft for rounding, as a fraction of the distance to the emitter's farthest corner (chosen).
 #define SHAFT_SLACK 1e-5f
 
-// The shaft stays apart from the planes of texel and triangle, as rays do. False if there is none: where the texel is on
-// a smooth surface, whose rays start elsewhere, near the triangle's plane, or as small as rounding.
+// Builds the shaft around texel and emitter. It ends just before the planes of both, because shadow rays do the same.
+// Returns false if no safe shaft exists: ray origins are offset to a smooth surface, the texel lies near the triangle's
+// plane, or the triangle is as small as rounding errors.
 bool make_shaft(__global const Emitter *e, const Receiver *r, Shaft *shaft)
 {
     const float3 start = r->at + r->height * r->geometric, across = r->edge_u + r->edge_v, along = r->edge_u - r->edge_v;

@@ -1,9 +1,10 @@
 #pragma once
 
-// Builds the hierarchy of bvh_traversal.cl: clusters of triangles along a Morton curve, each merged with its
-// best neighbour if the choice is mutual (PLOC; Meister and Bittner 2018), until few are left, which are
-// split from the top down; then binary nodes are joined to nodes of WIDTH children with leaves of packets.
-// engine/visibility/rays/bvh.py runs the kernels.
+// Bottom-up BVH construction by PLOC (parallel locally-ordered clustering; Meister and Bittner 2018): triangles are
+// sorted along a Morton curve, and neighbouring clusters merge where each is the other's best partner. A few remaining
+// clusters are joined from the top down (bvh_upper_levels.cl). Binary nodes then collapse to nodes of WIDTH children
+// whose leaves hold packets of PACKET triangles. engine/visibility/rays/bvh.py runs these kernels; bvh_traversal.cl
+// reads the result.
 
 #define FAR 8
 #define CHUNK 32  // values that one work item sums
@@ -15,7 +16,7 @@ typedef struct {
 
 float half_area(const float3 size) { return size.x * size.y + size.y * size.z + size.z * size.x; }
 
-// The corner of a triangle.
+// Returns one corner of a triangle, world space. positions: 3 x 3 floats per triangle.
 float3 corner_of(__global const float *positions, const int triangle, const int corner)
 {
     return vload3(3 * triangle + corner, positions);
@@ -30,7 +31,7 @@ Box box_of(__global const float *positions, const int triangle)
     return box;
 }
 
-// Two zeros before each of the lowest 21 bits.
+// Inserts two zero bits before each of the lowest 21 bits of x, so that three such values interleave to a Morton code.
 ulong spread(ulong x)
 {
     x = (x | x << 32) & 0x1f00000000ffff;
@@ -40,8 +41,8 @@ ulong spread(ulong x)
     return (x | x << 2) & 0x1249249249249249;
 }
 
-// The code of each triangle's box on the Morton curve, above the triangle's number in `number_bits` bits. The
-// scene reaches from -1/scale to 1/scale.
+// Stores the sort key of each triangle: the Morton code of its box centre, above the triangle's index in the lowest
+// `number_bits` bits. The scene spans -1/scale to 1/scale on each axis.
 __kernel void morton_keys(__global const float *positions, const float scale,
                               const int number_bits, __global ulong *keys, const int count)
 {
@@ -57,7 +58,8 @@ __kernel void morton_keys(__global const float *positions, const float scale,
     keys[i] = code << number_bits | (ulong)i;
 }
 
-// Clusters are six rows of coordinates (low and high x, y, z), FAR more at either end, and the node of each.
+// Clusters are stored as six rows of floats (low x, y, z, high x, y, z) with FAR padding entries at both ends. Row
+// `cluster` holds the binary node of each.
 void store_box(__global float *rows, const int stride, const int i, const Box box)
 {
     __global float *at = rows + FAR + i;
@@ -73,15 +75,15 @@ Box load_box(__global const float *rows, const int stride, const int i)
     return box;
 }
 
-// Nobody merges with what is endless: it stands at both ends of the rows.
+// Stores an infinite box as padding beyond the ends of the rows. No cluster ever chooses it as a partner.
 void store_end(__global float *rows, const int stride, const int i)
 {
     const Box endless = {(float3)(-INFINITY), (float3)(INFINITY)};
     store_box(rows, stride, i, endless);
 }
 
-// A node has its box, with the cost of a ray in it (surface area heuristic), and its two children, the
-// number of its triangles, and whether it is a leaf. Of a triangle's node the first child is its number.
+// Stores a binary node: its box, its cost by the surface area heuristic, and a link with two children, triangle count
+// and leaf flag. The node of a single triangle has the triangle's index as its left child and -1 as its right.
 void store_node(__global NodeBox *boxes, __global NodeLink *links, const int node, const Box box, const float cost,
                 const NodeLink link)
 {
@@ -96,7 +98,8 @@ float area_of(__global const NodeBox *boxes, const int node)
     return half_area(vload3(0, boxes[node].high) - vload3(0, boxes[node].low));
 }
 
-// Makes a node of two others: a leaf if it has few triangles, and to test all is no dearer than to test their boxes.
+// Makes the parent of two binary nodes. The parent becomes a leaf if it has at most LEAF triangles and testing them all
+// costs no more than testing the children's boxes (surface area heuristic).
 void join_nodes(__global NodeBox *boxes, __global NodeLink *links, const int node, const int left, const int right)
 {
     const Box box = {min(vload3(0, boxes[left].low), vload3(0, boxes[right].low)),
@@ -110,7 +113,7 @@ void join_nodes(__global NodeBox *boxes, __global NodeLink *links, const int nod
     store_node(boxes, links, node, box, leaf ? whole : parted, link);
 }
 
-// Every triangle is a cluster and a node, in the order of the curve.
+// Makes one cluster and one leaf node per triangle, in Morton order.
 __kernel void single_clusters(__global const float *positions, __global const ulong *keys,
                               const ulong number_mask, __global float *rows, const int stride,
                               __global int *cluster, __global NodeBox *boxes, __global NodeLink *links, const int count)
@@ -130,8 +133,8 @@ __kernel void single_clusters(__global const float *positions, __global const ul
     store_node(boxes, links, i, box, half_area(box.high - box.low) * PACKET_COST, link);
 }
 
-// The neighbour with which each cluster has the smallest box: among equals the other one of its pair, so
-// that equal boxes pair up.
+// Finds the best partner of each cluster among the FAR clusters on either side: the one with the smallest surface area
+// of the joint box. Among equal areas the cluster's own pair (index ^ 1) wins, so that equal boxes merge in pairs.
 __kernel void best_neighbours(__global const float *rows, const int stride, __global int *best,
                               const int count)
 {
@@ -171,7 +174,8 @@ __kernel void best_neighbours(__global const float *rows, const int stride, __gl
     best[i] = i + other;
 }
 
-// With which neighbour a cluster merges: with itself unless the choice is mutual. In pairs if `paired`.
+// Returns the cluster with which cluster i merges, or i itself unless both chose each other. paired: merge i with i ^ 1
+// regardless of `best`, used when mutual choices become rare.
 int mutual_best(__global const int *best, const int i, const int paired, const int count)
 {
     if (paired)
@@ -180,7 +184,8 @@ int mutual_best(__global const int *best, const int i, const int paired, const i
     return best[other] == i ? other : i;
 }
 
-// Of each cluster how many before it in its chunk stay, and how many nodes they make; both of each chunk.
+// Counts, for each cluster, the survivors (x) and new nodes (y) before it within its chunk of CHUNK clusters. totals:
+// both sums of each chunk. First pass of a prefix sum.
 __kernel void count_merges(__global const int *best, const int paired, __global int2 *before,
                            __global int2 *totals, const int count)
 {
@@ -196,7 +201,7 @@ __kernel void count_merges(__global const int *best, const int paired, __global 
     totals[get_global_id(0)] = sum;
 }
 
-// Sums before each value in its chunk, in place; of each chunk its sum.
+// Replaces values by their exclusive prefix sums within each chunk. totals: the sum of each chunk.
 __kernel void sum_chunks(__global int2 *values, __global int2 *totals, const int count)
 {
     const int first = CHUNK * get_global_id(0), last = min(first + CHUNK, count);
@@ -211,7 +216,7 @@ __kernel void sum_chunks(__global int2 *values, __global int2 *totals, const int
     totals[get_global_id(0)] = sum;
 }
 
-// Sums before each chunk, in place, and after the last the sum of all. One work group.
+// Replaces the totals of chunks by their exclusive prefix sums and appends the grand total. Runs as one work group.
 __kernel void sum_totals(__global int2 *totals, const int count, __local int2 *sums)
 {
     const int item = get_local_id(0), items = get_local_size(0), each = (count + items - 1) / items;
@@ -239,7 +244,7 @@ __kernel void sum_totals(__global int2 *totals, const int count, __local int2 *s
     }
 }
 
-// The clusters that stay, and new nodes from `first_node` on for those that merge.
+// Writes the surviving clusters in order, and one new binary node from `first_node` on for each merging pair.
 __kernel void merge(__global const int *best, const int paired, __global const int2 *before,
                     __global const int2 *totals, __global const float *rows, __global const int *cluster,
                     __global float *new_rows, __global int *new_cluster, const int stride, const int left,
@@ -269,8 +274,9 @@ __kernel void merge(__global const int *best, const int paired, __global const i
     new_cluster[rank.x] = node;
 }
 
-// The children of a wide node: the binary node's two, and of those that are no leaves the largest opened as
-// long as there is room. Returns the number of those that are no leaves, and of the packets of leaves.
+// Collapses a binary node to one wide node (WIDTH children): starting from the root, the child with the largest area is
+// replaced by its own two children while slots remain. Returns the number of inner children (x) and of leaf packets
+// (y).
 int2 open_node(__global const NodeBox *boxes, __global const NodeLink *links, const int root, __global int *children)
 {
     int open[WIDTH], count = 1;
@@ -303,7 +309,7 @@ int2 open_node(__global const NodeBox *boxes, __global const NodeLink *links, co
     return sum;
 }
 
-// The children of each wide node of a level, how many of them are no leaves, and its packets.
+// Collapses the binary nodes `roots` of one level to wide nodes. counts: inner children and packets of each.
 __kernel void open_nodes(__global const NodeBox *boxes, __global const NodeLink *links, __global const int *roots,
                          __global int *children, __global int2 *counts, const int count_roots)
 {
@@ -312,10 +318,11 @@ __kernel void open_nodes(__global const NodeBox *boxes, __global const NodeLink 
         counts[i] = open_node(boxes, links, roots[i], children + WIDTH * i);
 }
 
-// All levels from one on while they have at most `limit` wide nodes and there is room for them, one after the other. One
-// work group. roots: the binary nodes of the first level; next, spare: of the levels after it, in turns. before: of each
-// wide node its first child that is no leaf, and its first packet, from the first node and packet of these levels on.
-// made: nodes, levels, nodes of the level that follows, packets.
+// Collapses successive levels in one work group, which avoids a kernel launch per small level. Stops when a level has
+// more than `limit` nodes or `room` is exhausted.
+// roots: binary nodes of the first level. next, spare: alternating buffers for the roots of later levels.
+// before: index of the first inner child (x) and of the first packet (y) of each wide node, relative to these levels.
+// made: numbers of nodes, levels, roots of the next level, and packets.
 __kernel void open_levels(__global const NodeBox *boxes, __global const NodeLink *links, __global const int *roots,
                           __global int *next, __global int *spare, __global int *children, __global int2 *before,
                           __global int *made, const int first_count, const int limit, const int room,
@@ -369,7 +376,7 @@ __kernel void open_levels(__global const NodeBox *boxes, __global const NodeLink
     }
 }
 
-// The binary nodes that the next level of wide nodes is made of.
+// Collects the inner children of a level: the binary nodes from which the next level of wide nodes is built.
 __kernel void next_roots(__global const NodeLink *links, __global const int *children, __global const int2 *before,
                          __global const int2 *totals, __global int *next, const int count)
 {
@@ -384,7 +391,8 @@ __kernel void next_roots(__global const NodeLink *links, __global const int *chi
     }
 }
 
-// The packets of a leaf: first corner, two edges and number of each triangle; lanes without one have no edges.
+// Stores the triangles of a leaf as packets: first corner, two edges, and index, one lane each. Unused lanes have zero
+// edges, which no ray hits.
 void store_packets(__global const float *positions, __global const NodeLink *links,
                    const int leaf, __global float *packets)
 {
@@ -412,8 +420,8 @@ void store_packets(__global const float *positions, __global const NodeLink *lin
             packets[lane / PACKET * PACKET * RECORD + k * PACKET + lane % PACKET] = 0.0f;
 }
 
-// A child of a node, as bvh_traversal.cl reads it: the planes of its box, or in nodes of two its middle and
-// half its size, larger by a margin. A box at infinity becomes one that no ray meets.
+// Stores one child of a wide node. With WIDTH 2 the box is stored as centre and half size enlarged by `margin`, else as
+// low and high planes. A box at infinity marks a missing child and is stored so that no ray hits it.
 void store_child(__global float *record, const Box box, const int code, const float margin)
 {
     float3 low = box.low, high = box.high;
@@ -428,8 +436,8 @@ void store_child(__global float *record, const Box box, const int code, const fl
         record[i * WIDTH] = values[i];
 }
 
-// Wide nodes of one level, from `first` on, and the packets of their leaves; their children are nodes from
-// `next` on. Boxes of missing children are at infinity.
+// Stores the wide nodes of one level from node `first` on, and the packets of their leaves from `first_packet` on.
+// Inner children are numbered from `next` on. Missing children get boxes at infinity.
 __kernel void store_level(__global const float *positions, __global const NodeBox *boxes,
                           __global const NodeLink *links, __global const int *children, __global const int2 *before,
                           __global const int2 *totals, const int first, const int next, const int first_packet,

@@ -1,9 +1,9 @@
 #pragma once
 #include "image_borders.cl"
 
-// Rays through a bounding volume hierarchy of triangles: nodes of WIDTH boxes, leaves of packets of PACKET
-// triangles, RECORD floats each, at most STACK nodes to come back to (engine/visibility/rays/bvh.py). TRANSMISSION is
-// defined for scenes with see-through surfaces, TINTED if these change the color of light.
+// Ray traversal of a BVH with WIDTH boxes per node and leaves of packets of PACKET triangles (RECORD floats per
+// triangle). STACK is the traversal stack's size (engine/visibility/rays/bvh.py chooses all four). TRANSMISSION is
+// defined for scenes with transparent surfaces, TINTED if some of them colour the light that passes.
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -21,7 +21,7 @@
 #define JOINED(i) (i.s0 | i.s1 | i.s2 | i.s3 | i.s4 | i.s5 | i.s6 | i.s7)
 #endif
 
-// Bits of the lanes whose flags are set: one instruction where AVX is there.
+// Returns a bit mask of the lanes whose flags are set. With AVX this is one instruction (movmskps).
 #if WIDTH == 8 && defined(__AVX__)
 #define BITS_OF(flags) __builtin_ia32_movmskps256(as_float8(flags))
 #elif WIDTH > 2
@@ -55,7 +55,7 @@ int bits_of(const INTS flags)
 #endif
 #define LEAF_BITS 3
 
-// A processor has a descent of each kind, once: it is called often, and knows then what it looks for.
+// On a CPU each kind of traversal is compiled once as a function, with its search mode inlined as a constant.
 #if WIDTH == 2
 #define DESCENT
 #define PART_OF_DESCENT
@@ -65,7 +65,7 @@ int bits_of(const INTS flags)
 #endif
 
 typedef struct {
-    PLANES x, y, z;  // of the children's boxes: low ones, then high ones; of nodes of two middles, then half sizes
+    PLANES x, y, z;  // planes of the children's boxes: low, then high; for WIDTH 2 centres, then half sizes
     INTS children;   // a child is a node, or ~(first packet << LEAF_BITS | packets) for a leaf
     INTS unused;
 } Node;
@@ -105,16 +105,16 @@ typedef struct {
     int triangle;    // -1 for none
     bool front;
 #ifdef TINTED
-    bool tinted;     // light of it comes through tinted surfaces
+    bool tinted;     // light from the hit passes coloured surfaces
 #endif
 } Hit;
 
-// Transmittance of surfaces: for shadow rays to lights, and for all other rays; plus BACK_SIDE of their backs.
+// Kinds of transmittance: for shadow rays to lights, and for all other rays. BACK_SIDE is added for back faces.
 #define SHADOW 0
 #define BOUNCE 1
 #define BACK_SIDE 2
 
-// A fraction of light: of each channel if surfaces change its color.
+// Fraction of light that passes or is stopped: three channels if surfaces colour light (TINTED), else one.
 #ifdef TINTED
 typedef float3 Fraction;
 float largest(const Fraction f) { return fmax(f.x, fmax(f.y, f.z)); }
@@ -160,8 +160,8 @@ Fraction map_value(const Rays *rays, const float2 uv, __global const Transmittan
 #define OF_CHANNELS(values) (values)[0]
 #endif
 
-// The fraction of light that a surface stops at a point of a triangle; weights: of its second and third corner.
-// kind: SHADOW or BOUNCE
+// Returns the opacity of a surface at a point of a triangle: base plus factor times map value, then alpha clip or clamp
+// to 0..1. weights: barycentrics of the second and third corner. kind: SHADOW or BOUNCE.
 Fraction opacity(const Rays *rays, const int triangle, const float2 w, const bool front, const int kind)
 {
     __global const Transmittance *surface =
@@ -179,8 +179,8 @@ Fraction opacity(const Rays *rays, const int triangle, const float2 w, const boo
     return clamp(stopped, 0.0f, 1.0f);
 }
 
-// What is more transparent than this is passed. DITHERED: partial opacity stops that fraction of the rays,
-// chosen by a hash of where they hit; else half of it is as good as all.
+// Returns the smallest opacity that stops a ray at this hit. With DITHERED it is a pseudo-random number from a hash of
+// the hit point, so that partial opacity stops that fraction of all rays. Without, it is 1/2.
 float least_opacity(const Hit *hit)
 {
 #ifdef DITHERED
@@ -194,37 +194,37 @@ float least_opacity(const Hit *hit)
 }
 #endif
 
-// What a descent looks for: everything in the way, the nearest surface, or back, or any triangle, see-through or not; or
-// the tints of what is passed.
+// Search modes of a traversal: product of transmittances up to a distance (ALL), nearest opaque hit, nearest opaque
+// back-face hit, any hit regardless of opacity, or tint of the surfaces passed (TINTS).
 #define ALL 0
 #define NEAREST 1
 #define NEAREST_BACK 2
 #define ANYTHING 3
 #define TINTS 4
 
-// Beyond all surfaces, and before the boxes at infinity of children that are missing.
+// Maximum ray length. Nearer than the boxes at infinity that stand for missing children.
 #define FARTHEST 1e38f
 
-// A back loses against a front that lies on it: it counts as this part farther.
+// Relative distance added to back-face hits, so that a coplanar front face wins.
 #define BACK_FARTHER 1e-5f
 
 typedef struct {
     float3 origin, direction, inverse;
     int sought;
-    float reach;    // what is farther does not count, in lengths of the direction
-    Fraction through;  // fraction of light that has come so far
+    float reach;    // maximum ray parameter, in lengths of the direction
+    Fraction through;  // product of transmittances so far
     Hit nearest;
 #ifdef TRANSMISSION
     int kind;       // SHADOW or BOUNCE
 #endif
 #ifdef TINTED
-    bool tinted;    // something was passed that changes the color of light, perhaps behind the nearest surface
+    bool tinted;    // a coloured transparent surface was passed, perhaps behind the nearest hit
 #endif
 } Search;
 
-// The distances `axis_in` and `axis_out` between which a ray is in the slabs of boxes (Kay and Kajiya 1986). A card
-// tells low from high planes at half the speed of products, so its nodes of two have middles, half sizes before and
-// after which a ray is in the slab; these are larger by what rounding takes (kernels/rays/bvh.cl).
+// Slab test (Kay and Kajiya 1986): computes `axis_in` and `axis_out`, the ray parameters at which a ray enters and
+// leaves the boxes along one axis. GPUs select low or high planes at half the speed of a multiplication, so nodes of
+// two children store centre and half size, enlarged for rounding (bvh.cl).
 #if WIDTH == 2
 #define SLAB(axis) \
     const FLOATS axis##_middle = (node->axis.lo - search->origin.axis) * search->inverse.axis; \
@@ -239,8 +239,8 @@ typedef struct {
     const FLOATS axis##_out = (axis[axis##_far] - search->origin.axis) * search->inverse.axis
 #endif
 
-// The children of a node whose boxes a ray meets, and the distances `in` at which it enters them, with room for
-// rounding (Ize 2013). The inverse of the direction is finite, so nothing is NaN.
+// Returns flags of the children whose boxes the ray hits, and in `in` the ray parameters at which it enters them. The
+// factor covers rounding (Ize 2013). The inverse direction is finite, so no value is NaN.
 PART_OF_DESCENT INTS boxes_met(__global const Node *node, const Search *search, FLOATS *in)
 {
     SLAB(x);
@@ -250,13 +250,14 @@ PART_OF_DESCENT INTS boxes_met(__global const Node *node, const Search *search, 
     return *in <= min(min(x_out, y_out), min(z_out, search->reach)) * 1.0000004f;
 }
 
-// What a ray meets in a packet.
+// Intersections of one ray with a packet of triangles: distance, barycentrics, determinant, and hit flags per lane.
 typedef struct {
     LANES distance, u, v, determinant;
     FLAGS met;
 } Meeting;
 
-// Moeller and Trumbore 1997; edges are a little wider than they are, so that nothing slips between.
+// Ray-triangle intersection by Moeller and Trumbore 1997. Triangles are enlarged by 1e-6 in barycentrics, so that rays
+// cannot slip between neighbours.
 PART_OF_DESCENT void meet(const LANES *t, const Search *search, Meeting *meeting)
 {
     const float3 d = search->direction;
@@ -278,7 +279,7 @@ PART_OF_DESCENT void meet(const LANES *t, const Search *search, Meeting *meeting
     meeting->v = v;
 }
 
-// What a ray meets in a packet of a leaf.
+// Loads a packet of a leaf and intersects it with the ray.
 PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *search, Meeting *meeting)
 {
 #if PACKET == 1
@@ -291,9 +292,9 @@ PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *sear
     meet(t, search, meeting);
 }
 
-// What is met in a packet counts; false if nothing more can.
+// Merges the hits of a packet into the search. Returns false once the search is complete (ray fully blocked).
 #if PACKET == 8 && !defined(TRANSMISSION)
-// The nearest of all lanes, at a time.
+// Variant for opaque scenes on CPUs: takes the nearest lane by a vector minimum.
 PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, const Meeting *meeting, Search *search)
 {
     if (search->sought == ALL)
@@ -315,7 +316,7 @@ PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, 
     return true;
 }
 #else
-// One lane after the other.
+// General variant: processes lanes in order, with transparency.
 PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, const Meeting *meeting, Search *search)
 {
     for (int lane = 0; lane < PACKET; ++lane) {
@@ -357,7 +358,7 @@ PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, 
 }
 #endif
 
-// What is met in a leaf counts; false if nothing more can.
+// Tests all packets of a leaf. Returns false once the search is complete.
 PART_OF_DESCENT bool take_leaf(const Rays *rays, const int code, Search *search)
 {
     __global const PART *packet = rays->triangles + PARTS * (code >> LEAF_BITS);
@@ -373,10 +374,10 @@ PART_OF_DESCENT bool take_leaf(const Rays *rays, const int code, Search *search)
     return true;
 }
 
-// What a ray has yet to visit is on a stack, `depth` high. A ray enters few of the children of a wide node, and
-// passes many of them before their turn comes, so where they begin is kept beside. `go_down` leads to the
-// nearest child, with the others on the stack, the farthest first; `go_back` to what is on the stack. False if
-// there is nothing. (The depth is apart from the stack, so that it can stay in a register.)
+// The traversal stack holds nodes still to be visited; `depth` is its height. `go_down` enters the nearest child hit
+// and pushes the others, farthest first. `go_back` pops the next node. Both return false if none is left. `begins`
+// holds the entry distance of each pushed node: wide nodes push several, and most start behind a hit found meanwhile.
+// `depth` is separate from the stack, so that it can stay in a register.
 #if WIDTH == 2
 bool go_down(int *stack, float *begins, int *depth, const INTS met, const FLOATS in, const INTS children, int *node)
 {
@@ -440,8 +441,8 @@ PART_OF_DESCENT bool go_back(const int *stack, const float *begins, int *depth, 
 }
 #endif
 
-// Visit what a ray may meet, near before far. Work items that run in step go down until each of them is at a leaf:
-// then all test triangles together (Aila and Laine 2009, while-while).
+// Traverses the BVH, near children first (while-while loop of Aila and Laine 2009): GPU lanes descend until each has
+// reached a leaf, then all test triangles together.
 PART_OF_DESCENT void descend(const Rays *rays, Search *search)
 {
     int stack[STACK], depth = 0, node = 0;
@@ -476,8 +477,8 @@ PART_OF_DESCENT Search search_for(const int sought, const int kind, const float3
     return search;
 }
 
-// The fraction of light that comes through along a ray up to a distance: 1 if nothing is in its way.
-// kind: SHADOW or BOUNCE, the transmittance of surfaces that counts
+// Returns the transmittance along a ray up to a distance: 1 if unoccluded, 0 if blocked. kind: SHADOW or BOUNCE,
+// selects the transmittance of surfaces.
 DESCENT Fraction transmittance(const Rays *rays, const int kind, const float3 origin, const float3 direction,
                                const float distance)
 {
@@ -486,7 +487,7 @@ DESCENT Fraction transmittance(const Rays *rays, const int kind, const float3 or
     return search.through;
 }
 
-// Whether a ray meets any triangle, holes and backs included.
+// Returns true if a ray hits any triangle, including transparent ones and back faces.
 DESCENT bool meets_anything(const Rays *rays, const float3 origin, const float3 direction)
 {
     Search search = search_for(ANYTHING, BOUNCE, origin, direction, INFINITY);
@@ -494,7 +495,8 @@ DESCENT bool meets_anything(const Rays *rays, const float3 origin, const float3 
     return largest(search.through) == 0.0f;
 }
 
-// The nearest surface along a ray, or the nearest back; holes are passed.
+// Returns the nearest opaque hit along a ray, or the nearest opaque back-face hit if `backs`. Transparent points are
+// passed.
 DESCENT Hit nearest_hit(const Rays *rays, const float3 origin, const float3 direction, const bool backs)
 {
     Search search = search_for(backs ? NEAREST_BACK : NEAREST, BOUNCE, origin, direction, FARTHEST);
@@ -506,8 +508,9 @@ DESCENT Hit nearest_hit(const Rays *rays, const float3 origin, const float3 dire
 }
 
 #ifdef TINTED
-// The tint of the light that comes from a hit, or from the sky: what is nearer was passed by lot, with the probability of
-// the largest channel of its transmittance. What is left of the transmittance is the tint.
+// Returns the tint, rgb, of light that arrives along a ray from a hit or the sky. The ray passed each transparent
+// surface with a probability equal to the largest channel of its transmittance; the tint is the product of the
+// remaining factors transmittance / largest channel.
 DESCENT float3 tint_of_way(const Rays *rays, const float3 origin, const float3 direction, const Hit *hit)
 {
     Search search = search_for(TINTS, BOUNCE, origin, direction, fmin(hit->distance, FARTHEST));

@@ -1,10 +1,10 @@
 #include "bvh.cl"
 
-// The tree over clusters of triangles (engine/visibility/rays/upper_levels.py): ranges of clusters are split from the top down,
-// all of a level at a time, where the surface area heuristic finds it cheapest (binned; Wald 2007).
+// Top levels of the BVH: a top-down tree over the clusters that PLOC leaves (engine/visibility/rays/upper_levels.py).
+// All ranges of a level are split at once by the binned surface area heuristic (Wald 2007).
 //
-// A range is some successive places in `order`: the first, how many, and which node has it as which child. Nodes are
-// numbered by where they are split: number k has its second half from place k + 1 on, so each is given away once.
+// A range is int4: first position in `order`, number of clusters, parent node, and child slot (0 or 1) in the parent. A
+// node's number is the position of its last left cluster, so numbers are unique.
 
 #define BINS 16
 #define MOST_ITEMS 64  // of a group
@@ -17,8 +17,8 @@ float3 centre_of(__global const NodeBox *boxes, const int node)
 
 float along(const float3 v, const int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
-// One group a range: it parts the range's clusters, tells the node above which node this is, and appends to `ranges` the
-// halves that can be split further.
+// Splits each range with one work group: partitions its clusters, stores the new node in its parent's child slot, and
+// appends to `ranges` each half of more than one cluster.
 __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLink *links, __global const int *cluster,
                            __global int *order, __global int *parted, __global uchar *bins, __global int4 *ranges,
                            __global int *count_ranges, __global int *numbers, __global int *children,
@@ -30,7 +30,7 @@ __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLin
     const int4 range = ranges[place];
     const int first = range.x, count = range.y;
 
-    // The widest axis of the centres.
+    // Find the longest axis of the bounds of cluster centres.
     float3 low = (float3)(INFINITY), high = (float3)(-INFINITY);
     for (int k = item; k < count; k += items) {
         const float3 centre = centre_of(boxes, cluster[order[first + k]]);
@@ -51,7 +51,7 @@ __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLin
     const int axis = extent.x >= fmax(extent.y, extent.z) ? 0 : extent.y >= extent.z ? 1 : 2;
     const float from = along(start, axis), width = fmax(along(extent, axis), 1e-30f);
 
-    // The bin of each cluster, then the box, the clusters and the triangles of each bin.
+    // Assign clusters to BINS bins along that axis; then sum the box, cluster count and triangle count of each bin.
     for (int k = item; k < count; k += items) {
         const float centre = along(centre_of(boxes, cluster[order[first + k]]), axis);
         bins[first + k] = min((int)((centre - from) / width * BINS), BINS - 1);
@@ -76,7 +76,8 @@ __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLin
     }
     barrier(CLK_LOCAL_MEM_FENCE);
 
-    // The last bin of the first half; -1 where no border parts any: then it gets half of the clusters.
+    // Choose the split of least cost by the surface area heuristic. border: last bin of the left half; -1 if all
+    // clusters share one bin, then the range is halved by count.
     if (item == 0) {
         float after[BINS];
         float3 bin_low = (float3)(INFINITY), bin_high = (float3)(-INFINITY);
@@ -111,7 +112,7 @@ __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLin
     }
     barrier(CLK_LOCAL_MEM_FENCE);
 
-    // Both halves keep their order; each item moves successive clusters.
+    // Partition stably: both halves keep their order. Each work item moves a contiguous part.
 #define IS_LEFT(k) (border < 0 ? (k) < left : bins[first + (k)] <= border)
     const int each = (count + items - 1) / items, begin = min(item * each, count), end = min(begin + each, count);
     int lefts = 0;
@@ -144,7 +145,7 @@ __kernel void split_ranges(__global const NodeBox *boxes, __global const NodeLin
     }
 }
 
-// Joins the children of a level's nodes.
+// Computes box, cost and leaf flag of the nodes of a level from their children.
 __kernel void fit_nodes(__global const int *numbers, const int first_range, __global const int *children,
                         const int first_node, __global NodeBox *boxes, __global NodeLink *links, const int count)
 {
@@ -155,8 +156,8 @@ __kernel void fit_nodes(__global const int *numbers, const int first_range, __gl
     join_nodes(boxes, links, first_node + number, children[2 * number], children[2 * number + 1]);
 }
 
-// The boxes that a ray through the whole tree meets, about (surface area heuristic): the areas of its nodes but for
-// clusters in parts of the root's. One group.
+// Estimates the number of boxes that a random ray hits (surface area heuristic): the summed area of inner nodes divided
+// by the root's area. Runs as one work group.
 __kernel void sum_areas(__global const NodeBox *boxes, const int root, const int first_node, __global float *cost,
                         const int count)
 {

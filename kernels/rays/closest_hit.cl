@@ -1,7 +1,7 @@
 #include "bvh_traversal.cl"
 
-// The nearest triangle along each ray, or the nearest that shows its back: number (-1 for none), and 1 for
-// its front; its distance. kind: SHADOW or BOUNCE.
+// Traces rays and stores the closest hit: (triangle index or -1, 1 for a front face) in `hits`, and the distance.
+// backs: only back faces count. kind: SHADOW or BOUNCE.
 __kernel void closest_hit(RAYS_ARGUMENTS, __global const float4 *origins, __global const float4 *directions,
                           const int backs, const int kind, __global int2 *hits, __global float *distances,
                           const int count)

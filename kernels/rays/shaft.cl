@@ -1,9 +1,10 @@
 #pragma once
 #include "bvh_traversal.cl"
 
-// Triangles that reach into a shaft, a convex space around rays to be cast (Haines and Wallace, "Shaft Culling for
-// Efficient Ray-Traced Radiosity", 1991). Where none do, nothing is in the way of these rays; a few are tested without a
-// descent. For processors: on a card the items of a warp would wait for the one with the widest shaft.
+// Shaft culling (Haines and Wallace, "Shaft Culling for Efficient Ray-Traced Radiosity", 1991): collects the triangles
+// that intersect a shaft, the convex hull of a bundle of rays. Rays of a shaft without triangles are unoccluded; up to
+// PACKET triangles are tested without a BVH traversal. Used on CPUs only: on a GPU the lanes of a warp would wait for
+// the lane with the widest shaft.
 
 #define UNKNOWN_BLOCKERS (PACKET + 1)
 
@@ -11,21 +12,22 @@
 #define SIDES 5
 
 typedef struct {
-    int count;             // UNKNOWN_BLOCKERS for more than a packet holds
-    LANES triangles[10];   // a packet of them, as `meet` takes it
+    int count;             // UNKNOWN_BLOCKERS if they exceed one packet
+    LANES triangles[10];   // one packet in the layout of `meet`
 } Blockers;
 
-// Planes around a texel and three corners beyond it: what is within has dot(normal, x - start) of at most `most`.
+// Shaft: half-spaces around a texel and three corners beyond it. A point x is inside if dot(normals[k], x - start) <=
+//     most[k] for all k. World space, metres.
 typedef struct {
     float3 start;  // above the middle of the texel
     float3 normals[SIDES];
     float most[SIDES];
     float3 corners[3];      // from `start`
     float3 across, along;   // from the middle of the texel to its sides
-    float slack;            // m, by which rounding moves all this
+    float slack;            // rounding error of these points, metres
 } Shaft;
 
-// Of the children of a node those whose boxes reach into a shaft, as bits.
+// Returns a bit mask of the children of a node whose boxes intersect the half-spaces of a shaft.
 PART_OF_DESCENT int boxes_within(__global const Node *node, const Shaft *shaft)
 {
     const PLANES x = node->x - shaft->start.x, y = node->y - shaft->start.y, z = node->z - shaft->start.z;
@@ -38,7 +40,7 @@ PART_OF_DESCENT int boxes_within(__global const Node *node, const Shaft *shaft)
     return ~BITS_OF(outside) & 255;
 }
 
-// Of the triangles of a packet those of whose planes the whole shaft is on one side.
+// Flags the triangles of a packet whose plane has the whole shaft on one side.
 PART_OF_DESCENT FLAGS planes_beside(__global const PART *t, const LANES x, const LANES y, const LANES z,
                                     const Shaft *shaft)
 {
@@ -57,7 +59,7 @@ PART_OF_DESCENT FLAGS planes_beside(__global const PART *t, const LANES x, const
     return (lowest >= -slack) | (highest <= slack);
 }
 
-// Of the triangles of a packet those that reach into a shaft, as bits.
+// Returns a bit mask of the triangles of a packet that may intersect a shaft.
 PART_OF_DESCENT int triangles_within(__global const PART *t, const Shaft *shaft)
 {
     const LANES x = t[0] - shaft->start.x, y = t[1] - shaft->start.y, z = t[2] - shaft->start.z;
@@ -71,7 +73,7 @@ PART_OF_DESCENT int triangles_within(__global const PART *t, const Shaft *shaft)
     return ~BITS_OF(outside | planes_beside(t, x, y, z, shaft)) & 255;
 }
 
-// Adds the triangles of a leaf that reach into a shaft.
+// Appends the triangles of a leaf that intersect a shaft to its blockers.
 PART_OF_DESCENT void add_blockers(const Rays *rays, const int code, const Shaft *shaft, Blockers *blockers)
 {
     __global const PART *packet = rays->triangles + PARTS * (code >> LEAF_BITS);
@@ -112,7 +114,7 @@ PART_OF_DESCENT void find_within(const Rays *rays, const Shaft *shaft, Blockers 
     }
 }
 
-// Whether nothing is in the way of a ray that a shaft holds, up to a distance.
+// Returns true if no blocker intersects a ray of the shaft up to a distance.
 bool shaft_is_clear(const Blockers *blockers, const float3 origin, const float3 direction, const float distance)
 {
     const Search search = search_for(ALL, BOUNCE, origin, direction, distance);

@@ -1,7 +1,7 @@
 #include "bvh_traversal.cl"
 
-// The fraction of light that comes through along each ray, up to the distance in its direction's w: of each channel.
-// kind: SHADOW or BOUNCE.
+// Stores the transmittance, rgb, along each ray from its origin up to the distance in w of its direction. kind: SHADOW
+// or BOUNCE.
 __kernel void through_surface(RAYS_ARGUMENTS, __global const float4 *origins, __global const float4 *directions,
                               const int kind, __global float *through, const int count)
 {

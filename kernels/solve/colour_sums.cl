@@ -1,4 +1,4 @@
 #pragma once
 
-// Red, green and blue of a colour together.
+// Returns the sum of red, green and blue.
 float sum3(const float4 v) { return v.x + v.y + v.z; }

@@ -1,5 +1,6 @@
-// What patches send out: their emission, and what each, or its stand-in, reflects of light whose rows are `stride` apart.
-// emission, radiance: of each patch + 1. stand_in: null if each patch sends out its own.
+// Computes the exitant radiance of each patch: emission plus reflectance times irradiance (E/pi). emission, radiance:
+// indexed by patch + 1. light: rows of floats, `stride` apart. stand_in: patch whose reflected light replaces each
+// patch's own, or null.
 __kernel void exitant_radiance(__global const float4 *emission, __global const float4 *reflectance,
                                __global const float *light, const int stride, __global const uint *stand_in,
                                __global float4 *radiance, const int count)
@@ -11,7 +12,7 @@ __kernel void exitant_radiance(__global const float4 *emission, __global const f
     radiance[i + 1] = emission[i + 1] + reflectance[from] * (float4)(vload3(0, light + stride * from), 0.0f);
 }
 
-// Other radiance of some patches.
+// Overwrites the radiance of some patches. values: (n, 3) float.
 __kernel void replace_radiance(__global const float *values, __global const uint *patches, __global float4 *radiance,
                                const int count)
 {

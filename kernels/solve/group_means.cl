@@ -1,5 +1,5 @@
-// Means over groups of patches (patch_groups.cl), of which each lies in one square of texels. Summed in double where
-// the device has it.
+// Computes means over patch groups (patch_groups.cl); each group lies within one square of `width` texels. Sums are
+// double where the device supports it.
 
 #ifdef cl_khr_fp64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -8,7 +8,7 @@ typedef double Sum;
 typedef float Sum;
 #endif
 
-// One work item for each channel of a group. chosen: the patches that lead groups; pages: their atlases.
+// Runs one work item per channel of each group. chosen: representative patch of each group; pages: its lightmap.
 __kernel void group_means(__global const uint *texel_to_patch, const int resolution, const int width,
                           __global const int *texels, __global const uint *leaders, __global const uint *chosen,
                           __global const int *pages, __global const float *values, const int channels,

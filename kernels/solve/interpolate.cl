@@ -1,26 +1,28 @@
 #include "colour_sums.cl"
 
-// Light of patches from that of the groups of patches around each: a plane fitted to it over the lightmap, by
-// least squares whose weights fall with the distance (local regression, Cleveland 1979).
+// Interpolates irradiance from patch groups to patches: local linear regression over the lightmap with distance weights
+// (Cleveland 1979). A patch whose fit is poor is marked, and gathers by itself.
 
-// Groups in the squares around a patch's own: at most one of each is where the patch's surface goes on.
+// Number of squares around a patch, its own included. Each contributes at most one group: the one on the patch's
+// surface.
 #define AROUND 9
 
-// At least this many groups make a plane: of fewer, what it leaves over does not tell how well it fits.
+// Minimum number of groups for a plane: with fewer, the residual does not measure the quality of the fit.
 #define FEWEST 5
 
-// A group continues a patch's surface if it lies, up to this part of a square, where steps of whole texels lead to in
-// the world, and if the cosine between both normals is at least SAME_WAY. Where fronts take less of the view of a
-// group than FRONTS, something stands on the surface, and each patch has to gather for itself.
+// A group lies on the patch's surface if two conditions hold. Its position is within OFF_PLANE squares of the
+// extrapolated texel grid, and the cosine between the normals is at least SAME_WAY. If the validity of a group is below
+// FRONTS, geometry stands on the surface there, and each patch has to gather by itself.
 #define OFF_PLANE 0.5f
 #define SAME_WAY 0.9f
 #define FRONTS 0.9f
 
-// How far a patch may be more or less open than a plane through what groups have it says: in a groove between groups, or
-// beside what stands there, the light is another one, too.
+// Maximum difference of a patch's openness from the plane fitted to that of the groups. A larger difference indicates a
+// groove between groups or a nearby object, where the irradiance differs too.
 #define AS_OPEN 0.1f
 
-// Squares from a patch at which groups weigh nothing; the largest sum of squares of what groups count for.
+// Distance in squares at which group weights reach 0; maximum sum of squared interpolation weights, which limits the
+// gain of noise.
 #define REACH 2.0f
 #define MOST_GAIN 0.75f
 
@@ -30,7 +32,7 @@ typedef struct {
     int square;          // in which of the squares around, row by row
 } Anchor;
 
-// The inverse of a symmetric matrix, in the order xx, xy, xz, yy, yz, zz; false if it is as good as singular.
+// Inverts a symmetric 3 x 3 matrix in the order xx, xy, xz, yy, yz, zz. Returns false if it is nearly singular.
 bool invert(const float *m, float *inverse)
 {
     inverse[0] = m[3] * m[5] - m[4] * m[4];
@@ -45,7 +47,7 @@ bool invert(const float *m, float *inverse)
     return determinant > 1e-4f * m[0] * m[0] * m[0];
 }
 
-// The groups around a patch on whose surface they are; return how many, 0 if one stands inside of something.
+// Collects the groups around a patch that lie on its surface. Returns their number, or 0 if one of them is invalid.
 int anchors_of(const int patch, __global const uint *texel_to_patch, const int resolution, const int width,
                __global const int *atlases, __global const int *texels, __global const int *groups,
                __global const int *leaders, __global const ReceiverRecord *receivers,
@@ -85,8 +87,8 @@ int anchors_of(const int patch, __global const uint *texel_to_patch, const int r
     return count;
 }
 
-// What each of the groups around a patch, of which there are `found`, counts for at it. The moments of their places are
-// inverted; false if they lie in no plane.
+// Computes the interpolation weight of each collected group at the patch. Inverts the moment matrix of their positions;
+// returns false if the positions are collinear.
 bool weigh(const Anchor *anchors, const int found, float *inverse, float *counts)
 {
     float moments[6] = {0.0f};
@@ -108,9 +110,10 @@ bool weigh(const Anchor *anchors, const int found, float *inverse, float *counts
     return true;
 }
 
-// Light of each patch from `layers` of that of `group_count` groups, 0 where too few are around it, and not below
-// `lowest`; and whether it fits: whether theirs lies in a plane, but for `tolerance` of the light there and `beside`
-// it, from `least` to `most`. open: of each patch, see near_openness.cl, or null.
+// Interpolates `layers` of irradiance of groups to each patch; 0 where too few groups are near, and at least `lowest`.
+// fits: 1 where the residual of the plane is at most `tolerance` times the local irradiance plus `beside` (patch
+//     irradiance without the interpolated part), clamped to `least`..`most`. open: openness of patches
+//     (near_openness.cl), or null.
 __kernel void interpolate(__global const uint *texel_to_patch, const int resolution, const int width,
                           __global const int *atlases, __global const int *texels, __global const int *groups,
                           __global const int *leaders, __global const ReceiverRecord *receivers,
@@ -134,7 +137,7 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
     if (!weigh(anchors, found, inverse, counts))
         return;
 
-    // Light and slope of the plane, of all channels together.
+    // Value and slope of the plane for the sum of channels.
     float gain = 0.0f, value = 0.0f, weights = 0.0f, nearer = open ? open[patch] : 0.0f;
     float2 slope = (float2)(0.0f);
     for (int k = 0; k < found; ++k) {
@@ -148,7 +151,8 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
                                            inverse[2] + inverse[4] * a.x + inverse[5] * a.y);
     }
 
-    // Where a chart ends and two rows or columns of squares are all there is, a plane fits a step between them.
+    // At the end of a chart with only two rows or columns of squares, a plane would fit a step between them: use no
+    // slope.
     int columns = 0, rows = 0;
     for (int k = 0; k < found; ++k) {
         columns |= 1 << anchors[k].square % 3;
@@ -173,8 +177,8 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
     }
 }
 
-// Values of groups, `layers` of `group_count`, at some patches, by number, or at all: of each as much as its light counts
-// for there. fits: of each patch, whether it has its light from groups; 0 at those that have not.
+// Interpolates `layers` of values of `group_count` groups to the chosen patches, or to all if null, with the same
+// weights as `interpolate`. Stores 0 at patches whose `fits` is 0.
 __kernel void spread(__global const uint *texel_to_patch, const int resolution, const int width,
                      __global const int *atlases, __global const int *texels, __global const int *groups,
                      __global const int *leaders, __global const ReceiverRecord *receivers,

@@ -1,16 +1,15 @@
 #include "colour_sums.cl"
 
-// Sums over all patches and mixtures of iterates, for Anderson's acceleration (engine/solve/anderson.py).
-// COLUMNS is the number of iterates kept. The newest one is `newest` of the ring; those that are not
-// valid yet hold zeros.
+// Reductions and mixing for Anderson acceleration (engine/solve/anderson.py) over a ring of COLUMNS iterates. `newest`
+// is the ring index of the latest iterate; columns not yet filled are zero.
 
 #define PRODUCTS (COLUMNS * (COLUMNS - 1) / 2)
 #define SUMS (PRODUCTS + COLUMNS + 3)
 
-// For each channel: products of the defects' differences to the newest, D_i D_j and D_i f, and f f, with
-// weights that fall with the square of a patch's light above the mean; then what the patches reflect of
-// the newest defect, and of light that is 1 wherever they see others; then all light, in x. One sum for
-// each work item.
+// Accumulates the inner products that Anderson acceleration needs, per channel, for each work item.
+// First the products D_i D_j, D_i f and f f of defect differences D to the newest defect f, weighted by the inverse
+// square of the patch's irradiance, at least `least`. Then the reflected flux of f, the reflected flux of unit ambient
+// light, and in x the total irradiance.
 __kernel void iterate_products(__global const float4 *gathered, __global const float4 *defects, const int newest,
                                __global const float4 *reflectance, __global const float *area,
                                __global const float *patches_seen, const float least, const int count,
@@ -44,9 +43,8 @@ __kernel void iterate_products(__global const float4 *gathered, __global const f
         sums[k * get_global_size(0) + get_global_id(0)] = acc[k];
 }
 
-// The next irradiance: iterates mixed, and the ambient light behind their weights where patches see others.
-// Sums: the change, the change of the first `fronts` patches relative to each one's own light, and the flux that is
-// added.
+// Computes the next irradiance: a weighted mix of the iterates plus ambient light, weights[COLUMNS], times the fraction
+// of visible patches. sums: absolute change; relative change of the first `fronts` patches; added flux.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,
                            __global const float *patches_seen,
                            __global const float4 *reflectance, __global const float *area,
@@ -68,9 +66,8 @@ __kernel void mix_iterates(__global const float4 *gathered, __global const float
     sums[get_global_id(0)] = acc;
 }
 
-// Where light goes, times area: what arrives, what is reflected of it, what is sent out to where nothing is and
-// to backs, what comes from sources, what of the newest defect is under way to other patches. One sum for each
-// work item.
+// Computes the flux balance, area-weighted: incident flux, reflected flux, flux lost to the background, flux lost to
+// back faces, flux from sources, and flux of the newest defect that is not bounced yet. One partial sum per work item.
 __kernel void balance(__global const float4 *gathered, __global const float4 *defects, const int newest,
                       __global const float4 *reflectance, __global const float4 *emitted,
                       __global const float4 *direct, __global const float *area,
@@ -94,7 +91,8 @@ __kernel void balance(__global const float4 *gathered, __global const float4 *de
         sums[k * get_global_size(0) + get_global_id(0)] = acc[k];
 }
 
-// The sums of all work items together, in a fixed order; one number a group.
+// Sums the partial sums of all work items in a fixed order, so that results are deterministic. One work group per
+// number.
 __kernel void add_up(__global const float4 *sums, const int items, __global float4 *totals, __local float4 *partial)
 {
     const int item = get_local_id(0), number = get_group_id(0);

@@ -1,20 +1,20 @@
 #include "receiver.cl"
 
-// Groups of neighbouring patches that are solved as one: in each square of texels, patches of one
-// material that lie in about one plane and send out about as much light follow the one nearest to the middle of
-// all these, whose light stands for their mean. Those inside of something stay apart: they are dark, and others are seen.
+// Forms patch groups that the solver treats as one patch. Within each square of `width` x `width` texels, patches of
+// one material, nearly coplanar and of similar emission follow a representative: the member nearest to their centroid.
+// Invalid patches (inside geometry) form groups of their own: they are dark but not visible.
 
-#define MOST 64  // texels of a square
+#define MOST 64  // maximum number of texels in a square
 #define SAME_PLANE 0.95f
 
-// What patches of a group send out before any bounce differs by at most these parts of the mean over all patches, and of
-// their own. Around a lamp below a ceiling much brighter ones are hidden than those in sight: each that is too far above
-// or below its group adds light to the room, or takes some.
+// Maximum difference of radiance before the first bounce, as fractions of the scene's mean and of the patch's own. Near
+// a light under a ceiling, hidden patches are much brighter than visible ones; a wrong representative would add or
+// remove light.
 #define SAME_LIGHT 0.10f
 #define AS_BRIGHT 0.05f
 
-// The one of some patches of a square that is nearest to the middle of all: of those that are equally near, another one
-// in every other square, so that the way to it is none on the mean.
+// Returns the member nearest to the centroid of the members. Ties alternate between squares (turn), so that the mean
+// offset of representatives is zero.
 uint middle_of(const uint *members, const int count, __global const int *texels, const int resolution,
                const int x0, const int y0, const int2 turn)
 {
@@ -45,7 +45,8 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
     uint members[MOST];
     int count = 0;
 
-    // Members in the order of their distance to the middle: texels that only border on their patch do not count.
+    // Collect members by distance from the square's centre. Border texels that only show a neighbouring patch do not
+    // count.
     for (int y = y0; y < min(y0 + width, resolution); ++y) {
         for (int x = x0; x < min(x0 + width, resolution); ++x) {
             const uint entry = texel_to_patch[page + (size_t)y * resolution + x];
@@ -65,7 +66,7 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
         }
     }
 
-    // Each that follows nobody yet is followed by all like it: the one in the middle of them leads.
+    // Each ungrouped patch collects all similar ones; the most central becomes the representative.
     const int2 turn = 1 - 2 * (int2)(get_global_id(1) & 1, get_global_id(0) & 1);
     for (int i = 0; i < count; ++i) {
         const uint leader = members[i];

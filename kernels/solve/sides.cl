@@ -1,5 +1,6 @@
-// Light of translucent surfaces: of what was gathered, beside `sample_direct_light`, each patch of a pair gets `own`
-// of its own side and the rest of the other side (engine/patches/sides.py). One pair a work item.
+// Blends the indirect irradiance of both sides of translucent surfaces: each patch of a pair gets the fraction `own` of
+// its own side and the rest of the other side (engine/patches/sides.py). Direct light is excluded, because
+// sample_direct_light has blended it already. One work item per pair.
 __kernel void blend_sides(__global const uint2 *pairs, __global const float4 *own, __global const float4 *direct,
                           __global const float4 *irradiance, __global float4 *gathered, __global float4 *defects,
                           const int column, const int count, const int pair_count)

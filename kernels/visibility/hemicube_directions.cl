@@ -1,8 +1,9 @@
 #pragma once
 
-// Directions of hemicube texels, and the surroundings seen along them.
+// Directions of hemicube texels, and look-ups of the background in an equirectangular map.
 
-// The direction of a texel of the stacked layout, along right, up and normal; any length.
+// Returns the direction of a texel of an unfolded hemicube (n columns, 3n rows: top face, then four half side faces)
+// along right, up and normal. Not normalised.
 float3 texel_direction(const int x, const int y, const int n)
 {
     const float across = (2 * x + 1) / (float)n - 1.0f;
@@ -14,8 +15,8 @@ float3 texel_direction(const int x, const int y, const int n)
     return side < 2 ? (float3)(forward, forward * across, height) : (float3)(-forward * across, forward, height);
 }
 
-// The surroundings in a direction in world space, from an equirectangular map, row 0 below
-// (Cycles, kernel/camera/projection.h): the four pixels around it, interpolated.
+// Returns the background radiance in a world-space direction: bilinear look-up in an equirectangular map whose row 0 is
+// at the bottom (Cycles, kernel/camera/projection.h).
 float4 surroundings(const float3 direction, __global const float4 *sky, const int2 size)
 {
     if (size.x * size.y == 1)

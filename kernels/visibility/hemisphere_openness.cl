@@ -3,13 +3,14 @@
 #include "receiver.cl"
 #include "texel_ray_origins.cl"
 
-// Which part of a hemisphere is open: sums over rays of a patch.
+// Estimates the unoccluded fraction of a patch's hemisphere from a set of rays.
 
 typedef struct {
-    float open, all;  // of the rays: what came through, and their number
+    float open, all;  // sum of transmittances; number of rays
 } Opening;
 
-// Adds a ray that leaves a place of the texel, unless it would lead below the surface.
+// Traces a ray from a point of the texel and adds its transmittance to the estimate. Directions below the geometric
+// surface are skipped. place: position in the texel, 0..1.
 void look_out(Opening *opening, const Rays *rays, const Receiver *r, const float2 place, const float3 direction,
               const float reach)
 {

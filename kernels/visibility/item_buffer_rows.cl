@@ -1,16 +1,19 @@
 #include "hemicube_directions.cl"
 #include "visibility_sample.cl"
 
-// Identity hemicubes that were drawn into a texture array become rows of patch numbers.
+// Compacts rasterised hemicube item buffers (a texture array) into rows of the visibility cache: one entry ID per
+// hemicube texel.
 
-// Where texel (x, y) of a hemicube is in a texture array of `rows` x `columns` hemicubes of 3n x n a layer.
+// Returns the index of texel (x, y) of a hemicube in a texture array whose layers hold `rows` x `columns` hemicubes of
+// n x 3n texels.
 size_t texel_of(const int slot, const int x, const int y, const int columns, const int n)
 {
     const int layer_row = slot / columns;
     return ((size_t)layer_row * 3 * n + y) * columns * n + (slot % columns) * n + x;
 }
 
-// One hemicube a group.
+// Encodes the item buffer of one patch per work group, and sums emission of back faces. Texels below the geometric
+// horizon store 0.
 __kernel void compact_item_buffer(__global const uint *hemicubes, __global const float *multiplier,
                                   __global const Frame *frames, __global const float4 *emission, const uint outside,
                                   const int columns, const int n, const int first, const int cached_from,

@@ -1,7 +1,7 @@
-// Records of patches (receiver.cl) from their triangles and barycentrics.
+// Builds receiver records (receiver.cl) of patches from their triangles and barycentrics.
 
-// The number of a texel along a Hilbert curve through a square of `side` texels, a power of two: texels that are
-// near along the curve are near on the lightmap (Warren, Hacker's Delight, section 16-2).
+// Returns the index of a texel along a Hilbert curve through side x side texels, where side is a power of two (Warren,
+// Hacker's Delight, section 16-2). Texels close along the curve are close on the lightmap.
 uint hilbert(uint x, uint y, const uint side)
 {
     uint along = 0;
@@ -17,7 +17,7 @@ uint hilbert(uint x, uint y, const uint side)
     return along;
 }
 
-// The rank of a patch along that curve, of which `points` follow each other in each texel.
+// Returns the rank of a patch along that curve. The `points` sample points of one texel have successive ranks.
 uint rank_of(__global const int *texels, const int patch, const int resolution, const int points)
 {
     uint side = 1;
@@ -29,9 +29,9 @@ uint rank_of(__global const int *texels, const int patch, const int resolution, 
     return points * hilbert(texels[patch] % resolution, texels[patch] / resolution, side) + before;
 }
 
-// corners and normals hold 9 floats a triangle. The eye's height is a fraction of a texel's width, at most
-// `highest`, at least a fraction of the largest coordinate, about the origin and as it came in the scene
-// (engine/visibility/views/viewpoints.py).
+// Fills the record of each patch. corners, normals: 9 floats per triangle, world space. The ray origin's height above
+// the surface is a fraction of the texel width, at most `highest`. It is at least a fraction of the largest coordinate,
+// both relative to `origin` and in scene space, because of float32 rounding (engine/visibility/views/viewpoints.py).
 __kernel void pack_receivers(__global const int *triangles, __global const float *barycentrics,
                              __global const float *corners, __global const float *normals,
                              __global const TexelStep *steps, const float of_texel, const float highest,

@@ -2,11 +2,12 @@
 #include "receiver.cl"
 #include "texel_ray_origins.cl"
 
-// Points of a texel from which a lift is tried, in texels from its centre.
+// Test points of a texel for the offset, in texels from its centre.
 __constant float2 TRIED[5] = {{0.0f, 0.0f}, {-0.4f, -0.4f}, {0.4f, -0.4f}, {-0.4f, 0.4f}, {0.4f, 0.4f}};
 
-// Where rays of patches start. Lifts: none where the surface is flat, hollow or inside out, and at most half of the
-// way to what is above it, so that no ray starts beyond another face. And whether a face crosses the texel.
+// Limits the offset of ray origins to the smooth surface (smooth_offset): 0 where the surface is flat, concave or
+// inverted; else at most half of the distance to the geometry above, so that origins stay on this side of it. Also
+// stores in the lowest bit of `rank` whether a face crosses the texel.
 __kernel void find_ray_offsets(RAYS_ARGUMENTS, __global ReceiverRecord *receivers, const int count)
 {
     const int patch = get_global_id(0);

@@ -1,17 +1,17 @@
 #pragma once
 
-// Where light is received: a patch, the start of its rays, directions around its normal.
+// Receivers of light: the geometry of a patch, the origins of its rays, and sample directions around its normal.
 
-// A record (engine/visibility/rays/receiver_records.py), and what follows from it.
+// Receiver as unpacked from its record (engine/visibility/rays/receiver_records.py).
 typedef struct {
     float3 at, normal, geometric, edge_u, edge_v;  // world space, metres; steps of a texel
     float3 corner, edge1, edge2;                   // its triangle
     float3 normals[3];                             // of the triangle's corners
-    float height, size;                            // of the start of rays above the surface; of the texel
+    float height, size;                            // of ray origins above the surface; texel size, both metres
     float lifted;                                  // factor of `smooth_offset`, 0 to 1: 0 on flat surfaces
-    uint rank;                                     // along a curve through the texels
-    bool crossed;                                  // whether a face crosses the texel
-    float3 horizon;                                // normal of the plane beyond which no lamp is seen
+    uint rank;                                     // along a Hilbert curve through the texels
+    bool crossed;                                  // True if a face crosses the texel
+    float3 horizon;                                // normal of the plane below which lights contribute nothing
 } Receiver;
 
 Receiver load_receiver(__global const ReceiverRecord *record)
@@ -29,15 +29,17 @@ Receiver load_receiver(__global const ReceiverRecord *record)
     return r;
 }
 
-// Cosines between the normals of a face and of its corners: beyond the first the surface counts as not smooth.
+// Cosines between face normal and vertex normal. Below the first the vertex gives no offset, above the second the full
+// one (chosen).
 #define LEANS_MUCH 0.64f
 #define LEANS_LITTLE 0.82f
 
-// The smooth surface is above its triangle from this fraction of the longest edge on: less comes from rounding.
+// Minimum height of the smooth surface above its triangle, as a fraction of the longest edge. Smaller heights are
+// rounding errors.
 #define FLAT 1e-4f
 
-// How far outside of its flat triangle the smooth surface is at a point: the point is projected on the planes
-// of the three vertices, outwards only (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II 2021).
+// Returns the offset from a point of the flat triangle to the smooth surface: the point is projected onto the tangent
+// planes of the three vertices, outwards only (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021).
 float3 smooth_offset(const Receiver *r, const float3 p)
 {
     const float3 q = p - r->corner, face = cross(r->edge1, r->edge2);
@@ -56,15 +58,16 @@ float3 smooth_offset(const Receiver *r, const float3 p)
     return amount.x * r->normals[0] + amount.y * r->normals[1] + amount.z * r->normals[2];
 }
 
-// Rays that leave at less than this (the sine of their angle) above the flat or the smooth surface start at
-// the smooth one, others on their triangle: as Cycles (kernel/light/sample.h, shadow_ray_offset).
+// Sine of the elevation below which rays start on the smooth surface instead of the triangle; Cycles uses the same
+// value (kernel/light/sample.h, shadow_ray_offset).
 #define GRAZING 0.1f
 
-// Normal of the plane beyond which a patch sees no lamp, or no back of a surface: faces that look away from
-// each other, as those of a ball do, see nothing of each other though their normals lean.
+// Returns the normal of the horizon plane: emitters below it contribute nothing. Back faces use the geometric normal,
+// so that faces of a convex object do not light each other where smooth normals lean.
 float3 horizon_of(const Receiver *r, const bool back) { return back ? r->geometric : r->horizon; }
 
-// From a point of the patch to where its ray in a direction starts.
+// Returns the vector from a point of the patch to the origin of its ray in a direction: the height above the surface
+// plus, near the horizon, the offset to the smooth surface.
 float3 ray_origin(const Receiver *r, const float3 p, const float3 direction)
 {
     const float3 start = r->height * r->geometric;
@@ -82,7 +85,8 @@ bool in_triangle(const Receiver *r, const float3 p)
     return u >= 0.0f && v >= 0.0f && u + v <= dot(normal, normal);
 }
 
-// A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
+// Returns a point of the texel that lies in the patch's triangle: the given one, the one mirrored at the centre, or the
+// centre. at: 0..1 along u and v.
 float3 point_of_texel(const Receiver *r, const float2 at)
 {
     const float3 offset = (at.x - 0.5f) * r->edge_u + (at.y - 0.5f) * r->edge_v;
@@ -107,9 +111,8 @@ void basis(const float3 z, float3 *x, float3 *y)
     *y = (float3)(b, sign + z.y * z.y * a, -z.y);
 }
 
-// A point of the unit disk from one of the unit square, by area. Sine and cosine, of an eighth of a turn to each side of
-// a quarter, are polynomials whose largest error is the least, below that of rounding: libraries of processors take
-// four times as long.
+// Maps the unit square to the unit disk, uniform in area. Sine and cosine are minimax polynomials on [-pi/4, pi/4],
+// with errors below float32 rounding: the libraries of CPUs take four times as long (measured).
 float2 disk(const float2 u)
 {
     const float quarters = 4.0f * u.y, quarter = rint(quarters), x = quarters - quarter, z = x * x;
@@ -120,7 +123,7 @@ float2 disk(const float2 u)
     return radius * (turn & 1 ? (float2)(-sine, cosine) : (float2)(cosine, sine));
 }
 
-// A direction around z, by the cosine, from a point of the unit square.
+// Returns a cosine-distributed direction around z for a point of the unit square.
 float3 cosine_direction(const float2 u, const float3 x, const float3 y, const float3 z)
 {
     const float2 q = disk(u);

@@ -4,17 +4,17 @@
 #include "view_samples.cl"
 #include "trace_sample.cl"
 
-// What patches see once something has moved: only samples that may meet something else are cast anew.
+// Updates cached visibility after objects moved: only samples whose rays may hit something else are traced again.
 
-// Which samples of a view lead into a ball, by their place on the unit square: those whose x, the squared sine of the
-// angle to the normal, is from `low` to `high`, and whose y, the turn around the normal, is at most `half_width` from
-// `middle`. Other samples need no ray.
+// Bounds, on the unit square of sample points, of the samples that can hit a bounding ball. x (squared sine of the
+// angle to the normal) lies in low..high; y (turn around the normal, 0..1) is within `half_width` of `middle`. Other
+// samples need no ray.
 typedef struct {
     float low, high, middle, half_width;
 } Window;
 
 #ifdef COSINE
-// What rounding may take from angles, radians, and from places on the square.
+// Slack for rounding, in radians of angles and in units of the square (chosen).
 #define ROUNDING 1e-3f
 
 Window window_on(const View *view, const float4 ball)
@@ -51,11 +51,12 @@ Window window_on(const View *view, const float4 ball)
 bool leads_into(const Window *window, const View *view, const int i, __global const float *multiplier) { return true; }
 #endif
 
-// Rows of samples that were found before triangles moved, as `trace_visibility` finds them now. moved_nodes,
-// moved_triangles: the hierarchy of what has moved, as it was and as it is; moved_ball: around all of it, centre and
-// radius. A ray that meets none of it meets what it met before. moved_views: 1 for patches that look from elsewhere,
-// whose samples are all cast. Sums need what no row keeps, the backs, so rows of which any sample is cast cast those,
-// too.
+// Updates the cached rows of patches to what `trace_visibility` would store now.
+// moved_nodes, moved_triangles: BVH of moved triangles, at both old and new positions.
+// moved_ball: bounding ball of these, centre and radius, world space.
+// moved_views: 1 for patches whose own viewpoint moved; all their samples are traced.
+// A ray that misses all moved triangles keeps its entry. Rows do not store back faces, whose emission is summed, so a
+// changed row traces its back-face samples (entry 0) too.
 __kernel void retrace_visibility(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
                                  __global float4 *back_light, __global float *patches_seen, __global uchar *backs_seen,
                                  __global float4 *back_l1, __local float4 *partial, __global const Node *moved_nodes,
@@ -71,13 +72,13 @@ __kernel void retrace_visibility(LOOK_ARGUMENTS, const int start, const int cach
     const Receiver receiver = load_receiver(receivers + patch);
     const View view = view_of(&receiver, patch, samples, salt, rotate);
 
-    // Rays start all over the texel. What moves over it changes where.
+    // Ray origins are jittered over the texel, so the ball is enlarged by the texel's extent.
     const float reach = 0.5f * (length(receiver.edge_u) + length(receiver.edge_v)) + 2.0f * receiver.height;
     const Window window = window_on(&view, moved_ball + (float4)(0.0f, 0.0f, 0.0f, reach));
     __global Front *row = cache + (size_t)(patch - cached_from) * samples;
     const bool all = moved_views[patch] || distance(receiver.at, moved_ball.xyz) <= moved_ball.w + reach;
 
-    // Samples that something has moved into, or out of, are forgotten: 0, as those that meet backs.
+    // Invalidate samples whose rays hit moved geometry: entry 0, the same as samples that hit back faces.
     int forgotten = all;
     Eye eye = {view.eye, -1};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
@@ -92,7 +93,7 @@ __kernel void retrace_visibility(LOOK_ARGUMENTS, const int start, const int cach
     if (sum_of_group((float4)(forgotten), partial).x == 0.0f)
         return;
 
-    // The row as a first look finds it.
+    // Trace the invalid samples and sum the whole row, like `trace_visibility`.
     ViewSum sum = {(float4)(0.0f)};
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         uint kept = row[i], tint = TINT_INDEX(kept), seen = ENTRY(kept) == outside ? SKY : ENTRY(kept);

@@ -5,26 +5,27 @@
 #include "view_samples.cl"
 #include "texel_ray_origins.cl"
 
-// What a patch sees along one direction, found with a ray.
+// Traces one visibility sample: finds the patch that a ray from a patch hits first.
 
 typedef struct {
     __global const float2 *uvs;          // of each corner of each triangle on its lightmap
     __global const int *atlases;         // of each triangle
     __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
     int resolution;
-    __global const int *backs;           // of each triangle: its back face, -1 for none; null if none has any
+    __global const int *backs;           // twin triangle of each triangle's back face, or -1; null if none
 } Lightmaps;
 
 #ifdef TINTED
 #define RAY_TINTS(rays) (rays).tints
 
-// Values of a channel in the lattice of tints, and where that begins; tints that differ by less are the same
+// The 3 x 3 x 3 lattice of tints at the end of the palette, its first index, and the tolerance at which tints are equal
 // (engine/scene/tints.py).
 #define LEVELS 3
 #define EXACT (64 - LEVELS * LEVELS * LEVELS)
 #define SAME_TINT 1e-4f
 
-// The index of a tint; of one that no palette holds that of a corner of the lattice, by lot, so that the mean is right.
+// Returns the palette index of a tint. Tints that are not in the palette are dithered to a corner of their lattice cell
+// with trilinear probabilities, so that the mean is exact.
 uint index_of_tint(const Rays *rays, const float3 tint, const uint key)
 {
     const int count = (int)rays->tints[0].w;
@@ -44,8 +45,8 @@ uint index_of_tint(const Rays *rays, const float3 tint, const uint key)
 #define RAY_TINTS(rays) 0
 #endif
 
-// Exchange a hit of a back face that has patches for a hit of the front of that face: its corners are those of the
-// triangle in the opposite order.
+// Replaces a back-face hit by a front-face hit of the twin triangle if back faces of this triangle have patches. The
+// twin has the corners in opposite order.
 Hit turned(const Lightmaps *lightmaps, Hit hit)
 {
     if (hit.front || !lightmaps->backs || lightmaps->backs[hit.triangle] < 0)
@@ -56,7 +57,8 @@ Hit turned(const Lightmaps *lightmaps, Hit hit)
     return hit;
 }
 
-// The patch, its back or the surroundings, as in identity hemicubes; and the tint of its light, see visibility_sample.cl.
+// Returns the item-buffer entry hit by a ray: patch + 1, with the BACK bit for back faces, or SKY. tint: palette index
+// of the colour of transparent surfaces passed (visibility_sample.cl).
 uint trace_sample(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction, uint *tint)
 {
     const Hit hit = nearest_hit(rays, origin, direction, false);
@@ -79,17 +81,18 @@ uint trace_sample(const Rays *rays, const Lightmaps *lightmaps, const float3 ori
     return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (shown.front ? 0u : BACK);
 }
 
-// Where the ray of a sample starts, and the number of that place; -1 before the first one.
+// Ray origin of a sample and the index of its position in the texel; -1 before the first sample.
 typedef struct {
     float3 at;
     int place;
 } Eye;
 
 #ifdef COSINE
-// Places of a texel that a face crosses: each costs rays of its own, so consecutive samples start together.
+// Number of distinct origins in a texel that a face crosses. Each costs rays of its own, so consecutive samples share
+// one.
 #define PLACES_IF_CROSSED 32
 
-// Move to where a sample starts: all over the texel, of which a patch has the mean light.
+// Jitters the ray origin over the texel: a patch stores the mean irradiance of its texel.
 void advance_origin(Eye *eye, const View *view, const Rays *rays, const Receiver *r, const int i, const int samples)
 {
     const int place = r->crossed ? i * PLACES_IF_CROSSED / samples : i;
@@ -100,7 +103,7 @@ void advance_origin(Eye *eye, const View *view, const Rays *rays, const Receiver
     eye->at = view->eye + jittered_origin(rays, r, place_of_sample(place, shift)) - r->at;
 }
 #else
-// A hemicube is one view, from the centre of the texel.
+// A hemicube has a single viewpoint above the texel's centre.
 void advance_origin(Eye *eye, const View *view, const Rays *rays, const Receiver *r, const int i, const int samples)
 {
     eye->at = view->eye;

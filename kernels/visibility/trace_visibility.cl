@@ -6,9 +6,10 @@
 #include "unoccluded_sky.cl"
 #include "trace_sample.cl"
 
-// What patches see, found with rays along the samples of their views.
+// Visibility by ray tracing: finds which patch each hemisphere sample of a patch hits.
 
-// Which patches the patches of this launch see, a row of numbers each. One patch a group.
+// Fills one row of the visibility cache per patch with entry IDs, one work group per patch. Also sums emission of back
+// faces, and the fractions of the hemisphere for the flux balance.
 __kernel void trace_visibility(LOOK_ARGUMENTS, const int start, const int cached_from, __global Front *cache,
                                __global float4 *back_light, __global float *patches_seen, __global uchar *backs_seen,
                                __global float4 *back_l1, __local float4 *partial)
@@ -35,7 +36,8 @@ __kernel void trace_visibility(LOOK_ARGUMENTS, const int start, const int cached
     store_view(&sum, patch, back_light, patches_seen, back_l1, partial);
 }
 
-// The light that the patches of this launch gather, without keeping what they see.
+// Gathers irradiance (E/pi) of patches by tracing all samples, without a visibility cache. Background light is scaled
+// by the ratio estimator (unoccluded_sky.cl).
 __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4 *radiance,
                           SKY_ARGUMENTS, __global float4 *gathered_light, __global float *patches_seen,
                           __global uchar *backs_seen, __global float4 *gathered_l1, __local float4 *partial)

@@ -2,25 +2,26 @@
 #include "visibility_sample.cl"
 #include "view_samples.cl"
 
-// The light of the sky that views see, with less noise than their samples leave: what the whole sky would bring is
-// known, so that samples only tell what part of it comes through (a ratio estimator; Heitz, Hill and McGuire,
-// "Combining Analytic Direct Illumination and Stochastic Shadows", 2018).
+// Ratio estimator for sky light (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic
+// Shadows", 2018). The unoccluded irradiance of the sky is tabulated exactly, so the samples estimate only the visible
+// fraction, which has less noise.
 
-// Rows and columns of the table (engine/visibility/unoccluded_sky.py).
+// Rows and columns of the table, by normal direction (engine/visibility/unoccluded_sky.py).
 #define OPEN_ROWS 49
 #define OPEN_COLUMNS 96
 
-// The part of a view from which on it pays: of little sky most noise is that of what hides it.
+// Minimum visible sky fraction for the estimator. Below it, occlusion causes most of the noise (chosen).
 #define LEAST_OPEN 0.125f
 
-// Largest factor between what samples of the whole sky bring and what it brings.
+// Limit of the correction factor (chosen).
 #define MOST_OFF 2.0f
 
-// The sky: radiance, and `open_sky`, E/pi of all of it at normals on a grid, or 0 if it is uniform or uneven.
+// Kernel arguments of the sky: radiance map, and `open_sky`, E/pi of the unoccluded sky for a grid of normals; null if
+// the sky is uniform or too uneven.
 #define SKY_ARGUMENTS __global const float4 *sky, const int sky_width, const int sky_height, \
     __global const float4 *open_sky
 
-// E/pi at a surface from which nothing hides the sky.
+// Returns E/pi of the unoccluded sky for a normal: bilinear look-up in the table.
 float3 unoccluded_irradiance(const float3 normal, __global const float4 *open_sky)
 {
     const float2 at = (float2)((0.5f - atan2pi(normal.y, normal.x) * 0.5f) * OPEN_COLUMNS,
@@ -33,8 +34,8 @@ float3 unoccluded_irradiance(const float3 normal, __global const float4 *open_sk
     return mix(below, above, f.y).xyz;
 }
 
-// Scale each item's sum of the sky that a view's samples meet by what the whole sky brings over what all samples
-// would sum up if nothing hid it. w of the sum is the part of the view that the sky takes.
+// Scales each work item's sum of visible sky light by the exact unoccluded irradiance divided by its estimate from the
+// same samples. w of the sum is the visible fraction.
 void scale_to_sky(ViewSum *seen, const View *view, SAMPLES, const int samples, const int n, SKY_ARGUMENTS,
                   __local float4 *partial)
 {
@@ -55,7 +56,7 @@ void scale_to_sky(ViewSum *seen, const View *view, SAMPLES, const int samples, c
 #endif
 }
 
-// Add the sky that a view meets to all else; w stays.
+// Adds the scaled sky light to the other light of a view; w stays.
 void add_sky(ViewSum *sum, const ViewSum *seen)
 {
     sum->light.xyz += seen->light.xyz;

@@ -2,8 +2,8 @@
 #include "receiver.cl"
 #include "hemicube_directions.cl"
 
-// The views of patches: where each looks from, and the directions and weights of its samples. COSINE: these are
-// distributed by the cosine and weigh the same; else they are the texels of a hemicube.
+// Sample patterns over the hemisphere of a patch: viewpoint, directions and weights. COSINE: cosine-distributed
+// directions of equal weight; otherwise the texels of a hemicube, weighted by the multiplier map.
 
 typedef struct {
     float3 eye, right, up, normal, horizon;
@@ -11,13 +11,13 @@ typedef struct {
 } View;
 
 #ifdef COSINE
-// Steps of the R2 sequence (engine/visibility/views/directions.py).
+// Increments of the R2 low-discrepancy sequence as fractions of 2^32 (engine/visibility/views/directions.py).
 #define R2 (uint2)(3242174889u, 2447445414u)
 
-// Where a patch looks from. Its samples go on in the sequence where those of the patch before it along a curve
-// through the texels end: together, neighbours sample the view as evenly as one patch with all their samples, so
-// that what each is off is taken back beside it (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte
-// Carlo Sampling Error via Hierarchical Ordering of Pixels", 2020).
+// Returns the view of a patch. Each patch continues the sample sequence where its predecessor along the Hilbert curve
+// ended. Together, neighbours then sample the hemisphere as evenly as one patch with all their samples, so errors
+// cancel between them (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+// Hierarchical Ordering of Pixels", 2020).
 View view_of(const Receiver *r, const int patch, const int samples, const uint salt, const int rotate)
 {
     float3 x, y;
@@ -27,7 +27,7 @@ View view_of(const Receiver *r, const int patch, const int samples, const uint s
     return view;
 }
 #else
-// Where a patch looks from, turned about its normal at random, once for all iterations
+// Returns the hemicube of a patch, rotated about the normal by a pseudo-random angle that is the same in all iterations
 // (engine/visibility/views/hemicube.py: rotations).
 View view_of(const Receiver *r, const int patch, const int samples, const uint salt, const int rotate)
 {
@@ -42,7 +42,7 @@ View view_of(const Receiver *r, const int patch, const int samples, const uint s
 }
 #endif
 
-// The direction of a sample in world space.
+// Returns the world-space direction of sample i.
 #ifdef COSINE
 float3 sample_direction(const View *view, const int i, __global const uint2 *sequence, const int n)
 {

@@ -1,11 +1,11 @@
 #pragma once
 #include "irradiance_l1.cl"
 
-// Which patch each sample of a patch's view meets: the patch's number plus 1 (0: none), with the highest
-// bit set for its back; or the surroundings.
+// Encoding of visibility samples. An item-buffer entry is patch + 1 (0: surface without a patch), with the BACK bit for
+// back faces, or SKY.
 
-// What is kept of it: the patch whose front is met plus 1, `outside` for the surroundings, else 0. These are
-// entries of the radiance of patches; that of the surroundings, the last one, is black. NARROW: 16 bits hold them.
+// The visibility cache stores patch + 1 for front faces, `outside` for the background, and 0 otherwise. These values
+// index the radiance array, whose entry `outside`, the last, is black. NARROW: entries fit 16 bits.
 #ifdef NARROW
 typedef ushort Front;
 typedef ushort4 Front4;
@@ -14,8 +14,8 @@ typedef uint Front;
 typedef uint4 Front4;
 #endif
 
-// TINTED: a sample also has the tint of its light in the bits above its entry, an index into `tints`, 0 for white
-// (engine/scene/tints.py). Such samples have 32 bits.
+// TINTED: the bits above ENTRY_BITS hold the tint of the sample's light, an index into the palette `tints`, 0 for white
+//     (engine/scene/tints.py). Samples then have 32 bits.
 #ifdef TINTED
 #define ENTRY_BITS 26
 #define ENTRY(kept) ((kept) & ((1u << ENTRY_BITS) - 1u))
@@ -46,23 +46,23 @@ float4 sum_of_group(const float4 value, __local float4 *partial)
     return partial[0];
 }
 
-// What the samples of a view add up to: in rgb the emission of the backs it meets, in a the fraction of the view
-// that no back takes; the fraction that patches take; and the L1 of the light (irradiance_l1.cl).
+// Sums over the samples of a view. light.xyz: emission of visible back faces, weighted. light.w: weight of all samples
+// that hit no back face. patches: weight of samples that hit patches. l1: L1 of the light (irradiance_l1.cl).
 typedef struct {
     float4 light;
     float patches;
     L1 l1;
 } ViewSum;
 
-// Add light that comes from a direction with this `l1_of_direction`; w to the fraction that no back takes.
+// Adds light from a direction with the given `l1_of_direction`; w adds to the fraction without back faces.
 void add_light(ViewSum *sum, const float4 light, const float3 tilt)
 {
     sum->light += light;
     add_l1(&sum->l1, light.xyz, tilt);
 }
 
-// Count what a sample meets in a direction in world space, through a tint; return what is kept of it. Backs that are met
-// are marked in `backs_seen`, a number of each entry.
+// Adds a sample's hit to the sums of a view and returns its cache entry. world: direction, world space. backs_seen: 1
+// per entry whose back face is hit by any sample.
 uint encode_sample(const uint seen, const uint tint, const float weight, const float3 world, const float3 normal,
                    __global const float4 *emission, __global uchar *backs_seen, const uint outside,
                    __global const float4 *tints, ViewSum *sum)
@@ -87,7 +87,7 @@ uint encode_sample(const uint seen, const uint tint, const float weight, const f
     return KEPT(seen, tint);
 }
 
-// The sum of a group, x, y and z one after the other.
+// Sums L1 over the work group and stores it as three float4 per patch: x, y and z axes.
 void store_l1(const L1 *l1, const int patch, __global float4 *stored, __local float4 *partial)
 {
     const float4 x = sum_of_group(l1->x, partial);
@@ -100,7 +100,7 @@ void store_l1(const L1 *l1, const int patch, __global float4 *stored, __local fl
     }
 }
 
-// The light of a view, and its L1.
+// Stores the sums of a view: light and, if DIRECTIONAL, its L1.
 void store_light(const ViewSum *sum, const int patch, __global float4 *stored_light, __global float4 *stored_l1,
                  __local float4 *partial)
 {

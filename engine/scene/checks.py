@@ -1,4 +1,4 @@
-"""Limits of what can be baked, and checks that name what lies beyond them."""
+"""Validation of scenes: numeric limits, and errors that name the object."""
 
 from __future__ import annotations
 
@@ -11,38 +11,39 @@ from .profile import check_profile
 from .texture import Texture
 from .transmission import Transmittance
 
-#: Largest radiance, W/(m^2 sr), and largest strength of a light: sums of greater ones would leave float32.
+#: Maximum radiance, W/(m^2 sr), and light strength; sums of larger values overflow float32.
 MAX_RADIANCE = 1e30
 
-#: Largest coordinate, m: areas, and squares of areas, then fit float32. Furnaces of 4e9 m are right, of 1e10
-#: black.
+#: Maximum coordinate, m. Areas and their squares then fit into float32. Measured: furnace scenes of 4e9 m are
+#: correct, of 1e10 m black.
 LARGEST = 1e9
 
-#: Least size of a scene, m. Furnaces of 2.5e-10 m are right; at 1e-10 areas of triangles count as none.
+#: Minimum size of a scene, m. Measured: furnace scenes of 2.5e-10 m are correct; at 1e-10 m triangles have no
+#: area.
 SMALLEST = 1e-9
 
-#: Largest distance of a light, m: its square, times areas, fits float32.
+#: Maximum distance of a light, m; its square times an area fits into float32.
 FARTHEST_LIGHT = 1e15
 
-#: Lightmap UVs may leave [0, 1] by this much before it counts as an error.
+#: Tolerance of lightmap UVs outside [0, 1].
 UV_TOLERANCE = 1e-4
 
-#: Axes of a light that must be unit vectors, and how far from 1 their lengths may be.
+#: Axes that must be unit vectors for each kind of light, and the tolerance of their length.
 _AXES_NEEDED = {"sun": slice(2, 3), "spot": slice(3), "area": slice(3)}
 _UNIT_TOLERANCE = 1e-3
 
-#: Largest reflectance of the part of a tinted surface that stops rays, where textures vary what it passes.
+#: Maximum reflectance of the opaque part of a tinted surface whose textures vary its transmittance.
 _LARGEST_REFLECTANCE = 1e3
 
-#: A transmittance may leave [0, 1] by this much, by rounding.
+#: Tolerance of transmittance outside [0, 1], for rounding.
 _ROUNDING = 1e-6
 
-#: What is no light, as errors tell it.
+#: Description of invalid light in error messages.
 _NO_LIGHT = f"NaN, negative or greater than {MAX_RADIANCE:.0e}"
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise a SceneError that names the object if the scene cannot be baked."""
+    """Raise SceneError with the object's name if the scene cannot be baked."""
     if not any(len(mesh.positions) for mesh in scene.meshes):
         raise SceneError(
             "The scene has no mesh with faces to bake. Add a mesh object, or enable one in renders."
@@ -59,7 +60,7 @@ def check_scene(scene: Scene) -> None:
 
 
 def check_size(scene: Scene) -> None:
-    """Raise a SceneError that names an object if the scene is too large or too small for float32."""
+    """Raise SceneError with an object's name if the scene is too large or too small for float32."""
     meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
     low, high = np.transpose([_box(mesh) for mesh in meshes], (1, 0, 2))
     reach = np.maximum(-low, high).max(axis=1)
@@ -80,13 +81,13 @@ def check_size(scene: Scene) -> None:
 
 
 def _box(mesh: Mesh) -> np.ndarray:
-    """Return the low and the high corner of a mesh, (2, 3) float64, metres."""
+    """Return the lower and upper corner of a mesh's bounding box, (2, 3) float64, m."""
     axes = mesh.positions.reshape(-1, 3).T
     return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
 
 def check_world(world: np.ndarray) -> None:
-    """Raise a SceneError if the surroundings are neither one colour nor an image, or no light."""
+    """Raise SceneError if the world is neither a color nor an RGB image, or holds invalid radiance."""
     if world.shape != (3,) and (world.ndim != 3 or world.shape[2] != 3):
         raise SceneError(
             f"The world's radiance has the shape {world.shape}. "
@@ -99,7 +100,7 @@ def check_world(world: np.ndarray) -> None:
 
 
 def check_mesh(mesh: Mesh) -> None:
-    """Raise a SceneError if a mesh has coordinates, normals or UVs that cannot be used."""
+    """Raise SceneError if a mesh has invalid coordinates, normals, face order or UVs."""
     if not np.isfinite(mesh.positions).all():
         raise SceneError(
             f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
@@ -122,7 +123,7 @@ def check_mesh(mesh: Mesh) -> None:
 
 
 def check_references(mesh: Mesh, scene: Scene) -> None:
-    """Raise a SceneError if a mesh names an atlas, a material or a UV map that is not there."""
+    """Raise SceneError if a mesh refers to an atlas, material or UV map that does not exist."""
     if not (mesh.atlas == NO_LIGHTMAP or 0 <= mesh.atlas < len(scene.atlases)):
         raise SceneError(
             f"Object '{mesh.name}' names atlas {mesh.atlas} of {len(scene.atlases)}. Give it one of these."
@@ -143,7 +144,7 @@ def check_references(mesh: Mesh, scene: Scene) -> None:
 
 
 def check_lightmap_uvs(mesh: Mesh) -> None:
-    """Raise a SceneError if lightmap UVs lie in no lightmap."""
+    """Raise SceneError if lightmap UVs are not finite or lie outside the lightmap."""
     if not np.isfinite(mesh.uvs).all():
         raise SceneError(
             f"Object '{mesh.name}' has NaN or infinite lightmap UVs. Unwrap its lightmap UVs again."
@@ -156,7 +157,7 @@ def check_lightmap_uvs(mesh: Mesh) -> None:
 
 
 def check_material(material: Material) -> None:
-    """Raise a SceneError if a material's numbers are no light, or a texture has none."""
+    """Raise SceneError if a material has invalid values or an empty texture."""
     for texture in _textures(material):
         if not texture.pixels.size:
             raise SceneError(
@@ -182,7 +183,7 @@ def check_material(material: Material) -> None:
 
 
 def check_light(light: Light) -> None:
-    """Raise a SceneError if a light is of no known kind, or its numbers are none."""
+    """Raise SceneError if a light has an unknown kind or invalid values."""
     if light.kind not in LIGHT_KINDS:
         raise SceneError(
             f"Light '{light.name}' is of kind '{light.kind}'. Choose one of {', '.join(LIGHT_KINDS)}."
@@ -220,10 +221,10 @@ def check_light(light: Light) -> None:
 
 
 def _check_tinted_reflectance(material: Material) -> None:
-    """Raise a SceneError if a material reflects or passes more light than it receives.
+    """Raise SceneError if a material reflects and transmits more light than it receives.
 
-    The part of a tinted surface that stops rays, 1 - the largest channel of its transmittance, may reflect
-    more than 1 of the other channels. Where textures vary it, only the largest reflectance is known.
+    The opaque part of a tinted surface is 1 - the largest channel of its transmittance. In the other channels
+    it may reflect more than 1. If textures vary the transmittance, only the maximum reflectance is tested.
     """
     transmission, reflectance = material.transmission, np.asarray(material.reflectance, np.float64)
     pixels = material.reflectance_map.pixels if material.reflectance_map is not None else np.ones(1)
@@ -244,7 +245,7 @@ def _check_tinted_reflectance(material: Material) -> None:
 
 
 def _is_fraction(entry: Transmittance) -> bool:
-    """Return whether a transmittance is from 0 to 1 wherever its texture is."""
+    """Return True if a transmittance lies in [0, 1] for every texture value."""
     ends = np.asarray(entry.offset), np.asarray(entry.offset) + np.asarray(entry.scale)
     within = all(bool((end >= -_ROUNDING).all() and (end <= 1 + _ROUNDING).all()) for end in ends)
     return within and (entry.texture is None or _is_light(entry.texture.pixels, 1))
@@ -259,10 +260,10 @@ def _textures(material: Material) -> list[Texture]:
 
 
 def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
-    """Return the numbers of a quantity."""
+    """Return the arrays that determine a quantity."""
     return [constant] if texture is None else [constant, texture.pixels]
 
 
 def _is_light(values: np.ndarray, most: float = MAX_RADIANCE) -> bool:
-    """True for numbers from 0 to `most`, the largest that float32 sums of many can hold; NaN is none."""
+    """Return True if all values are in [0, most]; False for NaN."""
     return bool(np.min(values) >= 0 and np.max(values) <= np.float32(most))

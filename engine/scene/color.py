@@ -1,4 +1,4 @@
-"""Encodings of color, and arithmetic with its channels."""
+"""Color encodings, and channel arithmetic that is fast in NumPy."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import numpy.typing as npt
 
 from ..threaded_slabs import map_slabs
 
-#: What each channel brings to luminance (ITU-R BT.709).
+#: Luminance weights of the channels (ITU-R BT.709).
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def channel_sum(values: np.ndarray) -> np.ndarray:
-    """Return the sum of the channels of colors, (n, c) -> (n,), of the same dtype.
+    """Return the sum over the channels, (n, c) -> (n,), same dtype.
 
-    Column by column: NumPy sums short rows six times slower, and a product with ones starts the threads of
-    its linear algebra (BLAS), which then wait for more work with all processors busy.
+    Adds column by column: NumPy sums short rows six times slower. A product with ones would start the BLAS
+    threads, which then spin on all cores.
     """
     sums = np.empty(len(values), values.dtype)
 
@@ -32,9 +32,10 @@ def channel_sum(values: np.ndarray) -> np.ndarray:
 def luminance(values: np.ndarray, dtype: npt.DTypeLike = None) -> np.ndarray:
     """Return the luminance of scene-linear Rec.709 colors (ITU-R BT.709), (..., 3) float -> (...).
 
-    Column by column, as `channel_sum`.
+    Adds column by column, like `channel_sum`.
 
-    dtype: of the result, in which it is summed up; None for that of the values
+    values  (..., 3) float
+    dtype   dtype of the sum and the result; None for the dtype of the values
     """
     colors = values.reshape(-1, values.shape[-1])
     total = np.empty(len(colors), dtype or values.dtype)
@@ -51,7 +52,7 @@ def luminance(values: np.ndarray, dtype: npt.DTypeLike = None) -> np.ndarray:
 
 
 def colors_of(values: np.ndarray) -> np.ndarray:
-    """Return the first three channels of values, (n, c), in memory of their own, (n, 3); column by column."""
+    """Return a copy of the first three channels of values, (n, c) -> (n, 3), column by column."""
     colors = np.empty((len(values), 3), values.dtype)
     for channel in range(3):
         colors[:, channel] = values[:, channel]
@@ -61,7 +62,7 @@ def colors_of(values: np.ndarray) -> np.ndarray:
 def add_colors(values: np.ndarray, colors: np.ndarray, sign: int = 1) -> None:
     """Add colors, (n, 3), times 1 or -1, to the first three channels of values, (n, c), in place.
 
-    Column by column, as `channel_sum`.
+    Adds column by column, like `channel_sum`.
     """
     add = np.add if sign > 0 else np.subtract
     for channel in range(3):
@@ -69,7 +70,7 @@ def add_colors(values: np.ndarray, colors: np.ndarray, sign: int = 1) -> None:
 
 
 def rest_of(light: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return what is left of light, (n, c), without a part, (n, 3): (n, 3), from 0 on; column by column."""
+    """Return light, (n, c), minus a part, (n, 3), clamped to 0: (n, 3); column by column."""
     rest = np.empty((len(light), 3), light.dtype)
     for channel in range(3):
         np.subtract(light[:, channel], part[:, channel], out=rest[:, channel])
@@ -77,7 +78,7 @@ def rest_of(light: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
-    """Return display values as scene-linear ones (IEC 61966-2-1)."""
+    """Return sRGB-encoded values as scene-linear values (IEC 61966-2-1)."""
     linear: np.ndarray = np.where(
         values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
     ).astype(values.dtype)
@@ -85,7 +86,7 @@ def srgb_to_linear(values: np.ndarray) -> np.ndarray:
 
 
 def linear_to_srgb(values: np.ndarray) -> np.ndarray:
-    """Return scene-linear values from 0 on as display values (IEC 61966-2-1)."""
+    """Return scene-linear values >= 0 as sRGB-encoded values (IEC 61966-2-1)."""
     display: np.ndarray = np.where(
         values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055
     ).astype(values.dtype)

@@ -1,4 +1,4 @@
-"""See-through surfaces as shaders and kernels read them: transmittance by material, side and kind of ray."""
+"""Transmittance tables for shaders and kernels, by material, side and kind of ray."""
 
 from __future__ import annotations
 
@@ -13,40 +13,41 @@ from .model import Material, Scene
 from .texture import Texture
 from .transmission import Transmission, Transmittance
 
-#: Codes of `Cutouts.maps`, column 3: how a map goes on beyond [0, 1].
+#: Texture extension codes of `Cutouts.maps`, column 3.
 EXTENSIONS = ("repeat", "mirror", "extend", "clip")
 
-#: What stands for 1: images of 8 and of 16 bits are kept exactly, others to half a step.
+#: Integer that represents 1. Images of 8 and 16 bits are stored exactly, others to half a step.
 _ONE = 65535
 _HALF_STEP = 0.5 / _ONE
 
-#: Values of all maps together: shaders and kernels count them in int32.
+#: Maximum number of values of all maps together; shaders and kernels index them with int32.
 MOST_PIXELS = 2**31 - 2
 
-#: Largest coordinate on a texture, widths of the image.
+#: Maximum texture coordinate, in image widths.
 FARTHEST = 1e9
 
-#: Records of a material: front for shadow rays, front for gathered light, the same two of the back.
+#: Records of a material: front SHADOW, front BOUNCE, back SHADOW, back BOUNCE.
 SETS = 4
 SHADOW, BOUNCE, BACK = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class Cutouts:
-    """Transmittance of all materials. Record `SETS * material + (0 or BACK) + (SHADOW or BOUNCE)`.
+    """Transmittance of all materials, one record for each material, side and kind of ray.
 
-    Opacity of a channel, 1 - transmittance, is base + factor * map.
+    The record index is `SETS * material + (0 or BACK) + (SHADOW or BOUNCE)`. The opacity of a channel, 1 -
+    transmittance, is base + factor * map.
 
-    pixels      (k,) uint16, 65535 for 1, the values of all maps, one image after another, row by row
-    maps        (r, 4) int32 of each record: first value, width (0 without a map), height, index into
-                EXTENSIONS plus 4 if the nearest pixel is taken
-    channels    (r,) int32, values of a pixel of the map: 1 or 3
-    layer       (r,) int32, index into `uvs`
-    base        (r, 3) float32
-    factor      (r, 3) float32
-    threshold   (r,) float32, opacity from which on all light is stopped, or -1. It is lower by half a step of
-                `pixels`, so that no rounding takes a pixel below it
-    uvs         (layers, t, 3, 2) float32, each corner of each triangle on the maps of a layer
+    pixels     (k,) uint16, 65535 for 1, the values of all maps, one image after another, row by row
+    maps       (r, 4) int32, for each record: offset of the first value, width (0 without a map), height,
+               index into EXTENSIONS plus 4 for nearest-pixel lookups
+    channels   (r,) int32, channels of the map: 1 or 3
+    layer      (r,) int32, index into `uvs`
+    base       (r, 3) float32
+    factor     (r, 3) float32
+    threshold  (r,) float32, opacity at or above which the surface is opaque, below clear; -1 for none. It is
+               lower by half a step of `pixels`, so that rounding moves no pixel below it
+    uvs        (layers, t, 3, 2) float32, UVs of each triangle corner on the maps of a layer
     """
 
     pixels: np.ndarray
@@ -60,7 +61,7 @@ class Cutouts:
 
     @cached_property
     def needed(self) -> bool:
-        """True if any surface is see-through anywhere."""
+        """True if any surface transmits light anywhere."""
         return bool((self.maps[:, 1] > 0).any() or (self.base < 1).any())
 
     @cached_property
@@ -70,23 +71,24 @@ class Cutouts:
         return not bool(grey.all())
 
     def uvs_of(self, materials: np.ndarray, record: int) -> np.ndarray:
-        """Return the corners of triangles, (t, 3, 2) float32, on the maps of one record of their materials.
+        """Return the corner UVs of triangles, (t, 3, 2) float32, on the maps of one record.
 
-        materials: (t,) int32, of each triangle; record: (0 or BACK) + (SHADOW or BOUNCE)
+        materials  (t,) int32, material of each triangle
+        record     (0 or BACK) + (SHADOW or BOUNCE)
         """
         uvs: np.ndarray = self.uvs[self.layer[SETS * materials + record], np.arange(len(materials))]
         return uvs
 
     @cached_property
     def clear_backs(self) -> np.ndarray:
-        """True where the back of a material stops no gathered light at all, (m,) bool."""
+        """Mask of the materials whose back face is fully clear for gathered light, (m,) bool."""
         clear: np.ndarray = self.stopped(BACK + BOUNCE) == 0
         return clear
 
     def stopped(self, record: int) -> np.ndarray:
-        """Return the part of rays that each material stops, (m,) float32; 1 where a map varies it.
+        """Return the fraction of rays that each material stops, (m,) float32; 1 where a map varies it.
 
-        record: (0 or BACK) + (SHADOW or BOUNCE)
+        record  (0 or BACK) + (SHADOW or BOUNCE)
         """
         chosen = slice(record, None, SETS)
         opacity, threshold = self.base[chosen].min(axis=1).clip(0, 1), self.threshold[chosen]
@@ -96,14 +98,14 @@ class Cutouts:
 
     @cached_property
     def varies(self) -> np.ndarray:
-        """True where a map varies what a material stops of gathered light, (m,) bool."""
+        """Mask of the materials whose opacity for gathered light a map varies, (m,) bool."""
         mapped = self.maps[:, 1].reshape(-1, SETS) > 0
         varies: np.ndarray = mapped[:, BOUNCE] | mapped[:, BACK + BOUNCE]
         return varies
 
 
 def _are_equal(rows: np.ndarray) -> np.ndarray:
-    """Return which rows, (r, 3), hold three equal numbers, (r,) bool."""
+    """Return a mask of rows, (r, 3), with three equal values, (r,) bool."""
     equal: np.ndarray = (rows[:, 1] == rows[:, 0]) & (rows[:, 2] == rows[:, 0])
     return equal
 
@@ -122,17 +124,17 @@ def transmission_maps(material: Material) -> list[Texture]:
 
 
 def has_cutouts(scene: Scene) -> bool:
-    """Return whether light passes through any surface anywhere, as `Cutouts.needed`."""
+    """Return True if any surface transmits light anywhere, as `Cutouts.needed`."""
     return any(_is_see_through(entry) for entry in _all_records(scene))
 
 
 def is_tinted(scene: Scene) -> bool:
-    """Return whether light that passes through any surface changes its color, as `Cutouts.tinted`."""
+    """Return True if any surface tints transmitted light, as `Cutouts.tinted`."""
     return any(is_tinted_material(material) for material in scene.materials)
 
 
 def is_tinted_material(material: Material) -> bool:
-    """Return whether light that passes through a material changes its color."""
+    """Return True if a material tints transmitted light."""
     return any(
         len(set(entry.offset.tolist())) > 1
         or (entry.texture is not None and (len(set(entry.scale.tolist())) > 1 or _is_coloured(entry.texture)))
@@ -150,13 +152,13 @@ def _is_see_through(entry: Transmittance) -> bool:
 
 
 def _is_coloured(texture: Texture) -> bool:
-    """Return whether the channels of a texture differ anywhere."""
+    """Return True if the channels of a texture differ anywhere."""
     pixels = texture.pixels
     return pixels.shape[2] == 3 and bool((pixels[..., 1:] != pixels[..., :1]).any())
 
 
 def read_cutouts(scene: Scene) -> Cutouts:
-    """Read the transmittance of all materials, and each triangle's UVs on its maps."""
+    """Return the transmittance tables of all materials, with each triangle's UVs on its maps."""
     entries, images, layers = _all_records(scene), _Images(), _Layers(scene)
     maps = np.zeros((len(entries), 4), np.int32)
     channels, layer = np.ones(len(entries), np.int32), np.zeros(len(entries), np.int32)
@@ -192,7 +194,7 @@ def _threshold(entry: Transmittance) -> float:
 
 
 class _Images:
-    """The values of maps, each image once."""
+    """Pool of map values that stores each image once."""
 
     def __init__(self) -> None:
         self._parts: list[np.ndarray] = []
@@ -201,9 +203,9 @@ class _Images:
         self._first_of_content: dict[bytes, int] = {}
 
     def first_value(self, texture: Texture) -> tuple[int, int]:
-        """Return first value and channels of a texture; raises SceneError if there are too many in all.
+        """Return the offset and the number of channels of a texture; raise SceneError above the limit.
 
-        Images whose channels are equal everywhere are kept as grey.
+        Images with equal channels are stored as grey.
         """
         array = id(texture.pixels)
         if array not in self._of_array:
@@ -212,7 +214,7 @@ class _Images:
         return self._of_array[array]
 
     def _store(self, name: str, pixels: np.ndarray) -> int:
-        """Return the first value of an image that may equal one of another array."""
+        """Return the offset of an image, shared with an identical one."""
         steps = pixels.ravel() * np.float32(_ONE)
         values = np.rint(steps, out=steps).astype(np.uint16)
         first = self._first_of_content.setdefault(hashlib.blake2b(values).digest(), self._count)
@@ -227,19 +229,19 @@ class _Images:
         return first
 
     def pixels(self) -> np.ndarray:
-        """Return (k,) uint16, one image after another; never empty."""
+        """Return the values of all images, (k,) uint16; never empty."""
         return np.concatenate([*self._parts, np.full(1, _ONE, np.uint16)])
 
 
 class _Layers:
-    """UVs of all triangles on the maps: a material has a layer for each mapping of its own."""
+    """UVs of all triangles on the maps; each mapping of a material has its own layer."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._mappings: dict[int, list[Texture]] = {}
 
     def index(self, material: int, texture: Texture) -> int:
-        """Return the layer in which a material's texture has its UVs."""
+        """Return the layer with the UVs of a material's texture."""
         known = self._mappings.setdefault(material, [])
         for layer, other in enumerate(known):
             if other.uv_map == texture.uv_map and np.array_equal(other.transform, texture.transform):
@@ -248,7 +250,7 @@ class _Layers:
         return len(known) - 1
 
     def uvs(self) -> np.ndarray:
-        """Return (layers, t, 3, 2) float32, 0 where a material has no map; one layer at least."""
+        """Return the UVs, (layers, t, 3, 2) float32, 0 where a material has no map; at least one layer."""
         meshes = self._scene.meshes
         layers = max((len(textures) for textures in self._mappings.values()), default=1)
         parts = [np.zeros((layers, len(mesh.positions), 3, 2), np.float32) for mesh in meshes]
@@ -266,9 +268,9 @@ def _map_entry(texture: Texture, first: int) -> tuple[int, int, int, int]:
 
 
 def map_uvs(texture: Texture, uvs: np.ndarray) -> np.ndarray:
-    """Return UVs, (..., 2), of a UV map as UVs of a texture, (..., 2) float32.
+    """Return UVs, (..., 2), of a UV map transformed to UVs of a texture, (..., 2) float32.
 
-    Beyond FARTHEST float32 tells no pixels apart: they end there, and those that are NaN are 0.
+    Clamped to FARTHEST, beyond which float32 cannot separate pixels; NaN becomes 0.
     """
     matrix = texture.transform.astype(np.float64)
     with np.errstate(invalid="ignore"):

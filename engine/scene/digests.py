@@ -1,4 +1,4 @@
-"""Digests of where a scene's patches are and what they are made of: equal ones mean that nothing changed."""
+"""Content hashes of geometry and materials; equal hashes mean that nothing changed."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from .cutouts import transmission_maps, transmittances
 from .model import Material, Mesh, Scene
 from .texture import Texture
 
-#: Arrays of a mesh that decide where its patches are and what they see.
+#: Arrays of a mesh that determine its patches and their visibility.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
 
-#: Bytes of a digest that names something, and of others.
+#: Bytes of a short hash, used in file names, and of other hashes.
 _SHORT, _LONG = 20, 64
 
-#: Bytes of long arrays that a thread digests at a time.
+#: Bytes that a thread hashes at once.
 _PIECE = 1 << 20
 
-#: What both kinds of maps share: how pixels lie on the surface.
+#: Texture fields that determine the mapping and the lookup.
 _MAPPING = ("uv_map", "extension", "smooth")
 
 
 class ArrayDigests:
-    """Digests of long arrays that nobody changes, by the array; each is made once."""
+    """Cache of the hashes of long, immutable arrays, by identity."""
 
     def __init__(self) -> None:
         self._known: dict[int, bytes] = {}
 
     def of(self, array: np.ndarray) -> bytes:
-        """Return the digest of an array's values."""
+        """Return the hash of an array's values."""
         key = id(array)
         if key not in self._known:
             self._known[key] = _tree_digest(array)
@@ -43,9 +43,9 @@ class ArrayDigests:
 
 
 class _Digest:
-    """A digest that is fed with values.
+    """Incremental content hash (BLAKE2b).
 
-    known  digests of long arrays; None to read all of them
+    known  cached hashes of long arrays; None to read all of them
     size   bytes
     """
 
@@ -54,7 +54,7 @@ class _Digest:
         self._of_long = _tree_digest if known is None else known.of
 
     def feed(self, values: Iterable[object]) -> None:
-        """Feed arrays, numbers and names."""
+        """Add arrays, numbers and strings."""
         for value in values:
             if isinstance(value, np.ndarray):
                 self._digest.update(repr((value.shape, value.dtype.str)).encode())
@@ -63,13 +63,13 @@ class _Digest:
                 self._digest.update(repr(value).encode())
 
     def feed_uvs(self, mesh: Mesh, textures: Iterable[Texture | None]) -> None:
-        """Feed the UV maps of a mesh that textures need."""
+        """Add the UV maps of a mesh that the textures use."""
         needed = {texture.uv_map for texture in textures if texture is not None}
         for name in sorted(needed & mesh.texture_uvs.keys()):
             self.feed([name, mesh.texture_uvs[name]])
 
     def feed_texture(self, texture: Texture | None) -> None:
-        """Feed the pixels of a texture, and how they lie on a surface; or that there is none."""
+        """Add the pixels and the mapping of a texture, or that there is none."""
         if texture is None:
             self.feed([None])
             return
@@ -77,16 +77,16 @@ class _Digest:
         self.feed([*mapping, texture.srgb, texture.transform, texture.pixels])
 
     def value(self) -> bytes:
-        """Return the digest of all that was fed."""
+        """Return the hash of everything added."""
         return self._digest.digest()
 
 
 def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
-    """Return a digest of all that decides which patches there are and what they see of each other.
+    """Return a hash of everything that determines the patches and their visibility.
 
-    That is shapes, lightmap UVs, the objects' names in warnings, and what light passes through.
+    It covers shapes, lightmap UVs, transmittance, and object names, which appear in warnings.
 
-    known: digests of long arrays, for scenes that follow each other; None to read all of them
+    known  cached hashes of long arrays, for successive scenes; None to read all of them
     """
     digest = _Digest(known)
     digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
@@ -102,9 +102,9 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
 
 
 def surfaces_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
-    """Return a digest of all that decides what the patches of a geometry reflect and emit.
+    """Return a hash of everything that determines reflectance and emission of the patches.
 
-    known: as of `geometry_digest`
+    known  cached hashes, see `geometry_digest`
     """
     digest = _Digest(known)
     maps = [texture for material in scene.materials for texture in _maps(material)]
@@ -120,7 +120,7 @@ def surfaces_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
 
 
 def same_values(one: object, other: object) -> bool:
-    """Return whether arrays, records and builtins, and what these hold, are the same."""
+    """Return True if two arrays, records or builtins are equal, compared recursively."""
     if one is other:
         return True
     if type(one) is not type(other):
@@ -137,7 +137,7 @@ def same_values(one: object, other: object) -> bool:
 
 
 def digest_of(values: Iterable[object]) -> str:
-    """Return a digest of arrays, numbers and names, hexadecimal."""
+    """Return a hexadecimal hash of arrays, numbers and strings."""
     digest = _Digest(size=_SHORT)
     digest.feed(values)
     return digest.value().hex()
@@ -154,7 +154,7 @@ def _bytes_of(array: np.ndarray) -> memoryview:
 
 
 def _tree_digest(array: np.ndarray) -> bytes:
-    """Return a digest of the digests of an array's pieces, which threads make (a hash tree, Merkle 1980)."""
+    """Return the hash of the hashes of an array's pieces, computed by threads (Merkle 1980)."""
     values, digest = _bytes_of(array), hashlib.blake2b()
     pieces = [values[first : first + _PIECE] for first in range(0, len(values), _PIECE)]
     with ThreadPoolExecutor() as threads:

@@ -1,4 +1,4 @@
-"""Which light belongs to which light group: lamps, what meshes emit, the surroundings."""
+"""Light groups: assignment of lights, emissive meshes and the world."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 from .model import Scene, emits, shining_lights
 
-#: The group of all light that is in no other one.
+#: Name of the group for light without a group.
 UNGROUPED = "Ungrouped"
 
 
 @dataclass(frozen=True)
 class LightGroups:
-    """Numbers of light groups, as `light_group_names` has them.
+    """Light group index of each emitter, in the order of `light_group_names`.
 
-    count   groups
-    lamps   (l,) int32, of each lamp that shines
-    meshes  (m,) int32, of what each mesh emits
-    world   of the surroundings
+    count   number of groups
+    lamps   (l,) int32, group of each light with nonzero strength
+    meshes  (m,) int32, group of each mesh's emission
+    world   group of the world
     """
 
     count: int
@@ -30,9 +30,9 @@ class LightGroups:
 
 
 def light_group_names(scene: Scene) -> list[str]:
-    """Return the names of a scene's light groups, and of that of all other light if there is any.
+    """Return the names of a scene's light groups, plus UNGROUPED if any light has no group.
 
-    There is one at least.
+    The list is never empty.
     """
     names = list(dict.fromkeys(scene.light_groups))
     if not names or not {_known(name, names) for name in _shining(scene)} <= set(names):
@@ -41,7 +41,7 @@ def light_group_names(scene: Scene) -> list[str]:
 
 
 def light_groups(scene: Scene) -> LightGroups:
-    """Return which light of a scene belongs to which group."""
+    """Return the light group of each emitter of a scene."""
     names = light_group_names(scene)
     lamps = _numbers((light.light_group for light in shining_lights(scene)), names)
     meshes = _numbers((mesh.light_group for mesh in scene.meshes), names)
@@ -50,7 +50,7 @@ def light_groups(scene: Scene) -> LightGroups:
 
 
 def _shining(scene: Scene) -> list[str]:
-    """Return the names of the groups of all that gives light."""
+    """Return the group names of all emitters."""
     groups = [light.light_group for light in shining_lights(scene)]
     shines = np.array([emits(material) for material in scene.materials], bool)
     groups += [mesh.light_group for mesh in scene.meshes if shines[mesh.material].any()]
@@ -58,11 +58,11 @@ def _shining(scene: Scene) -> list[str]:
 
 
 def _numbers(groups: Iterable[str], names: list[str]) -> np.ndarray:
-    """Return the number of each group, int32; 0 of those of which nothing shines."""
+    """Return the index of each group, int32; 0 for groups without light."""
     number = {name: index for index, name in enumerate(names)}
     return np.array([number.get(_known(group, names), 0) for group in groups], np.int32)
 
 
 def _known(group: str, names: list[str]) -> str:
-    """Return a group's name, UNGROUPED if there is no such group."""
+    """Return the group's name, or UNGROUPED if there is no such group."""
     return group if group in names else UNGROUPED

@@ -1,4 +1,4 @@
-"""What is baked: triangles with lightmap UVs, materials, lights and the world."""
+"""Scene data model: triangle meshes with lightmap UVs, materials, lights and the world."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .transmission import Transmission
 
 @dataclass(frozen=True)
 class BackSide:
-    """Emission and diffuse reflectance of the back of a surface; fields as in `Material`."""
+    """Diffuse reflectance and emission of the back face; fields as in `Material`."""
 
     reflectance: np.ndarray
     emission: np.ndarray
@@ -23,16 +23,16 @@ class BackSide:
 
 @dataclass(frozen=True)
 class Material:
-    """A diffuse surface; each quantity is a constant, multiplied by a texture if there is one.
+    """Diffuse material; each quantity is a constant, multiplied by a texture if there is one.
 
-    reflectance and emission belong to the part of the surface that stops rays: 1 - the largest channel of
-    `transmission.bounce`. So the reflectance of a tinted sheet may exceed 1.
+    Reflectance and emission describe the opaque part of the surface: 1 - the largest channel of
+    `transmission.bounce`. The reflectance of a tinted sheet may therefore exceed 1.
 
-    reflectance      (3,) float32, diffuse reflectance of the front
-    emission         (3,) float32, radiance that the front emits, W/(m^2 sr)
-    translucency     (3,) float32, diffuse transmittance: fraction of the light that leaves the other side
-    transmission     straight-through transmittance, RGB
-    back             reflectance and emission of the back; None is as the front
+    reflectance   (3,) float32, diffuse reflectance of the front face
+    emission      (3,) float32, W/(m^2 sr), radiance that the front face emits
+    translucency  (3,) float32, diffuse transmittance: fraction of light that leaves the other side
+    transmission  straight-through transmittance, RGB
+    back          reflectance and emission of the back face; None if equal to the front
     """
 
     name: str
@@ -47,33 +47,33 @@ class Material:
 
     @property
     def translucent(self) -> bool:
-        """True if light that falls on one side leaves the other side diffusely."""
+        """True if light on one side leaves the other side diffusely."""
         return bool(np.any(self.translucency))
 
 
-#: The arrays of a mesh, one entry a triangle.
+#: Arrays of a mesh with one entry for each triangle.
 _TRIANGLE_ARRAYS = ("positions", "normals", "uvs", "face", "subface", "material")
 
-#: `Mesh.atlas` of a mesh that is seen and reflects, but is in no lightmap.
+#: `Mesh.atlas` of a mesh without lightmap, which blocks, reflects and emits light.
 NO_LIGHTMAP = -1
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """The triangles of one object or instance, as a triangle soup of corners.
+    """Triangles of one object or instance, as a triangle soup.
 
-    positions     (t, 3, 3) float32, metres from `Scene.origin` along the world's axes;
-                  counter-clockwise seen from the front
-    normals       (t, 3, 3) float32, world space, unit shading normal of each corner
-    uvs           (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]; any for an occluder
-    face          (t,) int32, index of the polygon a triangle belongs to, ascending
-    subface       (t,) int32, index of the triangle within its polygon, ascending in each polygon
-    material      (t,) int32, index into `Scene.materials`
-    atlas         index of the lightmap that holds the object's charts, or NO_LIGHTMAP
-    texture_uvs   (t, 3, 2) float32 of each UV map that the materials' textures name
-    light_group   name of the light group that what it emits belongs to, see `Scene.light_groups`
-    front         (t,) int32, index among all triangles of the scene: the front of each triangle, if the mesh
-                  holds back faces (engine/patches/backs.py); None for all other meshes
+    positions    (t, 3, 3) float32, m, relative to `Scene.origin`, world axes; counter-clockwise seen from the
+                 front
+    normals      (t, 3, 3) float32, world space, unit shading normal of each corner
+    uvs          (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]; arbitrary without lightmap
+    face         (t,) int32, polygon of each triangle, ascending
+    subface      (t,) int32, index of the triangle within its polygon, ascending in each polygon
+    material     (t,) int32, index into `Scene.materials`
+    atlas        index of the lightmap, or NO_LIGHTMAP
+    texture_uvs  (t, 3, 2) float32 for each UV map that the materials' textures use, by name
+    light_group  name of the light group of the mesh's emission, see `Scene.light_groups`
+    front        (t,) int32, the front triangle of each back-face triangle, as index among all triangles of
+                 the scene; None if the mesh holds no back faces (engine/patches/backs.py)
     """
 
     name: str
@@ -98,34 +98,35 @@ class Mesh:
         )
 
 
-#: Kinds of lights.
+#: Valid values of `Light.kind`.
 LIGHT_KINDS = ("point", "spot", "sun", "area")
 
 
 @dataclass(frozen=True)
 class Light:
-    """A light that is no surface: nothing sees it, it only lights.
+    """Light source that is not a surface; rays do not hit it.
 
-    kind         one of LIGHT_KINDS
-    position     (3,) float64, metres from `Scene.origin`
-    axes         (3, 3) float64, rows are the unit vectors of its local x, y, z in world space; spot,
-                 sun and area light shine along -z
-    strength     (3,) float32. point, spot: radiant intensity, W/sr; sun: irradiance of a surface that
-                 faces it, W/m^2; area: radiance P / (pi area), W/(m^2 sr)
-    radius       point, spot: m
-    soft         point, spot: True for a disk that faces the receiver, False for a sphere
-    half_angle   spot: of the cone; sun: of its disk; area: half its spread, pi/2 for none; radians
-    blend        spot: fraction of the cone in which it fades
-    stretch      (3,) float64, scale along x, y, z: unequal ones make the cone of a spot elliptical and turn
-                 the directions of a profile
-    size         (2,) float64, area: full widths along x and y, m
-    ellipse      area: True for an ellipse, False for a rectangle
-    casts_shadow False lights through surfaces
-    profile      factors of strength over directions, None for 1 everywhere; not of a sun
-    falloff_power   strength is multiplied by the distance to the receiver, m, to this power
-    falloff_smooth  and by d^2 / (smooth + d^2), m^2; neither of a sun
-    light_group  name of the light group that it belongs to, see `Scene.light_groups`
-    of_world     True for the sun of a sky: a part of the surroundings, without a shadow mask
+    kind            one of LIGHT_KINDS
+    position        (3,) float64, m, relative to `Scene.origin`
+    axes            (3, 3) float64, rows are the unit vectors of the local x, y, z axes in world space; spot,
+                    sun and area lights emit along -z
+    strength        (3,) float32. point, spot: radiant intensity, W/sr; sun: irradiance at normal incidence,
+                    W/m^2; area: radiance P / (pi area), W/(m^2 sr)
+    radius          point, spot: m
+    soft            point, spot: True for a disk that faces the receiver, False for a sphere
+    half_angle      radians. spot: half the cone angle; sun: half the disk's angle; area: half the spread,
+                    pi/2 for none
+    blend           spot: fraction of the cone in which the light fades out
+    stretch         (3,) float64, scale along x, y, z; unequal values make the cone of a spot elliptical and
+                    rotate the directions of a profile
+    size            (2,) float64, m, area: full widths along x and y
+    ellipse         area: True for an ellipse, False for a rectangle
+    casts_shadow    False if surfaces do not block the light
+    profile         factors of the strength by direction; None for 1 everywhere; not for suns
+    falloff_power   exponent of the distance to the receiver, m, by which the strength is multiplied
+    falloff_smooth  smoothing s, m^2, of the factor d^2 / (s + d^2); neither falloff applies to suns
+    light_group     name of the light's group, see `Scene.light_groups`
+    of_world        True for the sun of a sky texture: part of the world, without a shadow mask
     """
 
     name: str
@@ -148,23 +149,25 @@ class Light:
     of_world: bool = False
 
     def relative_to(self, point: np.ndarray) -> Light:
-        """Return the light with a position relative to a point, (3,) float64, metres."""
+        """Return the light with its position relative to a point, (3,) float64, m."""
         return replace(self, position=self.position - point)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything the engine needs to know.
+    """Complete input of a bake, besides the settings.
 
-    atlases  name of each lightmap; `Mesh.atlas` indexes it
-    world    (3,) float32, radiance of the surroundings; or (h, w, 3) float32, equirectangular: the
-             direction (x, y, z) is at u = 1/2 - atan2(y, x) / (2 pi), v = 1 - acos(z) / pi, row 0 at
-             v = 0 (Cycles, kernel/camera/projection.h)
-    origin   (3,) float64, world space: the point that all positions are relative to
-    light_groups  names of groups of light, each with a lightmap of its own as output "light_groups"; what
-             names another one, or none, is in the group `light_groups.UNGROUPED`
-    world_light_group  name of the group of the surroundings
-    metres_per_unit    for texts alone: coordinates and settings are in the scene's units of length
+    meshes, materials  objects and their materials
+    atlases            name of each lightmap; `Mesh.atlas` indexes it
+    world              (3,) float32, W/(m^2 sr), radiance of the environment; or (h, w, 3) float32,
+                       equirectangular. The direction (x, y, z) is at u = 1/2 - atan2(y, x) / (2 pi), v = 1 -
+                       acos(z) / pi, row 0 at v = 0 (Cycles, kernel/camera/projection.h)
+    origin             (3,) float64, world space, m: the point to which all positions are relative
+    lights             light sources
+    light_groups       names of the light groups, each a lightmap of output "light_groups"; emitters with
+                       another name or none are in group `light_groups.UNGROUPED`
+    world_light_group  name of the world's light group
+    metres_per_unit    metres per scene unit, for messages only: coordinates and settings are in scene units
     """
 
     meshes: tuple[Mesh, ...]
@@ -179,24 +182,24 @@ class Scene:
 
 
 def shining_lights(scene: Scene) -> tuple[Light, ...]:
-    """Return the lamps of a scene that give light, those with a shadow mask first."""
+    """Return the lights with nonzero strength; lights with a shadow mask come first."""
     shining = (light for light in scene.lights if light.strength.any())
     return tuple(sorted(shining, key=lambda light: light.of_world))
 
 
 def masked_lights(scene: Scene) -> tuple[Light, ...]:
-    """Return the lamps that give light and have a shadow mask, in the order of `shining_lights`."""
+    """Return the lights with a shadow mask, in the order of `shining_lights`."""
     return tuple(light for light in shining_lights(scene) if not light.of_world)
 
 
 def emits(material: Material) -> bool:
-    """Return True if a side of a material emits light."""
+    """Return True if either face of a material emits light."""
     back = material.back
     return bool(material.emission.any() or (back is not None and back.emission.any()))
 
 
 def without_emission(material: Material) -> Material:
-    """Return a material that emits nothing at either side."""
+    """Return a copy of the material without emission on either face."""
     black, back = np.zeros_like(material.emission), material.back
     if back is not None:
         back = replace(back, emission=black, emission_map=None)

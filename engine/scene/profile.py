@@ -1,4 +1,4 @@
-"""How the light of a lamp depends on the direction, and the profiles that IES files describe."""
+"""Photometric profiles: directional factors of a light's strength, and the IES file parser."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 
 from ..errors import SceneError
 
-#: Watts that stand for a candela: 4 pi over the luminous efficacy of D65, 177.83 lm/W (Cycles, util/ies.cpp).
+#: Watts per candela: 4 pi over the luminous efficacy of D65, 177.83 lm/W (Cycles, util/ies.cpp).
 _WATT = 4 * np.pi / 177.83
 
 #: Photometric types of LM-63.
 _TYPE_C, _TYPE_B, _TYPE_A = 1, 2, 3
 
-#: Angles that differ by less are the same, degrees.
+#: Tolerance for equal angles, degrees.
 _SAME = 1e-4
 
 
 @dataclass(frozen=True)
 class Profile:
-    """Factors of a lamp's strength over directions, in the lamp's own space.
+    """Directional factors of a light's strength, in the light's local space.
 
-    azimuths  (m,) float32, ascending in [0, 2 pi], radians: atan2(x, y) + pi of a direction
-    polars    (n,) float32, ascending in [0, pi], radians: angle from -z
-    factors   (m, n, 3) float32, from 0; in between they are interpolated by cubics (Catmull and Rom 1974),
-              beyond the outermost angles they are 0
+    azimuths  (m,) float32, radians, ascending in [0, 2 pi]: atan2(x, y) + pi of a direction
+    polars    (n,) float32, radians, ascending in [0, pi]: angle from -z
+    factors   (m, n, 3) float32, >= 0; interpolated by cubics (Catmull and Rom 1974); 0 beyond the outermost
+              angles
     """
 
     azimuths: np.ndarray
@@ -35,7 +35,7 @@ class Profile:
 
     @property
     def mean(self) -> np.ndarray:
-        """Mean over all directions, about; 0 only if all factors are, (3,) float64."""
+        """Approximate mean over all directions, (3,) float64; 0 only if all factors are 0."""
         factors = self.factors.astype(np.float64)
         weights = _widths(self.azimuths)[:, None] * (_widths(self.polars) * np.sin(self.polars))
         mean = np.einsum("mn,mnc->c", weights, factors) / (4 * np.pi)
@@ -43,11 +43,11 @@ class Profile:
 
     @property
     def packed(self) -> np.ndarray:
-        """Numbers of angles, angles and factors with a border as modulation.cl reads it, float32.
+        """Numbers of angles, angles, and factors with a border for modulation.cl, (k,) float32.
 
-        The border holds what cubics look up beyond the outermost angles, as it was measured in Cycles 5.0:
-        the values around the lower pole mirrored, the first azimuth and the last polar again, and for the
-        last azimuth the one before it.
+        The border holds the values that cubics read beyond the outermost angles, measured in Cycles 5.0.
+        These are the values around the lower pole mirrored, the first azimuth and the last polar angle
+        repeated, and for the last azimuth the one before it.
         """
         columns, rows = np.arange(len(self.azimuths)), np.arange(len(self.polars))
         below = 1 if self.polars[0] == 0 else 0
@@ -58,13 +58,13 @@ class Profile:
 
 
 def _widths(angles: np.ndarray) -> np.ndarray:
-    """Return the weight of each angle in a sum over the interval that they span."""
+    """Return the weight of each angle in the integral over the interval that they span."""
     gaps = np.diff(angles.astype(np.float64))
     return (np.r_[gaps, 0] + np.r_[0, gaps]) / 2
 
 
 def check_profile(profile: Profile, name: str) -> None:
-    """Raise a SceneError that names the light if a profile cannot be looked up."""
+    """Raise SceneError with the light's name if a profile is invalid."""
     angles = (profile.azimuths, profile.polars)
     ascending = all(len(values) > 1 and (np.diff(values) > 0).all() for values in angles)
     shape = (len(profile.azimuths), len(profile.polars), 3)
@@ -75,10 +75,10 @@ def check_profile(profile: Profile, name: str) -> None:
 
 
 def read_ies(text: str) -> Profile:
-    """Return the profile of an IES file: factors of a power in W, as Cycles takes them.
+    """Return the profile of an IES file: factors of a power in W, as in Cycles.
 
-    Source: ANSI/IES LM-63; types A and B are turned into C, and what is left out by symmetry is mirrored
-    (Cycles, util/ies.cpp). Raises SceneError that tells what is wrong with the file.
+    Format: ANSI/IES LM-63. Types A and B are converted to C, and symmetric parts are mirrored (Cycles,
+    util/ies.cpp). Raises SceneError that describes the fault in the file.
     """
     words = _words(text)
     head = _numbers(words, 0, 13)
@@ -99,7 +99,7 @@ def read_ies(text: str) -> Profile:
 
 
 def _words(text: str) -> list[str]:
-    """Return the words that follow the line TILT= and the tilt itself; raises SceneError."""
+    """Return the words after the line TILT= and the tilt data; raises SceneError."""
     lines = iter(text.splitlines())
     tilt = next((line for line in lines if line.startswith("TILT=")), None)
     if tilt is None:
@@ -111,7 +111,7 @@ def _words(text: str) -> list[str]:
 
 
 def _numbers(words: Sequence[str], first: int, count: int) -> np.ndarray:
-    """Return the next `count` words as float64; raises SceneError if one is missing or no number."""
+    """Return the next `count` words as float64; raise SceneError if one is missing or not a number."""
     if len(words) < first + count:
         raise SceneError("it ends too early")
     try:
@@ -123,12 +123,12 @@ def _numbers(words: Sequence[str], first: int, count: int) -> np.ndarray:
     return numbers
 
 
-#: Horizontal and vertical angles, degrees, and candelas, (horizontal, vertical).
+#: Photometric web: horizontal and vertical angles, degrees, and candelas, (horizontal, vertical).
 _Web = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _from_type_a(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndarray) -> _Web:
-    """From -90 to 90 degrees about the horizon, or its half from 0 on, which is mirrored."""
+    """Convert type A: -90 to 90 degrees about the horizon, or the mirrored half from 0 on."""
     turned, web = 180 - horizontal[::-1], candelas[::-1]
     if _same(horizontal[0], 0):
         turned, web = np.r_[turned, 180 + horizontal[1:]], np.concatenate([web, candelas[1:]])
@@ -136,7 +136,7 @@ def _from_type_a(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndar
 
 
 def _from_type_b(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndarray) -> _Web:
-    """The same with a horizontal pole: the angles are swapped, as in Cycles."""
+    """Convert type B: like type A with a horizontal pole, so the angles are swapped as in Cycles."""
     azimuths, polars, web = vertical, horizontal, candelas.T
     if _same(azimuths[0], 0):
         azimuths, web = np.r_[-azimuths[:0:-1], azimuths], np.concatenate([web[:0:-1], web])
@@ -147,7 +147,7 @@ def _from_type_b(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndar
 
 
 def _from_type_c(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndarray) -> _Web:
-    """About the vertical axis: all around, or one half, quarter or angle of it."""
+    """Convert type C: about the vertical axis, the full circle or a half, quarter or smaller part of it."""
     if _same(horizontal[0], 90):
         horizontal = horizontal - 90
     if len(horizontal) == 1:
@@ -157,7 +157,7 @@ def _from_type_c(horizontal: np.ndarray, vertical: np.ndarray, candelas: np.ndar
             horizontal = np.r_[horizontal, 2 * half - horizontal[-2::-1]]
             candelas = np.concatenate([candelas, candelas[-2::-1]])
 
-    # Files may leave 360 degrees out, which are 0 once more.
+    # Files may omit 360 degrees, which equals 0.
     gap, steps = 360 - horizontal[-1], np.diff(horizontal)
     if _same(horizontal[0], 0) and (_same(steps[0], gap) or _same(steps[-1], gap)):
         horizontal, candelas = np.r_[horizontal, 360], np.concatenate([candelas, candelas[:1]])

@@ -1,4 +1,4 @@
-"""Shrinks images to any size: every new pixel is the mean over its part of the old ones."""
+"""Area-averaging image reduction (box filter) to any size."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..progress import finished
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Pieces into which the borders of old and new pixels cut an axis, from its start to its end.
+    """Intervals between the borders of old and new pixels along one axis, in order.
 
-    source  (k,) int64, the old pixel that each piece lies in
-    weight  (k,) float32, fraction of the new pixel that it lies in
-    first   (m + 1,) int64, the first piece of each new pixel, then k
+    source  (k,) int64, old pixel of each interval
+    weight  (k,) float32, fraction of the new pixel that the interval covers
+    first   (m + 1,) int64, first interval of each new pixel, then k
     """
 
     source: np.ndarray
@@ -25,17 +25,17 @@ class _Overlaps:
 
 
 def _even(points: np.ndarray) -> np.ndarray:
-    """Return the area between an image's start and points along an axis, where rows are alike."""
+    """Return the fraction of the image area below points along an axis, for rows of equal area."""
     return points
 
 
 def shrink(
     pixels: np.ndarray, height: int, width: int, area: Callable[[np.ndarray], np.ndarray] = _even
 ) -> np.ndarray:
-    """Return an image averaged by area to another size, (h, w, c) -> (height, width, c) float32.
+    """Return an image reduced by area averaging, (h, w, c) -> (height, width, c) float32.
 
-    area  returns the fraction of the image's area below points along v, (n,) in [0, 1]: all rows cover the
-          same by default
+    area  returns the fraction of the image's area below points along v, (n,) in [0, 1]; by default all rows
+          have equal area
     """
     return finished(shrink_in_slices(pixels, height, width, area))
 
@@ -43,7 +43,7 @@ def shrink(
 def shrink_in_slices(
     pixels: np.ndarray, height: int, width: int, area: Callable[[np.ndarray], np.ndarray] = _even
 ) -> Generator[float, None, np.ndarray]:
-    """Do as `shrink` does; yield the fraction done after each row."""
+    """Reduce an image like `shrink`; yield the fraction done after each row."""
     rows, columns = _overlaps(len(pixels), height, area), _overlaps(pixels.shape[1], width)
     image = np.empty((height, width, pixels.shape[2]), np.float32)
     for row in range(height):
@@ -55,9 +55,9 @@ def shrink_in_slices(
 
 
 def _shrunk_row(line: np.ndarray, width: int, columns: _Overlaps) -> np.ndarray:
-    """Return a row of pixels, (w, c), averaged to another width, (width, c)."""
+    """Return a row of pixels, (w, c), reduced to (width, c)."""
     if len(line) % width == 0:
-        # As many old pixels in each new one: a sum over an axis takes a sixth of the time.
+        # Equal numbers of old pixels in each new one: a sum over an axis takes a sixth of the time.
         whole = line.reshape(width, -1, line.shape[1])
         return np.einsum("wkc->wc", whole) / np.float32(whole.shape[1])
     parts = line[columns.source] * columns.weight[:, None]
@@ -66,7 +66,7 @@ def _shrunk_row(line: np.ndarray, width: int, columns: _Overlaps) -> np.ndarray:
 
 
 def _overlaps(old: int, new: int, area: Callable[[np.ndarray], np.ndarray] = _even) -> _Overlaps:
-    """Return how an axis of `old` pixels is cut to make it one of `new`; area as of `shrink`."""
+    """Return the intervals of an axis of `old` pixels that is reduced to `new`; area as for `shrink`."""
     before, after = (np.linspace(0, 1, size + 1) for size in (old, new))
     borders = np.union1d(before, after)
     first = np.searchsorted(borders, after)

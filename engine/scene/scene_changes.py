@@ -1,4 +1,4 @@
-"""What is other than it was in a scene: lights, the world, materials, moved or replaced meshes."""
+"""Scene changes: lights, world, materials, and moved or replaced meshes."""
 
 from __future__ import annotations
 
@@ -14,20 +14,19 @@ from .model import Light, Material, Mesh, Scene
 
 Part = TypeVar("Part", Material, Mesh)
 
-#: Fields of a scene that `SceneChanges` may change.
+#: Fields of a scene that `SceneChanges` can change.
 _CHANGING = ("lights", "world", "materials", "meshes")
 
 
 @dataclass(frozen=True)
 class SceneChanges:
-    """Changes of a scene; what is None or not named stays.
+    """Changes of a scene; None and missing entries leave values unchanged.
 
-    lights     all lamps from now on: those that are left out are gone
-    world      as `Scene.world`
-    materials  by their number in `Scene.materials`
-    moves      (4, 4) float64 of meshes by number: maps their positions, metres from `Scene.origin`, to
-               where they are from now on
-    meshes     by their number in `Scene.meshes`: other shapes, UVs or materials
+    lights     all lights from now on; omitted ones are removed
+    world      see `Scene.world`
+    materials  new materials by index in `Scene.materials`
+    moves      (4, 4) float64 by mesh index: maps old positions, m, relative to `Scene.origin`, to new ones
+    meshes     new shapes, UVs or materials, by index in `Scene.meshes`
     """
 
     lights: tuple[Light, ...] | None = None
@@ -43,7 +42,7 @@ class SceneChanges:
         return self.lights is None and self.world is None and not others
 
     def of(self, scene: Scene) -> Scene:
-        """Return the scene with the changes; raises SceneError for a number that nothing has."""
+        """Return the changed scene; raise SceneError for an index that does not exist."""
         _check_numbers("materials", self.materials, len(scene.materials))
         _check_numbers("meshes", (*self.meshes, *self.moves), len(scene.meshes))
         meshes = [self.meshes.get(number, mesh) for number, mesh in enumerate(scene.meshes)]
@@ -59,7 +58,7 @@ class SceneChanges:
 
 
 def changes_between(before: Scene, after: Scene) -> SceneChanges | None:
-    """Return what makes one scene the other; None if no changes do: of numbers of parts, or lightmaps."""
+    """Return the changes between two scenes; None if the numbers of parts or the lightmaps differ."""
     counts = [(len(scene.meshes), len(scene.materials)) for scene in (before, after)]
     others = [entry.name for entry in fields(Scene) if entry.name not in _CHANGING]
     if counts[0] != counts[1] or not all(
@@ -75,9 +74,9 @@ def changes_between(before: Scene, after: Scene) -> SceneChanges | None:
 
 
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
-    """Return a mesh whose positions a matrix, (4, 4) float64, maps; a mirrored one stays counter-clockwise.
+    """Return a mesh transformed by a matrix, (4, 4) float64; a mirrored mesh stays counter-clockwise.
 
-    Raises SceneError for a matrix that flattens it.
+    Raises SceneError for a singular matrix.
     """
     linear = np.asarray(matrix, np.float64)[:3, :3]
     turned = float(np.linalg.det(linear))
@@ -97,13 +96,13 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
 
 
 def _replaced(before: tuple[Part, ...], after: tuple[Part, ...]) -> dict[int, Part]:
-    """Return the parts that are not as they were, by number."""
+    """Return the parts that differ, by index."""
     pairs = zip(before, after, strict=True)
     return {number: new for number, (old, new) in enumerate(pairs) if not same_values(old, new)}
 
 
 def _check_numbers(what: str, numbers: Iterable[int], count: int) -> None:
-    """Raise SceneError for a number that none of `count` parts has."""
+    """Raise SceneError for an index outside of `count` parts."""
     unknown = sorted(number for number in numbers if not 0 <= number < count)
     if unknown:
         raise SceneError(

@@ -1,4 +1,4 @@
-"""Equirectangular maps of the sky, row 0 below: the solid angles of their pixels, and smaller ones."""
+"""Equirectangular sky maps, row 0 at the bottom: solid angles, directions and reduction."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def row_fractions(height: int) -> np.ndarray:
 
 
 def solid_angles(height: int, width: int) -> np.ndarray:
-    """Return the solid angle of the pixels of each row, (h,) float64, sr."""
+    """Return the solid angle of a pixel in each row, (h,) float64, sr."""
     angles: np.ndarray = row_fractions(height) * 4 * np.pi / width
     return angles
 
 
 def directions(v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Return the unit directions of rows at v, (h,), and columns at u, (w,), of [0, 1]: (h, w, 3) float64."""
+    """Return the unit directions of rows at v, (h,), and columns at u, (w,), in [0, 1]: (h, w, 3) float64."""
     polar, azimuth = np.pi * (1 - v)[:, None], np.pi * (1 - 2 * u)[None]
     across, up = np.sin(polar), np.cos(polar)
     axes = np.broadcast_arrays(across * np.cos(azimuth), across * np.sin(azimuth), up)
@@ -32,10 +32,10 @@ def directions(v: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def shrink_sky(world: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Return a map averaged by solid angle, (h, w, 3) -> (height, width, 3) float32."""
+    """Return a map reduced by solid-angle averaging, (h, w, 3) -> (height, width, 3) float32."""
     return finished(shrink_sky_in_slices(world, height, width))
 
 
 def shrink_sky_in_slices(world: np.ndarray, height: int, width: int) -> Generator[float, None, np.ndarray]:
-    """Do as `shrink_sky` does; yield the fraction done after each row."""
+    """Reduce a map like `shrink_sky`; yield the fraction done after each row."""
     return shrink_in_slices(world, height, width, area=lambda rows: (1 - np.cos(np.pi * rows)) / 2)

@@ -1,4 +1,4 @@
-"""Suns of a sky as pixels of its map, for bakes that cast no shadow rays."""
+"""Suns of a sky texture as pixels of its map, for bakes without shadow rays."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from .model import Light, Scene
 from .sky_maps import directions, solid_angles
 
-#: Size of the map that a constant world becomes.
+#: Height and width of the map that replaces a constant world.
 _SIZE = (256, 512)
 
 
 def put_suns_into_world(scene: Scene) -> Scene:
-    """Return a scene whose world shows the suns of its sky, which are no lights any more."""
+    """Return the scene with the suns of its sky added to the world's map and removed from the lights."""
     suns = [light for light in scene.lights if light.of_world]
     if not suns:
         return scene
@@ -27,7 +27,7 @@ def put_suns_into_world(scene: Scene) -> Scene:
 
 
 def _add_sun(world: np.ndarray, sun: Light) -> None:
-    """Add the irradiance of a sun to the pixels of its disc, or to the pixel nearest to its centre."""
+    """Add the irradiance of a sun to the pixels of its disk, or to the pixel nearest to its centre."""
     height, width = world.shape[:2]
     rows, columns = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
     cosines = directions(rows, columns) @ sun.axes[2]

@@ -1,4 +1,4 @@
-"""What a texture shows at a point."""
+"""Texture lookup on the host."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from .texture import Texture
 
 
 def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
-    """Return a texture's values at points, (m, 2) with the image on [0, 1], as (m, c) float64.
+    """Return texture values at points, (m, 2), with the image on [0, 1]: (m, c) float64.
 
-    pixels  (h, w, c) float32, `texture.pixels` or a smaller version of it
+    pixels  (h, w, c) float32, `texture.pixels` or a reduced version
+    uv      (m, 2) texture coordinates
     """
     height, width = pixels.shape[:2]
     pixel = uv.astype(np.float64) * (width, height) - (0.5 if texture.smooth else 0.0)
@@ -31,7 +32,7 @@ def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
 
 
 def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> np.ndarray:
-    """Return pixels, (m, c) float64, also beyond the border."""
+    """Return pixels, (m, c) float64, with the extension mode beyond the edge."""
     height, width = pixels.shape[:2]
     values = pixels[_wrap(y, height, extension), _wrap(x, width, extension)].astype(np.float64)
     if extension == "clip":
@@ -40,7 +41,7 @@ def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> 
 
 
 def _wrap(index: np.ndarray, size: int, extension: str) -> np.ndarray:
-    """Return the row or column that stands for one beyond the border."""
+    """Return the row or column index that replaces one beyond the edge."""
     if extension == "repeat":
         return index % size
     if extension == "mirror":

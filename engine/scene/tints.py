@@ -1,4 +1,4 @@
-"""Palette of tints: colors that see-through surfaces give to the light of patches, as 6 bits of a sample."""
+"""Tint palette: the color of transmitted light as a 6-bit index in each visibility sample."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ import numpy as np
 
 from .cutouts import BACK, BOUNCE, Cutouts
 
-#: Bits of a sample that hold the entry of the radiance; the others hold the index of the tint.
+#: Bits of a sample for the radiance entry; the upper bits hold the tint index.
 ENTRY_BITS = 26
 
-#: Tints of a palette.
+#: Number of palette entries.
 SIZE = 64
 
-#: Values of a channel in the lattice, which ends the palette: any tint is a mean of its corners.
+#: Channel values of the lattice at the end of the palette; any tint is a mean of lattice corners.
 _LEVELS = np.array([0.0, 0.5, 1.0])
 
-#: Tints of constants and their products, first of all white.
+#: Number of entries for exact tints, starting with white: constants and their products.
 EXACT = SIZE - len(_LEVELS) ** 3
 
-#: Tints that differ by less are the same, as in kernels/visibility/trace_sample.cl.
+#: Tolerance for equal tints, as in kernels/visibility/trace_sample.cl.
 _SAME = 1e-4
 
-#: Most products of tints that are tried: stacks of more surfaces use the lattice.
+#: Maximum number of factors in an exact product; deeper stacks of surfaces use the lattice.
 _FACTORS = 4
 
 
 def tint_palette(cutouts: Cutouts) -> np.ndarray | None:
-    """Return tints, (SIZE, 4) float32, transmittance over its largest channel; None if nothing is tinted.
+    """Return the palette, (SIZE, 4) float32, transmittance over its largest channel; None without tints.
 
-    First EXACT tints, of which w of the first one is the number: white, those of surfaces without a map, and
-    products of these. Then a lattice, red fastest, between whose corners all other tints are drawn by lot
-    with the right mean (stochastic rounding).
+    The first EXACT entries hold white, the tints of surfaces without a map, and products of these. The w
+    component of the first entry is their number. A lattice follows, with red varying fastest; other tints
+    choose among its corners by stochastic rounding, which preserves the mean.
     """
     if not cutouts.tinted:
         return None
@@ -51,7 +51,7 @@ def tint_palette(cutouts: Cutouts) -> np.ndarray | None:
 
 
 def _constant_tints(cutouts: Cutouts) -> list[np.ndarray]:
-    """Return the tints of surfaces without a map for gathered light, each once, white left out."""
+    """Return the distinct tints of surfaces without a map for gathered light, except white."""
     known, white = list[np.ndarray](), [np.ones(3)]
     for record in range(BOUNCE, len(cutouts.base), BACK):
         opacity, threshold = cutouts.base[record].astype(np.float64), cutouts.threshold[record]
@@ -66,5 +66,5 @@ def _constant_tints(cutouts: Cutouts) -> list[np.ndarray]:
 
 
 def _is_among(tint: np.ndarray, tints: list[np.ndarray]) -> bool:
-    """Return whether a tint is one of some."""
+    """Return True if a tint equals one of the list."""
     return bool((np.abs(np.array(tints) - tint).max(axis=1) < _SAME).any())

@@ -1,4 +1,4 @@
-"""Straight-through transmittance of a surface: RGB, for each side and for each kind of ray."""
+"""Straight-through transmittance of a surface: RGB, by side and kind of ray."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .texture import Texture
 
 @dataclass(frozen=True)
 class Transmittance:
-    """Fraction of light that passes straight through one side of a surface: offset + scale * texture.
+    """Fraction of light that passes straight through one side: offset + scale * texture.
 
-    offset     (3,) float32; without a texture it is the transmittance itself
+    offset     (3,) float32; the transmittance itself without a texture
     scale      (3,) float32, factor of the texture
-    texture    1 or 3 linear channels, or None
-    threshold  opacity (1 - transmittance) at or above it is 1, below it 0; None leaves it as it is
+    texture    texture with 1 or 3 linear channels, or None
+    threshold  opacity (1 - transmittance) at or above it becomes 1, below it 0; None for no threshold
     """
 
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
@@ -25,10 +25,10 @@ class Transmittance:
     threshold: float | None = None
 
 
-#: Stops all light.
+#: Transmittance of an opaque surface.
 OPAQUE = Transmittance()
 
-#: Stops no light.
+#: Transmittance of a fully clear surface.
 CLEAR = Transmittance(np.ones(3, np.float32))
 
 
@@ -45,9 +45,10 @@ def from_opacity(
 class Transmission:
     """Transmittance of both sides of a surface.
 
-    shadow, bounce            front: for shadow rays to lights and the sky's sun; for gathered light, sampled
-                              emission, sampled sky and ambient occlusion
-    shadow_back, bounce_back  the same for the back; None is as the front
+    shadow       front, for shadow rays to lights and the sky's sun
+    bounce       front, for gathered light, sampled emission, sampled sky and ambient occlusion
+    shadow_back  back, like `shadow`; None if equal to the front
+    bounce_back  back, like `bounce`; None if equal to the front
     """
 
     shadow: Transmittance = OPAQUE
@@ -57,5 +58,5 @@ class Transmission:
 
 
 def uniform_transmission(transmittance: Transmittance) -> Transmission:
-    """Return the transmission of a surface that passes all kinds of rays alike, from both sides."""
+    """Return the transmission of a surface with equal transmittance for all rays and both sides."""
     return Transmission(transmittance, transmittance)

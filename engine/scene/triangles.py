@@ -1,4 +1,4 @@
-"""All triangles of a scene, mesh after mesh, about their median corner."""
+"""Concatenated triangles of all meshes, relative to the median corner."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ import numpy as np
 
 from .model import Scene
 
-#: Triangles whose corners the median is taken of, about.
+#: Approximate number of triangles in the median.
 _SAMPLE = 1 << 12
 
-#: Boxes whose diagonals differ by less than this factor are about as large.
+#: Maximum ratio of diagonals of boxes that count as similar in size.
 _ALIKE = 1.5
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """All triangles of a scene in one array, mesh after mesh.
+    """All triangles of a scene in one array, grouped by mesh.
 
-    Back faces that have patches come last, as triangles of their own: rays meet their fronts.
+    Back faces with patches come last, as separate triangles; rays hit only their fronts.
 
-    positions  (t, 3, 3) float32, metres from `origin` along the world's axes
+    positions  (t, 3, 3) float32, m, relative to `origin`, world axes
     normals    (t, 3, 3) float32, shading normals of the corners
     uvs        (t, 3, 2) float32, lightmap UV
     material   (t,) int32
     mesh       (t,) int32
     atlas      (t,) int32
-    origin     (3,) float64 that float32 holds, metres from `Scene.origin`: the median corner
-    span       metres: what `diagonal` is taken for; None to measure it
-    backs      (s,) int32, of each triangle that is no back face: its back face, -1 for none; None if no
-               triangle has any
+    origin     (3,) float64 that float32 represents exactly, m, relative to `Scene.origin`: the median corner
+    span       m, value of `diagonal`; None to compute it
+    backs      (s,) int32, back-face triangle of each front triangle, -1 for none; None if there are no back
+               faces
     """
 
     positions: np.ndarray
@@ -46,12 +46,12 @@ class Triangles:
 
     @property
     def solid(self) -> int:
-        """Number of triangles that are no back faces: the first ones."""
+        """Number of triangles that are not back faces; they come first."""
         return len(self.mesh) if self.backs is None else len(self.backs)
 
     @cached_property
     def one_sided(self) -> np.ndarray:
-        """Triangles whose other side is a triangle of its own, (t,) bool."""
+        """Mask of triangles whose other side is a separate triangle, (t,) bool."""
         one_sided = np.zeros(len(self.mesh), bool)
         if self.backs is not None:
             one_sided[: self.solid] = self.backs >= 0
@@ -60,19 +60,19 @@ class Triangles:
 
     @cached_property
     def box(self) -> np.ndarray:
-        """Low and high corner of all triangles together, (2, 3) float64, metres."""
+        """Bounding box of all triangles, lower and upper corner, (2, 3) float64, m."""
         axes = self.positions.reshape(-1, 3).T
         return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the box's diagonal, metres; offsets of rays are parts of it."""
+        """Length of the box diagonal, m; ray offsets are fractions of it."""
         if self.span is not None:
             return self.span
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
     def suits(self, scene: Scene) -> bool:
-        """Return whether the triangles of a scene lie around this origin, in a box about as large."""
+        """Return True if this origin suits a scene: near its box, and the box of similar size."""
         parts = [mesh.positions.astype(np.float64) for mesh in scene.meshes if len(mesh.positions)]
         low = np.min([part.min(axis=(0, 1)) for part in parts], axis=0)
         high = np.max([part.max(axis=(0, 1)) for part in parts], axis=0)
@@ -82,13 +82,13 @@ class Triangles:
 
 
 def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
-    """Join the meshes of a scene, and move them so that their median corner is at the origin.
+    """Concatenate the meshes of a scene, and move the median corner to the origin.
 
-    float32 is finest there. The middle of the bounding box would take the digits from all that lies far from
-    a few distant triangles.
+    float32 is most precise near the origin. The centre of the bounding box would lose precision for most of
+    the scene if a few triangles are far away.
 
-    before: triangles of the scene before something moved: what has not moved keeps its bits, and the offset
-    of its rays, if their origin still suits
+    before  triangles before objects moved; if their origin still suits, unmoved triangles keep their bits and
+            ray offsets
     """
     positions = np.concatenate([mesh.positions for mesh in scene.meshes]).astype(np.float32, copy=False)
     origin, span = _median(positions), None
@@ -110,7 +110,7 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
 
 
 def _backs(scene: Scene) -> np.ndarray | None:
-    """Return `Triangles.backs` of a scene, whose meshes of back faces come last."""
+    """Return `Triangles.backs`; meshes of back faces come last."""
     fronts = [mesh.front for mesh in scene.meshes if mesh.front is not None]
     if not fronts:
         return None
@@ -122,7 +122,7 @@ def _backs(scene: Scene) -> np.ndarray | None:
 
 
 def _median(positions: np.ndarray) -> np.ndarray:
-    """Return the median corner of triangles, (t, 3, 3) float32, about."""
+    """Return the approximate median corner of triangles, (t, 3, 3) float32."""
     sample = positions[:: max(1, len(positions) // _SAMPLE)].reshape(-1, 3)
     middle = [(len(sample) - 1) // 2, len(sample) // 2]
     median: np.ndarray = np.partition(sample, middle, axis=0)[middle].mean(axis=0)

@@ -1,14 +1,14 @@
-"""The Hemibake engine: lightmaps by texture-space radiosity, NumPy in and NumPy out.
+"""Hemibake engine: lightmaps by texture-space radiosity, NumPy arrays in and out.
 
-Conventions, stated once for every module below:
-  space      world space, right-handed, metres
-  colour     scene-linear Rec.709 triples, float32
-  radiance   L  [W/(m^2 sr)]
-  irradiance E  [W/m^2]; a lightmap stores E/pi, which has the unit of radiance
-  reflectance rho [1]; a patch sends out L = emission + rho * E/pi
+Conventions of all modules:
+  space       world space, right-handed, metres
+  color       scene-linear Rec.709, float32
+  radiance    L, W/(m^2 sr)
+  irradiance  E, W/m^2; lightmaps and arrays named irradiance store E/pi, which has the unit of radiance
+  reflectance rho, dimensionless; exitant radiance is L = emission + rho * E/pi
 
-The package never imports bpy: `operators` turns a Blender scene into an `engine.scene.Scene`. It imports
-OpenGL and OpenCL when it bakes for the first time; the algorithm is in `engine.pipeline`.
+The package never imports bpy: `operators` converts a Blender scene into an `engine.scene.model.Scene`. OpenGL
+and OpenCL are imported by the first bake. The algorithm is in `engine.pipeline`.
 """
 
 from collections.abc import Generator
@@ -46,10 +46,10 @@ __all__ = [
 
 
 def bake(scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
-    """Bake the lightmaps of a scene; yields after every slice of work, returns the Lightmap.
+    """Bake the lightmaps of a scene; yield `Progress` after each slice of work, return the `BakeResult`.
 
-    Closing the generator cancels the bake; every GPU object is released in any case. Raises
-    SettingsError, SceneError, PatchFileError or DeviceError, also for a package that is not installed.
+    Closing the generator cancels the bake. All GPU objects are released in any case. Raises SettingsError,
+    SceneError, PatchFileError, or DeviceError, which also reports missing packages.
     """
     session = Session()
     try:

@@ -1,37 +1,37 @@
-"""Errors a person can act on: each message names the cause and the remedy."""
+"""Errors that the user can fix: each message names the cause and the remedy."""
 
 
 class EngineError(Exception):
-    """Base of every error the engine raises on purpose."""
+    """Base class of all errors that the engine raises deliberately."""
 
 
 class SceneError(EngineError):
-    """The scene cannot be baked as it is; the message names the object."""
+    """Invalid scene; the message names the object."""
 
 
 class OverlapError(SceneError):
-    """Lightmap UVs lie on each other."""
+    """Overlapping lightmap UVs."""
 
 
 class SettingsError(EngineError):
-    """A setting is out of its range; the message names the setting and the range."""
+    """Setting out of range; the message names the setting and the range."""
 
 
 class DeviceError(EngineError):
-    """No usable OpenGL or OpenCL device; the message says what to install."""
+    """Missing OpenGL or OpenCL device; the message names what to install."""
 
 
 class DeviceMemoryError(DeviceError):
-    """The memory of a device is full; the message says of which."""
+    """Out of device memory; the message names the device."""
 
 
 class DenoiseError(EngineError):
-    """Open Image Denoise is not there, or failed; lightmaps stay as they were baked."""
+    """Missing or failed Open Image Denoise; the lightmaps stay noisy."""
 
 
 class PatchFileError(EngineError):
-    """A patch file is truncated, damaged, foreign or of another version."""
+    """Patch file that is truncated, damaged, of another scene, or of another version."""
 
 
 class WorkerError(EngineError):
-    """The worker process could not be started, or died in the middle of a bake."""
+    """Worker process that could not start or that died during a bake."""

@@ -1,4 +1,4 @@
-"""A bake that follows its scene: changes are taken between steps, and the light goes on from where it was."""
+"""Live baking: scene changes between steps, and each bake starts from the last solution."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from .scene.model import Scene
 from .scene.scene_changes import SceneChanges
 from .settings import Settings, check_settings
 
-#: Bakes a scene that has been checked; see `Session.bake`.
+#: Bakes a validated scene; see `Session.bake`.
 Bake = Callable[[Scene, Settings], Generator[Progress, None, BakeResult]]
 
 
 class Live:
-    """The lightmaps of a scene that changes; made by `Session.live`.
+    """Lightmaps of a changing scene; created by `Session.live`.
 
-    scene     as it is after all changes
-    lightmap  the finished bake of it; None while there is something to do
+    scene     scene after all changes
+    lightmap  finished bake of the scene; None while work is left
     """
 
     def __init__(self, bake: Bake, scene: Scene, settings: Settings) -> None:
-        """Take what bakes; every patch gathers for itself, since light decides where groups of them end.
+        """Check the scene and adapt the settings; `bake` performs each bake.
 
-        A scheduler is not used: its workers keep nothing from one bake to the next.
-        Raises SettingsError, SceneError for what cannot be baked.
+        Adaptive interpolation is off, since the light determines which patches it interpolates. The scheduler
+        is off, since its workers keep no data between bakes. Raises SettingsError or SceneError.
         """
         check_settings(settings)
         check_scene(scene)
@@ -38,21 +38,21 @@ class Live:
         self._changed = False
 
     def update(self, changes: SceneChanges | Scene) -> None:
-        """Take changes, or a whole other scene, between two steps of `converge`, or after it.
+        """Apply changes or a new scene, between two steps of `converge` or after it.
 
-        What an array holds that was handed over once must not change: other values need another array.
-        Raises SceneError for what cannot be baked; then everything stays as it was.
+        Arrays that were passed once must not be modified; pass a new array for new values. Raises SceneError
+        for an invalid scene, and then changes nothing.
         """
         scene = changes.of(self.scene) if isinstance(changes, SceneChanges) else changes
         check_scene(scene)
         self.scene, self.lightmap, self._changed = scene, None, True
 
     def converge(self) -> Generator[Progress, None, BakeResult]:
-        """Bake until nothing is left to do; yields as `Session.bake`, returns the Lightmap.
+        """Bake until no work is left; yield as `Session.bake`, return the `BakeResult`.
 
-        The first image has new direct light, at first by few rays, above the other light of before, if direct
-        light has changed; others follow sweeps, but not faster than anybody sees. Changes that come meanwhile
-        take effect after the next image, so that there is one however fast they follow each other.
+        After a change of direct light, the first image combines new direct light from few rays with the
+        previous indirect light. Later images follow iterations, limited to the display rate. Changes take
+        effect after the next image, so that images appear however fast changes follow.
         """
         while self.lightmap is None:
             self._changed = False
@@ -61,7 +61,7 @@ class Live:
         return self.lightmap
 
     def _follow(self, work: Generator[Progress, None, BakeResult]) -> Generator[Progress, None, None]:
-        """Bake to the end, or to the first image after which the scene is another one."""
+        """Bake to the end, or to the first image after a change."""
         shown = False
         while not (self._changed and shown):
             try:

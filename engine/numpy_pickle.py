@@ -1,4 +1,4 @@
-"""Pickles that other versions of NumPy read: a worker's may be older than that of Blender's Python."""
+"""Pickles that are independent of the NumPy version, since workers may have another one than Blender."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-#: Every Python from 3.8 on reads it.
+#: Readable by Python 3.8 and later.
 _PROTOCOL = 5
 
 
 class NumpyPickle:
-    """What is pickled with its arrays as bytes, types and shapes, as no version of NumPy has them."""
+    """Base class of objects whose arrays are pickled as bytes, dtype and shape."""
 
     def __reduce__(self) -> tuple:
         return _restored, (type(self), portable_bytes(vars(self)))
 
 
 def portable_bytes(value: Any) -> bytes:
-    """Return the pickle of what holds arrays and numbers of NumPy."""
+    """Return the pickle of an object that may contain NumPy arrays and scalars."""
     data = io.BytesIO()
     _Pickler(data, _PROTOCOL).dump(value)
     return data.getvalue()
@@ -28,7 +28,7 @@ def portable_bytes(value: Any) -> bytes:
 
 class _Pickler(pickle.Pickler):
     def reducer_override(self, value: Any) -> Any:
-        """Reduce arrays and numbers of NumPy; everything else reduces itself."""
+        """Reduce NumPy arrays and scalars; leave all other objects to the default."""
         if not isinstance(value, np.ndarray | np.generic) or value.dtype.hasobject:
             return NotImplemented
         kind = value.dtype.descr if value.dtype.names else value.dtype.str
@@ -37,14 +37,14 @@ class _Pickler(pickle.Pickler):
 
 
 def _restored(kind: type, data: bytes) -> Any:
-    """Return an object as it was before `NumpyPickle` reduced it."""
+    """Return the object that `NumpyPickle` reduced."""
     made: Any = object.__new__(kind)
     vars(made).update(pickle.loads(data))
     return made
 
 
 def _array(data: bytes, kind: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Return an array of its bytes, row by row; it may be written to."""
+    """Return a writable array from its bytes in C order."""
     return np.frombuffer(bytearray(data), np.dtype(kind)).reshape(shape)
 
 

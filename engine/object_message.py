@@ -1,4 +1,4 @@
-"""Sentences for the user that name objects."""
+"""User messages that refer to objects by name."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 
 class ObjectMessage(str):
-    """A sentence for the user that is about objects of the scene.
+    """User message about objects of the scene.
 
-    objects  their names
-    fix      name of what mends it in the interface; empty if nothing does by itself
+    objects  names of the objects
+    fix      identifier of the fix that the interface offers; empty if there is none
     """
 
     __slots__ = ("fix", "objects")
@@ -18,35 +18,36 @@ class ObjectMessage(str):
     fix: str
 
     def __new__(cls, text: str, objects: Sequence[str] = (), fix: str = "") -> ObjectMessage:
-        """Make it of its text and the names."""
+        """Create the message from its text, object names and fix."""
         note = super().__new__(cls, text)
         note.objects, note.fix = tuple(objects), fix
         return note
 
 
-#: A sentence names this many at most.
+#: Maximum number of names in the first line.
 _SHOWN = 5
 
 
 def object_message(sentence: str, objects: Sequence[str], fix: str = "") -> ObjectMessage:
-    """Return a sentence about objects, with their names instead of {}; see `listing`."""
+    """Return a message about objects; {} is replaced by their names, see `listing`."""
     return ObjectMessage(listing(sentence, objects), objects, fix)
 
 
 def objects_of(note: str) -> tuple[str, ...]:
-    """Return the names of the objects that a sentence is about."""
+    """Return the names of the objects in a message."""
     return note.objects if isinstance(note, ObjectMessage) else ()
 
 
 def fix_of(note: str) -> str:
-    """Return the name of what mends what a sentence tells, empty if nothing does."""
+    """Return the fix of a message; empty if there is none."""
     return note.fix if isinstance(note, ObjectMessage) else ""
 
 
 def listing(sentence: str, names: Sequence[str]) -> str:
-    """Return a sentence with names of anything instead of {}.
+    """Return a sentence with {} replaced by quoted names.
 
-    Of many it has the first few; a second line then has them all. `first_line` is what fits a window.
+    With many names, the first line lists a few and a second line lists all. `first_line` returns the part
+    that fits a window.
     """
     if len(names) <= _SHOWN:
         return sentence.replace("{}", _quoted(names), 1)
@@ -55,12 +56,12 @@ def listing(sentence: str, names: Sequence[str]) -> str:
 
 
 def counted(number: int, word: str, ending: str = "s") -> str:
-    """Return a number with what it counts, such as "1 object" or "1,021 patches"."""
+    """Return a number with its noun, such as "1 object" or "1,021 patches"."""
     return f"{number:,} {word}{'' if number == 1 else ending}"
 
 
 def first_line(message: str) -> str:
-    """Return a message without the lines that have its details."""
+    """Return a message without the lines of details."""
     return message.strip().partition("\n")[0]
 
 

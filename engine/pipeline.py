@@ -1,4 +1,8 @@
-"""The bake: the paper's algorithm from patch list to lightmap, as a generator of progress."""
+"""Bake pipeline: texture-space radiosity from patch list to lightmaps, as a generator of `Progress`.
+
+The stages follow the paper: patch list, direct light, gather iterations, outputs, final images. By default
+visibility comes from cached rays; method "paper" draws radiance hemicubes in every iteration.
+"""
 
 from __future__ import annotations
 
@@ -43,8 +47,8 @@ from .texel_gather.texel_sample_points import TexelGatherJob
 from .texel_gather.valid_patches import valid_front
 from .visibility.rays.ray_scene import RayScene
 
-#: Sends a scene that occluders have their places in to other processes; returns what sends them the patches,
-#: of whose light some is sampled, and uses their devices.
+#: Sends a scene to other processes, and returns a function that sends them the patches and returns their
+#: devices. Objects without lightmap have their charts by then; the sampled triangles are lights.
 Ship = Callable[[Scene], Callable[[PatchScene, RayScene, SampledTriangles], RemoteDevices]]
 
 
@@ -56,9 +60,9 @@ def bake(
     kept: SessionCache,
     ship: Ship | None = None,
 ) -> Generator[Progress, None, BakeResult]:
-    """Bake a scene that has been checked; see `engine.bake`. The devices and what is kept stay.
+    """Bake a validated scene; see `engine.bake`. The devices and the session cache stay open.
 
-    ship: sends the scene to devices of other processes; None to use these alone
+    ship  sends the scene to other processes; None to use only the given devices
     """
     return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship)))
 
@@ -66,7 +70,7 @@ def bake(
 def _current(
     devices: Devices, work: Generator[Progress, None, BakeResult]
 ) -> Generator[Progress, None, BakeResult]:
-    """Let a bake work with its devices current in every slice, and tell how they fail."""
+    """Run a bake with its OpenGL context current in each slice, and translate device failures."""
     with devices.failures_told(), closing(work):
         while True:
             devices.graphics.use()
@@ -86,16 +90,16 @@ def _bake(
     kept: SessionCache,
     ship: Ship | None,
 ) -> Generator[Progress, None, BakeResult]:
-    """Bake: the paper's algorithm."""
+    """Run the stages of the bake."""
     graphics, compute = devices.graphics, devices.compute
     scene, settings, notes = without_opencl(devices, scene, settings)
     atlases, scene = scene.atlases, with_places(scene, settings.resolution, kept.surfaces)
     check_limits(graphics, compute, scene, settings)
 
-    # Other processes make what casts rays through it meanwhile.
+    # Other processes build their ray tracing structures meanwhile.
     shipped = ship and ship(scene)
 
-    # Texture space subdivision: which texels are patches, and where they are (III.A, IV.A).
+    # Patch list: lightmap texels on surfaces, and their geometry (III.A, IV.A).
     yield stages.begin(stages.patches)
     parts = kept.make_patch_scene(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
@@ -103,8 +107,8 @@ def _bake(
     last = kept.light_on(compute, parts, len(atlases), settings)
     yield stages.listed(len(parts.patches), parts.surfaces.mean_reflectance)
 
-    # Lamps, small bright surfaces and bright sky are sampled with shadow rays (direct light). The room
-    # appears in it, while it is still to be found what patches see of each other.
+    # Direct light: shadow rays to lights, small bright surfaces and bright sky. The first intermediate
+    # lightmap shows it before visibility is computed.
     rays = kept.ray_scene(compute, parts)
     split = split_light(scene.world, parts, settings, kept.choose_sampled_triangles, kept.split_sky)
     remote = shipped and shipped(parts, rays, split.bright)
@@ -117,36 +121,36 @@ def _bake(
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
     sampled = both_sides(parts.sides, sampled)
 
-    # Threads beside the devices; they would hold up the first image of a scene that changes.
+    # Background threads. They start late, since they would delay the first image of a warm start.
     areas, seams = kept.begin(compute, parts, len(atlases), settings)
 
-    # Faces that touch patches hide them, whose light is not seen, or lie back to back with them.
+    # Contacts: patches covered by a touching face are black, and faces may lie back to back.
     yield stages.begin(stages.choosing)
     near = kept.contacts(lighting)
     parts = replace(
         parts, surfaces=parts.surfaces.black_at(near.hide), back_to_back=bool(near.back_to_back.any())
     )
 
-    # All other light is gathered: through hemicubes drawn in every iteration (IV.B), or what is kept of them.
+    # All other light is gathered: from hemicubes drawn in each iteration (IV.B), or from visibility samples.
     job = SolveJob(
         graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
         areas.result(), settings, remote, kept, near=near, backs=lighting.backs_left,
     ).after(last)  # fmt: skip
     solution, choice, solved = choose_solver(job)
     if remote and compute and choice.method != "none":
-        # What images need of texels is made while other processes find what patches see.
+        # Prepare texel data on the host while other processes compute visibility.
         kept.begin_texels(compute, parts, len(atlases), settings)
     yield stages.chosen(choice)
 
-    # Every patch gathers what all others send out, until the light has settled (III.B, IV.C). The first
-    # iteration tells which patches lie inside objects; after groups were solved, the last one does.
+    # Gather iterations until convergence (III.B, IV.C). They also measure which patches lie inside geometry;
+    # with patch groups, the final gather does.
     texels = TexelGatherJob(scene, job, solved, choice, lighting)
     front = yield from _settle(stages, store, outputs, solution, texels, near, len(atlases))
 
-    # What was asked for; where a texel shows more than its centre, at several points of it.
+    # Outputs at the patches, and at texel samples where texels are not uniform.
     made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution, front)
 
-    # Images without noise and seams, and with dilated charts (VI.B).
+    # Final images: denoised, equal across seams, dilated (VI.B).
     finishing = Finishing(store, texels, solution, made, lit)
     passes = yield from finishing.images(stages, seams)
     warnings = (*notes, *parts.warnings, *lighting.warnings, *finishing.warnings)
@@ -173,10 +177,10 @@ def _direct_light(
     lighting: DirectLighting,
     last: PreviousSolution | None,
 ) -> Generator[Progress, None, np.ndarray]:
-    """Return E/pi of the sampled light, (n, 3) float32, once it is shown.
+    """Return E/pi of the sampled light, (n, 3) float32, after showing it.
 
-    last: on a warm start what is known of all other light; it is shown with few rays' direct light first,
-    unless that is as it was
+    last  solution of the last bake on a warm start. Its other light is shown with direct light from few rays
+          first, unless direct light is unchanged
     """
     stages.sampling(lighting.part_to_sample)
     if last:
@@ -201,10 +205,13 @@ def _settle(
     near: Contacts,
     atlases: int,
 ) -> Generator[Progress, None, np.ndarray]:
-    """Iterate until the light has settled; near: of the patches. Return `valid_front` of the solution.
+    """Iterate until convergence; return the validity of the patches from `valid_front`.
 
-    A warm start leaves what it has found to the next one with each image, of which some may be left out: that
-    of direct light, if it was shown, and others where sweeps are fast.
+    A warm start stores the solution for the next bake with each image. It skips the image of direct light if
+    that was shown before, and images that follow faster than the display rate.
+
+    near     contacts of the patches
+    atlases  number of the user's lightmaps
     """
     job = texels.job
     front = None
@@ -242,15 +249,17 @@ def _made(
     solution: Solution,
     front: np.ndarray,
 ) -> Generator[Progress, None, tuple[dict[str, Values], TexelSampleLight]]:
-    """Return every output of the patches, (n, 3) or (n,) float32, by name; and of the samples of texels.
+    """Return each output of the patches, (n, 3) or (n,) float32, by name, and the texel samples with theirs.
 
-    atlases: lightmaps of the user's; near: of the patches; front: from `valid_front`
+    atlases  number of the user's lightmaps
+    near     contacts of the patches
+    front    (n,) float32, validity from `valid_front`
     """
     job = texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))
     lit = yield from stages.run(stages.texels, gather_texel_samples(texels, atlases, near, solution, front))
 
-    # The light of each light group on its own, over what was found of all light.
+    # Light groups are solved separately with the visibility of the solution of all light.
     groups, samples = yield from stages.run(stages.light_groups, light_by_groups(texels, solution, lit))
     made |= groups
     names = output_names(texels.scene, job.settings)

@@ -1,4 +1,4 @@
-"""What a bake tells about itself while it runs, and how the times of its stages become one percentage."""
+"""Progress reports, and the time model that combines the stages of a bake into one percentage."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ Made = TypeVar("Made")
 Step = TypeVar("Step")
 Told = TypeVar("Told")
 
-#: An expected pace counts as much as one that the stage itself shows for this time, s: one that was measured
-#: in earlier work, and a guess, which may be wrong by orders of magnitude.
+#: Seconds of a stage after which its own pace counts as much as the expected one: for a measured pace, and
+#: for a guess, which may be wrong by orders of magnitude.
 _PRIOR, _GUESS = 0.5, 0.02
 
-#: A first slice below this part of a stage is not measured: drivers compile what it needs.
+#: Fraction of a stage below which its first slice is excluded from the pace, since drivers compile in it.
 _STARTING = 0.2
 
-#: Slices that follow each other faster are one step: thousands of them would cost as much as the work, s.
+#: Minimum time between two reports, s; thousands of shorter steps would cost as much as the work.
 _STEP = 0.004
 
-#: Work of which nothing but a guess is known is not expected to take a smaller part of that.
+#: Minimum ratio of actual to guessed time that is assumed for work without any measurement.
 _FASTEST = 0.25
 
-#: A guess does not matter if it is less than this part of the time that was spent so far.
+#: Fraction of the time spent so far below which a guess does not matter.
 _NEGLIGIBLE = 0.1
 
 
 @dataclass(frozen=True)
 class Progress:
-    """One slice of work is done.
+    """Progress of the work after one slice.
 
-    stage         as a user knows it: "Patches", "Direct light", "Visibility", "Bounce 3", "Outputs" ...
-    fraction      of the stage, in [0, 1]
-    overall       of all work, in [0, 1]; never falls, 1 at the end
-    seconds_left  until all work is done, s; NaN while unknown
-    iteration     iterations completed
-    residual      estimated remaining error, relative to each patch's light, on average; NaN while unknown
-    energy        radiant flux that the last completed iteration added, W, sum of the channels
-    intermediate  the lightmaps so far, dilated, (atlases, h, w, 3) float32, E/pi; only after
-                  direct light and after an iteration, else None
+    stage         name for the user: "Patches", "Direct light", "Visibility", "Bounce 3", "Outputs" ...
+    fraction      completed fraction of the stage, in [0, 1]
+    overall       completed fraction of all work, in [0, 1]; never decreases, 1 at the end
+    seconds_left  remaining time of all work, s; NaN while unknown
+    iteration     completed iterations
+    residual      estimated mean error of the patches, relative to the light of each; NaN while unknown
+    energy        flux that the last completed iteration added, W, sum of the channels
+    intermediate  current lightmaps, dilated, (atlases, h, w, 3) float32, E/pi; only after direct light and
+                  after an iteration, else None
     """
 
     stage: str
@@ -59,16 +59,16 @@ class Progress:
 
 @dataclass(eq=False)
 class Stage:
-    """A part of the work, and how long it takes.
+    """Stage of the work with its time model.
 
-    name      as a user knows it
-    amount    of work, in a unit of its own such as texels or rays; may be corrected while it is done
-    pace      seconds that a unit is expected to take
-    measured  whether that pace was measured, by earlier work or in a trial; else it is a guess
-    like      a stage of the same kind of work: its pace, once known, counts in place of a guess
-    forecast  seconds that are left as the work itself tells; NaN if it does not
-    done      units that are done
-    seconds   spent on it
+    name      name for the user
+    amount    amount of work in units of its own, such as texels or rays; may be corrected during the work
+    pace      expected seconds for each unit
+    measured  True if the pace was measured by earlier work or a trial; False for a guess
+    like      stage of the same kind of work, whose known pace replaces a guess
+    forecast  remaining seconds as reported by the work itself; NaN if it reports none
+    done      completed units
+    seconds   seconds spent
     """
 
     name: str
@@ -82,7 +82,7 @@ class Stage:
     _start: tuple[float, float] = field(default=(0.0, 0.0), repr=False)
 
     def advance(self, done: float, seconds: float) -> None:
-        """Book time, in which the work has come to `done` units."""
+        """Record `seconds` of work that reached `done` units in total."""
         self.seconds += seconds
         if self.done == 0 and done < _STARTING * self.amount:
             self._start = (done, self.seconds)
@@ -90,13 +90,13 @@ class Stage:
 
     @property
     def known(self) -> bool:
-        """Whether the time that is left rests on a measurement."""
+        """True if the remaining time rests on a measurement."""
         alike = self.like is not None and self.like.known
         return self.measured or alike or not math.isnan(self.forecast) or self.done > self._start[0]
 
     @property
     def seconds_left(self) -> float:
-        """Seconds that the rest is expected to take."""
+        """Expected remaining seconds."""
         if not math.isnan(self.forecast):
             return self.forecast
         rest = self.amount - self.done
@@ -104,12 +104,12 @@ class Stage:
 
     @property
     def expected_pace(self) -> float:
-        """Seconds a unit, by what is known of others: its own pace is not asked."""
+        """Expected seconds for each unit, without regard to this stage's own progress."""
         return self.pace if self._alike is None else self._alike._likely_pace
 
     @property
     def own_pace(self) -> float:
-        """Seconds a unit of what is done, without a first slice that compiles; NaN of nothing."""
+        """Measured seconds for each completed unit, without a first slice that compiles; else NaN."""
         done, seconds = self.done - self._start[0], self.seconds - self._start[1]
         return seconds / done if done > 0 and seconds > 0 else math.nan
 
@@ -119,9 +119,9 @@ class Stage:
 
     @property
     def _likely_pace(self) -> float:
-        """Seconds a unit: by its pace so far, at first by the expected one.
+        """Seconds for each unit: geometric mean of the expected and the measured pace, weighted by time.
 
-        The mean of both is geometric, since paces are wrong by factors, either way.
+        The mean is geometric, since paces are wrong by factors in either direction.
         """
         expected, seconds = self.expected_pace, self.seconds - self._start[1]
         if math.isnan(self.own_pace) or expected <= 0:
@@ -132,12 +132,12 @@ class Stage:
 
 
 class Schedule:
-    """Stages in their order, and one fraction over all of them.
+    """Sequence of stages with one overall fraction.
 
-    In the time t the fraction f grows by (1 - f) t / (t + left): the part that t has of the time that was
-    left. So it never falls, however wrong the estimates, ends at 1, and is even where they are right.
+    In a time t the fraction f grows by (1 - f) t / (t + left): the share of t in the remaining time. It never
+    decreases, ends at 1, and grows evenly if the estimates are right.
 
-    seconds_left  until all work is done; NaN while most of it is a guess that matters
+    seconds_left  remaining time of all work, s; NaN while most of it is a guess that matters
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:
@@ -147,27 +147,27 @@ class Schedule:
 
     @property
     def current(self) -> Stage:
-        """The stage that is done now."""
+        """The current stage."""
         return self._stages[self._current]
 
     @property
     def overall(self) -> float:
-        """The fraction of all work that is done, in [0, 1]."""
+        """Completed fraction of all work, in [0, 1]."""
         return 1 - self._rest
 
     @property
     def due(self) -> bool:
-        """Whether the last step is long enough ago for another one."""
+        """True if the last report is long enough ago for another."""
         return time.perf_counter() - self._last >= _STEP
 
     def begin(self, stage: Stage) -> Progress:
-        """Begin a stage; what is left of those before it does not count any more."""
+        """Begin a stage and drop the remaining work of earlier stages."""
         self._current = self._stages.index(stage)
         self._estimate()
         return self.progress(0.0)
 
     def advance(self, done: float) -> None:
-        """Book the time since the last call on the current stage, which has come to `done` units."""
+        """Record the time since the last call for the current stage, which reached `done` units."""
         now = time.perf_counter()
         seconds, self._last = now - self._last, now
         self.current.advance(done, seconds)
@@ -176,14 +176,14 @@ class Schedule:
             self._rest *= self._left / (seconds + self._left)
 
     def end(self) -> Progress:
-        """End the current stage: what it did is all that there was."""
+        """End the current stage; its completed work becomes its total."""
         stage = self.current
         stage.amount, stage.forecast = stage.done or stage.amount, math.nan
         self.advance(stage.amount)
         return self.progress(1.0)
 
     def run(self, stage: Stage, work: Generator[float, None, Made]) -> Generator[Progress, None, Made]:
-        """Do the work of a stage, which yields the fraction done; return what it made."""
+        """Run the work of a stage, which yields its completed fraction; return the result of the work."""
         yield self.begin(stage)
         while True:
             try:
@@ -200,7 +200,7 @@ class Schedule:
     def include(
         self, stage: Stage, work: Generator[Progress | None, None, Made]
     ) -> Generator[Progress | None, None, Made]:
-        """Do work with a schedule of its own as a stage of amount 1; return what it made."""
+        """Run work that has its own schedule, as a stage of amount 1; return the result of the work."""
         self.begin(stage)
         made = yield from map_progress(work, self._included)
         self.end()
@@ -215,19 +215,21 @@ class Schedule:
         return replace(progress, overall=self.overall, seconds_left=left)
 
     def progress(self, fraction: float, name: str = "", **facts: Any) -> Progress:
-        """Return how far all work is, with what is to be shown of the current stage.
+        """Return the overall progress with facts about the current stage.
 
-        facts: further fields of `Progress`
+        fraction  completed fraction of the stage
+        name      name for the user; empty for the name of the stage
+        facts     further fields of `Progress`
         """
         return Progress(name or self.current.name, fraction, self.overall, self.seconds_left, **facts)
 
     def _estimate(self) -> None:
-        """Estimate the time that is left, and how much of it is a guess."""
+        """Estimate the remaining time and the part of it that is a guess."""
         left, guessed, slowness = 0.0, 0.0, math.nan
         for stage in self._stages[self._current :]:
             seconds = stage.seconds_left
 
-            # Most stages of most bakes have nothing to do.
+            # In most bakes, most stages have no work.
             if seconds and not stage.known:
                 if stage is not self.current:
                     slowness = self._slowness() if math.isnan(slowness) else slowness
@@ -240,14 +242,14 @@ class Schedule:
 
     @property
     def _spent(self) -> float:
-        """Seconds that the stages so far have taken."""
+        """Seconds spent on all stages so far."""
         return sum(stage.seconds for stage in self._stages[: self._current + 1])
 
     def _slowness(self) -> float:
-        """Return how many times as long as expected the work so far took, at least `_FASTEST`.
+        """Return the ratio of actual to expected time of the work so far, at least `_FASTEST`.
 
-        What slows it, drivers that compile and other programs, slows what nothing but a guess is known of. A
-        machine that is faster than the guesses is faster at that, too.
+        Compiling drivers and other programs also slow the stages that rest on guesses; a fast machine speeds
+        them up.
         """
         begun = [stage for stage in self._stages[: self._current + 1] if stage.seconds > 0]
         expected = sum(stage.pace * (stage.done or stage.amount) for stage in begun)
@@ -255,7 +257,7 @@ class Schedule:
 
 
 def format_seconds_left(seconds: float) -> str:
-    """Return a time as a user reads it, such as "12 s left"; empty while it is unknown."""
+    """Return a time for the user, such as "12 s left"; empty while it is unknown."""
     if math.isnan(seconds):
         return ""
     minutes, rest = divmod(math.ceil(seconds), 60)
@@ -263,7 +265,7 @@ def format_seconds_left(seconds: float) -> str:
 
 
 def finished(work: Generator[Any, None, Made]) -> Made:
-    """Let a bake, or any other work in slices, run to its end; return what it made."""
+    """Run a generator to its end and return its result."""
     while True:
         try:
             next(work)
@@ -275,14 +277,14 @@ def finished(work: Generator[Any, None, Made]) -> Made:
 def run_as_fraction(
     first: float, last: float, work: Generator[float, None, Made]
 ) -> Generator[float, None, Made]:
-    """Do work as a part of something; yield the fraction done of all of it."""
+    """Run work as part of a larger task; yield the completed fraction of the larger task."""
     return map_progress(work, lambda done: first + (last - first) * done)
 
 
 def map_progress(
     work: Generator[Step, None, Made], tell: Callable[[Step], Told]
 ) -> Generator[Told, None, Made]:
-    """Do work, yield what is told of each of its steps, and return what it made; closing closes the work."""
+    """Run work, yield `tell` of each step, and return the result; closing the generator closes the work."""
     with closing(work):
         while True:
             try:

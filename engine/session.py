@@ -1,8 +1,7 @@
-"""Bakes that keep their devices: contexts, shaders and kernels of the first one serve the next, as do times.
+"""Bake sessions: successive bakes that share devices, compiled programs, timings and visibility.
 
-What patches see stays on the devices, too: while geometry stays the same, a bake starts with direct light.
-
-OpenGL and OpenCL are imported by the first bake: a process that leaves baking to another never has them.
+While the geometry is unchanged, a bake reuses the visibility samples on the device. OpenGL and OpenCL are
+imported by the first bake, so a process that delegates bakes never loads them.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ if TYPE_CHECKING:
     from .plan.session_cache import SessionCache
 
 
-#: Nothing was measured before.
+#: No timings of earlier bakes.
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
 class Session:
-    """Bakes one scene after the other; `forget` frees what is kept of the last one, `close` the devices."""
+    """Sequence of bakes; `forget` releases the data of the last bake, `close` also the devices."""
 
     def __init__(self) -> None:
         self._devices: Devices | None = None
@@ -48,14 +47,13 @@ class Session:
     def bake(
         self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
     ) -> Generator[Progress, None, BakeResult]:
-        """Bake; see `engine.bake`. After an error or a cancel the next bake gets new devices.
+        """Bake a scene; see `engine.bake`.
 
-        A warm start that is cancelled leaves them, and what it has found so far.
+        The result equals a bake without reused data, to the bit if both use the same visibility sampler. If a
+        device runs out of memory, the reused data is dropped and the bake starts again. After an error or a
+        cancel the next bake opens new devices, except after a cancelled warm start.
 
-        The light is that of a bake without what is kept, to the bit if both use one way to find what patches
-        see. If the memory of a device is full, what is kept is dropped, and the bake starts again.
-
-        paces: those of another session, for what this one has not done yet; see `BakeStages`
+        paces  timings of another session, for stages that this one has not run yet; see `BakeStages`
         """
         check_settings(settings)
         check_scene(scene)
@@ -76,32 +74,32 @@ class Session:
         return (yield from self._bake(scene, settings))
 
     def live(self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE) -> Live:
-        """Return a bake that follows its scene; one at a time. Parameters as of `bake`.
+        """Return a bake that follows its scene, one at a time; parameters as for `bake`.
 
-        Raises SettingsError, SceneError.
+        Raises SettingsError or SceneError.
         """
         return Live(partial(self._bake_checked, paces=paces), scene, settings)
 
     def warm_up(self, scene: Scene, settings: Settings) -> None:
-        """Build what bakes by like settings need, but learn nothing of how long they take."""
+        """Build the programs that bakes with similar settings need, without recording timings."""
         paces = dict(self._paces)
         finished(self.bake(scene, settings))
         self._paces = paces
         self.forget()
 
     def forget(self) -> None:
-        """Free what is kept of the last bake, but keep the devices."""
+        """Release the data of the last bake, but keep the devices."""
         self._kept = None
 
     def close(self) -> None:
-        """Free the devices, and what is kept on them."""
+        """Release the devices and all data on them."""
         self.forget()
         if self._devices is not None:
             self._devices.release()
             self._devices = None
 
     def _bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
-        """Bake a scene that has been checked, on what the last bake has left."""
+        """Bake a validated scene with the devices and data of the last bake."""
         stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(scene, settings)
 
@@ -134,9 +132,9 @@ class Session:
         return lightmap
 
     def _keep(self, devices: Devices, kept: SessionCache, settings: Settings) -> None:
-        """Leave the devices, and what is kept on them, to the next bake.
+        """Keep the devices and the session cache for the next bake.
 
-        Checkpoints refer to all that a bake was solved with, which is freed.
+        Checkpoints hold references to the whole bake, so they are dropped.
         """
         kept.checkpoints = Checkpoints()
         kept.limit(devices.compute, settings.cache_budget)
@@ -144,9 +142,9 @@ class Session:
         self._devices, self._kept = devices, kept
 
     def _take(self, scene: Scene, settings: Settings) -> Devices:
-        """Return the devices of the last bake, or new ones; until the bake has ended well nobody has them.
+        """Return the devices of the last bake if they fit, else new ones; start to build needed programs.
 
-        They begin to build programs that the bake is about to need.
+        The session owns no devices until the bake ends well.
         """
         devices, self._devices = self._devices, None
         wanted = (settings.cache_dir, settings.opencl_device)
@@ -163,7 +161,7 @@ class Session:
 
 
 def _opened(scene: Scene, settings: Settings) -> Devices:
-    """Return new devices: all that bakes with them is imported while OpenCL is opened."""
+    """Return new devices; Python imports the engine while OpenCL opens."""
     from .device.devices import Devices
 
     wanted = settings.cache_dir, settings.opencl_device
@@ -177,7 +175,7 @@ def _opened(scene: Scene, settings: Settings) -> Devices:
 
 
 def _checkpoints(settings: Settings) -> Checkpoints:
-    """Return the checkpoints of a bake: none on a warm start, which goes on from what the devices keep."""
+    """Return the checkpoints of a bake; none for a warm start, which continues from data on the device."""
     if settings.warm_start:
         return Checkpoints()
     return Checkpoints(settings.cache_dir, settings.checkpoint_space, settings.checkpoint_interval)
@@ -187,15 +185,15 @@ def _checkpoints(settings: Settings) -> Checkpoints:
 def _workers(settings: Settings) -> Iterator[Workers | None]:
     """Use the workers of the scheduler that the settings name; None if they name none.
 
-    Raises DeviceError if Dask is not installed, or no worker is there; SettingsError if the settings ask for
-    what workers do not do.
+    Raises DeviceError if Dask is not installed or there is no worker, and SettingsError if the settings
+    request a feature that workers lack.
     """
     if not settings.scheduler:
         yield None
         return
     if settings.by_light_groups or settings.method not in ("auto", "cached"):
         raise SettingsError(
-            "Workers keep what patches see, and make no maps of light groups: choose method auto or cached "
+            "Workers support neither light groups nor methods stream and paper. Choose method auto or cached "
             "and other outputs, or bake without a scheduler."
         )
     try:
@@ -215,16 +213,16 @@ _session = Session()
 def bake(
     scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
 ) -> Generator[Progress, None, BakeResult]:
-    """Bake in the one session of this process: what the worker process runs; see `Session.bake`."""
+    """Bake in the process-wide session, which the worker process runs; see `Session.bake`."""
     return (yield from _session.bake(scene, settings, paces))
 
 
 def live(
     scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
 ) -> Generator[Progress | BakeResult, list[SceneChanges | Scene] | None, None]:
-    """Follow a scene in the one session of this process: what the worker process runs; see `Session.live`.
+    """Follow a scene in the process-wide session, which the worker process runs; see `Session.live`.
 
-    Yields each step, and the Lightmap once nothing is left to do; is sent changes, and goes on until it is
+    Yields each step, and the `BakeResult` when no work is left. Receives changes by `send`, and runs until
     closed.
     """
     followed = _session.live(scene, settings, paces)
@@ -242,9 +240,11 @@ def live(
 
 
 def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceSurvey]:
-    """Find the devices of this machine; `opencl_device` is the one that the settings choose.
+    """Survey the devices of this machine.
 
-    Raises DeviceError for a package that is not installed.
+    opencl_device  device that the settings choose; None for the default
+
+    Raises DeviceError for a missing package.
     """
     yield Progress("Finding devices", 0.0)
     require_packages()
@@ -254,15 +254,15 @@ def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceS
 
 
 def warm_up(scene: Scene, settings: Settings) -> None:
-    """Make the one session of this process ready; see `Session.warm_up`."""
+    """Prepare the process-wide session; see `Session.warm_up`."""
     _session.warm_up(scene, settings)
 
 
 def forget() -> None:
-    """Free what the one session of this process keeps of its last bake."""
+    """Release the last bake's data of the process-wide session."""
     _session.forget()
 
 
 def close() -> None:
-    """Free the devices of the one session of this process."""
+    """Release the devices of the process-wide session."""
     _session.close()

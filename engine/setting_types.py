@@ -1,7 +1,7 @@
-"""What is known of one setting: values, default, and how it is described to people.
+"""Types that describe a setting: valid values, default, label and tool-tip.
 
 Each field of `settings.Settings` carries a `Description`. The engine's checks, Blender's properties, the
-options of the command line and docs/reference/settings.md are made from it.
+command line options and docs/reference/settings.md are generated from it.
 """
 
 from __future__ import annotations
@@ -12,34 +12,34 @@ from typing import Any, NamedTuple, Protocol
 
 from .errors import SettingsError
 
-#: Where the add-on keeps what describes the machine and not the scene; it is no part of a .blend.
+#: Panel name of settings that describe the machine, not the scene; they are not stored in the .blend file.
 PREFERENCES = "preferences"
 
-#: Panels of the interface that hold settings, in their order.
+#: Panels of the interface that contain settings, in order.
 PANELS = ("bake", "quality", "outputs", "advanced", "memory", "paper", PREFERENCES)
 
 
 class Option(NamedTuple):
-    """A value that can be chosen: its name in the interface, and what it does."""
+    """Choice of an enumeration: its label and tool-tip."""
 
     label: str
     text: str
 
 
 class Values(Protocol):
-    """The values that a setting takes."""
+    """Valid values of a setting."""
 
     def demand(self, value: Any) -> str | None:
-        """Return what to choose instead of a value, None if the setting takes it."""
+        """Return a description of the valid values if `value` is invalid, else None."""
 
 
 @dataclass(frozen=True)
 class Span:
     """Numbers from `low` to `high`.
 
-    unit       of the number as the engine takes it
-    shown      unit that people read and write, and how many of `unit` it is; None if it is the same
-    automatic  a further number, which leaves the choice to the engine
+    unit       unit of the number in the engine
+    shown      unit in the interface, and its size in `unit`; None if equal
+    automatic  further valid number, which leaves the choice to the engine
     """
 
     low: float
@@ -49,7 +49,7 @@ class Span:
     automatic: float | None = None
 
     def demand(self, value: Any) -> str | None:
-        """Return the limits and the unit."""
+        """Return the limits and the unit if the value is invalid."""
         if self.low <= value <= self.high or value == self.automatic:
             return None
         automatic = "" if self.automatic is None else f", or {self.automatic:g}"
@@ -63,18 +63,18 @@ class OneOf:
     options: Mapping[Any, Option]
 
     def demand(self, value: Any) -> str | None:
-        """Return all options."""
+        """Return the options if the value is invalid."""
         return None if value in self.options else f"one of {', '.join(map(str, self.options))}"
 
 
 @dataclass(frozen=True)
 class SomeOf:
-    """A tuple of at least one of several names, each once at most."""
+    """Nonempty tuple of distinct names."""
 
     options: Mapping[str, Option]
 
     def demand(self, value: Any) -> str | None:
-        """Return all options."""
+        """Return the options if the value is invalid."""
         if value and len(set(value)) == len(value) and set(value) <= set(self.options):
             return None
         return f"at least one of {', '.join(self.options)}, each once at most"
@@ -85,16 +85,16 @@ class Switch:
     """True or False."""
 
     def demand(self, value: Any) -> str | None:
-        """Return both values."""
+        """Return both values if the value is invalid."""
         return None if value in (True, False) else "True or False"
 
 
 @dataclass(frozen=True)
 class Size:
-    """Width, height and layers, or three zeros for an automatic one."""
+    """Width, height and layers, or three zeros for automatic."""
 
     def demand(self, value: Any) -> str | None:
-        """Return what a size is."""
+        """Return the definition of a size if the value is invalid."""
         if len(value) == 3 and (min(value) > 0 or not any(value)):
             return None
         return "three numbers from 1 on, or three zeros"
@@ -102,39 +102,39 @@ class Size:
 
 @dataclass(frozen=True)
 class DeviceName:
-    """The name of an OpenCL device, or None."""
+    """Name of an OpenCL device, or None."""
 
     def demand(self, value: Any) -> str | None:
-        """Return None: whether there is such a device is found out when it is used."""
+        """Return None: the device is searched on use."""
         return None
 
 
 @dataclass(frozen=True)
 class Address:
-    """The network address of a program, or empty."""
+    """Network address of a program, or empty."""
 
     def demand(self, value: Any) -> str | None:
-        """Return None: whether a program answers there is found out when it is used."""
+        """Return None: the connection is tested on use."""
         return None
 
 
 @dataclass(frozen=True)
 class FilePath:
-    """The path of a file or folder, or None."""
+    """Path of a file or folder, or None."""
 
     def demand(self, value: Any) -> str | None:
-        """Return None: whether there is such a file is found out when it is opened."""
+        """Return None: the file is opened on use."""
         return None
 
 
 @dataclass(frozen=True)
 class Description:
-    """How a setting is shown, and which values it takes.
+    """Description of a setting for the interface, with its valid values.
 
     label   name in the interface
-    text    what it does, without a full stop
-    values  what it may be
-    panel   one of PANELS; None for what a program sets and not a person
+    text    tool-tip, without a full stop
+    values  valid values
+    panel   one of PANELS; None for settings that programs set, not users
     """
 
     label: str
@@ -143,7 +143,7 @@ class Description:
     panel: str | None = "advanced"
 
     def check(self, name: str, value: Any) -> None:
-        """Raise SettingsError if the setting of this name does not take a value."""
+        """Raise SettingsError if the value of the named setting is invalid."""
         demand = self.values.demand(value)
         if demand is not None:
             raise SettingsError(f"{name} is {_written(value)}; choose {demand}.")
@@ -157,7 +157,7 @@ def described(
 
 
 def _written(value: Any) -> str:
-    """Return a value as a person would write it."""
+    """Return a value as text for the user."""
     if isinstance(value, tuple):
         return ", ".join(map(str, value)) or "empty"
     return f"{value:g}" if isinstance(value, float | int) else repr(value)

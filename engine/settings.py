@@ -1,4 +1,4 @@
-"""What a user may choose about a bake: each setting is described here, and nowhere else."""
+"""Settings of a bake: each with default, valid values, label and tool-tip."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _METHODS = {
         "Compute visibility once and reuse it for every bounce. Needs memory",
     ),
     "stream": Option("Stream", "Recompute visibility for every bounce. Slow, needs no memory"),
-    "paper": Option("Paper", "Draw radiance hemicubes anew in every iteration, as in the paper"),
+    "paper": Option("Paper", "Draw radiance hemicubes in every iteration, as in the paper"),
 }
 _VISIBILITIES = {
     "auto": Option(
@@ -41,83 +41,84 @@ _VISIBILITIES = {
     "rays": Option("Rays", "Cast rays with OpenCL"),
 }
 _DIRECTIONS = {
-    "cosine": Option("Cosine", "Low-discrepancy directions that follow the cosine: all weigh the same"),
-    "hemicube": Option("Hemicube", "The texels of a hemicube, as drawing has them"),
+    "cosine": Option("Cosine", "Low-discrepancy directions with cosine density and equal weights"),
+    "hemicube": Option("Hemicube", "Directions of the texels of a drawn hemicube"),
 }
 _OUTPUTS = {
     "combined": Option("Combined", "All light that a surface receives"),
     "direct": Option("Direct", "Light that comes straight from lights, emissive surfaces and the world"),
     "indirect": Option("Indirect", "Light that other surfaces reflect"),
-    "ambient_occlusion": Option("Ambient Occlusion", "Part of the hemisphere without a surface nearby"),
-    "shadow_mask": Option("Shadow Masks", "A map for each light: 1 where it is seen whole, 0 in its shadow"),
+    "ambient_occlusion": Option("Ambient Occlusion", "Fraction of the hemisphere without a surface nearby"),
+    "shadow_mask": Option(
+        "Shadow Masks", "One map per light: 1 where the light is fully visible, 0 in its shadow"
+    ),
     "directional": Option(
         "Directional",
-        "Four maps beside Combined, L0 and L1 x, y, z: a normal map n in world space shows L0 + L1 . n",
+        "Four maps with Combined, L0 and L1 x, y, z: shade a world-space normal n with L0 + L1 . n",
     ),
     "dominant_direction": Option(
         "Dominant Direction",
-        "A map beside Combined of where most light comes from, in world space: where a normal map turns the "
-        "normal m to n, it shows Combined (1 + Direction . (n - m))",
+        "World-space map D of the main light direction: shade normal n as Combined (1 + D . (n - m))",
     ),
     "spherical_harmonics": Option(
         "Spherical Harmonics",
-        "Four maps beside Combined as Bakery has them, SH L0, and SH L1 x, y, z in parts of it, from -1 to "
-        "1: a normal map n in world space shows SH L0 (1 + 2 SH L1 . n)",
+        "Four maps as in Bakery, SH L0 and SH L1 x, y, z: shade a world-space normal n with "
+        "SH L0 (1 + 2 SH L1 . n)",
     ),
     "light_groups": Option(
         "Light Groups",
-        "A map beside Combined for each light group of the view layer, and one for light in none: together "
-        "they are Combined, and the preview mixes them",
+        "One map per light group of the view layer and one for ungrouped light. They sum to Combined",
     ),
 }
-#: Outputs of E/pi: all light, or parts of it.
+#: Outputs that hold E/pi: all light, or parts of it.
 LIGHT_OUTPUTS = ("combined", "direct", "indirect")
 
 _DIRECTIONAL = ("directional", "dominant_direction", "spherical_harmonics")
 
-#: Outputs that are maps beside the one of all light.
+#: Outputs that require "combined".
 _BESIDE_COMBINED = (*_DIRECTIONAL, "light_groups")
 
-#: Outputs that tell where light comes from in another way: a bake makes those of one.
+#: Directional outputs that exclude each other.
 _RULED_OUT = {
     "directional": {"spherical_harmonics"},
     "dominant_direction": {"spherical_harmonics"},
     "spherical_harmonics": {"directional", "dominant_direction"},
 }
 _PATCH_GROUPS = {
-    0: Option("Automatic", "Squares of 4 x 4 patches if memory is short"),
-    1: Option("Off", "Every patch is solved on its own"),
+    0: Option("Automatic", "Groups of 4 x 4 texels if memory is short"),
+    1: Option("Off", "Solve every texel separately"),
     **{
         width: Option(
-            f"{width} x {width}", f"Squares of {width} x {width} patches are one in all bounces but the last"
+            f"{width} x {width}",
+            f"Solve groups of {width} x {width} texels as one in all bounces but the last",
         )
         for width in (2, 4, 8)
     },
 }
 
-#: A patch takes no more `light_samples` than for this many lights, however many there are.
+#: Maximum number of lights that receive `light_samples` shadow rays each; more lights share these rays.
 MOST_LIGHTS = 8
 
-#: The column reduction of the paper halves the width of a hemicube, so it is a power of two.
+#: The paper's column reduction halves the width of a hemicube repeatedly, so the width is a power of two.
 _HEMICUBES = {
-    width: Option(str(width), f"{width} texels wide: {3 * width * width} samples per patch")
+    width: Option(str(width), f"{width} texels wide: {3 * width * width} samples per texel")
     for width in (8, 16, 32, 64, 128, 256)
 }
 
 _TEXEL_SAMPLES = {
-    1: Option("Off", "Every texel shows the light at its centre"),
+    1: Option("Off", "One sample at the centre of each texel"),
     **{
-        count: Option(str(count), f"{count} points, each with a part of a patch's rays")
+        count: Option(str(count), f"{count} points, each with a fraction of the texel's rays")
         for count in (4, 16, 64)
     },
 }
 
 _DENOISE_DEVICES = {
-    "cpu": Option("Processor", "Always there"),
-    "cuda": Option("CUDA", "A graphics card of NVIDIA"),
-    "hip": Option("HIP", "A graphics card of AMD"),
-    "sycl": Option("SYCL", "A graphics card of Intel"),
-    "metal": Option("Metal", "Apple's graphics"),
+    "cpu": Option("CPU", "Always available"),
+    "cuda": Option("CUDA", "NVIDIA GPU"),
+    "hip": Option("HIP", "AMD GPU"),
+    "sycl": Option("SYCL", "Intel GPU"),
+    "metal": Option("Metal", "Apple GPU"),
 }
 
 _BYTES = Span(0, 1 << 50, "bytes", ("MiB", 1 << 20))
@@ -125,7 +126,7 @@ _BYTES = Span(0, 1 << 50, "bytes", ("MiB", 1 << 20))
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of one bake; its description says what each does."""
+    """Settings of one bake; see the description of each field."""
 
     resolution: int = described(
         256, "Resolution", "Width and height of each lightmap", Span(8, 16384, "texels"), "bake"
@@ -149,26 +150,26 @@ class Settings:
         Span(0, 1, "of the mean"),
     )
     outputs: tuple[str, ...] = described(
-        ("combined",), "Outputs", "What a bake gives: an image of each", SomeOf(_OUTPUTS), "outputs"
+        ("combined",), "Outputs", "Maps to bake, one image each", SomeOf(_OUTPUTS), "outputs"
     )
     ao_samples: int = described(
-        256, "AO Samples", "Rays of each patch for ambient occlusion", Span(1, 65536, "rays"), "outputs"
+        256, "AO Samples", "Rays per texel for ambient occlusion", Span(1, 65536, "rays"), "outputs"
     )
     ao_distance: float = described(
         1.0,
         "AO Distance",
-        "How far ambient occlusion reaches; 0 for any distance",
+        "Maximum distance of occluding surfaces. 0 is unlimited",
         Span(0, 1e9, "m"),
         "outputs",
     )
-    method: str = described(
-        "auto", "Method", "How the light that a patch receives is computed", OneOf(_METHODS)
-    )
+    method: str = described("auto", "Method", "How indirect light is computed", OneOf(_METHODS))
     visibility: str = described(
         "auto", "Visibility", "How visibility is computed. Method Paper always uses Raster",
         OneOf(_VISIBILITIES),
     )  # fmt: skip
-    directions: str = described("cosine", "Directions", "Where the rays of a patch go", OneOf(_DIRECTIONS))
+    directions: str = described(
+        "cosine", "Directions", "Distribution of the rays of a texel", OneOf(_DIRECTIONS)
+    )
     samples: int = described(
         0,
         "Samples",
@@ -202,18 +203,16 @@ class Settings:
     glass_transmits: bool = described(
         True,
         "Light through Glass",
-        "Let light pass straight through glass, refraction and transmission shaders, tinted by their color; "
-        "off makes them opaque",
+        "Let light pass straight through glass, tinted by its color. Off makes glass opaque",
         Switch(),
     )
     accelerate: bool = described(
         True,
         "Accelerate",
-        "Start with the ambient light that energy balance demands and mix iterates so that their errors "
-        "cancel; off iterates as in the paper",
+        "Start from ambient light and combine iterations to converge faster. Off iterates as in the paper",
         Switch(),
     )
-    seed: int = described(0, "Seed", "Seed of the random rotation of each hemicube", Span(0, (1 << 32) - 1))
+    seed: int = described(0, "Seed", "Seed of the random rotation of hemicubes", Span(0, (1 << 32) - 1))
     hide_seams: bool = described(
         True,
         "Hide Seams",
@@ -233,29 +232,27 @@ class Settings:
     patch_file: str | None = described(
         None,
         "Patch List",
-        "File that keeps the patch list between bakes of the same UVs; empty for none",
+        "File that stores the patch list between bakes with the same UVs. Empty for none",
         FilePath(),
     )
     opencl_device: str | None = described(
         None,
         "OpenCL Device",
-        "Device that casts rays and sums light, as platform: device; empty for the first graphics card, else "
-        "the first device that works",
+        "OpenCL device of the bake, as platform: device. Empty for the first GPU, else the first that works",
         DeviceName(),
         PREFERENCES,
     )
     scheduler: str = described(
         "",
         "Scheduler",
-        "Address of a Dask scheduler whose workers find what patches see, as tcp://host:8786; 'all' for a "
-        "worker on each device of this machine; empty to bake on one device",
+        "Address of a Dask scheduler, as tcp://host:8786. 'all' uses each local device, empty a single one",
         Address(),
         PREFERENCES,
     )
     denoise_device: str = described(
         "cpu",
         "Denoise Device",
-        "What Open Image Denoise computes with; the processor where that is not there",
+        "Device of Open Image Denoise. The CPU replaces a missing one",
         OneOf(_DENOISE_DEVICES),
         PREFERENCES,
     )
@@ -276,16 +273,14 @@ class Settings:
     checkpoint_space: int = described(
         4 << 30,
         "Checkpoint Space",
-        "Disk space in the cache folder for what bakes have found that were cancelled or killed, and that go "
-        "on from there when started again; the oldest gives way, and a bake that ends well removes its own. "
-        "0 for none",
+        "Disk space in the cache folder for the data of interrupted bakes, which resume from it. 0 for none",
         Span(0, 1 << 50, "bytes", ("MiB", 1 << 20)),
         PREFERENCES,
     )
     checkpoint_interval: float = described(
         5.0,
         "Checkpoint Interval",
-        "Time between two checkpoints, and before the first: shorter bakes write none",
+        "Time between checkpoints and before the first. Shorter bakes write none",
         Span(0, 86400, "s"),
         PREFERENCES,
     )
@@ -306,52 +301,52 @@ class Settings:
     rotate: bool = described(
         True,
         "Rotate Hemicubes",
-        "Turn every hemicube at random about its normal, once for all iterations (paper, Fig. 6)",
+        "Rotate each hemicube at random about its normal, once for all iterations (paper, Fig. 6)",
         Switch(),
         "paper",
     )
     align_uvs: bool = described(
         False,
         "Align UVs",
-        "Move lightmap UVs to borders of texels, by half a texel at most, as the patch list is made "
-        "(paper, VI.B): for UVs that were not aligned when they were made. The UV layers stay",
+        "Snap lightmap UVs to texel borders in the patch list (paper, VI.B). The UV layers stay",
         Switch(),
         "paper",
     )
     half_radiance: bool = described(
         False,
         "Half Floats",
-        "Draw the paper's hemicubes in 16-bit floats where OpenGL sums them: faster where pixels are what "
-        "takes long",
+        "Draw the paper's hemicubes in 16-bit floats where OpenGL sums them. Faster if fill rate limits",
         Switch(),
         "paper",
     )
     array_size: tuple[int, int, int] = described(
         (0, 0, 0),
         "Texture Array",
-        "Width, height and layers of the array that hemicubes are drawn into, in texels; 0 for as many as "
-        "the batch holds",
+        "Width, height and layers of the texture array of hemicubes, in texels. 0 fits the batch",
         Size(),
         "paper",
     )
     intermediates: bool = described(
-        True, "Intermediate Lightmaps", "Yield the lightmaps so far after each iteration", Switch(), None
+        True, "Intermediate Lightmaps", "Yield the current lightmaps after each iteration", Switch(), None
     )
     centres: bool = described(
-        True, "Light at Centres", "Return what patches receive apart from what is shown", Switch(), None
+        True,
+        "Light at Centres",
+        "Return the light at texel centres in addition to the final images",
+        Switch(),
+        None,
     )
     warm_start: bool = described(
         False,
         "Warm Start",
-        "Show at once the light of the session's last bake with the new direct light, and go on from there; "
-        "the light converges to that of a bake of its own",
+        "Start from the solution of the session's last bake, shown at once with the new direct light",
         Switch(),
         None,
     )
     denoise_library: str | None = described(
         None,
         "Denoise Library",
-        "File of Open Image Denoise; None for that of an installed Python package",
+        "File of Open Image Denoise. None for the installed Python package",
         FilePath(),
         None,
     )
@@ -361,104 +356,102 @@ class Settings:
 
     @property
     def light_outputs(self) -> tuple[str, ...]:
-        """The outputs that hold light."""
+        """Outputs that hold E/pi."""
         return tuple(name for name in self.outputs if name in LIGHT_OUTPUTS)
 
     @property
     def directional_outputs(self) -> tuple[str, ...]:
-        """The outputs that tell where light comes from."""
+        """Outputs with directional information."""
         return tuple(name for name in self.outputs if name in _DIRECTIONAL)
 
     @property
     def directional(self) -> bool:
-        """True if an output tells where light comes from."""
+        """True if an output holds directional information."""
         return bool(self.directional_outputs)
 
     @property
     def projected(self) -> bool:
-        """True if that is told by a projection on spherical harmonics instead of a fit."""
+        """True if the directional output is a projection on spherical harmonics."""
         return "spherical_harmonics" in self.outputs
 
     @property
     def only_light(self) -> bool:
-        """True if all outputs are black where there is no light."""
+        """True if all outputs are black without light."""
         return set(self.outputs) <= {*LIGHT_OUTPUTS, *_BESIDE_COMBINED}
 
     @property
     def by_light_groups(self) -> bool:
-        """True if light groups have maps of their own."""
+        """True if light groups have separate maps."""
         return "light_groups" in self.outputs
 
     @property
     def has_indirect(self) -> bool:
-        """True if an output holds light that was reflected."""
+        """True if an output includes reflected light."""
         return not {"combined", "indirect"}.isdisjoint(self.outputs)
 
     @property
     def accelerated(self) -> bool:
-        """True if iterates are mixed: not in the paper's method, and where one sweep is enough."""
+        """True if iterates are mixed; not in the paper's method, nor if one iteration suffices."""
         return self.accelerate and self.method != "paper" and self.has_indirect
 
 
 @cache
 def descriptions() -> Mapping[str, Description]:
-    """Return what is known of each setting, by name, in the order of the interface."""
+    """Return the description of each setting by name, in the order of the interface."""
     return MappingProxyType({entry.name: entry.metadata["description"] for entry in fields(Settings)})
 
 
 def chosen_by_people() -> list[str]:
-    """Return the names of the settings that a person chooses, in the order of the interface."""
+    """Return the names of the settings that users choose, in the order of the interface."""
     return [name for name, description in descriptions().items() if description.panel is not None]
 
 
 def kept_with_scene() -> list[str]:
-    """Return the names of the settings that describe how a scene is baked: they belong to the .blend."""
+    """Return the names of the settings that belong to the scene and are stored in the .blend file."""
     return [name for name in chosen_by_people() if descriptions()[name].panel != PREFERENCES]
 
 
 def shown_in(panel: str) -> list[str]:
-    """Return the names of the settings that a panel of the interface shows, one of `setting.PANELS`."""
+    """Return the names of the settings in a panel of the interface, one of `setting_types.PANELS`."""
     return [name for name, description in descriptions().items() if description.panel == panel]
 
 
 def with_output(outputs: set[str], wanted: str) -> set[str]:
-    """Return outputs with one more: with Combined if it is a map beside it, without what it rules out."""
+    """Return outputs with one more and with those that it requires, without those that it excludes."""
     beside = {"combined"} if wanted in _BESIDE_COMBINED else set()
     return {*outputs, wanted, *beside} - _RULED_OUT.get(wanted, set())
 
 
 def without_output(outputs: set[str], unwanted: str) -> set[str]:
-    """Return outputs without one, and without the maps beside it."""
+    """Return outputs without one and without those that require it."""
     return outputs - {unwanted, *(_BESIDE_COMBINED if unwanted == "combined" else ())}
 
 
 def check_settings(settings: Settings) -> None:
-    """Raise a SettingsError that names the first setting out of its range, or at odds with others."""
+    """Raise SettingsError that names the first setting that is out of range or conflicts with others."""
     for name, description in descriptions().items():
         description.check(name, getattr(settings, name))
     if settings.directional:
         _check_directional(settings)
     if settings.by_light_groups and "combined" not in settings.outputs:
         raise SettingsError(
-            f"outputs is {', '.join(settings.outputs)}; maps of light groups sum up to the lightmap of all "
-            "light: choose combined, too."
+            f"outputs is {', '.join(settings.outputs)}; light group maps require combined. Add combined."
         )
 
 
 def _check_directional(settings: Settings) -> None:
-    """Raise a SettingsError if directional maps cannot be made, or would have nothing to go with."""
+    """Raise SettingsError if directional outputs conflict with other settings."""
     if "combined" not in settings.outputs:
         raise SettingsError(
-            f"outputs is {', '.join(settings.outputs)}; directional maps go with the lightmap of all light: "
-            "choose combined, too."
+            f"outputs is {', '.join(settings.outputs)}; directional maps require combined. Add combined."
         )
     if settings.projected and not _RULED_OUT["spherical_harmonics"].isdisjoint(settings.outputs):
         raise SettingsError(
-            f"outputs is {', '.join(settings.outputs)}; spherical_harmonics tells where light comes from in "
-            "another way than directional and dominant_direction: bake one of both."
+            f"outputs is {', '.join(settings.outputs)}; spherical_harmonics excludes directional and "
+            "dominant_direction. Remove one of both."
         )
     if settings.method == "paper":
         raise SettingsError(
-            "method is paper, whose hemicubes tell no directions; choose auto, cached or stream, or leave "
-            "directional, dominant_direction and spherical_harmonics out of outputs."
+            "method is paper, which supports no directional maps. Choose auto, cached or stream, or remove "
+            "directional, dominant_direction and spherical_harmonics from outputs."
         )

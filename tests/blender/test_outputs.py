@@ -64,7 +64,7 @@ def test_directional_maps_alone_are_refused():
 
     furnace()
     bpy.context.scene.hemibake.outputs = {"directional"}
-    with pytest.raises(RuntimeError, match="choose combined, too"):
+    with pytest.raises(RuntimeError, match="Add combined"):
         bpy.ops.hemibake.bake()
 
 

@@ -464,7 +464,7 @@ def test_charts_that_overlap_are_named_though_workers_do_not_look_for_them(two, 
 
 
 def test_what_workers_do_not_do_is_refused(two):
-    with pytest.raises(SettingsError, match="Workers keep what patches see"):
+    with pytest.raises(SettingsError, match="Workers support neither light groups"):
         baked(two, replace(SETTINGS, method="paper"))
 
 

@@ -218,7 +218,7 @@ def test_dark_groups_are_black():
 
 
 def test_groups_go_with_the_map_of_all_light():
-    with pytest.raises(SettingsError, match="choose combined, too"):
+    with pytest.raises(SettingsError, match="Add combined"):
         finished(bake(room(), dataclasses.replace(SETTINGS, outputs=("light_groups",))))
 
 

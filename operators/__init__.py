@@ -44,6 +44,7 @@ def _classes() -> tuple[type, ...]:
         checks,
         export,
         last_bake,
+        lightmap_size,
         lightmaps,
         live,
         preferences,
@@ -57,7 +58,7 @@ def _classes() -> tuple[type, ...]:
     )
 
     modules = (
-        properties, presets, bake, live, cancel, checks, unwrap, uv_modifiers, lightmaps, preview, export,
-        select, last_bake, preferences, self_test,
+        properties, presets, bake, live, cancel, checks, unwrap, uv_modifiers, lightmap_size, lightmaps,
+        preview, export, select, last_bake, preferences, self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

@@ -26,7 +26,7 @@ from .check import Finding
 from .checks import IdleCheck, forget_moved_charts, last_check
 from .file_format import chosen_format
 from .handlers import Handlers
-from .lightmap_size import chosen_width, width_for
+from .lightmap_size import choose_width, settle_width
 from .lookup import find
 from .result import images
 from .result.baked_marks import mark_lightmaps, mark_objects
@@ -145,8 +145,9 @@ class BakeRun:
 
         wanted: session uids and names of those that get a lightmap
         """
-        context, layer, properties = self._context, self._uv_layer, self._context.scene.hemibake
-        resolution = chosen_width(context, visible_meshes(context), properties)
+        context, layer = self._context, self._uv_layer
+        size = yield from choose_width(context, visible_meshes(context), self._changes)
+        resolution = size.width
         objects = [obj for obj in visible_meshes(context) if obj.session_uid in wanted]
         self._foresee(objects, resolution)
         work = unwrap_missing(context, objects, layer, resolution, self._changes, movable=objects)
@@ -162,13 +163,19 @@ class BakeRun:
             if uid not in skipped and (uid in wanted or has_uvs(obj, layer))
         ]
         self._uvs = UvSnapshot(usable, layer)
-        notes = [*made.notes, *_missing([name for uid, name in wanted.items() if uid not in visible])]
+        notes = [
+            *size.notes,
+            *made.notes,
+            *_missing([name for uid, name in wanted.items() if uid not in visible]),
+        ]
         self._read = yield from self._stages.include(
             self._stages.reading,
             read_scene(context, usable, layer, resolution, notes, owner.paces, hurried),
         )
-        width = width_for(self._read.scene, context.scene.hemibake, resolution, self._unwraps)
-        self._settings = replace(self._settings, resolution=width)
+        whole = self._target == "ALL"
+        size = settle_width(self._read.scene, context, resolution, self._unwraps, whole, self._changes)
+        self._read = replace(self._read, notes=(*self._read.notes, *size.notes))
+        self._settings = replace(self._settings, resolution=size.width)
 
     def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
         """Let the progress know about how much there is to do, before that is known exactly."""

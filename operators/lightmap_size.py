@@ -1,36 +1,75 @@
-"""The width of lightmaps: one number of texels, or as many as give a number of texels a metre."""
+"""Width of lightmaps: chosen from the size of the scene, fixed, or from a number of texels per metre."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Generator, Sequence
+from typing import NamedTuple
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty
 
 from ..engine.errors import SettingsError
+from ..engine.progress import finished
 from ..engine.scene.model import Scene
+from .devices import finder
+from .lookup import find
+from .rollback import Rollback
 from .scene import SceneContext, visible_meshes
-from .scene.density import width_before, width_of
-from .scene.units import texels_per_unit
+from .scene.density import (
+    ChartArea,
+    areas_of,
+    expected_areas,
+    longest_side,
+    needed_width,
+    width_for_density,
+)
+from .scene.units import metres_per_unit, texels_per_unit
 from .translations import CONTEXT
+from .worker_manager import poll_idle
+
+#: Smallest and largest width that is chosen from the size of a scene, texels. 4096 texels are what most game
+#: engines import without a change of settings.
+_SMALLEST, _LARGEST = 64, 4096
+
+#: Factor by which the needed width must exceed the chosen one before a bake changes it.
+_GROWTH = 2.0
+
+#: Device memory of a bake per texel, bytes, without visibility data, and the fraction of the device that may
+#: be used for it. Both are chosen: lists and images of texels take 80 bytes, patches and their samples more.
+_TEXEL_BYTES, _MEMORY_PART = 512, 0.5
+
+
+class SizeChoice(NamedTuple):
+    """Width of the lightmaps of a bake, texels, and sentences about it for the user."""
+
+    width: int
+    notes: tuple[str, ...] = ()
 
 
 def size_properties() -> dict:
     """Return the annotations of a group of properties for the width of lightmaps."""
     return {
         "size_mode": EnumProperty(
-            name="Size",
-            description="How the width of the lightmaps is chosen",
+            name="Resolution",
+            description="How the width of lightmaps is chosen",
             translation_context=CONTEXT,
             items=[
-                ("SIZE", "Resolution", "Every lightmap has this width and height, in texels"),
-                ("DENSITY", "Density", "As many texels as give a number of them per metre of surface"),
+                (
+                    "AUTOMATIC",
+                    "Automatic",
+                    "Choose a width for the size of the scene at its first unwrap or bake, then keep it",
+                    2,
+                ),
+                ("SIZE", "Fixed", "Give every lightmap this width and height", 0),
+                ("DENSITY", "Density", "Choose the width that gives a number of texels per meter", 1),
             ],
+            default="AUTOMATIC",
             update=_plan,
         ),
         "texels_per_metre": FloatProperty(
-            name="Texels per Metre",
-            description="Least mean density of the objects of each lightmap",
+            name="Texels per Meter",
+            description="Set the smallest mean density of the objects of a lightmap",
             default=32.0,
             min=0.001,
             soft_min=1.0,
@@ -38,8 +77,8 @@ def size_properties() -> dict:
             update=_plan,
         ),
         "largest_width": IntProperty(
-            name="Largest",
-            description="Greatest width of a lightmap, in texels: objects that need more get several",
+            name="Max Width",
+            description="Limit the width of lightmaps; objects that need more are spread over several",
             default=4096,
             min=64,
             max=16384,
@@ -48,7 +87,7 @@ def size_properties() -> dict:
         ),
         "lightmap_count": IntProperty(
             name="Lightmaps",
-            description="Lightmaps that new lightmap UVs are spread over, as dense as fits them",
+            description="Spread new lightmap UVs over this number of lightmaps",
             default=1,
             min=1,
             soft_max=16,
@@ -56,8 +95,7 @@ def size_properties() -> dict:
         ),
         "padding": IntProperty(
             name="Padding",
-            description="Texels that charts keep between them in new lightmap UVs. Two are enough for "
-            "bilinear filtering",
+            description="Keep this number of texels between charts of new UVs; bilinear filtering needs 2",
             default=2,
             min=1,
             soft_max=16,
@@ -66,54 +104,212 @@ def size_properties() -> dict:
         ),
         "mip_level": IntProperty(
             name="Mip Level",
-            description="Coarsest mip level at which charts still keep the padding; each takes room",
+            description="Keep the padding down to this mip level; each level needs more space",
             default=0,
             min=0,
             max=8,
         ),
         "planned_width": IntProperty(
             name="Planned Width",
-            description="Width that the texels per metre demanded when they were chosen",
+            description="Width that Density led to when it was set, texels",
+            options={"HIDDEN"},
+        ),
+        "automatic_width": IntProperty(
+            name="Automatic Width",
+            description="Width that Automatic has chosen, texels; 0 before the first unwrap or bake",
+            options={"HIDDEN"},
+        ),
+        "lightmap_side": FloatProperty(
+            name="Lightmap Side",
+            description="Length of surface along the width of a lightmap, meters; 0 before the first bake",
             options={"HIDDEN"},
         ),
     }
 
 
-def chosen_width(
-    context: SceneContext, objects: Sequence[bpy.types.Object], settings: bpy.types.PropertyGroup
-) -> int:
-    """Return the width of lightmaps for objects that may not be unwrapped yet; raises SettingsError."""
-    if settings.size_mode == "SIZE":
-        return settings.resolution
-    width = width_before(context, objects, settings.uv_layer, texels_per_unit(settings))
-    return min(width, settings.largest_width)
+def fix_size(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Give lightmaps a fixed width, since a script or a person has just set one."""
+    settings.size_mode = "SIZE"
 
 
-def width_for(scene: Scene, settings: bpy.types.PropertyGroup, width: int, unwrapped: bool) -> int:
+def choose_width(
+    context: SceneContext, objects: Sequence[bpy.types.Object], changes: Rollback
+) -> Generator[None, None, SizeChoice]:
+    """Return the width of lightmaps for objects that may not be unwrapped yet, in slices.
+
+    The first automatic width is stored in the scene. All bakes and farms use the stored one.
+    Raises SettingsError if a density needs too large lightmaps.
+    """
+    known = _known_width(context.scene.hemibake)
+    if known:
+        return SizeChoice(known)
+    areas = yield from expected_areas(context, objects, context.scene.hemibake.uv_layer)
+    settings = context.scene.hemibake
+    choice = _choice(areas, settings)
+    if settings.size_mode == "AUTOMATIC" and longest_side(areas) > 0:
+        _store(settings, "automatic_width", choice.width, changes)
+        _store_side(areas, settings, changes)
+    return choice
+
+
+def expected_width(context: SceneContext, objects: Sequence[bpy.types.Object]) -> int:
+    """Return the width that `choose_width` would choose; stores nothing."""
+    settings = context.scene.hemibake
+    known = _known_width(settings)
+    return known or _choice(finished(expected_areas(context, objects, settings.uv_layer)), settings).width
+
+
+def settle_width(
+    scene: Scene, context: SceneContext, width: int, unwrapped: bool, whole: bool, changes: Rollback
+) -> SizeChoice:
     """Return the width of lightmaps for a scene that was read for a width; raises SettingsError.
 
     unwrapped  charts have just been packed for that width: it becomes no smaller
+    whole      all objects are baked; otherwise an automatic width stays as it is
     """
-    if settings.size_mode == "SIZE":
-        return width
-    needed = width_of(scene, texels_per_unit(settings))
-    return _within_limits(max(width, needed) if unwrapped else needed, settings)
+    settings, areas = context.scene.hemibake, areas_of(scene)
+    _store_side(areas, settings, changes)
+    if settings.size_mode == "DENSITY":
+        needed = width_for_density(areas, texels_per_unit(settings))
+        return SizeChoice(_within_limits(max(width, needed) if unwrapped else needed, settings))
+    if settings.size_mode == "SIZE" or not whole:
+        return SizeChoice(width)
+    return _grown(areas, settings, width, changes)
+
+
+def size_text(settings: bpy.types.PropertyGroup) -> str:
+    """Return the width of lightmaps and, once a bake has measured it, the texel size: "1024, 4 cm"."""
+    width = settings.planned_width if settings.size_mode == "DENSITY" else _known_width(settings)
+    if not width:
+        return "Chosen at the first bake"
+    if not settings.lightmap_side:
+        return f"{width:,} texels"
+    system = settings.id_data.unit_settings.system
+    texel = bpy.utils.units.to_string(system, "LENGTH", settings.lightmap_side / width, precision=2)
+    return f"{width:,}, {texel.strip()}"
+
+
+def _known_width(settings: bpy.types.PropertyGroup) -> int:
+    """Return the width that does not depend on the objects, texels; 0 if it must be chosen from them."""
+    return {"SIZE": settings.resolution, "AUTOMATIC": settings.automatic_width}.get(settings.size_mode, 0)
+
+
+def _choice(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup) -> SizeChoice:
+    """Return the width for these areas by Density or Automatic."""
+    if settings.size_mode == "DENSITY":
+        return SizeChoice(_width_for_density(areas, settings))
+    return _automatic_choice(areas, settings)
+
+
+def _grown(
+    areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup, width: int, changes: Rollback
+) -> SizeChoice:
+    """Return the automatic width, larger than before if the scene needs twice as much."""
+    if _needed(areas, settings) < _GROWTH * width:
+        return SizeChoice(width)
+    choice = _automatic_choice(areas, settings)
+    if choice.width <= width:
+        return SizeChoice(width, choice.notes)
+    _store(settings, "automatic_width", choice.width, changes)
+    note = (
+        f"Resolution was raised from {width:,} to {choice.width:,} texels, because the scene has grown. "
+        "Choose Fixed to keep a width."
+    )
+    return SizeChoice(choice.width, (note, *choice.notes))
+
+
+def _automatic_choice(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup) -> SizeChoice:
+    """Return the power of two next to the needed width, with a note if the device has too little memory."""
+    needed = min(max(_needed(areas, settings), _SMALLEST), _LARGEST)
+    wanted = 1 << round(math.log2(needed))
+    width, memory = wanted, _device_memory()
+    count = max(settings.lightmap_count, len(areas), 1)
+    while memory and width > _SMALLEST and width**2 * count * _TEXEL_BYTES > _MEMORY_PART * memory:
+        width //= 2
+    if width == wanted:
+        return SizeChoice(width)
+    note = (
+        f"Resolution is {width:,} instead of {wanted:,} texels, because the device has "
+        f"{memory / 2**30:.1f} GiB. Choose Fixed to try {wanted:,}."
+    )
+    return SizeChoice(width, (note,))
+
+
+def _needed(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup) -> float:
+    return needed_width(areas, metres_per_unit(settings.id_data), settings.lightmap_count)
+
+
+def _device_memory() -> int:
+    """Return the memory of the OpenCL device that bakes, bytes; 0 while that is unknown.
+
+    A process without a window does not search for devices, so that all machines of a farm choose one width.
+    """
+    devices = finder.found.devices if finder.found else ()
+    return max((device.memory for device in devices if device.api == "OpenCL" and device.use), default=0)
+
+
+def _width_for_density(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup) -> int:
+    return min(width_for_density(areas, texels_per_unit(settings)), settings.largest_width)
 
 
 def _within_limits(width: int, settings: bpy.types.PropertyGroup) -> int:
+    """Return a width; raises SettingsError if it exceeds the largest one."""
     largest = settings.largest_width
     if width > largest:
         raise SettingsError(
-            f"{settings.texels_per_metre:g} texels per metre need lightmaps of {width:,} texels, {largest:,} "
-            "are the most. Lower them, raise Largest, or give objects lightmaps of their own."
+            f"{settings.texels_per_metre:g} texels per meter need lightmaps of {width:,} texels; Max Width "
+            f"is {largest:,}. Lower the density, raise Max Width, or assign objects to other lightmaps."
         )
     return width
 
 
+def _store_side(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup, changes: Rollback) -> None:
+    """Store the length of surface along a lightmap, from which the panel shows the texel size."""
+    side = longest_side(areas, settings.lightmap_count) * metres_per_unit(settings.id_data)
+    _store(settings, "lightmap_side", side, changes)
+
+
+def _store(settings: bpy.types.PropertyGroup, name: str, value: float, changes: Rollback) -> None:
+    """Give a property of a scene a value that `changes` can undo."""
+    uid, before = settings.id_data.session_uid, getattr(settings, name)
+
+    def restore() -> None:
+        scene = find(bpy.data.scenes, uid)
+        if scene is not None:
+            setattr(scene.hemibake, name, before)
+
+    changes.add(restore)
+    setattr(settings, name, value)
+
+
 def _plan(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Keep how wide lightmaps would be now, for the panel."""
+    """Store the width that a density leads to now, for the panel."""
     if settings.size_mode == "DENSITY" and context.scene is not None:
         where = SceneContext(context)
-        meshes, density = visible_meshes(where, viewport=True), texels_per_unit(settings)
-        width = width_before(where, meshes, settings.uv_layer, density)
-        settings.planned_width = min(width, settings.largest_width)
+        objects = visible_meshes(where, viewport=True)
+        areas = finished(expected_areas(where, objects, settings.uv_layer))
+        settings.planned_width = _width_for_density(areas, settings)
+
+
+class HEMIBAKE_OT_choose_resolution(bpy.types.Operator):
+    """Choose the automatic resolution again, for the scene as it is now"""
+
+    bl_idname = "hemibake.choose_resolution"
+    bl_label = "Choose Resolution Again"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return poll_idle(cls)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        where, settings = SceneContext(context), context.scene.hemibake
+        settings.size_mode, settings.automatic_width = "AUTOMATIC", 0
+        choice = finished(choose_width(where, visible_meshes(where), Rollback()))
+        for note in choice.notes:
+            self.report({"WARNING"}, note)
+        self.report({"INFO"}, f"Resolution: {size_text(context.scene.hemibake)}. Bake again")
+        return {"FINISHED"}
+
+
+CLASSES = (HEMIBAKE_OT_choose_resolution,)

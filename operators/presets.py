@@ -21,7 +21,7 @@ _OWN = Path(__file__).parents[1] / "presets" / "bake"
 _FOLDER = "hemibake/bake"
 
 #: What belongs to one scene and not to a preset.
-_APART = ("seed", "patch_file", "planned_width", "file_name")
+_APART = ("seed", "patch_file", "planned_width", "automatic_width", "lightmap_side", "file_name")
 
 
 class Preset(NamedTuple):

@@ -20,7 +20,7 @@ from .chart_settings import chart_properties
 from .compat import PATH_OPTIONS
 from .file_format import format_properties
 from .lightmap_list import unlisted
-from .lightmap_size import size_properties
+from .lightmap_size import fix_size, size_properties
 from .output_switches import output_switches
 from .quality_property import follow_hemicube, quality_property
 from .scene.uvs.lightmap_layer import offered_layers
@@ -169,7 +169,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
 _NEW = Settings(**QUALITIES["preview"].values)
 
 HemibakeSceneProperties.__annotations__.update(
-    setting_properties(kept_with_scene(), _NEW, {"hemicube": follow_hemicube})
+    setting_properties(kept_with_scene(), _NEW, {"hemicube": follow_hemicube, "resolution": fix_size})
 )
 HemibakeSceneProperties.__annotations__["quality"] = quality_property()
 HemibakeSceneProperties.__annotations__.update(output_switches())

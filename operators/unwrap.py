@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 import bpy
 
@@ -10,7 +10,8 @@ from ..engine.errors import EngineError
 from ..engine.object_message import counted
 from ..engine.progress import Progress, finished
 from .bake_settings import read_settings
-from .lightmap_size import chosen_width
+from .lightmap_size import choose_width
+from .lookup import find_all
 from .modal import ModalOperator
 from .report_message import report_message
 from .rollback import Rollback
@@ -29,18 +30,30 @@ class Unwrapping:
     """
 
     def __init__(
-        self, context: bpy.types.Context, objects: Sequence[bpy.types.Object], anew: UvAction = UvAction.NONE
+        self,
+        context: bpy.types.Context,
+        objects: Sequence[bpy.types.Object],
+        action: UvAction = UvAction.NONE,
     ) -> None:
-        properties, where = context.scene.hemibake, SceneContext(context)
+        properties, self._context = context.scene.hemibake, SceneContext(context)
         read_settings(properties)
-        resolution = chosen_width(where, objects, properties)
         self.count, self._changes = len(objects), Rollback()
-        self._work = unwrap_missing(
-            where, objects, properties.uv_layer, resolution, self._changes, anew, visible_meshes(where)
+        self._uv_layer, self._action = properties.uv_layer, action
+        self._work = self._all_work([obj.session_uid for obj in objects])
+
+    def _all_work(self, uids: Sequence[int]) -> Generator[Progress | None, None, UnwrapSummary]:
+        """Choose the width of lightmaps for the whole scene, then unwrap the objects with these uids."""
+        context, changes = self._context, self._changes
+        size = yield from choose_width(context, visible_meshes(context), changes)
+        objects, movable = find_all(bpy.data.objects, uids), visible_meshes(context)
+        made = yield from unwrap_missing(
+            context, objects, self._uv_layer, size.width, changes, self._action, movable
         )
+        made.notes = [*size.notes, *made.notes]
+        return made
 
     def step(self) -> Progress | None:
-        """Do a slice of work; raises StopIteration(Made) at the end."""
+        """Do a slice of work; raises StopIteration(UnwrapSummary) at the end."""
         return next(self._work)
 
     def run_to_end(self) -> UnwrapSummary:

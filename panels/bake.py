@@ -6,6 +6,7 @@ import bpy
 
 from ..engine.settings import shown_in
 from ..operators.denoise_library import denoise_library
+from ..operators.lightmap_size import size_text
 from ..operators.live import is_live
 from ..operators.result.preview import shows_preview
 from ..operators.warm_up import warm_up_soon
@@ -13,6 +14,9 @@ from .presets import draw_presets
 from .progress import draw_bake_button
 from .sidebar import Sidebar, split_properties
 from .wrapped_text import draw_text, line_width
+
+#: Fraction of a row that Blender gives to the label of a property.
+_LABEL = 0.4
 
 
 class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
@@ -24,8 +28,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         layout, settings = self.layout, context.scene.hemibake
         warm_up_soon()
         draw_presets(layout, settings)
-        for name in ("target", "size_mode"):
-            layout.row().prop(settings, name, expand=True)
+        layout.row().prop(settings, "target", expand=True)
         split_properties(layout)
         _draw_size(layout.column(), settings)
         layout.prop(settings, "quality")
@@ -41,15 +44,22 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
 
 
 def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """Show the width of lightmaps, or the density that decides it and what that comes to."""
+    """Draw how the width of lightmaps is chosen, then the width and the texel size that follow."""
+    layout.prop(settings, "size_mode")
     if settings.size_mode == "SIZE":
         for name in shown_in("bake"):
-            layout.prop(settings, name)
+            layout.prop(settings, name, text="Width")
+    if settings.size_mode == "DENSITY":
+        layout.prop(settings, "texels_per_metre", text="Texels / m")
+        layout.prop(settings, "largest_width")
+    else:
         layout.prop(settings, "lightmap_count")
-        return
-    layout.prop(settings, "texels_per_metre", text="Texels / m")
-    layout.prop(settings, "largest_width")
-    layout.label(text=f"About {settings.planned_width:,} x {settings.planned_width:,} texels", icon="BLANK1")
+    row = layout.split(factor=_LABEL)
+    row.label(text="")
+    values = row.row(align=True)
+    values.label(text=size_text(settings))
+    if settings.size_mode == "AUTOMATIC" and settings.automatic_width:
+        values.operator("hemibake.choose_resolution", text="", icon="FILE_REFRESH")
 
 
 def _draw_denoise(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, width: float) -> None:

@@ -21,7 +21,7 @@ class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
 _GROUPS = (
     ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview", "hemibake.live"),
     ("hemibake.export_for_engine",),
-    ("hemibake.unwrap", "hemibake.lightmap_repack", "hemibake.lightmap_unwrap"),
+    ("hemibake.unwrap", "hemibake.lightmap_repack", "hemibake.lightmap_unwrap", "hemibake.choose_resolution"),
     ("hemibake.apply_on_copy", "hemibake.remove_uv_modifiers"),
     (
         "hemibake.lightmap_add",

@@ -12,7 +12,7 @@ from ...engine.plan.stages import Extent
 from ...engine.settings import Settings
 from ..bake_settings import read_settings
 from ..devices import finder
-from ..lightmap_size import chosen_width
+from ..lightmap_size import expected_width
 from ..scene import SceneContext, visible_meshes
 from ..scene.bake_targets import target_uids
 from ..scene.objects.visible import visible_objects
@@ -53,7 +53,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     Raises SceneError if the scene goes away in between.
     """
     try:
-        width = chosen_width(context, visible_meshes(context), context.scene.hemibake)
+        width = expected_width(context, visible_meshes(context))
         settings = replace(read_settings(context.scene.hemibake), resolution=width)
     except SettingsError as error:
         return Checked((Finding(ERROR, str(error)),), None)

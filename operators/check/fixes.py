@@ -11,7 +11,7 @@ from ...engine.errors import SceneError
 from ...engine.object_message import object_message
 from ...engine.progress import finished
 from ..applied_copies import apply_on_copies
-from ..lightmap_size import chosen_width
+from ..lightmap_size import expected_width
 from ..object_properties import set_property
 from ..result.preview import hide_preview
 from ..rollback import Rollback
@@ -31,7 +31,7 @@ def unwrap(
     """Make lightmap UVs where they are missing."""
     settings = context.scene.hemibake
     where = SceneContext(context)
-    resolution = chosen_width(where, objects, settings)
+    resolution = expected_width(where, visible_meshes(where))
     made = finished(
         unwrap_missing(where, objects, settings.uv_layer, resolution, changes, movable=visible_meshes(where))
     )
@@ -117,7 +117,7 @@ def cut_along_walls(
         raise SceneError(object_message(sentence, [obj.name for obj in objects]))
     for obj in floors:
         set_property(obj, "cut_along_walls", True, changes)
-    resolution = chosen_width(where, floors, settings)
+    resolution = expected_width(where, visible_meshes(where))
     work = unwrap_missing(
         where, floors, settings.uv_layer, resolution, changes, UvAction.CHARTS, visible_meshes(where)
     )

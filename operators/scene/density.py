@@ -1,9 +1,10 @@
-"""How many texels a unit of length gets on surfaces, and how wide lightmaps have to be for it."""
+"""Texel density of surfaces, and the width of lightmaps that a density needs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -12,67 +13,124 @@ from ...engine.scene.model import NO_LIGHTMAP, Scene
 from .objects.evaluation import Evaluation
 from .objects.meshes import read_array
 from .scene_context import SceneContext
+from .slice_timer import Slice
 from .uvs.lightmap_layer import layer_triangles, lightmap_layer
 from .uvs.multi_user import multi_user_sources
 from .uvs.uv_modifier import uv_source
 from .uvs.uv_targets import evaluated_mesh
 
-#: Part of a lightmap that charts are expected to cover once they are packed.
+#: Fraction of a lightmap that charts are expected to cover once they are packed (measured: 0.5 to 0.7).
 _FILLED = 0.6
 
-#: Widths are multiples of this, texels.
+#: Widths that a density needs are multiples of this number of texels.
 _STEP = 16
 
+#: Texel size, m, that is chosen for a scene whose surface is that of a cube with an edge of _ROOM m. The
+#: texel size grows with the square root of that edge: 2.5 cm in a room, 5 cm in a house, 10 cm in a level.
+_ROOM_TEXEL, _ROOM = 0.025, 5.0
 
 _NO_TRIANGLES = np.zeros((0, 3, 2), np.float32)
 
 
-def width_before(
-    context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str, density: float
-) -> int:
-    """Return how wide the lightmaps of objects will have to be, texels, for `density` texels a unit.
+class ChartArea(NamedTuple):
+    """Area that the charts of one lightmap have in the scene and in the lightmap.
 
-    Charts that are there stay, so theirs is known; others are expected to fill a part of a lightmap. The
-    meshes are the viewport's, of hidden objects those without modifiers: the result is a first guess.
+    surface  area of the objects in world space, times the square of their scale in lightmaps, units^2
+    covered  fraction of the lightmap that the charts cover; 0 if they are not packed yet
     """
+
+    surface: float
+    covered: float
+
+    def side(self, lightmaps: int = 1) -> float:
+        """Return the length of surface along the width of the lightmap, units.
+
+        lightmaps  number of lightmaps that charts are spread over, if they are not packed yet
+        """
+        filled = self.covered or _FILLED * lightmaps
+        return math.sqrt(self.surface / filled)
+
+
+def expected_areas(
+    context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str
+) -> Generator[None, None, list[ChartArea]]:
+    """Return the areas of each lightmap of objects that may have no lightmap UVs yet, in slices.
+
+    The meshes are the viewport's; hidden objects are measured without modifiers. Hence the result is an
+    estimate.
+    """
+    left = [obj.session_uid for obj in objects]
     several = multi_user_sources(uv_layer)
-    evaluation = Evaluation(context.evaluated_depsgraph_get())
-    surface: dict[tuple[str, bool], float] = {}
-    covered: dict[tuple[str, bool], float] = {}
-    for obj in objects:
-        layer = lightmap_layer(obj, uv_layer)
-        with evaluated_mesh(obj, evaluation) as evaluated:
-            mesh = evaluated or obj.data
-            packed = layer in mesh.uv_layers and uv_source(obj, uv_layer) not in several
-            key, flat = (
-                (obj.hemibake.atlas, packed),
-                layer_triangles(mesh, layer) if packed else _NO_TRIANGLES,
-            )
-            surface[key] = surface.get(key, 0.0) + _world_area(obj, mesh) * obj.hemibake.lightmap_scale**2
-            covered[key] = covered.get(key, 0.0) + _flat_area(flat)
-    filled = {key: min(area or _FILLED, _FILLED) for key, area in covered.items()}
-    widths = [density * math.sqrt(area / filled[key]) for key, area in surface.items()]
-    return _rounded(max(widths, default=0.0))
+    areas: dict[tuple[str, bool], ChartArea] = {}
+    while left:
+        evaluation, time = Evaluation(context.evaluated_depsgraph_get()), Slice()
+        present = {obj.session_uid: obj for obj in bpy.data.objects}
+        while left and not time.over:
+            obj = present.get(left.pop())
+            if obj is not None:
+                _add_object(areas, obj, uv_layer, several, evaluation)
+        if left:
+            yield
+    return list(areas.values())
 
 
-def width_of(scene: Scene, density: float) -> int:
-    """Return how wide the lightmaps of a scene have to be, texels, for a mean of `density` texels a unit."""
-    widths = [0.0]
+def _add_object(
+    areas: dict[tuple[str, bool], ChartArea],
+    obj: bpy.types.Object,
+    uv_layer: str,
+    several: set[int],
+    evaluation: Evaluation,
+) -> None:
+    """Add an object to the areas, by the name of the lightmap and whether its charts are packed."""
+    layer = lightmap_layer(obj, uv_layer)
+    with evaluated_mesh(obj, evaluation) as evaluated:
+        mesh = evaluated or obj.data
+        packed = layer in mesh.uv_layers and uv_source(obj, uv_layer) not in several
+        flat = layer_triangles(mesh, layer) if packed else _NO_TRIANGLES
+        surface, covered = areas.get((obj.hemibake.atlas, packed), ChartArea(0.0, 0.0))
+        areas[obj.hemibake.atlas, packed] = ChartArea(
+            surface + _world_area(obj, mesh) * obj.hemibake.lightmap_scale**2,
+            min(covered + _flat_area(flat), _FILLED),
+        )
+
+
+def areas_of(scene: Scene) -> list[ChartArea]:
+    """Return the areas of each lightmap of a scene that was read, except those without charts."""
+    areas = []
     for atlas in range(len(scene.atlases)):
         meshes = [mesh for mesh in scene.meshes if mesh.atlas == atlas and mesh.atlas != NO_LIGHTMAP]
         surface = sum(_area(mesh.positions) for mesh in meshes)
         covered = sum(_flat_area(mesh.uvs) for mesh in meshes)
         if covered > 0:
-            widths.append(density * math.sqrt(surface / covered))
-    return _rounded(max(widths))
+            areas.append(ChartArea(surface, covered))
+    return areas
 
 
-def _rounded(width: float) -> int:
-    return max(1, math.ceil(width / _STEP)) * _STEP
+def longest_side(areas: Sequence[ChartArea], lightmaps: int = 1) -> float:
+    """Return the largest length of surface along the width of a lightmap, units; 0 without areas."""
+    return max((area.side(lightmaps) for area in areas), default=0.0)
+
+
+def width_for_density(areas: Sequence[ChartArea], density: float) -> int:
+    """Return the width of lightmaps, texels, whose mean density is at least `density` texels per unit."""
+    return max(1, math.ceil(longest_side(areas) * density / _STEP)) * _STEP
+
+
+def needed_width(areas: Sequence[ChartArea], metres_per_unit: float, lightmaps: int) -> float:
+    """Return the width of lightmaps that suits the size of a scene, texels; 0 without surface.
+
+    The texel size follows from the surface of the whole scene, so that all its lightmaps have the same
+    density. See _ROOM_TEXEL.
+    """
+    edge = metres_per_unit * math.sqrt(sum(area.surface for area in areas) / 6)
+    if edge == 0:
+        return 0.0
+    texel = _ROOM_TEXEL * math.sqrt(edge / _ROOM)
+    return longest_side(areas, lightmaps) * metres_per_unit / texel
 
 
 def _world_area(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> float:
-    """Return the surface of an evaluated mesh in world space, m^2."""
+    """Return the surface of an evaluated mesh in world space, units^2; 0 if it is not finite."""
     mesh.calc_loop_triangles()
     vertices = read_array(mesh.loop_triangles, "vertices", 3, np.int32)
     positions = read_array(mesh.vertices, "co", 3, np.float32) @ np.array(obj.matrix_world)[:3, :3].T
@@ -81,12 +139,12 @@ def _world_area(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> float:
 
 
 def _area(corners: np.ndarray) -> float:
-    """Return the area of triangles in space, (t, 3, 3)."""
+    """Return the area of triangles in space, corners (t, 3, 3)."""
     edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return float(np.linalg.norm(edges.astype(np.float64), axis=1).sum()) / 2
 
 
 def _flat_area(uvs: np.ndarray) -> float:
-    """Return the area of triangles in UV space, (t, 3, 2)."""
+    """Return the area of triangles in UV space, corners (t, 3, 2)."""
     (u1, v1), (u2, v2) = (np.moveaxis(uvs[:, k] - uvs[:, 0], 1, 0).astype(np.float64) for k in (1, 2))
     return float(np.abs(u1 * v2 - u2 * v1).sum()) / 2

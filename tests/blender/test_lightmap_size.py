@@ -1,4 +1,4 @@
-"""Lightmaps whose width is chosen by the texels per metre."""
+"""Width of lightmaps: automatic, fixed, and by texels per metre."""
 
 import numpy as np
 import pytest
@@ -99,7 +99,7 @@ def test_objects_placed_side_by_side_get_it_too(settings):
 def test_too_dense_lightmaps_are_refused_with_the_limit(settings):
     settings.texels_per_metre = 1e5
     furnace()
-    with pytest.raises(RuntimeError, match=r"100000 texels per metre need .* 4,096 are the most"):
+    with pytest.raises(RuntimeError, match=r"100000 texels per meter need .* Max Width is 4,096"):
         bake()
 
 
@@ -107,7 +107,7 @@ def test_panel_shows_what_it_comes_to(settings):
     square(uvs=[(0, 0), (0.25, 0), (0.25, 0.25), (0, 0.25)])
     settings.texels_per_metre = 50.0
     shown = draw("HEMIBAKE_PT_bake")
-    assert "About 208 x 208 texels" in shown and "texels_per_metre" in shown and "resolution" not in shown
+    assert "208 texels" in shown and "texels_per_metre" in shown and "resolution" not in shown
 
 
 def test_selected_objects_keep_the_width_of_their_lightmap(settings):
@@ -162,3 +162,111 @@ def test_objects_that_need_more_than_the_largest_lightmap_get_several(settings):
     assert len(images) > 1 and set(images.values()) == {64}
     for room in rooms:
         assert density(room, 64) >= 18
+
+
+@pytest.fixture
+def automatic(settings):
+    settings.size_mode = "AUTOMATIC"
+    return settings
+
+
+def scaled(obj, factor):
+    """Scale an object in place."""
+    import bpy
+
+    obj.scale = [factor] * 3
+    bpy.context.view_layer.update()
+    return obj
+
+
+def needed(surface, covered, lightmaps=1, metres=1.0):
+    density = part("operators.scene.density")
+    return density.needed_width([density.ChartArea(surface, covered)], metres, lightmaps)
+
+
+def test_automatic_is_the_default_and_a_width_that_is_set_is_fixed():
+    import bpy
+
+    scene = bpy.data.scenes.new("Other")
+    assert scene.hemibake.size_mode == "AUTOMATIC"
+    scene.hemibake.resolution = 77
+    assert scene.hemibake.size_mode == "SIZE"
+
+
+def test_texels_suit_the_size_of_the_scene():
+    for surface, low, high in ((150, 0.02, 0.04), (1500, 0.03, 0.1), (30_000, 0.05, 0.3)):
+        texel = np.sqrt(surface / 0.6) / needed(surface, 0.6)
+        assert low < texel < high
+    # Unpacked charts count as 60 % of each lightmap; a unit of a centimetre changes nothing.
+    assert needed(900.0, 0.0, 4) == pytest.approx(needed(900.0, 0.6) / 2)
+    assert needed(900e4, 0.3, metres=0.01) == pytest.approx(needed(900.0, 0.3))
+    assert part("operators.scene.density").needed_width([], 1.0, 1) == 0
+
+
+def test_the_first_bake_chooses_a_width_and_shows_the_size_of_a_texel(automatic):
+    scaled(furnace(), 0.3)
+    assert "Chosen at the first bake" in draw("HEMIBAKE_PT_bake")
+    assert bake() == {"Lightmap": 128} and automatic.automatic_width == 128
+    (shown,) = [text for text in draw("HEMIBAKE_PT_bake") if text.startswith("128, ")]
+    assert shown.endswith(" mm") and 5 < float(shown.split()[1]) < 15
+
+
+def test_a_width_is_kept_until_the_need_has_doubled(automatic):
+    import bpy
+
+    room = scaled(furnace(), 0.1)
+    assert bake() == {"Lightmap": 64}
+    assert bake() == {"Lightmap": 64} and "raised" not in str(report()["warnings"])
+    scaled(room, 0.15)
+    assert bake() == {"Lightmap": 64}
+    scaled(room, 0.6)
+    automatic.target = "SELECTED"
+    room.select_set(True)
+    assert bake() == {"Lightmap": 64}
+    automatic.target = "ALL"
+    assert bake() == {"Lightmap": 256}
+    assert any("raised from 64 to 256 texels" in warning for warning in report()["warnings"])
+    scaled(room, 0.1)
+    assert bake() == {"Lightmap": 256}
+    assert bpy.ops.hemibake.choose_resolution() == {"FINISHED"} and automatic.automatic_width < 256
+
+
+def test_parts_of_a_scene_get_the_width_of_the_whole(automatic):
+    small, large = scaled(furnace("Small"), 0.1), scaled(furnace("Large"), 0.6)
+    small.hemibake.atlas, large.location.x = "Other", 5
+    automatic.target = "SELECTED"
+    small.select_set(True)
+    assert bake() == {"Other": 256}
+
+
+def test_unwrap_chooses_a_width_and_its_failure_does_not(automatic):
+    import bpy
+
+    assert "CANCELLED" in bpy.ops.hemibake.unwrap() and automatic.automatic_width == 0
+    scaled(furnace(), 0.1)
+    assert bpy.ops.hemibake.unwrap() == {"FINISHED"} and automatic.automatic_width == 64
+
+
+def test_check_and_cancelled_bakes_store_no_width(automatic):
+    import bpy
+
+    scaled(furnace(), 0.1)
+    assert bpy.ops.hemibake.check() == {"FINISHED"} and automatic.automatic_width == 0
+    run = part("operators.bake_run").BakeRun(bpy.context, lambda *_: iter(()), watched=False)
+    while automatic.lightmap_side == 0:
+        run.step()
+    assert automatic.automatic_width == 64
+    run.cancel()
+    assert automatic.automatic_width == 0 and automatic.lightmap_side == 0
+
+
+def test_memory_of_the_device_limits_the_width_with_a_note(automatic, monkeypatch):
+    found = part("engine.device.device_info")
+    device = found.DeviceInfo("OpenCL", "Small", memory=1 << 28, use="baking")
+    monkeypatch.setattr(part("operators.devices").finder, "found", found.DeviceSurvey((device,)))
+    size = part("operators.lightmap_size")
+    areas = [part("operators.scene.density").ChartArea(1e6, 0.0)]
+    width, notes = size._automatic_choice(areas, automatic)
+    assert width == 512 and "512 instead of 4,096 texels" in notes[0] and "0.2 GiB" in notes[0]
+    monkeypatch.setattr(part("operators.devices").finder, "found", None)
+    assert size._automatic_choice(areas, automatic) == (4096, ())

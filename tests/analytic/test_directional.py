@@ -225,7 +225,7 @@ def test_in_the_dark_directional_maps_are_black():
 
 
 def test_directional_maps_go_with_combined_light_and_not_with_the_papers_method():
-    with pytest.raises(SettingsError, match="choose combined, too"):
+    with pytest.raises(SettingsError, match="Add combined"):
         check_settings(dataclasses.replace(SETTINGS, outputs=("directional",)))
     with pytest.raises(SettingsError, match="method is paper"):
         check_settings(dataclasses.replace(SETTINGS, method="paper"))

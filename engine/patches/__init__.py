@@ -1,1 +1,1 @@
-"""Lightmap texels that lie on surfaces."""
+"""Patches: lightmap texels on surfaces, with their geometry, materials and neighbours."""

@@ -1,4 +1,4 @@
-"""What has moved between two subdivisions of a scene: the triangles that rays may meet otherwise."""
+"""Change detection between two versions of a scene: the triangles for which cached ray hits are stale."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from ..scene.digests import same_values
 from ..scene.triangles import Triangles
 from .patch_scene import PatchScene
 
-#: If more than this part of the triangles has moved, looking anew takes as long.
+#: Maximum fraction of moved triangles; above it, computing all visibility again is as fast.
 _MOST = 0.5
 
-#: What rounding may take from a radius, as a part of it and of the largest coordinate.
+#: Relative rounding error of the ball's radius, as a fraction of the radius plus the largest coordinate.
 _ROUNDING = 1e-5
 
 
 def moved_triangles(before: PatchScene, after: PatchScene) -> np.ndarray | None:
-    """Return the triangles that have moved, as they were and as they are, (k, 3, 3) float32.
+    """Return the old and new corners of moved triangles, (k, 3, 3) float32, m.
 
-    Metres from `Triangles.origin`. A ray that starts and ends where it did and meets none of them meets what
-    it met before, patch number included. None if patches are others, if light passes through other parts of
-    surfaces, or if most triangles have moved.
+    Positions are relative to `Triangles.origin`. A ray with unchanged ends that misses all of them hits the
+    same patch as before. Returns None if the patches or the transmittance differ, or if most triangles have
+    moved.
     """
     if not (_same_patches(before, after) and _same_cutouts(before, after)):
         return None
@@ -43,9 +43,9 @@ def moved_triangles(before: PatchScene, after: PatchScene) -> np.ndarray | None:
 
 
 def ball_around(triangles: np.ndarray) -> np.ndarray:
-    """Return centre and radius of a ball around triangles, (4,) float64, a little larger than their box.
+    """Return centre and radius of a ball around triangles, (4,) float64, m, slightly larger than their box.
 
-    triangles: (k, 3, 3), metres; there is one at least
+    triangles  (k, 3, 3), m, at least one
     """
     corners = triangles.reshape(-1, 3).astype(np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -54,7 +54,7 @@ def ball_around(triangles: np.ndarray) -> np.ndarray:
 
 
 def _same_patches(before: PatchScene, after: PatchScene) -> bool:
-    """Return whether the same texels are patches."""
+    """Return True if the patches are on the same texels."""
     one, other = before.patches, after.patches
     return (
         one.resolution == other.resolution
@@ -65,7 +65,7 @@ def _same_patches(before: PatchScene, after: PatchScene) -> bool:
 
 
 def _same_cutouts(before: PatchScene, after: PatchScene) -> bool:
-    """Return whether light passes through the same parts of the same triangles."""
+    """Return True if the same parts of the same triangles transmit light."""
     if not (before.cutouts.needed or after.cutouts.needed):
         return True
     materials = before.triangles.material, after.triangles.material
@@ -73,7 +73,7 @@ def _same_cutouts(before: PatchScene, after: PatchScene) -> bool:
 
 
 def _ranges_of_meshes(triangles: Triangles) -> np.ndarray:
-    """Return where the triangles of each mesh begin, and all end, (meshes + 1,) int64."""
+    """Return the first triangle of each mesh, and the total number, (meshes + 1,) int64."""
     meshes = int(triangles.mesh[-1]) + 1 if len(triangles.mesh) else 0
     return np.searchsorted(triangles.mesh, np.arange(meshes + 1))
 
@@ -81,9 +81,10 @@ def _ranges_of_meshes(triangles: Triangles) -> np.ndarray:
 def _unmoved(
     before: Triangles, after: Triangles, first: np.ndarray, other: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return which triangles, (t,) bool of each, are where they were, in the world and on their lightmap.
+    """Return masks of the triangles before and after, (t,) bool each, that did not move in world or UV space.
 
-    first, other: where their meshes begin; of a mesh with another number of triangles all have moved
+    first, other  (meshes + 1,) int64, first triangle of each mesh before and after. If a mesh's triangle
+                  count changed, all of its triangles have moved
     """
     still = np.zeros(len(before.mesh), bool), np.zeros(len(after.mesh), bool)
     for mesh in range(len(first) - 1):
@@ -98,10 +99,11 @@ def _unmoved(
 
 
 def _touching(triangles: Triangles, changed: np.ndarray) -> np.ndarray:
-    """Return which triangles, (t,) bool, may look up a texel of a mask, (atlases, r, r) bool.
+    """Return a mask of triangles, (t,) bool, whose UV lookups may read a marked texel.
 
-    That is those whose box on the lightmap has such a texel: sums over boxes are differences of sums over
-    rows and columns (Crow 1984).
+    changed  (atlases, r, r) bool, marked texels
+
+    Tests the bounding box of each triangle on the lightmap with a summed-area table (Crow 1984).
     """
     atlases, resolution = changed.shape[:2]
     sums = np.zeros((atlases, resolution + 1, resolution + 1), np.int64)

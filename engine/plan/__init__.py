@@ -1,1 +1,1 @@
-"""How a bake is done: by which method, in how much memory, chosen by which trial."""
+"""Choice of methods for a bake: gather, visibility sampler, patch groups and memory."""

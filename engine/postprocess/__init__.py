@@ -1,1 +1,1 @@
-"""What is done to a lightmap after the light is known; for display only."""
+"""Postprocessing of lightmaps: denoising, fit to bilinear lookups and seams, fill of invalid texels."""

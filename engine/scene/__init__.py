@@ -1,1 +1,1 @@
-"""What is baked: the data of a scene, and the checks on it."""
+"""Scene data of a bake, its validation and its content hashes."""

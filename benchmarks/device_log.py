@@ -23,9 +23,7 @@ _PASS = 20e-6
 #: Callers that are not the reason for an entry: functions that many others call.
 _HELPERS = (
     "engine.device.",
-    "engine.row_ops",
-    "engine.sorted_runs",
-    "engine.threaded_slabs",
+    "engine.array_ops",
     "benchmarks.",
     "numpy",
     "unittest.mock",

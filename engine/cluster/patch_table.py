@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..array_ops import any_in_rows, nonzero_rows
 from ..direct.emitters import SampledTriangles
 from ..numpy_pickle import NumpyPickle
 from ..patches.patch_scene import PatchScene
-from ..row_ops import any_in_rows, nonzero_rows
 from .stored_array import StoredArray
 
 

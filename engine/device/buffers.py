@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..row_ops import any_in_rows, nonzero_rows
+from ..array_ops import any_in_rows, nonzero_rows
 from .cl_device import ComputeDevice
 from .opencl import cl
 

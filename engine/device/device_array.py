@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..row_ops import take_rows
+from ..array_ops import take_rows
 from ..scene.color import channel_sum
 from .buffers import download, upload, upload_float4, upload_float4_once, upload_rows_once
 from .cl_device import ComputeDevice

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..array_ops import any_in_rows, largest_in_rows, segment_sums
 from ..device.device_struct import DeviceStruct
 from ..patches.geometry import PatchGeometry
 from ..patches.patch_scene import PatchScene
-from ..row_ops import any_in_rows, largest_in_rows
 from ..scene.color import luminance
 from ..scene.cutouts import BACK, BOUNCE
 from ..scene.model import Light
 from ..scene.triangles import Triangles
-from ..segment_sums import segment_sums
 from ..visibility.rays.receiver_records import RECEIVER
 from .modulation import MODULATION, is_modulated
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import run_starts
 from ..scene.triangles import Triangles
-from ..sorted_runs import run_starts
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 from .texel_components import connected_texels

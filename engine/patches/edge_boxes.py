@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..row_ops import largest_in_rows
+from ..array_ops import largest_in_rows
 from .chart_edges import ChartEdges
 
 #: Distance below which edges coincide: a fraction of a texel, or the precision of float32 relative to the

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..row_ops import largest_in_rows
+from ..array_ops import largest_in_rows
 from .chart_edges import ChartEdges, end_keys
 from .edge_boxes import ALIKE, EdgeNeighbours, edge_boxes, tolerance_of, unit
 from .host_edge_neighbours import HostNeighbours

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import any_in_rows
 from ..device.buffers import download_bytes, replace_rows_once, upload_once, words_of, zeros
 from ..device.cl_device import ComputeDevice
-from ..row_ops import any_in_rows
 from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder

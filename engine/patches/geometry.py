@@ -7,9 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..row_ops import take_rows
+from ..array_ops import run_counts, take_rows
 from ..scene.triangles import Triangles
-from ..sorted_runs import run_counts
 from .patch_list import PatchList
 
 #: Patches that are interpolated at once; fits into the CPU caches.

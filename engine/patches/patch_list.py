@@ -7,12 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ..array_ops import map_slabs, take_rows, taken
 from ..device.gl_context import GraphicsContext
 from ..errors import SceneError
-from ..row_ops import take_rows
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
-from ..threaded_slabs import map_slabs, taken
 from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 
 #: Arrays of a patch list with one entry for each patch.

@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from ..array_ops import any_in_rows, nonzero_rows, take_rows, taken
 from ..device.buffers import upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, colors_on_host, values_at
-from ..row_ops import any_in_rows, nonzero_rows, take_rows
 from ..scene.digests import same_values
 from ..scene.model import Scene
 from ..scene.texture import Texture
-from ..threaded_slabs import taken
 from .geometry import PatchGeometry
 from .host_texture_means import multiply_on_host
 from .texture_means import TextureMeans

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..array_ops import any_in_rows
 from ..device.gl_context import GraphicsContext
 from ..errors import OverlapError
 from ..object_message import object_message
-from ..row_ops import any_in_rows
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .border_texels import BorderTexels

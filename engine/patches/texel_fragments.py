@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..array_ops import joined_rows, order_of, take_rows
 from ..device.buffers import download, upload, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
-from ..row_ops import joined_rows, take_rows
 from ..scene.triangles import Triangles
-from ..sorted_runs import order_of
 
 #: Minimum area of a fragment, in texels; smaller ones result from rounding.
 _LEAST_PIECE = 1e-6

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..array_ops import taken
 from ..device.buffers import insert_rows_once
 from ..device.cl_device import ComputeDevice
-from ..threaded_slabs import taken
 from .border_texels import BorderTexels, DeviceBorder
 from .chart_texels import ChartTexels
 from .geometry import PatchGeometry

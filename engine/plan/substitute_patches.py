@@ -9,13 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..array_ops import nonzero_entries, taken
 from ..direct.contact import Contacts
 from ..patches.patch_scene import PatchScene
 from ..patches.texels_around import beside_any, entries_around
-from ..row_ops import nonzero_entries
 from ..scene.color import channel_sum
 from ..solve.solver import Seen
-from ..threaded_slabs import taken
 from ..validity.invalid import is_invalid
 
 #: Texels that are processed at once.

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import all_in_rows
 from ..device.buffers import download_bytes, upload, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from ..patches.patch_scene import PatchScene
 from ..patches.seams import Seams
-from ..row_ops import all_in_rows
 from ..visibility.rays.ray_scene import RayScene
 from .bilinear import footprints
 from .device_images import DeviceTexels

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..segment_sums import segment_sums
+from ..array_ops import segment_sums
 from .texel_charts import TexelCharts
 
 #: Highest class of chart size. The sizes of each class reach up to four times those of the class below.

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..array_ops import joined_rows, row_products, take_rows
 from ..device.buffers import download, download_bytes, upload, upload_once, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..patches.geometry import PatchGeometry
-from ..row_ops import joined_rows, row_products, take_rows
 from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER

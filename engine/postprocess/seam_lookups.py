@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import nonzero_entries
 from ..patches.chart_borders import ChartBorders, borders_without_seam
 from ..patches.chart_edges import chart_edges
 from ..patches.edge_boxes import EdgeNeighbours
 from ..patches.edge_pairs import edge_pairs
 from ..patches.seams import Seams, seams_of
-from ..row_ops import nonzero_entries
 from ..scene.triangles import Triangles
 from .bilinear import footprints
 

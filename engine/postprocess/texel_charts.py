@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import segment_sums
 from ..patches.texel_components import connected_texels
-from ..segment_sums import segment_sums
 
 #: Root mean square of a chart's light, relative to its mean, up to which the chart counts as evenly lit.
 _EVEN = 1.5

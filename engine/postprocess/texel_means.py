@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import run_starts
 from ..device.buffers import download, upload, upload_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
-from ..sorted_runs import run_starts
 from .device_images import NOWHERE, DeviceTexels
 from .texel_samples import TexelSamples
 

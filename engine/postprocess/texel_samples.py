@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..array_ops import joined_rows, row_products, run_numbers, run_starts, segment_sums, take_rows
 from ..numpy_pickle import NumpyPickle
 from ..patches.patch_scene import PatchScene
 from ..patches.texel_fragments import TexelClipper, TexelFragments, joined_pieces
-from ..row_ops import joined_rows, row_products, take_rows
 from ..scene.triangles import Triangles
-from ..segment_sums import segment_sums
-from ..sorted_runs import run_numbers, run_starts
 from .irradiance_edges import PatchLight, find_edges
 
 #: Coverage from which a texel counts as full, and minimum cosine between normals of faces in one plane.

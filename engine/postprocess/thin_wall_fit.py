@@ -11,10 +11,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..array_ops import run_numbers, run_starts
 from ..device.buffers import upload_float4
 from ..device.cl_device import ComputeDevice
 from ..patches.seams import no_seams
-from ..sorted_runs import run_numbers, run_starts
 from .device_bilinear_equations import DeviceBilinearEquations
 from .device_bilinear_fit import DeviceBilinearFit
 from .device_images import DeviceTexels

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import run_starts
 from ..object_message import object_message
 from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
-from ..sorted_runs import run_starts
 from .push_off import PushOffs
 from .texel_samples import TexelSamples
 

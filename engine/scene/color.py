@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..threaded_slabs import map_slabs
+from ..array_ops import map_slabs
 
 #: Luminance weights of the channels (ITU-R BT.709).
 _LUMINANCE = (0.2126, 0.7152, 0.0722)

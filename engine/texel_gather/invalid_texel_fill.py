@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..array_ops import any_in_rows, segment_sums, take_rows
 from ..device.device_array import Values, colors_on_host, values_at
 from ..device.opencl import cl
 from ..patches.texels_around import entries_around
 from ..plan.solve_job import SolveJob
-from ..row_ops import any_in_rows, take_rows
 from ..scene.color import channel_sum
-from ..segment_sums import segment_sums
 from ..solve.exitant_radiance import replace_radiance
 from .texel_sample_points import TexelGatherJob
 

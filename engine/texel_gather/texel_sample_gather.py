@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..array_ops import joined_rows, run_starts
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, channel_sums
 from ..device.opencl import cl
@@ -33,11 +34,9 @@ from ..postprocess.texel_samples import (
 from ..postprocess.thin_wall_fit import ThinWallFit
 from ..postprocess.thin_walls import in_thin_walls, warn_thin_walls
 from ..progress import run_as_fraction
-from ..row_ops import joined_rows
 from ..scene.color import channel_sum
 from ..settings import Settings
 from ..solve.solution import Solution
-from ..sorted_runs import run_starts
 from ..validity.invalid import is_invalid
 from ..visibility.sample_counts import ray_count
 from .invalid_texel_fill import InvalidTexelFill

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..array_ops import any_in_rows, take_rows
 from ..device.opencl import cl
 from ..direct.lighting import DirectLighting
 from ..patches.geometry import PatchGeometry, TexelSteps
@@ -17,7 +18,6 @@ from ..plan.solve_job import SolveJob
 from ..plan.solver_choice import SolverChoice
 from ..postprocess.push_off import PushOffs, push_off_points, pushed_barycentrics
 from ..postprocess.texel_samples import TexelSamples, joined_samples, on_lightmap
-from ..row_ops import any_in_rows, take_rows
 from ..scene.model import Scene
 from ..settings import Settings
 

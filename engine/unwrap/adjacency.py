@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..segment_sums import segment_sums
+from ..array_ops import segment_sums
 from .polygon_mesh import PolygonMesh
 
 #: Vertices are one if they agree to this many parts of the mesh's size.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..segment_sums import segment_sums
+from ..array_ops import segment_sums
 from .adjacency import Adjacency, components
 
 #: Least polygons of a surface that is split, and of a part that is worth a chart.

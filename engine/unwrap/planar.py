@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..segment_sums import segment_sums
+from ..array_ops import segment_sums
 from .adjacency import components, find_adjacency, polygon_normals, triangle_normals, weld
 from .chart_options import USUAL
 from .chart_overlap import doubly_covered

@@ -18,8 +18,7 @@ ORDERS = {
         "denoise",
         "device", "unwrap", "encoding", "scene", "resume", "settings", "setting_types", "quality",
         "bake_result",
-        "object_message", "progress", "errors", "row_ops", "sorted_runs", "segment_sums", "numpy_pickle",
-        "threaded_slabs",
+        "object_message", "progress", "errors", "array_ops", "numpy_pickle",
     ],
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.segment_sums import segment_sums
+from engine.array_ops import segment_sums
 
 
 @pytest.mark.parametrize("rows", [0, 1, 1013])

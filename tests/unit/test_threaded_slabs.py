@@ -5,17 +5,17 @@ import threading
 import numpy as np
 import pytest
 
-from engine import threaded_slabs
+from engine import array_ops
 from engine.scene.color import channel_sum
 
 
 @pytest.fixture
 def four(monkeypatch):
-    monkeypatch.setattr(threaded_slabs, "_threads", lambda: 4)
-    monkeypatch.setattr(threaded_slabs, "_LEAST", 1 << 19)
-    threaded_slabs._pool.cache_clear()
+    monkeypatch.setattr(array_ops, "_threads", lambda: 4)
+    monkeypatch.setattr(array_ops, "_MIN_BYTES", 1 << 19)
+    array_ops._pool.cache_clear()
     yield
-    threaded_slabs._pool.cache_clear()
+    array_ops._pool.cache_clear()
 
 
 @pytest.mark.parametrize("count", [0, 1, 99_991, 1_000_003])
@@ -26,7 +26,7 @@ def test_slabs_are_all_rows_once(four, count):
         seen[slab] += 1
         threads.add(threading.get_ident())
 
-    threaded_slabs.map_slabs(count, 4, work)
+    array_ops.map_slabs(count, 4, work)
     assert (seen == 1).all()
     assert len(threads) == 1 if count < 200_000 else len(threads) > 1
 
@@ -38,7 +38,7 @@ def test_an_error_of_any_slab_is_raised(four, bad):
             raise ValueError("bad slab")
 
     with pytest.raises(ValueError, match="bad slab"):
-        threaded_slabs.map_slabs(1_000_000, 8, work)
+        array_ops.map_slabs(1_000_000, 8, work)
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (2, 5)])
@@ -48,7 +48,7 @@ def test_rows_are_taken_by_their_numbers(four, shape, count):
     values = random.random((1009, *shape)).astype(np.float32)
     for dtype in (np.int32, np.int64, np.uint32):
         numbers = random.integers(0, 1009, count).astype(dtype)
-        assert np.array_equal(threaded_slabs.taken(values, numbers), values[numbers])
+        assert np.array_equal(array_ops.taken(values, numbers), values[numbers])
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 9])

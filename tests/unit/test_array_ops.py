@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.row_ops import (
+from engine.array_ops import (
     all_in_rows,
     any_in_rows,
     largest_in_rows,

@@ -1,0 +1,159 @@
+"""Array operations that NumPy lacks or runs slowly: row reductions, runs, segment sums, threaded slabs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, reduce
+from itertools import pairwise
+
+import numpy as np
+
+#: Maximum number of threads, which saturate the memory bandwidth, and minimum bytes of a slab. Smaller slabs
+#: cost more to hand over than to process.
+_MAX_THREADS, _MIN_BYTES = 4, 1 << 21
+
+
+def map_slabs(count: int, row: int, work: Callable[[slice], object]) -> None:
+    """Call `work` with slices that partition `count` rows, in threads; re-raise its exceptions.
+
+    NumPy releases Python's global lock during array operations.
+
+    row  bytes that `work` reads or writes for each row
+    """
+    slabs = min(_threads(), count * row // _MIN_BYTES)
+    if slabs < 2:
+        work(slice(0, count))
+        return
+    borders = [count * number // slabs for number in range(slabs + 1)]
+    first, *others = (slice(*ends) for ends in pairwise(borders))
+    working = [_pool().submit(work, slab) for slab in others]
+    work(first)
+    for slab in working:
+        slab.result()
+
+
+def _threads() -> int:
+    return min(_MAX_THREADS, os.cpu_count() or 1)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_threads() - 1, "slabs")
+
+
+def taken(values: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Return rows of contiguous values, (n, ...), at indices, (k,) >= 0, with threads: (k, ...)."""
+    rows = np.empty((len(numbers), *values.shape[1:]), values.dtype)
+
+    # Mode "clip" lets NumPy write directly into `out`; mode "raise" would buffer.
+    def take(slab: slice) -> None:
+        values.take(numbers[slab], axis=0, out=rows[slab], mode="clip")
+
+    map_slabs(len(rows), rows.nbytes // max(len(rows), 1), take)
+    return rows
+
+
+def take_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
+    """Return a subset of the rows of (n, ...), by a slice, a mask, (n,) bool, or indices."""
+    if isinstance(chosen, slice):
+        return values[chosen]
+    numbers = np.flatnonzero(chosen) if chosen.dtype == bool else chosen
+
+    # Method `take` would first copy a view of wider rows.
+    rows: np.ndarray = values.take(numbers, axis=0) if values.flags.c_contiguous else values[numbers]
+    return rows
+
+
+def joined_rows(parts: list[np.ndarray]) -> np.ndarray:
+    """Concatenate arrays along the rows; return a single array without a copy."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def any_in_rows(values: np.ndarray) -> np.ndarray:
+    """Return a mask of the rows of (n, c) with a nonzero entry, (n,) bool; 3 to 20 times as fast as NumPy."""
+    flags = values if values.dtype == bool else values != 0
+    found: np.ndarray = reduce(np.logical_or, flags.T, np.zeros(len(values), bool))
+    return found
+
+
+def all_in_rows(values: np.ndarray) -> np.ndarray:
+    """Return a mask of the rows of (n, c) without a zero entry, (n,) bool."""
+    found: np.ndarray = reduce(np.logical_and, values.T, np.ones(len(values), bool))
+    return found
+
+
+def largest_in_rows(values: np.ndarray) -> np.ndarray:
+    """Return the maximum of each row, (n, c) -> (n,), c > 0."""
+    largest: np.ndarray = reduce(np.maximum, values.T)
+    return largest
+
+
+def row_products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the dot products of corresponding rows, two (n, c) -> (n,)."""
+    products: np.ndarray = np.einsum("nc,nc->n", one, other)
+    return products
+
+
+def nonzero_rows(values: np.ndarray) -> np.ndarray:
+    """Return the indices of rows of (n, c), contiguous, with a nonzero entry, (k,) int64; fast for few."""
+    found: dict[tuple[int, int], np.ndarray] = {}
+
+    def find(slab: slice) -> None:
+        entries = np.flatnonzero(values[slab].ravel() != 0)
+        entries //= max(values.shape[1], 1)
+        found[slab.start, slab.stop] = slab.start + entries[run_starts(entries)]
+
+    map_slabs(len(values), values.nbytes // max(len(values), 1), find)
+    return joined_rows([found[ends] for ends in sorted(found)])
+
+
+def nonzero_entries(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns of the nonzero entries of (n, c), contiguous: two (k,) int64, row by row."""
+    row, column = np.divmod(np.flatnonzero(values), max(values.shape[1], 1))
+    return row, column
+
+
+def run_starts(keys: np.ndarray) -> np.ndarray:
+    """Return the first index of each run of equal keys, (n,) -> (k,) int64."""
+    starts = np.ones(len(keys), bool)
+    np.not_equal(keys[1:], keys[:-1], out=starts[1:])
+    return np.flatnonzero(starts)
+
+
+def run_numbers(starts: np.ndarray, count: int) -> np.ndarray:
+    """Return the run number of each of `count` keys, (count,) int64, from the starts of the runs."""
+    return np.repeat(np.arange(len(starts)), np.diff(starts, append=count))
+
+
+def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
+    """Return the histogram of keys below `most`, (most,) int64; fast if equal keys are adjacent."""
+    starts = run_starts(keys)
+    counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int64)
+    return counts
+
+
+def order_of(keys: np.ndarray) -> np.ndarray:
+    """Return the stable sorting order of keys, (n,) int >= 0, in two thirds of the time of `np.argsort`.
+
+    Sorts key and index as one number; together they must fit into 63 bits.
+    """
+    bits = max(len(keys) - 1, 1).bit_length()
+    together = keys.astype(np.int64) << bits
+    together |= np.arange(len(keys))
+    together.sort()
+    together &= (1 << bits) - 1
+    return together
+
+
+def segment_sums(values: np.ndarray, segment: np.ndarray, count: int) -> np.ndarray:
+    """Return the sum of the rows of each segment, (n, c) or (n,) -> (count, c) or (count,) float64.
+
+    Sums in float64, one column after another.
+
+    segment  (n,) int, segment of each row, below `count`
+    """
+    if values.ndim == 1:
+        return np.bincount(segment, values, count)
+    return np.stack([np.bincount(segment, column, count) for column in values.T], axis=1)

@@ -1,7 +1,7 @@
 """Renders of exported files by Godot 3, in a window that nobody sees.
 
 Mesa draws, so no graphics card is needed. Godot imports the file into a project of its own, and a script
-(show.gd) gives its surfaces the shader of docs/engines/README.md.
+(show.gd) gives its surfaces the shader of docs/engines/godot.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-# Shows an imported glTF file by its lightmaps, as docs/engines/README.md tells it, and writes the pixels to a file.
+# Shows an imported glTF file with its lightmaps, as docs/engines/godot.md describes, and writes the pixels to a file.
 extends SceneTree
 
-# What docs/engines/README.md gives for Godot 3, plus emission of any brightness, which its importer does not know.
+# The shader of docs/engines/godot.md for Godot 3, plus emission of any brightness, which its importer clips.
 const SHADER = """
 shader_type spatial;
 render_mode ambient_light_disabled;

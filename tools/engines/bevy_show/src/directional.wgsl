@@ -1,4 +1,4 @@
-// Light of a normal map by the maps of Directional, as docs/engines/README.md gives it for Bevy.
+// Light of a normal map by the maps of Directional, as described in docs/engines/bevy.md.
 #import bevy_pbr::{
     forward_io::{FragmentOutput, VertexOutput},
     pbr_fragment::pbr_input_from_standard_material,

@@ -1,4 +1,4 @@
-//! Shows an exported glTF file by its lightmaps, as docs/engines/README.md tells it, and writes the pixels to a file.
+//! Shows an exported glTF file with its lightmaps, as docs/engines/bevy.md describes, and writes the pixels to a file.
 
 use std::{collections::HashMap, env, fs, path::PathBuf, process, time::Duration};
 

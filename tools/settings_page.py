@@ -1,6 +1,6 @@
-"""Write the page of the documentation that lists every setting, from the settings' descriptions.
+"""Writes docs/reference/settings.md from the descriptions of the settings.
 
-python tools/settings_page.py            # docs/reference/settings.md
+python tools/settings_page.py
 """
 
 from __future__ import annotations
@@ -20,21 +20,19 @@ PAGE = ROOT / "docs" / "reference" / "settings.md"
 
 _HEAD = """# Settings
 
-The panel, `bpy.context.scene.hemibake`, `blender -c hemibake`, `tools/bake.py` and `engine.Settings` have
-the same settings under the same names. This page is written by `tools/settings_page.py` from their
-descriptions in `engine/settings.py`.
+The panel, `bpy.context.scene.hemibake`, the command line, `tools/bake.py` and `engine.Settings` have the same
+settings with the same names. `tools/settings_page.py` writes this page from `engine/settings.py`.
 
-What decides how a scene comes out belongs to the scene, and is saved in the .blend. What describes the
-machine is in the add-on's preferences and the same for every file: a .blend takes no device with it. An
-option of the command line for one of these holds for that process.
+Settings of the scene are saved in the .blend. Settings of the machine are in the add-on's preferences and
+apply to every file. On the command line, an option for a setting of the machine applies to that process only.
 
-Defaults are those of `engine.Settings`; a new scene starts with the quality *Preview*.
+Defaults are those of `engine.Settings`. A new scene starts with the quality *Preview*.
 
 ## Quality: `quality`
 
-Stands for Hemicube, Samples, Light Samples and Adaptive, and shows *Custom* where these are of no quality.
-Its error is the largest RMSE of a lightmap, relative to the map's mean, in the rooms of `tools/quality.py`.
-Choosing a Hemicube sets Samples to 0, so that rays follow it.
+A quality sets Hemicube, Samples, Light Samples and Adaptive; *Custom* means that their values belong to none.
+The error is the largest RMSE of a lightmap in the rooms of `tools/quality.py`, relative to the map's mean.
+Choosing a Hemicube sets Samples to 0, so that the number of rays follows from it.
 
 | Quality | Error | with Denoise | Hemicube | Samples | Light Samples | Adaptive |
 |---|---|---|---|---|---|---|
@@ -51,7 +49,7 @@ _TABLE = """
 def page() -> str:
     """Return the page."""
     known, defaults = descriptions(), {entry.name: entry.default for entry in fields(Settings)}
-    groups = {"Of the scene": kept_with_scene(), "Of the machine": shown_in(PREFERENCES)}
+    groups = {"Settings of the scene": kept_with_scene(), "Settings of the machine": shown_in(PREFERENCES)}
     tables = [
         _TABLE.format(title) + "".join(_row(name, known[name], defaults[name]) for name in names)
         for title, names in groups.items()
@@ -103,11 +101,11 @@ def _values(description: Description) -> str:
 
 
 def _options(name: str, description: Description) -> str:
-    """Return a list of what a choice offers, if the setting is one."""
+    """Return a section with a table of the options of a setting; empty for a setting without options."""
     match description.values:
         case OneOf(options) | SomeOf(options):
-            items = [f"- `{value}` {option.label}: {option.text}.\n" for value, option in options.items()]
-            return f"\n## {description.label}: `{name}`\n\n{''.join(items)}"
+            rows = [f"| `{value}` {option.label} | {option.text}. |\n" for value, option in options.items()]
+            return f"\n## {description.label}: `{name}`\n\n| Value | Meaning |\n|---|---|\n{''.join(rows)}"
     return ""
 
 

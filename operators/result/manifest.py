@@ -1,6 +1,6 @@
 """The manifest beside lightmap files: what made each of them, and which objects show it.
 
-A folder of lightmaps holds one `hemibake.json`; docs/reference/formats.md explains it:
+A folder of lightmaps holds one `hemibake.json`; docs/reference/report_and_manifest.md explains it:
 
     {"version": 2,
      "lightmaps": {"house_Lightmap.png": {

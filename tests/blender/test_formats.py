@@ -234,8 +234,8 @@ def test_manifest_lists_the_maps_of_each_object(settings, tmp_path):
 
 
 def documented_keys() -> set[str]:
-    """Return the keys of the table of the manifest in docs/reference/formats.md."""
-    page = (ROOT / "docs" / "reference" / "formats.md").read_text(encoding="utf-8")
+    """Return the keys of the table of the manifest in docs/reference/report_and_manifest.md."""
+    page = (ROOT / "docs" / "reference" / "report_and_manifest.md").read_text(encoding="utf-8")
     rows = [line for line in page.partition("| Key | Meaning |")[2].splitlines() if line.startswith("| `")]
     return {key for row in rows for key in re.findall(r"`(\w+)`", row.split("|")[1])}
 

@@ -1,1 +1,1 @@
-"""From what a patch sees to its irradiance."""
+"""Gathering: from visibility samples of patches and radiance of what they hit to irradiance."""

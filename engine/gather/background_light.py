@@ -1,4 +1,4 @@
-"""The light that no bounce changes: of the surroundings, where kept samples meet them, and of backs."""
+"""Background light: sky and emissive back faces, constant over all iterations."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from .visibility_cache import BackfaceLight, SampleRows
 
 
 class BackgroundLight:
-    """The static light of `count` patches, summed up from their samples.
+    """Background light of `count` patches, summed over their cached visibility samples.
 
     receivers  records of the patches, see `RayScene.receivers`
-    light      float4 of each patch: E/pi, and the fraction of the view that is no back
-    l1         3 float4 of each patch, x, y and z, see irradiance_l1.cl; None unless the settings ask
-               for it
-    complete   True once it is that of all patches; whoever sums up for all of them says so
+    light      float4 of each patch: E/pi in rgb; in a the fraction of the hemisphere without back faces
+    l1         3 float4 of each patch, axes x, y and z, see irradiance_l1.cl; None without directional maps
+    complete   True once all patches are summed; set by the caller that has summed all rows
     """
 
     complete = False
@@ -44,7 +43,7 @@ class BackgroundLight:
         self.l1 = zeros(compute, 48 * count) if settings.directional else None
 
     def sum_up(self, rows: SampleRows, backs: BackfaceLight) -> Generator[float, None, None]:
-        """Sum up the static light of the patches whose rows these are; yield the fraction done."""
+        """Sum the background light of the patches in these rows; yield the fraction done."""
         if self._surroundings.dark:
             self._take(rows, backs)
             return
@@ -53,7 +52,7 @@ class BackgroundLight:
         yield from self._add.run(rows, *seen, backs.light, backs.l1, *results)
 
     def _take(self, rows: SampleRows, backs: BackfaceLight) -> None:
-        """Take the light of backs: the surroundings are black."""
+        """Copy the light of back faces as the result, since the background is black."""
         for size, source, target in ((16, backs.light, self.light), (48, backs.l1, self.l1)):
             if source is not None and target is not None:
                 cl.enqueue_copy(

@@ -1,4 +1,4 @@
-"""Sweeps over identities: kept from the first iteration on, or found anew in every one."""
+"""Device gathers from visibility samples: cached, recomputed per iteration, or traced without storage."""
 
 from __future__ import annotations
 
@@ -17,22 +17,24 @@ from .gather_kernels import GatherKernels
 from .l1_gather import L1Gather, NoL1
 from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
-#: A sparse sweep gathers from one in this many groups of four samples.
+#: Stride of sparse iterations, which read one in this many groups of four samples (chosen).
 _STRIDE = 8
 
-#: Patches with fewer samples than this gather from all of them.
+#: Minimum number of samples per patch for sparse iterations.
 _MANY = 1024
 
-#: Of the time to find what patches see, and to sum up the static light there, the latter takes this part.
+#: Share of background light in the time of the first iteration; the rest computes visibility (measured).
 _SUMMING = 0.04
 
 
 class CachedGather:
-    """What a sweep costs is memory speed: what patches see is kept, found by the first sweep at the latest.
+    """Gather from a visibility cache; an iteration costs one read of the cache.
 
-    identity    finds it; None if that is done
-    l1          gathers L1 once the light has settled
-    checkpoint  holds a part of it, or will
+    The first iteration fills the cache if it is not complete, and sums the background light.
+
+    identity    visibility sampler that fills the cache; None if it is complete
+    l1          gathers L1 of the converged light
+    checkpoint  stores rows of the cache, so that an interrupted bake can resume
     """
 
     def __init__(
@@ -50,11 +52,11 @@ class CachedGather:
 
     @property
     def can_be_sparse(self) -> bool:
-        """True if a few of the samples of each patch are enough to begin with."""
+        """True if a fraction of the samples suffices for early iterations."""
         return self._kept.sampling.even and self._kept.sampling.samples >= _MANY
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.DeviceGather.gather`."""
+        """Gather once; see `device_gather.DeviceGather.gather`."""
         if not self._begun:
             yield from self._begin(light)
         self._l1.keep_radiance(light.radiance)
@@ -71,7 +73,7 @@ class CachedGather:
         return self._l1.values()
 
     def _begin(self, light: GatherBuffers) -> Generator[float, None, None]:
-        """Find what patches see, and the light there that no bounce changes."""
+        """Fill the visibility cache and sum the background light; yield the fraction done."""
         found = 0.0
         if self._identity is not None:
             found = 1 - _SUMMING
@@ -84,7 +86,7 @@ class CachedGather:
         self._begun = True
 
     def _sum_up(self) -> Generator[float, None, None]:
-        """Sum up the static light of all patches; yield the fraction done."""
+        """Sum the background light of all patches; yield the fraction done."""
         count = self._kept.count
         for rows in self._kept.pieces:
             done = rows.first / count, rows.last / count
@@ -92,7 +94,10 @@ class CachedGather:
 
 
 class StreamGather:
-    """Every sweep finds anew what patches see, some of them at a time: for what no cache can hold."""
+    """Gather that recomputes visibility in every iteration, for scenes whose samples exceed the cache budget.
+
+    Samples of only a part of the patches exist at a time.
+    """
 
     def __init__(
         self,
@@ -104,7 +109,7 @@ class StreamGather:
         cached: int,
         l1: L1Gather | NoL1,
     ) -> None:
-        """Keep the samples of at most `cached` patches at a time."""
+        """Allocate sample rows for at most `cached` patches at a time."""
         self._compute, self._static, self._l1, self._backs = compute, static, l1, backs
         self._identity, self._count, self._step = identity, count, max(1, min(cached, count))
         self._kernels = GatherKernels(compute, SampleLayout.of(identity))
@@ -112,7 +117,7 @@ class StreamGather:
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.DeviceGather.gather`."""
+        """Gather once; see `device_gather.DeviceGather.gather`."""
         self._l1.keep_radiance(light.radiance)
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
@@ -126,13 +131,13 @@ class StreamGather:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, self._backs.patches_seen)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 that the last sweep gathered; see `device_gather.DeviceGather.gather_l1`."""
+        """Return L1 of the last iteration; see `device_gather.DeviceGather.gather_l1`."""
         yield 1.0
         return self._l1.values()
 
 
 class RayStreamGather:
-    """Every sweep casts all rays anew and keeps nothing."""
+    """Gather that traces all rays in every iteration and stores no samples."""
 
     def __init__(
         self,
@@ -148,12 +153,12 @@ class RayStreamGather:
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.DeviceGather.gather`."""
+        """Gather once; see `device_gather.DeviceGather.gather`."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
         yield from self._identity.gather(self._count, light.radiance, seen)
         self._kernels.take(self._gathered, light, column)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 that the last sweep gathered; see `device_gather.DeviceGather.gather_l1`."""
+        """Return L1 of the last iteration; see `device_gather.DeviceGather.gather_l1`."""
         yield 1.0
         return self._l1.values()

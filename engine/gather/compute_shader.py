@@ -1,4 +1,4 @@
-"""A compute shader that works on hemicubes: one group for each of them."""
+"""OpenGL compute shaders that process rasterised hemicubes, one work group per hemicube."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ..visibility.views.hemicube import multiplier_map
 Textures = dict[str, moderngl.Texture | moderngl.TextureArray | DepthArray]
 Uniforms = Mapping[str, int | tuple[float, ...]]
 
-#: Storage blocks of shaders/visibility/hemicube.glsl; other blocks come after them.
+#: Bindings of the storage blocks of shaders/visibility/hemicube.glsl; other blocks follow.
 _FRAMES, _MULTIPLIER = 0, 1
 
 
 class HemicubeTables:
-    """What all such shaders read, frames of the hemicubes and the multiplier map; and one sum of each.
+    """Input that all hemicube shaders share: hemicube frames and the multiplier map; plus one output buffer.
 
-    sums  float4 of each hemicube, for a shader to write
+    sums  float4 of each hemicube, written by a shader
     """
 
     def __init__(self, graphics: GraphicsContext, tiles: Tiles) -> None:
@@ -31,21 +31,21 @@ class HemicubeTables:
         self.sums = graphics.context.buffer(reserve=16 * tiles.capacity)
 
     def set_frames(self, frames: np.ndarray) -> None:
-        """Replace the frames of the first m slots: (m, 4, 3) float32 from `Viewpoints.frames`."""
+        """Upload the frames of the first m slots, (m, 4, 3) float32 from `Viewpoints.frames`."""
         self._frames.write(four(frames))
 
     def read_sums(self, count: int) -> np.ndarray:
-        """Return the sums of the first hemicubes, (count, 4) float32."""
+        """Download the sums of the first `count` hemicubes, (count, 4) float32."""
         return np.frombuffer(self.sums.read(16 * count), np.float32).reshape(-1, 4)
 
     def bind(self) -> None:
-        """Bind both storage blocks."""
+        """Bind the frames and the multiplier map as storage blocks."""
         self._frames.bind_to_storage_buffer(_FRAMES)
         self._multiplier.bind_to_storage_buffer(_MULTIPLIER)
 
 
 class ComputeShader:
-    """shaders/<name>.comp, which includes shaders/visibility/hemicube.glsl."""
+    """Compute shader shaders/gather/<name>.comp, which includes shaders/visibility/hemicube.glsl."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class ComputeShader:
         textures: Textures,
         uniforms: Uniforms | None = None,
     ) -> None:
-        """Run a number of groups, one hemicube each; buffers are bound to storage blocks by number."""
+        """Run one work group per hemicube. buffers: storage buffers by binding number."""
         self._tables.bind()
         for binding, buffer in buffers.items():
             buffer.bind_to_storage_buffer(binding)
@@ -80,21 +80,21 @@ class ComputeShader:
         self._graphics.check("summing hemicubes")
 
     def _set(self, uniforms: Uniforms) -> None:
-        """Set those uniforms that the compiler has left in the shader."""
+        """Set the uniforms that the compiler has not optimised away."""
         for name, value in uniforms.items():
             if name in self._program:
                 self._program[name] = value
 
 
 def sky_texture(graphics: GraphicsContext, sky: np.ndarray) -> moderngl.Texture:
-    """Return a sky, (h, w, 3) float32 radiance, as the texture that hemicube.glsl reads."""
+    """Upload an environment map, (h, w, 3) float32 radiance, as the texture that hemicube.glsl reads."""
     texture = graphics.context.texture(sky.shape[1::-1], 4, four(sky).tobytes(), dtype="f4")
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return texture
 
 
 def four(vectors: np.ndarray, first: int = 0) -> np.ndarray:
-    """Return (k, ..., 3) as (first + k, ..., 4) float32, zeros around it."""
+    """Pad (k, ..., 3) vectors to (first + k, ..., 4) float32 with zeros."""
     padded = np.zeros((first + len(vectors), *vectors.shape[1:-1], 4), np.float32)
     padded[first:, ..., :3] = vectors
     return padded

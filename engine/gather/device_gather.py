@@ -1,4 +1,4 @@
-"""How patches gather on the OpenCL device: what a sweep reads and writes there."""
+"""Protocols of an iteration on the OpenCL device: the gather, and the buffers that it reads and writes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from .device_l1 import L1
 
 
 class GatherBuffers(Protocol):
-    """What a sweep reads and writes on the device.
+    """Input and output buffers of one gather iteration.
 
-    count         patches that gather
-    radiance      float4 of each patch that is seen + 1; entry 0 and the last, of the surroundings, are black
-    patches_seen  float of each patch: the fraction of its view that patches take
-    sparse        True to gather from a few of the samples, by sweeps that can; see `Radiosity.sparse`
+    count         number of gathering patches
+    radiance      float4 by patch + 1, W/(m^2 sr); entry 0 and the last (background) are black
+    patches_seen  float of each patch: the fraction of its hemisphere in which it sees patches
+    sparse        True if gathers that support it may use a part of the samples; see `Radiosity.sparse`
     """
 
     count: int
@@ -24,18 +24,17 @@ class GatherBuffers(Protocol):
     sparse: bool
 
     def outputs(self, column: int) -> tuple:
-        """Return what the kernels of kernels/gather/gather.cl take to write a column of the ring."""
+        """Return the arguments with which gather.cl writes an iterate to a column of the ring."""
 
 
 class DeviceGather(Protocol):
-    """How patches gather on the device."""
+    """Method by which all patches gather irradiance on the device; the room's docstring compares them."""
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather from `light.radiance` into a column of its ring; yield the fraction done."""
+        """Gather from `light.radiance` into a column of the ring of iterates; yield the fraction done."""
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the light of the last `gather`, (n, 3, 3) float32; yield the fraction done.
+        """Return L1 of the light of the last `gather`, (n, 3, 3) float32; yield the fraction done.
 
-        Of each axis of the world its rgb, see irradiance_l1.cl; without the light that shadow rays
-        sample.
+        The axes are patch, world axis, and rgb; see irradiance_l1.cl. Sampled direct light is not included.
         """

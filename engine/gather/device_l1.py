@@ -1,4 +1,4 @@
-"""The L1 of what patches gather, left on the OpenCL device; see kernels/gather/irradiance_l1.cl."""
+"""L1 of gathered irradiance, stored on the OpenCL device; see kernels/gather/irradiance_l1.cl."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ..device.opencl import cl
 
 
 class DeviceL1:
-    """L1 of n patches; NumPy reads it as an array.
+    """L1 of n patches on the device; NumPy converts it to an array.
 
-    buffer     3 float4 of each patch, x, y and z
+    buffer     3 float4 of each patch, axes x, y and z
     receivers  records of the patches, see `RayScene.receivers`
     """
 
@@ -25,13 +25,13 @@ class DeviceL1:
         return self._count
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        """Return it as (n, 3, 3) float32: of each axis of the world its rgb.
+        """Download as (n, 3, 3) float32: patch, world axis, rgb.
 
-        In memory one axis follows the other.
+        In memory, world axes are the outermost dimension.
         """
         values = download_colors(self.compute, self.buffer, self._count, 3).transpose(1, 0, 2)
         return values if dtype is None else values.astype(dtype, copy=False)
 
 
-#: L1 of the host, (n, 3, 3) float32, or of the device.
+#: L1 in host memory, (n, 3, 3) float32, or on the device.
 L1: TypeAlias = np.ndarray | DeviceL1

@@ -1,4 +1,4 @@
-"""The kernels of one iteration, kernels/gather/gather.cl."""
+"""Launches of the kernels of one gather iteration, kernels/gather/gather.cl."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .visibility_cache import SampleRows
 
 
 class GatherKernels:
-    """Gather from samples of an identity.
+    """Kernels that gather from rows of cached visibility samples.
 
-    sampling  of the samples
-    groups    light groups that gather at once: of each patch theirs lie side by side
+    sampling  layout of the samples
+    groups    number of light groups gathered at once; their radiance is interleaved per patch
     """
 
     def __init__(self, compute: ComputeDevice, sampling: SampleLayout, groups: int = 1) -> None:
@@ -32,11 +32,11 @@ class GatherKernels:
     def gather(
         self, rows: SampleRows, radiance: cl.Buffer, static_light: cl.Buffer, outputs: tuple, stride: int = 1
     ) -> None:
-        """Gather for the patches whose samples these are.
+        """Gather for the patches of these rows.
 
-        radiance  float4 of each group of each patch that is seen + 1
-        outputs   as `device_gather.GatherBuffers.outputs` has them
-        stride    one in this many groups of four samples is read; 1 unless all weigh the same
+        radiance  float4 of each light group by source + 1, W/(m^2 sr)
+        outputs   kernel arguments from `device_gather.GatherBuffers.outputs`
+        stride    one in this many groups of four samples is read; 1 unless samples have equal weights
         """
         (group,) = self._gather.group(*self._compute.work_sizes.gather)
         self._gather(
@@ -46,5 +46,5 @@ class GatherKernels:
         )  # fmt: skip
 
     def take(self, gathered: cl.Buffer, light: GatherBuffers, column: int) -> None:
-        """Make what was gathered, static light included, an iterate."""
+        """Store light that was gathered elsewhere, background light included, as an iterate."""
         self._compute.run(self._take, light.count, gathered, *light.outputs(column))

@@ -1,4 +1,4 @@
-"""One more gather by every patch, from light that others have settled."""
+"""Final gather: one gather of all patches from a converged solution, e.g. of patch groups."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .device_l1 import L1
 
 
 class PointGather(Protocol):
-    """A gather by n points from m sources: `GatherPass`, or devices of other processes."""
+    """Final gather by n points from m sources: `GatherPass`, or devices of other processes."""
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance; see `GatherPass.gather`."""
+        """Gather from radiance in host memory; see `GatherPass.gather`."""
         ...
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
@@ -26,14 +26,14 @@ class PointGather(Protocol):
         ...
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of what was gathered last; see `DeviceGather.gather_l1`."""
+        """Return L1 of the last gather; see `DeviceGather.gather_l1`."""
         ...
 
 
 class GatherPass:
-    """Gathers for n patches from the radiance of m sources that their identities name; see `Light`.
+    """Final gather by n patches from the radiance of m sources; see `GatherBuffers`.
 
-    sampled_light  (n, 3) float32, E/pi of the light that shadow rays sample; nobody changes it
+    sampled_light  (n, 3) float32, E/pi of light sampled by shadow rays; must not change
     """
 
     sparse = False
@@ -45,7 +45,10 @@ class GatherPass:
         self.patches_seen = zeros(compute, 4 * self.count)
 
     def outputs(self, column: int) -> tuple:
-        """Return what the kernels of gather.cl take: the defect to nothing is the light itself."""
+        """Return the arguments of gather.cl.
+
+        With a last iterate of zero, the defect equals the irradiance.
+        """
         return (
             self._sampled_light, self._nothing, self._gathered, self._gathered,
             np.int32(0), np.int32(self.count),
@@ -54,16 +57,17 @@ class GatherPass:
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather from radiance, (m, 3) float32; yield the fraction done.
 
-        Returns E/pi with the sampled light, and the fraction that is no back, (n, 4) float32.
+        Returns (n, 4) float32: E/pi with sampled light, and the fraction of the hemisphere without back
+        faces.
         """
         return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance on the device, float4 of each source + 1, black ends; see `gather`."""
+        """Gather from radiance on the device: float4 by source + 1, with black ends; see `gather`."""
         self.radiance = radiance
         yield from self._sweep.gather(self, 0)
         return download(self._compute, self._gathered, (self.count, 4))
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of what was gathered last; see `DeviceGather.gather_l1`."""
+        """Return L1 of the last gather; see `DeviceGather.gather_l1`."""
         return (yield from self._sweep.gather_l1())

@@ -1,4 +1,4 @@
-"""Integrates identity hemicubes that are kept on the OpenGL device, where there is no OpenCL."""
+"""OpenGL compute shaders that gather from cached item-buffer hemicubes, for machines without OpenCL."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from ..device.gl_context import GraphicsContext
 from ..visibility.raster.tiles import Tiles
 from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
 
-#: Most memory that is kept, bytes: OpenGL does not tell how much there is.
+#: Memory limit of the cache, bytes; OpenGL has no query for the memory size.
 _MOST = 1 << 30
 
-#: Storage blocks of shaders/gather/background_light.comp and shaders/gather/gather.comp.
+#: Bindings of the storage blocks of shaders/gather/background_light.comp and gather.comp.
 _RESULT, _CACHE, _RADIANCE, _STATIC_LIGHT = 2, 3, 4, 5
 
 
 def fits_glsl_cache(graphics: GraphicsContext, tiles: Tiles, patches: int) -> bool:
-    """Return True if the identity hemicubes of all patches can be kept, and gathered in one shader."""
+    """Return True if all item buffers fit in the cache, and all radiance in one storage block."""
     largest = graphics.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
     return patches * _hemicube_bytes(tiles) <= _MOST and 16 * (patches + 1) <= largest
 
 
 class GlslCachedIntegrator:
-    """Keeps batches of identity hemicubes and sums what they see; needs `GraphicsContext.computes`.
+    """Cache of item-buffer hemicubes in batches, and gathers from it; needs `GraphicsContext.computes`.
 
-    texture   (layers, height, width) uint32, see `visibility.targets`
-    emission  (n, 3) float32 radiance of each patch, seen on back faces
+    texture   (layers, height, width) uint32 array of item buffers, see `visibility.targets`
+    emission  (n, 3) float32 radiance of back faces
     sky       (h, w, 3) float32 radiance, equirectangular as `Scene.world`
 
-    The static light of sky and backs, which no bounce changes, is summed only once.
+    Background light of sky and back faces is summed once per batch.
     """
 
     name = "glsl"
@@ -50,22 +50,22 @@ class GlslCachedIntegrator:
         self._emission = self._context.buffer(four(emission, first=1).tobytes())
         self._radiance = self._context.buffer(reserve=self._emission.size)
 
-        # A storage block may be smaller than a batch: each batch is kept in parts.
+        # A storage block may be smaller than a batch, so a batch is stored in parts.
         largest = graphics.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
         self._step = max(1, min(tiles.capacity, largest // _hemicube_bytes(tiles)))
         self._kept: list[list[tuple[moderngl.Buffer, moderngl.Buffer, int]]] = []
 
     @property
     def batches(self) -> int:
-        """Batches kept so far."""
+        """Number of batches in the cache."""
         return len(self._kept)
 
     def set_radiance(self, radiance: np.ndarray) -> None:
-        """Replace what the fronts of the patches send out: (n, 3) float32 radiance."""
+        """Upload the exitant radiance of front faces, (n, 3) float32."""
         self._radiance.write(four(radiance, first=1))
 
     def keep(self, frames: np.ndarray) -> None:
-        """Keep the identity hemicubes that were drawn: those of frames (m, 4, 3) float32."""
+        """Store the item buffers just drawn, and sum their background light. frames: (m, 4, 3) float32."""
         self._tables.set_frames(frames)
         textures = {"hemicubes": self._texture, "sky": self._sky}
         parts = []
@@ -79,7 +79,7 @@ class GlslCachedIntegrator:
         self._kept.append(parts)
 
     def gather(self, batch: int) -> np.ndarray:
-        """Return E/pi and the fraction of front faces of a batch's patches, (m, 4) float32."""
+        """Return E/pi and the fraction of front faces for the patches of a batch, (m, 4) float32."""
         results = []
         for cache, static_light, count in self._kept[batch]:
             buffers = {
@@ -94,5 +94,5 @@ class GlslCachedIntegrator:
 
 
 def _hemicube_bytes(tiles: Tiles) -> int:
-    """Return the memory of one identity hemicube, bytes."""
+    """Return the memory of one item-buffer hemicube, bytes."""
     return 4 * 3 * tiles.n**2

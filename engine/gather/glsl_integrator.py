@@ -1,4 +1,4 @@
-"""Integrates hemicubes with an OpenGL compute shader, where they were drawn."""
+"""Hemicube integration by an OpenGL compute shader, in place on the drawn textures."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from .compute_shader import ComputeShader, HemicubeTables, Textures, sky_texture
 
 
 class GlslIntegrator:
-    """Sums a texture array of radiance hemicubes; needs `GraphicsContext.computes`.
+    """Integrator of radiance hemicubes in a texture array; needs `GraphicsContext.computes`.
 
-    texture  (layers, height, width, 4) float, see `visibility.targets`
-    depth    of the same hemicubes
-    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where nothing was drawn;
-             a single pixel is not looked up
+    texture  (layers, height, width, 4) float radiance, see `visibility.targets`
+    depth    depth of the same hemicubes; its far value marks background
+    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`; a single pixel is a uniform sky
     """
 
     name = "glsl"

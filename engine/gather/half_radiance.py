@@ -1,4 +1,4 @@
-"""Radiance on its way between processes: half floats, three a patch, made and read on their devices."""
+"""Radiance as half floats for transfer between processes; packed and unpacked on the devices."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..numpy_pickle import NumpyPickle
 
-#: The brightest value travels as this one, which half floats hold with room above it.
+#: Half-float value of the maximum; leaves headroom below the largest half float, 65504.
 _BRIGHTEST = 32768.0
 
-#: Work items that look for the brightest value.
+#: Number of work items that search for the maximum.
 _ITEMS = 1024
 
 
 @dataclass(frozen=True, eq=False)
 class HalfRadiance(NumpyPickle):
-    """Radiance in parts of its largest value, 6 bytes a patch.
+    """Radiance of n patches in units of its maximum / 32768, 6 bytes per patch.
 
-    Patches average it over all they see, so that its rounding, of 1 in 4,096, is lost in the noise of rays.
-    What is darker than 1e-12 of the brightest counts as black.
+    Gathering averages over many patches, so rounding errors of 1/4096 vanish in the noise of rays. Values
+    below 1e-12 of the maximum become black.
 
     parts  (n, 3) float16
-    unit   W/(m^2 sr)
+    unit   scale of `parts`, W/(m^2 sr)
     """
 
     parts: np.ndarray
@@ -34,7 +34,7 @@ class HalfRadiance(NumpyPickle):
 
     @classmethod
     def of(cls, compute: ComputeDevice, radiance: cl.Buffer, count: int) -> HalfRadiance:
-        """Round radiance on the device, float4 of each of `count` patches between two black entries."""
+        """Convert radiance on the device: float4 of each of `count` patches between two black entries."""
         brightest, narrow = compute.kernels("half_radiance.cl", "brightest", "to_half")
         most = zeros(compute, 4 * _ITEMS)
         compute.run(brightest, _ITEMS, radiance, np.int32(count + 2), most)
@@ -46,7 +46,7 @@ class HalfRadiance(NumpyPickle):
         return cls(parts, unit)
 
     def table(self, compute: ComputeDevice) -> cl.Buffer:
-        """Return the radiance on a device, as `of` takes it."""
+        """Upload the radiance in the layout that `of` reads."""
         (widen,) = compute.kernels("half_radiance.cl", "from_half")
         count = len(self.parts)
         radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * (count + 2))

@@ -1,4 +1,4 @@
-"""One iteration: every patch gathers what its hemicube sees (paper, IV.B and IV.C)."""
+"""Host gathers with rasterised hemicubes: one iteration of the paper (IV.B and IV.C)."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from .glsl_integrator import GlslIntegrator
 from .integrator import Integrator
 from .opencl_integrator import CopiedIntegrator
 
-#: Stands in hemicubes where the integrator has to look the sky up.
+#: Clear colour of hemicubes; a = 2 requests a look-up of the sky in the integrator.
 _LOOK_UP = (0.0, 0.0, 0.0, 2.0)
 
 
 class HostGather(Protocol):
-    """A way to gather from radiance in host memory."""
+    """Gather from radiance in host memory."""
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Gather once from (n, 3) float32 radiance; yield the fraction done after each slice.
 
-        Returns (n, 4) float32: rgb is E/pi, a the fraction of the hemisphere not taken by back faces.
+        Returns (n, 4) float32: rgb is E/pi, a the fraction of the hemisphere without back faces.
         """
 
 
 class PaperGather:
-    """Gathers irradiance with radiance hemicubes that are drawn anew in every iteration (paper, IV.B)."""
+    """Gather with radiance hemicubes that are drawn in every iteration (paper, IV.B)."""
 
     def __init__(
         self,
@@ -45,13 +45,13 @@ class PaperGather:
         sky: np.ndarray,
         settings: Settings,
     ) -> None:
-        """Prepare to gather.
+        """Create the render target, hemicubes and integrator.
 
-        emission  (n, 3) float32 radiance of each patch, seen on back faces
-        sky       (h, w, 3) float32, equirectangular, `Sky.rest`
+        emission  (n, 3) float32 radiance of back faces
+        sky       (h, w, 3) float32 radiance, equirectangular, `Sky.rest`
         """
-        # OpenGL integrates where it computes, else OpenCL does after a copy through the host. A rule and no
-        # timing: both differ in the last bits, and the same bake has to give the same bits.
+        # OpenGL integrates if it has compute shaders, else OpenCL after a copy through the host. The choice
+        # is fixed, not timed: both differ in the last bits, and equal bakes must give equal bits.
         copying = None if graphics.computes else compute
         tiles = plan_tiles(
             settings, len(parts.patches), RADIANCE_BYTES if copying is None else COPIED_RADIANCE_BYTES
@@ -81,7 +81,7 @@ class PaperGather:
 
 
 class GlslGather:
-    """Gathers with identity hemicubes that OpenGL draws once, keeps and sums: for machines without OpenCL."""
+    """Gather with item-buffer hemicubes that OpenGL draws once and caches, for machines without OpenCL."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class GlslGather:
         sky: np.ndarray,
         settings: Settings,
     ) -> None:
-        """Prepare to gather; parameters as of `PaperGather`."""
+        """Create the hemicubes and the cache; parameters as in `PaperGather`."""
         tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         target = ItemBufferTarget(graphics, tiles)
         self._hemicubes = Hemicubes(graphics, parts, tiles, target, settings)

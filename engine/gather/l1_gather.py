@@ -1,7 +1,4 @@
-"""The L1 of what patches gather: how their irradiance changes as their normals tilt.
-
-See kernels/gather/irradiance_l1.cl.
-"""
+"""L1 of gathered irradiance: its gradient with respect to the normal, for directional maps."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ from .visibility_cache import SampleRows
 
 
 class NoL1:
-    """Stands for an `L1Gather` where nobody asks for L1: does nothing."""
+    """Null object in place of `L1Gather` for bakes without directional maps."""
 
     result = None
 
@@ -33,15 +30,15 @@ class NoL1:
         yield 1.0
 
     def values(self) -> np.ndarray:
-        """Return the L1 of nobody, (0, 3, 3)."""
+        """Return an empty array, (0, 3, 3) float32."""
         return np.zeros((0, 3, 3), np.float32)
 
 
 class L1Gather:
-    """Gathers L1 from rows of kept samples, whose directions follow from their place in the row.
+    """Gather of L1 from cached visibility samples, whose directions follow from their index in the row.
 
     receivers  records of the patches, see `RayScene.receivers`
-    result     3 float4 of each patch, x, y and z
+    result     3 float4 of each patch, axes x, y and z
     """
 
     def __init__(
@@ -59,27 +56,27 @@ class L1Gather:
         self._radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16)
 
     def keep_radiance(self, radiance: cl.Buffer) -> None:
-        """Keep what a sweep gathers from, float4 of each source + 1: the solver goes on to change it."""
+        """Copy the radiance of this iteration, float4 by source + 1, because the solver overwrites it."""
         if self._radiance.size != radiance.size:
             self._radiance = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, radiance.size)
         cl.enqueue_copy(self._compute.queue, self._radiance, radiance)
 
     def gather(self, rows: SampleRows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
-        """Gather for the patches whose samples these are; yield the fraction done.
+        """Gather L1 for the patches of these rows; yield the fraction done.
 
-        static_l1: see `BackgroundLight.l1`
+        static_l1: L1 of the background light, see `BackgroundLight.l1`
         """
         yield from self._gather.run(rows, self._radiance, static_l1, self.result)
 
     def values(self) -> DeviceL1:
-        """Return the L1 of all patches."""
+        """Return L1 of all patches."""
         return DeviceL1(self._compute, self.result, self._receivers, self._count)
 
 
 def _disk(count: int) -> np.ndarray:
-    """Return where cosine-distributed samples are on the disk below them, (count, 4) float32.
+    """Return the projections of cosine-distributed samples onto the unit disk, (count, 4) float32.
 
-    Cosine and sine of the angle, and the squared radius, of `views.directions.r2_sequence`; 0.
+    The columns are cosine and sine of the azimuth, squared radius (of `views.directions.r2_sequence`), and 0.
     """
     radius, turns = (r2_sequence(count) / 2.0**32).T
     angle = 2 * np.pi * turns

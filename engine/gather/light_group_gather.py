@@ -1,4 +1,4 @@
-"""Gathers for several light groups at once, over what patches, or points of texels, were found to see."""
+"""Gathers for several light groups at once from the same visibility samples."""
 
 from __future__ import annotations
 
@@ -17,41 +17,40 @@ from .device_gather import GatherBuffers
 from .gather_kernels import GatherKernels
 from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
-#: Light groups whose radiances are read at a time: two fill the 32 bytes that a graphics card reads anyway.
+#: Number of light groups per read: two fill the 32 bytes that a GPU reads at a time.
 TOGETHER = 2
 
 
 class _Radiance:
-    """The radiance of g light groups, as the gather kernel reads it: that of a source lies together."""
+    """Radiance of g light groups in the layout of the gather kernel: interleaved per source."""
 
     def __init__(self, compute: ComputeDevice, groups: int, sources: int) -> None:
         self._compute, self._groups, self._sources = compute, groups, sources
 
-        # Whole blocks of groups: of nothing, of each source, of the surroundings.
+        # Blocks of g float4: one black block, one per source, one for the background.
         self.buffer = zeros(compute, 16 * groups * (sources + 2))
 
     def read(self, radiance: cl.Buffer) -> None:
-        """Take radiance, float4 of each source and group behind a black one."""
+        """Copy radiance on the device, float4 of each source and group after one black entry."""
         cl.enqueue_copy(
             self._compute.queue, self.buffer, radiance, byte_count=16 * self._groups * self._sources,
             src_offset=16, dst_offset=16 * self._groups,
         )  # fmt: skip
 
     def load(self, radiance: np.ndarray) -> None:
-        """Take radiance, (m, g, 3) float32."""
+        """Upload radiance, (m, g, 3) float32."""
         blocks = np.zeros((self._sources + 2, self._groups, 4), np.float32)
         blocks[1:-1, :, :3] = radiance
         cl.enqueue_copy(self._compute.queue, self.buffer, blocks)
 
 
 class LightGroupGather:
-    """See `device_gather.DeviceGather`.
+    """Gather for n patches and g light groups, as for n g patches; see `device_gather.DeviceGather`.
 
-    The light of n patches and g groups is that of n g patches, a patch's side by side.
+    Results of one patch are adjacent. A sample is read once for all groups, whose radiances share cache
+    lines.
 
-    A sample is read once for all groups, whose radiances share cache lines.
-
-    static  sums up the static light of each group
+    static  background light of each group
     """
 
     def __init__(
@@ -64,7 +63,7 @@ class LightGroupGather:
         self._static: cl.Buffer | None = None
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.DeviceGather.gather`."""
+        """Gather once; see `device_gather.DeviceGather.gather`."""
         if self._static is None:
             seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
             cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
@@ -75,7 +74,7 @@ class LightGroupGather:
         yield 1.0
 
     def _static_light(self) -> Generator[float, None, cl.Buffer]:
-        """Return the static light of all groups, that of a patch side by side; yield the fraction done."""
+        """Return the background light of all groups, interleaved per patch; yield the fraction done."""
         beside = []
         for number, light in enumerate(self._lights):
             for rows in self._kept.pieces:
@@ -92,11 +91,11 @@ class LightGroupGather:
 
 
 class LightGroupLook:
-    """Gathers once for receivers that look for themselves, from several light groups at once.
+    """Final gather of several light groups for receivers that are no patches, with visibility of their own.
 
-    sources  that may be seen
-    static   sums up the static light of each group; backs count as black
-    cached   receivers whose samples are kept at a time
+    sources  number of patches that samples may hit
+    static   background light of each group; back faces count as black
+    cached   number of receivers whose samples are stored at a time
     """
 
     def __init__(
@@ -117,7 +116,10 @@ class LightGroupLook:
         self._radiances = [_Radiance(compute, len(static[run]), sources) for run in self._runs]
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of each group, (n, g, 3) float32, from radiance, (m, g, 3); yield the fraction done."""
+        """Return E/pi of each group, (n, g, 3) float32; yield the fraction done.
+
+        radiance: (m, g, 3) float32, W/(m^2 sr)
+        """
         compute, count = self._compute, self._count
         sizes = [16 * count * len(self._static[run]) for run in self._runs]
         nothing, lights = zeros(compute, max(sizes)), [zeros(compute, size) for size in sizes]

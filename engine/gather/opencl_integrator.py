@@ -1,4 +1,4 @@
-"""The paper's three kernels: multiply, reduce row, reduce column (paper, IV.C and V.C)."""
+"""Hemicube integration by the paper's three OpenCL kernels: multiply, reduce row, reduce column."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ..visibility.views.viewpoints import FRAME, frame_records
 
 
 class HemicubeIntegrator:
-    """Integrates a texture array of hemicubes into one value each."""
+    """Integrator of a texture array of hemicubes to one value each (paper, IV.C and V.C)."""
 
     def __init__(self, compute: ComputeDevice, tiles: Tiles, sky: np.ndarray) -> None:
-        """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`, seen where a is 2."""
+        """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`; used where a is 2."""
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
             (FRAME, "integrate.cl"), "multiply", "reduce_row", "reduce_column"
@@ -40,11 +40,12 @@ class HemicubeIntegrator:
         self._columns = cl.LocalMemory(16 * self._reduce_column_group[0])
 
     def integrate(self, hemicubes: cl.Buffer, frames: np.ndarray) -> np.ndarray:
-        """Return E/pi and the fraction of front faces for the first m slots.
+        """Return E/pi and the fraction of front faces for the first m slots, (m, 4) float32.
 
-        hemicubes: (layers, height, width, 4) float32 radiance and front flag; frames: (m, 4, 3) float32,
-        the rows of `Viewpoints.frame` and the horizon. Returns (m, 4) float32: rgb
-        is E/pi, the multiplier-weighted mean of the radiance above the horizon; a of the front flag.
+        rgb is E/pi, the multiplier-weighted mean radiance above the horizon; a is the weighted mean of the
+        front flag.
+        hemicubes  (layers, height, width, 4) float32 radiance and front flag
+        frames     (m, 4, 3) float32, the rows of `Viewpoints.frame` and the horizon
         """
         tiles, count = self._tiles, len(frames)
         padded = FRAME.array(tiles.capacity)
@@ -78,7 +79,7 @@ class HemicubeIntegrator:
 
 
 class CopiedIntegrator:
-    """Integrates a texture array of hemicubes that are copied to OpenCL; see `integrator.Integrator`."""
+    """Integrator of hemicubes that are copied to OpenCL through the host; see `integrator.Integrator`."""
 
     name = "opencl"
 
@@ -94,5 +95,5 @@ class CopiedIntegrator:
 
 
 def _rounded_up(size: tuple[int, ...], group: tuple[int, ...]) -> tuple[int, ...]:
-    """Grow a global size to whole work groups."""
+    """Round a global size up to whole work groups."""
     return tuple(-(-length // step) * step for length, step in zip(size, group, strict=True))

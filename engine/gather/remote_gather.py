@@ -1,4 +1,4 @@
-"""Sweeps by devices of other processes: radiance leaves this one's device, and light comes back to it."""
+"""Gathers on devices of other processes: sends radiance from this device and receives irradiance."""
 
 from __future__ import annotations
 
@@ -17,49 +17,49 @@ from .half_radiance import HalfRadiance
 
 
 class RemoteGather(Protocol):
-    """Devices of other processes that hold what n patches see.
+    """Devices of other processes that hold the visibility samples of n patches.
 
     All arrays are float32 in host memory; generators yield the fraction done.
     """
 
     def views(self) -> Generator[float, None, np.ndarray]:
-        """Return the fractions of each patch's view that no back takes, and that patches take, (n, 2).
+        """Return fractions of each patch's hemisphere, (n, 2): without back faces, and covered by patches.
 
-        The patches are all, or the groups that `of_groups` names.
+        The rows are patches, or the patch groups of `of_groups`.
         """
         ...
 
     def gather(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of all that patches see of the light of all, (n, 3), until the next call."""
+        """Return E/pi gathered from all radiance, (n, 3). The array is valid until the next call."""
         ...
 
     def gather_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return the L1 of the same light, (n, 3, 3); see `DeviceGather.gather_l1`."""
+        """Return L1 of the same light, (n, 3, 3); see `DeviceGather.gather_l1`."""
         ...
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
-        """Let the devices solve groups of the patches, and begin to find what these see.
+        """Switch the devices to patch groups, and start to compute the visibility of the groups.
 
-        leader          (m,) int64, the patch that each group is
-        texel_to_group  (atlases, r, r) uint32, the group + 1 of each texel's patch, or 0
-        emission        (m, 3) float32, radiance of each group that is seen
+        leader          (m,) int64, the representative patch of each group
+        texel_to_group  (atlases, r, r) uint32, group + 1 of each texel's patch, or 0
+        emission        (m, 3) float32, emitted radiance of each group
         """
         ...
 
     def final(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return what every patch gathers once from the light of groups, (n, 4).
+        """Return the final gather of every patch from the radiance of groups, (n, 4).
 
-        That is E/pi, and the fraction of the view that no back takes.
+        rgb is E/pi; a is the fraction of the hemisphere without back faces.
         """
         ...
 
     def final_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return the L1 of the same light, (n, 3, 3)."""
+        """Return L1 of the same light, (n, 3, 3)."""
         ...
 
 
 class RemoteIteration:
-    """Gathers on remote devices for light that this device holds; see `device_gather.DeviceGather`."""
+    """Gather on remote devices for a solver on this device; see `device_gather.DeviceGather`."""
 
     def __init__(self, compute: ComputeDevice, remote: RemoteGather, count: int) -> None:
         self._compute, self._remote, self._count = compute, remote, count
@@ -70,14 +70,14 @@ class RemoteIteration:
         self._views: list[cl.Buffer] = []
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather; see `device_gather.DeviceGather.gather`.
+        """Gather once; see `device_gather.DeviceGather.gather`.
 
-        The first time waits for what patches see to be found.
+        The first call waits until the remote devices have computed visibility.
         """
         self._light = HalfRadiance.of(self._compute, light.radiance, self._count)
         work = self._remote.gather(self._light)
         if not self._views:
-            # Who has found what its patches see gathers while others still look.
+            # Start the gather first: a device whose visibility is complete gathers while others still trace.
             next(work)
             views = yield from self._remote.views()
             self._views = [upload(self._compute, fraction) for fraction in views.T]
@@ -93,7 +93,7 @@ class RemoteIteration:
 
 
 class RemoteGatherPass:
-    """One more gather by every patch, from groups of them; see `gather_pass.PointGather`."""
+    """Final gather on remote devices from patch groups; see `gather_pass.PointGather`."""
 
     def __init__(
         self, compute: ComputeDevice, remote: RemoteGather, sampled_light: np.ndarray, groups: int
@@ -102,7 +102,7 @@ class RemoteGatherPass:
         self._sampled_light = sampled_light
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather; see `PointGather.gather`."""
+        """Gather from radiance in host memory; see `PointGather.gather`."""
         return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A kernel that sums over rows of kept samples, whose directions follow from their place in the row."""
+"""Launches of kernels that sum over rows of cached samples, one work group per patch."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from .visibility_cache import SampleRows
 
 
 class RowKernel:
-    """A kernel with a work group for each patch.
+    """Kernel over rows of samples, whose directions follow from their index in the row.
 
-    Its parameters are
+    Its parameters are:
 
         rows, first patch of the rows | receivers | pattern, samples, hemicube, salt, rotate, tints
         | first patch
-        | those of `run` | local memory
+        | the arguments of `run` | local memory
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class RowKernel:
         """Build a kernel of a file.
 
         receivers  records of the patches, see `RayScene.receivers`
-        pattern    of samples that all weigh the same; others have their multipliers in its place
+        pattern    sample pattern for equal weights; weighted samples use their multiplier map instead
         """
         self._compute, self._receivers = compute, receivers
         options = (*sampling.options, *directional_options(settings))
@@ -53,7 +53,7 @@ class RowKernel:
         )  # fmt: skip
 
     def run(self, rows: SampleRows, *arguments: object) -> Generator[float, None, None]:
-        """Sum over rows, with the kernel's other arguments; yield the fraction done."""
+        """Run the kernel over rows with further arguments; yield the fraction done."""
         queue, (group,) = self._compute.queue, self._kernel.group(*self._compute.work_sizes.gather)
 
         def launch(start: int, end: int) -> None:

@@ -1,4 +1,4 @@
-"""Rows of samples in a checkpoint: written while they are found, and read where a bake goes on."""
+"""Checkpoints of visibility rows: written while rows are computed, and read when a bake resumes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ..resume.checkpoint import Arrays, Checkpoint
 
 @dataclass(frozen=True)
 class Table:
-    """A buffer of the device with a row for each patch.
+    """Buffer of the device with one row per patch.
 
-    row    bytes; 0 if the buffer has no rows, and is of all patches together
+    row    bytes per row; 0 if the buffer has no rows and belongs to all patches together
     first  patch of the first row
     """
 
@@ -25,19 +25,20 @@ class Table:
     first: int = 0
 
     def span(self, first: int, last: int) -> tuple[int, int]:
-        """Return offset and size of the patches first ... last, bytes."""
+        """Return offset and size of the patches first <= i < last, bytes."""
         if self.row == 0:
             return 0, self.buffer.size
         return self.row * (first - self.first), self.row * (last - first)
 
 
 class SavedRows:
-    """Reads and writes what the patches first ... last see, as an identity of a name finds it.
+    """Reader and writer of the visibility rows of the patches first <= i < last.
 
         first ............ read ......... saved ........ found ........... last
           | of a checkpoint  | written      | found since  | to be found     |
 
-    tables  all that is found, by name; rows of the patches are those of tables that have rows
+    identity  name of the visibility sampler
+    tables    buffers by name; those with rows hold one row per patch
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class SavedRows:
         self._row = sum(table.row for table in tables.values())
 
     def read(self) -> Generator[float, None, int]:
-        """Read all rows there are from the first one on; return the patch after them."""
+        """Read all consecutive rows of the checkpoint from the first on; return the patch after them."""
         while found := self._checkpoint.rows(self._identity, self._saved, self._last):
             last, arrays = found
             for name, table in self._tables.items():
@@ -65,18 +66,18 @@ class SavedRows:
         return self._saved
 
     def write(self, found: int) -> None:
-        """Write the rows before the patch `found`, or as many of them as there is time for, if it is time."""
+        """Write the rows before patch `found` if a write is due, or as many of them as time allows."""
         if found > self._saved and self._checkpoint.due:
             self._write(min(found, self._saved + max(1, self._checkpoint.room // self._row)))
 
     def complete(self) -> None:
-        """Write what is left, if a part was written or it is time."""
+        """Write the remaining rows, if earlier rows were written or a write is due."""
         if self._last > self._saved > self._first:
             self._write(self._last)
         self.write(self._last)
 
     def _write(self, last: int) -> None:
-        """Write the rows before a patch that are not saved yet."""
+        """Write the unsaved rows before a patch."""
         arrays: Arrays = {
             name: self._download(table.buffer, *table.span(self._saved, last))
             for name, table in self._tables.items()

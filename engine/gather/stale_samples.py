@@ -1,4 +1,4 @@
-"""What has moved since it was found what patches see: which samples may meet something else."""
+"""Stale visibility samples: detects cached samples that moved geometry may have changed."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from ..visibility.rays.ray_sampler import MovedBuffers
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
-#: More triangles than a scene has, by this number, and looking anew is quicker.
+#: Number of moved triangles beyond the scene's own at which recomputing all visibility is faster (chosen).
 _MORE = 1 << 13
 
-#: A triangle that no ray meets: a hierarchy has at least one.
+#: Degenerate triangle that no ray hits, because a BVH needs at least one triangle.
 _NOTHING = np.zeros((1, 3, 3), np.float32)
 
 
 class StaleSamples:
-    """The difference between patches as they were when samples were found, and as they are.
+    """Difference between the patches for which samples were cached and the current patches.
 
-    parts, rays  as they are
-    triangles    (k, 3, 3) float32, metres from `Triangles.origin`: what has moved, as it was and as it is
-    buffers      the same for kernels
-    begun        True once some samples were found again: from then on they are of neither state
+    parts, rays  current patches and rays
+    triangles    (k, 3, 3) float32, metres from `Triangles.origin`: moved triangles at old and new positions
+    buffers      the same on the device
+    begun        True once some samples are updated; from then on the cache matches neither state
     """
 
     def __init__(
@@ -42,10 +42,10 @@ class StaleSamples:
         rays: RayScene,
         begun: StaleSamples | None,
     ) -> StaleSamples | None:
-        """Return what has moved; None if looking anew is better.
+        """Return the difference, or None if recomputing all visibility is better.
 
-        before  the patches when samples were found, and their receivers
-        begun   a difference to others, for which some samples were found again meanwhile
+        before  patches for which samples were cached, and their receivers
+        begun   an earlier difference, for which some samples are updated already
         """
         triangles = moved_triangles(before[0], parts)
         if triangles is None:
@@ -70,7 +70,7 @@ class StaleSamples:
 
 
 def _moved_views(rays: RayScene, before: cl.Buffer, marked: cl.Buffer | None) -> cl.Buffer:
-    """Return marks of patches whose receivers are others than before, and of those that are marked."""
+    """Return marks of patches whose receiver records changed, and of patches marked before."""
     compute, count = rays.compute, rays.count
     views = zeros(compute, -(-count // 4) * 4)
     if marked is not None:

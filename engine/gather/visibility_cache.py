@@ -1,4 +1,4 @@
-"""What patches see, kept on the OpenCL device: rows of samples that every sweep looks up."""
+"""Visibility cache on the OpenCL device: one row of sample IDs per patch."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from ..visibility.sampler import SampleLayout, VisibilityBuffers, VisibilitySamp
 from .saved_rows import SavedRows, Table
 from .stale_samples import StaleSamples
 
-#: The largest piece of a cache, bytes.
+#: Maximum size of a piece of the cache, bytes.
 _PIECE = 1 << 30
 
 
 @dataclass(frozen=True)
 class SampleRows:
-    """The samples of the patches first ... last."""
+    """Cached samples of the patches first <= i < last."""
 
     cache: cl.Buffer
     first: int
@@ -33,9 +33,9 @@ class SampleRows:
 
 
 class BackfaceLight:
-    """The light of backs, on the OpenCL device: what a `VisibilitySampler` finds beside samples.
+    """Sums over samples that hit back faces, on the OpenCL device; computed along with the samples.
 
-    light, patches_seen, seen, l1  as `back_light`, `patches_seen`, `backs_seen`, `back_l1` of
+    light, patches_seen, seen, l1  `back_light`, `patches_seen`, `backs_seen`, `back_l1` of
                                    `VisibilityBuffers`
     """
 
@@ -45,25 +45,25 @@ class BackfaceLight:
         self.l1 = zeros(compute, 48 * count) if directional else None
 
     def found_with(self, cache: cl.Buffer, first: int) -> VisibilityBuffers:
-        """Return where an identity writes what patches from `first` on see."""
+        """Return the output buffers of a visibility sampler for patches from `first` on."""
         return VisibilityBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
 
     def tables(self) -> dict[str, Table]:
-        """Return all of it by name."""
+        """Return all buffers by name."""
         tables = {"light": Table(self.light, 16), "patches_seen": Table(self.patches_seen, 4)}
         l1 = {} if self.l1 is None else {"l1": Table(self.l1, 48)}
         return {**tables, **l1, "seen": Table(self.seen, 0)}
 
 
 class VisibilityCache:
-    """What patches see of each other, found by the first sweep of a bake.
+    """Visibility samples of all patches, filled by the first iteration of a bake.
 
-    It holds for any light of the same patches, but for emission of backs that are seen, which is not kept
-    by patch.
+    The cache is valid for any light on the same patches. Exception: emission of back faces is summed, not
+    stored per sample.
 
-    sampling  how views were sampled
-    count     patches that look
-    pieces    all rows, once they are found; of as many patches as are found, before
+    sampling  layout of the samples
+    count     number of receiving patches
+    pieces    rows in allocation order; incomplete until all patches are done
     """
 
     def __init__(
@@ -75,9 +75,11 @@ class VisibilityCache:
         emission: np.ndarray,
         directional: bool,
     ) -> None:
-        """Take the patches that look, and the radiance, (m, 3) float32, of those that are seen.
+        """Create an empty cache.
 
-        rays: from these patches
+        parts     receiving patches
+        rays      rays from these patches
+        emission  (m, 3) float32 radiance of the patches that samples may hit
         """
         self._compute, self.sampling, self.count = compute, sampling, len(parts.patches)
         self._parts, self._receivers, self._emission = parts, rays.receivers, emission
@@ -88,23 +90,23 @@ class VisibilityCache:
 
     @property
     def complete(self) -> bool:
-        """True once it is found what all patches see, where they are."""
+        """True once the samples of all patches are computed and none is stale."""
         return self._found == self.count and self._moved is None
 
     @property
     def moved(self) -> bool:
-        """True if something has moved since, so that some samples have to be found again."""
+        """True if geometry moved since, so that some samples are stale."""
         return self._moved is not None
 
     @property
     def bytes(self) -> int:
-        """Memory of the device that it takes."""
+        """Device memory of the cache, bytes."""
         return sum(rows.cache.size for rows in self.pieces) + self.backs.light.size
 
     def find(self, identity: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
-        """Find what all patches see, from where a cancelled bake has come to on.
+        """Compute the samples of all patches, continuing where a cancelled bake stopped.
 
-        Yields the fraction done of what no checkpoint holds.
+        Yields the fraction done of the samples that no checkpoint holds.
         """
         if self._moved is not None and isinstance(identity, RaySampler):
             yield from self._find_again(identity, self._moved)
@@ -124,11 +126,11 @@ class VisibilityCache:
             saved.complete()
         if known:
             checkpoint.tell(
-                f"What {known:,} of {self.count:,} patches see went on from a bake that was interrupted."
+                f"Visibility of {known:,} of {self.count:,} texels was restored from an interrupted bake."
             )
 
     def _find_again(self, identity: RaySampler, moved: StaleSamples) -> Generator[float, None, None]:
-        """Find what has changed of what patches see since something has moved; yield the fraction done."""
+        """Update stale samples after geometry moved; yield the fraction done."""
         moved.begun = True
         for rows in self.pieces:
             last = min(rows.last, self._found)
@@ -139,13 +141,13 @@ class VisibilityCache:
         self._parts, self._receivers, self._moved = moved.parts, moved.rays.receivers, None
 
     def _saved_rows(self, rows: SampleRows, checkpoint: Checkpoint) -> SavedRows:
-        """Return what reads and writes the rows of a piece."""
+        """Return the reader and writer of checkpoints for a piece's rows."""
         tables = {"samples": Table(rows.cache, self.sampling.row_bytes, rows.first), **self.backs.tables()}
         patches = (rows.first, rows.last)
         return SavedRows(self._compute, checkpoint, self.sampling.name, patches, tables)
 
     def _unfinished_piece(self) -> SampleRows:
-        """Return the piece of the first patch that is not found; a new one if no piece has it."""
+        """Return the piece of the first missing patch; allocate it if there is none."""
         if self.pieces and self._found < self.pieces[-1].last:
             return self.pieces[-1]
         row, context = self.sampling.row_bytes, self._compute.context
@@ -156,10 +158,10 @@ class VisibilityCache:
         return self.pieces[-1]
 
     def holds_for(self, parts: PatchScene, rays: RayScene, emission: np.ndarray) -> bool:
-        """Return whether it holds for patches that emit radiance, (m, 3) float32; rays: from them.
+        """Return True if the cache is valid for patches that emit `emission`, (m, 3) float32.
 
-        Groups of patches may be others than they were, since light decides where they end. What is not found
-        yet will be found with this emission, and what has changed where something has moved, found again.
+        rays: from these patches. Patch groups may differ from the cached ones, because light decides their
+            borders. Missing samples will be computed with this emission; stale samples will be updated.
         """
         if not self._follows(parts, rays):
             return False
@@ -171,9 +173,9 @@ class VisibilityCache:
         return True
 
     def _follows(self, parts: PatchScene, rays: RayScene) -> bool:
-        """Return whether patches are those that look, where they were or elsewhere; make note of what moved.
+        """Return True if these are the cached patches, at equal or other positions; record what moved.
 
-        Drawn hemicubes are not found again by parts.
+        Rasterised hemicubes cannot be updated in part.
         """
         there = self._parts if self._moved is None else self._moved.parts
         if parts.triangles is there.triangles:
@@ -188,12 +190,12 @@ class VisibilityCache:
 
     @property
     def has_light_of_backs(self) -> bool:
-        """True if a back that is seen shines: its light is in `backs`."""
+        """True if an emissive back face is visible; its light is then part of `backs`."""
         return bool(self._emission[self._backs_seen].any())
 
     @property
     def _backs_seen(self) -> np.ndarray:
-        """Patches whose backs are seen, (m,) bool."""
+        """Patches whose back faces are visible, (m,) bool."""
         marks = np.empty(self.backs.seen.size, np.uint8)
         cl.enqueue_copy(self._compute.queue, marks, self.backs.seen)
         seen: np.ndarray = marks[1 : len(self._emission) + 1] > 0
@@ -201,8 +203,8 @@ class VisibilityCache:
 
 
 def _finished(identity: VisibilitySampler, found: int) -> int:
-    """Return how many rows are surely in the cache, of `found` that an identity has reported.
+    """Return how many of `found` reported rows are complete in the cache.
 
-    A batch is in the cache once the identity goes on to the next.
+    A batch is complete once the sampler proceeds to the next one.
     """
     return max(found - 1, 0) // identity.batch * identity.batch

@@ -43,7 +43,7 @@ def test_an_interrupted_bake_goes_on_from_its_checkpoint(checkpoints, monkeypatc
     assert any(checkpoints.iterdir())
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     light, seen = report()["resumed"]
-    assert "patches see went on from a bake that was interrupted" in seen
+    assert "was restored from an interrupted bake" in seen
     assert "The light went on from iteration" in light
     assert np.array_equal(pixels(bpy.data.images["Lightmap"]), whole)
     assert not any(checkpoints.iterdir())

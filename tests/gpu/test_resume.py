@@ -95,7 +95,7 @@ def test_a_bake_cancelled_while_looking_goes_on(tmp_path, kind, pieces):
     assert interrupted(cached, looking)
     resumed = finished(bake(ROOM, cached))
     sentence, *_ = went_on(resumed)
-    assert "patches see went on from a bake that was interrupted" in sentence
+    assert "was restored from an interrupted bake" in sentence
     assert_same(resumed, finished(bake(ROOM, settings)))
 
 

@@ -1,1 +1,1 @@
-"""Direct light: lamps, small bright surfaces and bright sky, by shadow rays."""
+"""Direct lighting: shadow rays to lights, small bright surfaces and bright sky."""

@@ -1,4 +1,4 @@
-"""Finds patches that a face touches and hides, as a floor a pillar's foot, that a back lights, or inside."""
+"""Contacts: patches covered by a touching face, back-to-back faces, and patches lit by back faces."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
-#: How far above and below its surface a patch looks for the other face, in heights of its eye.
+#: Ends of the test ray above and below the surface, in ray-origin heights.
 ABOVE, BELOW = 2.0, 1.0
 
-#: Planes of triangles that shine, of which a patch is asked whether it is behind one, at most.
+#: Maximum number of emissive planes for the early-out test of the kernel.
 _PLANES = 64
 
-#: How far in front of a triangle a point is surely not behind it, as a fraction of the largest coordinate.
+#: Distance in front of a triangle at which a point counts as in front, as a fraction of the largest
+#: coordinate.
 _BEFORE = 1e-4
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """What faces nearby do to patches, (n,) bool each.
+    """Effects of nearby faces on patches, (n,) bool each.
 
-    hide          a face that touches the patch hides it
-    back_to_back  a face lies on the patch and looks apart, as the wall of another room that shares its plane
-    shine         the patch sees the back of a surface that shines, as a ceiling that of a panel hung below
-                  it: it sees little else, but is lit
+    hide          True if a touching face covers the patch
+    back_to_back  True if a coincident face points the other way and both are open, as walls of adjacent rooms
+    shine         True if the patch sees the back of an emissive surface, as a ceiling above a hanging panel:
+                  most of its view is back faces, but it is lit
     """
 
     hide: np.ndarray
@@ -37,15 +38,15 @@ class Contacts:
     shine: np.ndarray
 
     def part(self, chosen: np.ndarray) -> Contacts:
-        """Return what they do to some patches, by a mask or their numbers."""
+        """Return the contacts of some patches, by mask or indices."""
         return Contacts(self.hide[chosen], self.back_to_back[chosen], self.shine[chosen])
 
 
 def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return which patches lie in the plane of another face that shows them its back, (n,) bool twice.
+    """Return which patches are covered by a touching face, and which are back to back, (n,) bool each.
 
-    The first are hidden: nobody sees such a patch, but its hemicube starts beyond the other face and sees
-    what is there. The second are seen: both faces look into the open, apart from each other.
+    A covered patch is not visible, and its rays would start beyond the other face. Back-to-back patches are
+    visible, since both faces are open to their side.
     """
     rays, compute = scene.rays, scene.compute
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NONE", "HIDDEN", "BACK_TO_BACK")))
@@ -60,10 +61,10 @@ def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
 def patches_lit_by_backs(
     scene: RayScene, count: int, shines: np.ndarray, positions: np.ndarray
 ) -> np.ndarray:
-    """Return which of the patches that see little but backs see that of a triangle that shines, (n,) bool.
+    """Return which patches, among those that see mostly back faces, see an emissive back face, (n,) bool.
 
-    shines     (t,) bool, of every triangle
-    positions  (t, 3, 3) float, of their corners, metres, relative to `Triangles.origin`
+    shines     (t,) bool, True for emissive triangles
+    positions  (t, 3, 3) float, corners of the triangles, metres, relative to `Triangles.origin`
     """
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels((RECEIVER, "lit_by_backs.cl"), "lit_by_backfaces", options=KERNEL_OPTIONS)
@@ -77,10 +78,10 @@ def patches_lit_by_backs(
 
 
 def _planes_in_front(corners: np.ndarray) -> np.ndarray:
-    """Return planes a little before those of triangles, (k, 4) float32; none, if these are many.
+    """Return planes slightly in front of triangles, (k, 4) float32, or none for more than _PLANES triangles.
 
-    A unit normal and the distance from the origin each, metres. A point that is in front of all planes sees
-    no back of the triangles, corners (k, 3, 3) float, metres.
+    Each plane is a unit normal and a distance from the origin, metres. A point in front of all planes sees
+    none of the triangles' back faces. corners: (k, 3, 3) float, metres.
     """
     if len(corners) > _PLANES:
         return np.zeros((0, 4), np.float32)

@@ -1,4 +1,4 @@
-"""What shadow rays have sampled of the light of patches: it holds where nothing has come in their way."""
+"""Cache of direct light, reused by the next bake for patches whose shadow rays cannot have changed."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .stale_shadows import find_stale_shadows
 
 @dataclass(frozen=True)
 class DirectLightCache:
-    """Light of n patches, and all that it depends on.
+    """Direct light of n patches, and everything that determines it.
 
-    lights     what rays went to, and how many; see `ShadowRays.lights`
-    parts      the patches, and what was in the way
+    lights     sampled lights and sample counts; see `ShadowRays.lights`
+    parts      the patches and the geometry
     receivers  records of the patches, see `RayScene.receivers`
     light      (n, 3) float32, E/pi
-    l1         of it, see `DirectLighting`
+    l1         L1 of the light, see `DirectLighting`
     """
 
     lights: tuple
@@ -33,9 +33,9 @@ class DirectLightCache:
     l1: np.ndarray
 
     def changed(self, casting: ShadowRays, parts: PatchScene, rays: RayScene) -> np.ndarray | None:
-        """Return the patches, (k,) int32 ascending, whose light may be other by now; None for any of all.
+        """Return the patches, (k,) int32 ascending, whose light may have changed; None if all may have.
 
-        All others would be lit to the bit as they were; rays: from the patches as they are
+        The light of all other patches would be equal bit for bit. rays: from the patches as they are now.
         """
         if not same_values(self.lights, casting.lights):
             return None

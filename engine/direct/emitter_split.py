@@ -1,4 +1,4 @@
-"""A scene's light in two parts: what is sampled with shadow rays, and what hemicubes see."""
+"""Split of a scene's emission: a part sampled by shadow rays, and the rest for the gather."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .sky import Sky, split_sky, unsampled_sky
 
 @dataclass(frozen=True)
 class EmitterSplit:
-    """Small bright surfaces and bright sky apart from all other light that is emitted; lamps are neither."""
+    """Small bright surfaces and bright sky, separated from all other emission; lights are in neither part."""
 
     bright: SampledTriangles
     sky: Sky
@@ -28,10 +28,10 @@ def split_light(
     bright: Callable[[PatchScene], SampledTriangles] = choose_sampled_triangles,
     split: Callable[[np.ndarray], Sky] = split_sky,
 ) -> EmitterSplit:
-    """Split the light of surfaces and of a world, unless hemicubes are to see everything as in the paper.
+    """Split the emission of surfaces and world; with sample_emission off, all is left to the gather.
 
-    bright  chooses the triangles that are sampled
-    split   parts the world
+    bright  chooses the triangles to sample
+    split   splits the world
     """
     chosen = bright(parts) if settings.sample_emission else no_bright_triangles(parts)
     return EmitterSplit(chosen, sky_of(world, settings, split))

@@ -1,4 +1,4 @@
-"""What is sampled as a light: lamps, and triangles that are small and bright; packed for the device."""
+"""Emitter records: lights and emissive triangles that shadow rays sample, packed for the device."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ..scene.triangles import Triangles
 from ..visibility.rays.receiver_records import RECEIVER
 from .modulation import MODULATION, is_modulated
 
-#: A triangle is sampled if its radiance is at least this multiple of the mean that surfaces emit.
+#: Minimum radiance of a sampled triangle, as a multiple of the mean radiance of emissive surfaces.
 _BRIGHT = 10.0
 
-#: Sides of the polygon that stands for an ellipse; it has the ellipse's area.
+#: Number of sides of the polygon that replaces an ellipse; the polygon has the ellipse's area.
 _SIDES = 24
 
-#: Half the spread of an area light, rad, from which on it shines in all directions alike.
+#: Spread of an area light, half angle in radians, from which on it is treated as Lambertian.
 _WIDEST = 1.57
 
-#: Kinds, as in kernels/direct/emitters.cl.
+#: Kinds of emitters, as in kernels/direct/emitters.cl.
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
 
-#: A light as the device samples it: a point or spot, a sun, a triangle of a surface or of an area light, or
-#: the bright sky. World space, positions relative to `Triangles.origin`. Fields of other kinds are 0.
+#: Record of a sampled emitter: a point or spot light, a sun, a triangle of a surface or area light, or the
+#: bright sky. World space, positions relative to `Triangles.origin`. Fields of other kinds are 0.
 EMITTER = DeviceStruct(
     "Emitter",
     ("float[3]", "position", "m: centre of a point, first corner of a triangle"),
@@ -62,27 +62,27 @@ EMITTER = DeviceStruct(
     ("float[3]", "back_strength", "radiance of the back of a surface's triangle, W/(m^2 sr)"),
 )
 
-#: Records that kernels/direct/emitters.cl needs.
+#: Device structs that kernels/direct/emitters.cl needs.
 EMITTER_RECORDS: tuple[DeviceStruct, ...] = (RECEIVER, MODULATION, EMITTER)
 
-#: The `cos_half_angle` of what shines in all directions.
+#: Value of `cos_half_angle` for lights that emit in all directions.
 NO_CONE = -2.0
 
-#: Emission that differs by less from its mean, relative, is uniform.
+#: Relative tolerance at which emission counts as uniform.
 _EVEN = 1e-4
 
 
 @dataclass(frozen=True)
 class SampledTriangles:
-    """Emissive triangles that are sampled as lights.
+    """Emissive triangles that are sampled by shadow rays.
 
-    triangles      (k,) int, index into `Triangles`
-    radiance       (k, 3) float32, mean of the front of each, as far as it stops rays
-    back_radiance  (k, 3) float32, of the back
-    uniform        (k,) bool, both are the same all over the triangle
-    emission_left  (n, 3) float32, radiance of the front of each patch that is left to the hemicubes
-    back_left      (n, 3) float32, of the back
-    shining        (t,) bool, all triangles with a patch whose back emits
+    triangles      (k,) int, indices into `Triangles`
+    radiance       (k, 3) float32, mean radiance of the front times opacity, W/(m^2 sr)
+    back_radiance  (k, 3) float32, the same of the back
+    uniform        (k,) bool, True if both are constant over the triangle
+    emission_left  (n, 3) float32, radiance of each patch's front that is left to the gather
+    back_left      (n, 3) float32, the same of the back
+    shining        (t,) bool, True for triangles with a patch whose back emits
     """
 
     triangles: np.ndarray
@@ -95,7 +95,7 @@ class SampledTriangles:
 
 
 def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
-    """Choose the triangles that are sampled: small enough, or bright enough, against all that emits."""
+    """Choose the triangles to sample: those much brighter than the mean of all emissive triangles."""
     geometry, surfaces, cutouts = parts.geometry, parts.surfaces, parts.cutouts
     glowing, material = surfaces.shining, parts.triangles.material
     triangle, area = geometry.triangle[glowing], geometry.steps.whole
@@ -107,19 +107,19 @@ def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
         for side in sides
     ]
 
-    # What passes through a surface does not shine.
+    # Only the opaque fraction of a surface emits.
     front, back = (
         mean * cutouts.stopped(record)[material][:, None] if cutouts.needed else mean
         for mean, record in ((means[0], BOUNCE), (means[-1], BACK + BOUNCE))
     )
 
-    # Back faces that are triangles of their own shine as these.
+    # One-sided triangles do not emit from the back: their back faces are separate triangles.
     back = np.where(parts.triangles.one_sided[:, None], 0, back)
     brightness = np.maximum(luminance(front), luminance(back))
     mean = float((brightness * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
     chosen = (brightness > 0) & (brightness >= _BRIGHT * mean)
 
-    # Hemicubes see what the others emit.
+    # The gather handles the emission of the other triangles.
     rest, index = glowing[~chosen[triangle]], np.flatnonzero(chosen)
     left = [_only(side, rest) for side in sides]
     uniform = np.all(
@@ -132,14 +132,14 @@ def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
 
 
 def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """Return the radiance of some patches, black of all others, (n, 3) float32."""
+    """Return the radiance of some patches and black for all others, (n, 3) float32."""
     left = np.zeros(emission.shape, np.float32)
     left[patches] = emission[patches]
     return left
 
 
 def no_bright_triangles(parts: PatchScene) -> SampledTriangles:
-    """Choose no triangle: hemicubes see all that emits."""
+    """Choose no triangle: the gather handles all emission."""
     none, surfaces = np.zeros((0, 3), np.float32), parts.surfaces
     chosen = np.zeros(0, int), none, none, np.zeros(0, bool)
     return SampledTriangles(*chosen, surfaces.emission, surfaces.emission_of_backs, _shining(parts))
@@ -155,7 +155,7 @@ def _shining(parts: PatchScene) -> np.ndarray:
 
 
 def _is_uniform(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """Return which triangles emit the same everywhere, (t,) bool; triangle and emission of what glows."""
+    """Return which triangles emit uniformly, (t,) bool; triangle, emission: of the emissive patches."""
     bound = _EVEN * largest_in_rows(mean)[:, None]
     differs = any_in_rows(np.abs(emission - mean[triangle]) > bound[triangle])
     return np.bincount(triangle[differs], minlength=len(mean)) == 0
@@ -168,15 +168,16 @@ def _mean_radiance(
     emission: np.ndarray,
     glowing: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
-    """Return the mean radiance that each triangle emits, (t, 3) float64; of its middle if it has no patch.
+    """Return the mean emitted radiance of each triangle, (t, 3) float64, W/(m^2 sr).
 
-    glowing: triangle and emission of the patches that emit.
+    A triangle without patches uses the patch displayed at its centroid. glowing: triangles, (k,), and
+    radiance, (k, 3), of the emissive patches.
     """
     (triangle, shining), patches = glowing, geometry.on_triangle
     total = segment_sums(shining, triangle, len(patches))
     mean: np.ndarray = total / np.maximum(patches, 1)[:, None]
 
-    # The patch that the middle of a triangle without patches shows.
+    # Look up the patch at the centroid of triangles without patches.
     alone, resolution = np.flatnonzero(patches == 0), texel_to_patch.shape[-1]
     first, second, third = triangles.uvs[alone].transpose(1, 2, 0)
     x, y = ((first + second + third) / 3 * resolution).astype(int).clip(0, resolution - 1)
@@ -186,10 +187,10 @@ def _mean_radiance(
 
 
 def lamp_records(light: Light, modulation: int = 0) -> np.ndarray:
-    """Return the records of one lamp, (k,) EMITTER: area lights are made of triangles.
+    """Return the records of one light, (k,) EMITTER; area lights consist of triangles.
 
-    light: its position is relative to `Triangles.origin`; modulation: the number of the lamp's own, see
-    modulation.pack_modulations, 0 for none.
+    light       the light, with its position relative to `Triangles.origin`
+    modulation  index of its record, see modulation.pack_modulations; 0 for none
     """
     makers = {"area": _area_records, "sun": _sun_record}
     records = makers.get(light.kind, _point_record)(light)
@@ -201,7 +202,7 @@ def lamp_records(light: Light, modulation: int = 0) -> np.ndarray:
 
 
 def _point_record(light: Light) -> np.ndarray:
-    """Return the record of a point or spot."""
+    """Return the record of a point or spot light."""
     strength = _over_pi(light)
     return EMITTER.array(
         1,
@@ -236,13 +237,13 @@ def _sun_record(light: Light) -> np.ndarray:
 
 
 def _over_pi(light: Light) -> np.ndarray:
-    """Return a lamp's strength over pi, (3,) float64: stored is E/pi."""
+    """Return a light's strength divided by pi, (3,) float64, because irradiance is stored as E/pi."""
     strength: np.ndarray = light.strength.astype(np.float64) / np.pi
     return strength
 
 
 def _area_records(light: Light) -> np.ndarray:
-    """Return the triangles of an area light: two of a rectangle, a fan of an ellipse."""
+    """Return the triangles of an area light: two for a rectangle, a fan for an ellipse."""
     if light.ellipse:
         angle = np.linspace(0, 2 * np.pi, _SIDES + 1)
         radius = 0.5 * np.sqrt(2 * np.pi / (_SIDES * np.sin(2 * np.pi / _SIDES)))
@@ -252,7 +253,7 @@ def _area_records(light: Light) -> np.ndarray:
         outline = np.array([[(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5)], [(-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]])
     corners = light.position + (outline * light.size) @ light.axes[:2]
 
-    # Wound such that the side along -z is the front.
+    # Reverse the winding, so that the side along -z is the front.
     corners = corners[:, [0, 2, 1]]
     if np.linalg.det(light.axes) < 0:
         corners = corners[:, [0, 2, 1]]
@@ -280,7 +281,7 @@ def sky_record() -> np.ndarray:
 
 
 def _triangle_records(corners: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-    """Return records of triangles, corners (k, 3, 3) metres, radiance (k, 3)."""
+    """Return records of triangles. corners: (k, 3, 3), metres; radiance: (k, 3)."""
     return EMITTER.array(
         len(corners),
         kind=TRIANGLE,

@@ -1,4 +1,4 @@
-"""Finds lamps that lie inside of something, where they light nothing but its inner side."""
+"""Detection of lights enclosed by an object, which light only its inner side."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..scene.triangles import Triangles
 from ..validity.thresholds import ENCLOSED
 from ..visibility.rays.ray_tracer import RayTracer
 
-#: Rays from each lamp.
+#: Number of test rays per light.
 _RAYS = 256
 
 
 def warn_enclosed_lights(
     rays: RayTracer, scene: Scene, triangles: Triangles, lamps: Sequence[Light]
 ) -> list[str]:
-    """Return a warning for each lamp that is inside of an object: nearly all it sees are backs."""
+    """Return a warning for each light inside an object, whose rays hit almost only back faces."""
     lamps = [lamp for lamp in lamps if lamp.kind != "sun" and lamp.casts_shadow]
     if not lamps:
         return []

@@ -1,4 +1,4 @@
-"""A tree over emitters: light_tree.cl tells from it what many of them bring to a patch at once."""
+"""Light tree over emitters, with bounds for estimating their joint irradiance; see light_tree.cl."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ import numpy as np
 from ..device.device_struct import DeviceStruct
 from .emitters import EMITTER, EMITTER_RECORDS, POINT, SKY_MAP, SUN
 
-#: An inner node: what all emitters below it send out. Along a unit vector w that is
-#: alike + directed * (normal . w + sqrt(w . M w)), M a symmetric matrix.
+#: Inner node: joint emission of all emitters below it. The intensity along a unit vector w is alike +
+#: directed * (normal . w + sqrt(w . M w)), where M is a symmetric matrix.
 LIGHT_NODE = DeviceStruct(
     "LightNode",
     ("float[3]", "centre", "m, of power"),
     (
         "float",
         "radius",
-        "m, of a ball about the centre that holds them all; infinite if one is infinitely far",
+        "m, of the bounding ball about the centre; infinite if an emitter is infinitely far",
     ),
-    ("float[3]", "axis", "unit, of a cone that holds all directions in which they shine"),
+    ("float[3]", "axis", "unit, of the bounding cone of emission directions"),
     ("float", "cos_half_angle", "of the cone"),
-    ("float[3]", "normal", "mean of one-sided ones' normals, by their part of `directed`"),
-    ("float", "alike", "power that goes everywhere alike"),
+    ("float[3]", "normal", "mean normal of one-sided emitters, weighted by their share of `directed`"),
+    ("float", "alike", "isotropic power"),
     ("float[3]", "squares", "xx, yy, zz of M"),
-    ("float", "directed", "power along normals, of both sides"),
+    ("float", "directed", "power along normals, sum of both sides"),
     ("float[3]", "products", "xy, xz, yz of M"),
     ("int[2]", "children", "inner nodes, or the complements of emitters"),
 )
 
-#: What kernels on the tree are built from.
+#: Device structs of kernels that use the tree.
 LIGHT_TREE_RECORDS: tuple[DeviceStruct, ...] = (*EMITTER_RECORDS, LIGHT_NODE)
 
 
-#: The fields that bounds are made of.
+#: Record fields from which bounds are computed.
 _BOUNDED = (
     "luminance", "position", "edge1", "edge2", "spread", "direction", "radius", "cos_half_angle",
     "cone_x", "cone_y", "cone_z",
@@ -42,10 +42,10 @@ _BOUNDED = (
 
 @dataclass(frozen=True)
 class LightTree:
-    """A binary tree over emitters.
+    """Binary tree over emitters.
 
     nodes  (m,) LIGHT_NODE
-    root   an inner node, or the complement of the only emitter
+    root   index of an inner node, or the complement ~i of the only emitter
     """
 
     nodes: np.ndarray
@@ -54,12 +54,12 @@ class LightTree:
 
 @dataclass(frozen=True)
 class _Emitters:
-    """What the tree needs to know of emitters at a finite distance, (k, ...) float64.
+    """Bounds and power of emitters at finite distance, (k, ...) float64.
 
-    low, high    (k, 3), boxes, metres
-    axis, angle  (k, 3), (k,) cone of the directions in which they shine; half angle, radians
-    totals       (k, 15), sums over a node's emitters: power, power times centre (3), power that goes
-                 everywhere alike, power a along the normals n of both sides, a n of one-sided ones (3),
+    low, high    (k, 3), bounding boxes, metres
+    axis, angle  (k, 3), (k,) cone of emission directions; half angle, radians
+    totals       (k, 15), quantities that are summed over a node's emitters: power, power times centre (3),
+                 isotropic power, power a along the normals n of both sides, a n of one-sided emitters (3),
                  and a n n: xx, yy, zz, xy, xz, yz
     """
 
@@ -71,11 +71,11 @@ class _Emitters:
 
 
 def build_light_tree(records: np.ndarray) -> LightTree:
-    """Build the tree of emitters, (k,) EMITTER, at least one.
+    """Build the light tree of (k,) EMITTER records, k >= 1.
 
-    Each node halves its emitters along the widest axis, so that it is ceil(log2 k) deep; those whose light
-    does not fade with the square of the distance, suns, sky and lamps with a falloff, form a chain above it.
-    Bounds as in Conty Estevez and Kulla 2018.
+    Each node splits its emitters in halves along the longest axis, so the depth is ceil(log2 k). Emitters
+    without inverse-square falloff (suns, sky, lights with a falloff node) form a chain above the tree. Bounds
+    as in Conty Estevez and Kulla 2018.
     """
     assert records.dtype == EMITTER.dtype
     endless = np.isin(records["kind"], (SUN, SKY_MAP)) | (records["falloff_power"] > 0)
@@ -87,7 +87,7 @@ def build_light_tree(records: np.ndarray) -> LightTree:
     top, children = len(chain), nodes["children"]
     nodes["children"] = np.where(children >= 0, children + top, ~bounded[~np.minimum(children, -1)])
 
-    # The chain takes the first numbers: an emitter, and all that follows.
+    # Number the chain first: each node has one emitter and the rest as children.
     follows = np.arange(1, top + 1)
     if not len(nodes):
         follows[-1:] = ~bounded[0]
@@ -97,14 +97,14 @@ def build_light_tree(records: np.ndarray) -> LightTree:
 
 
 def _emitters(records: np.ndarray) -> _Emitters:
-    """Return boxes, cones and powers of points, spots and triangles."""
+    """Return boxes, cones and powers of point lights, spot lights and triangles."""
     floats = {name: records[name].astype(np.float64) for name in _BOUNDED}
     point = records["kind"] == POINT
     position, reach = floats["position"], np.where(point, floats["radius"], 0)[:, None]
     corners = position[:, None] + np.stack([0 * position, floats["edge1"], floats["edge2"]], axis=1)
     low, high, centre = corners.min(axis=1) - reach, corners.max(axis=1) + reach, corners.mean(axis=1)
 
-    # Points shine everywhere alike, triangles along their normals: all of them, or one side.
+    # Points emit isotropically, triangles along their normals, on both sides or one.
     normal = np.cross(floats["edge1"], floats["edge2"])
     twice = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(twice, 1e-30)[:, None]
@@ -118,7 +118,7 @@ def _emitters(records: np.ndarray) -> _Emitters:
     facing = np.where(one_sided, side, 0)[:, None] * normal
     totals = np.column_stack([power, power[:, None] * centre, alike, side, facing, outer])
 
-    # Cones: of spots, widened where they are squeezed; of area lights, their spread.
+    # Cones: of spots, widened for non-uniform scale; of area lights, their spread.
     spot = point & (floats["cos_half_angle"] >= -1)
     stretch = [1 / np.maximum(np.linalg.norm(floats[name], axis=1), 1e-30) for name in ("cone_x", "cone_y")]
     half = np.arccos(np.clip(floats["cos_half_angle"], 0, 1))
@@ -136,7 +136,7 @@ def _halved(emitters: _Emitters) -> np.ndarray:
     middle = (emitters.low + emitters.high) / 2
     nodes, made = [LIGHT_NODE.array(0)], 0
     while True:
-        # The nodes of this level that have more than one emitter.
+        # Select the nodes of this level with more than one emitter.
         inner = count > 1
         first, count = first[inner], count[inner]
         if not len(first):
@@ -147,14 +147,14 @@ def _halved(emitters: _Emitters) -> np.ndarray:
         members = order[position]
         nodes.append(_nodes(emitters, members, starts, node))
 
-        # Halve each along its widest axis.
+        # Split each node in halves along its longest axis.
         low, high = np.minimum.reduceat(middle[members], starts), np.maximum.reduceat(middle[members], starts)
         along = middle[members, (high - low).argmax(axis=1)[node]]
         order[position] = members[np.lexsort((along, node))]
         left = (count + 1) // 2
         first, count = _interleaved(first, first + left), _interleaved(left, count - left)
 
-        # Children that are inner nodes are numbered as they come.
+        # Number the children that are inner nodes consecutively.
         made += len(left)
         number = np.where(count > 1, made + np.cumsum(count > 1) - 1, ~order[first])
         nodes[-1]["children"] = number.reshape(-1, 2)
@@ -166,7 +166,7 @@ def _interleaved(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _nodes(emitters: _Emitters, members: np.ndarray, starts: np.ndarray, node: np.ndarray) -> np.ndarray:
-    """Return the nodes, (k,) LIGHT_NODE without children; members of a node follow its start."""
+    """Return nodes without children, (k,) LIGHT_NODE; members of node i begin at starts[i]."""
     totals = np.add.reduceat(emitters.totals[members], starts)
     power, alike, along = totals[:, 0], totals[:, 4], totals[:, 5]
     directed = totals[:, 6:] / np.maximum(along, 1e-300)[:, None]
@@ -174,7 +174,7 @@ def _nodes(emitters: _Emitters, members: np.ndarray, starts: np.ndarray, node: n
     high = np.maximum.reduceat(emitters.high[members], starts)
     centre = np.where(power[:, None] > 0, totals[:, 1:4] / np.maximum(power, 1e-300)[:, None], low)
 
-    # A cone about the mean axis.
+    # Bounding cone about the mean axis.
     axis = np.add.reduceat(emitters.axis[members], starts)
     axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-30)[:, None]
     cosine = np.einsum("nd,nd->n", axis[node], emitters.axis[members])

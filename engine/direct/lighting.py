@@ -1,4 +1,4 @@
-"""The light of lamps, small bright surfaces and bright sky, apart from what hemicubes see; occlusion."""
+"""Direct lighting of patches by shadow rays; shadow masks, ambient occlusion and contacts."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .enclosed_lights import warn_enclosed_lights
 from .host_contact import in_contact_on_host
 from .shadow_rays import ShadowCaster, ShadowRays
 
-#: Shadow rays to each light for a glimpse of it.
+#: Shadow rays per light for the preview.
 _FEW = 4
 
 
 class DirectLighting:
-    """Splits a scene's light in what is sampled with rays and what is left to the hemicubes.
+    """Direct lighting of a scene, and the emission that is left to the gather.
 
-    emission_left  (n, 3) float32, radiance of the front of each patch that hemicubes have to see
-    backs_left     (n, 3) float32, of the back; None if it is as of the front
-    sky_left       (h, w, 3) float32, radiance of the sky that hemicubes have to see
-    l1             (n, 3, 3) float32, of the sampled light once it is gathered: of each axis of the world its
-                   rgb, see irradiance_l1.cl; (0, 3, 3) unless the settings ask for directional maps
+    emission_left  (n, 3) float32, radiance of each patch's front that the gather has to handle
+    backs_left     (n, 3) float32, the same of the back; None if equal to the front
+    sky_left       (h, w, 3) float32, radiance of the sky that the gather has to handle
+    l1             (n, 3, 3) float32, L1 of the sampled light after `gather`: world axis, rgb; see
+                   irradiance_l1.cl. (0, 3, 3) without directional maps
     warnings       sentences for the user
     """
 
@@ -45,11 +45,11 @@ class DirectLighting:
         split: EmitterSplit | None = None,
         meanwhile: Callable[[], object] | None = None,
     ) -> None:
-        """Take the light of a scene.
+        """Split the light of a scene.
 
-        elsewhere  casts rays from all patches on devices of other processes
-        split      both parts of the light; None to find them
-        meanwhile  called while other processes cast
+        elsewhere  casts rays from all patches on devices of other processes; None for this device
+        split      both parts of the emission; None to compute them
+        meanwhile  called while other processes cast rays
         """
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene, self._meanwhile = rays, meanwhile
@@ -73,7 +73,7 @@ class DirectLighting:
             )
 
     def follow(self, last: DirectLightCache | None) -> None:
-        """Take over what was sampled of an earlier scene: rays are cast only where it may have changed."""
+        """Reuse direct light of an earlier bake: rays are cast only where it may have changed."""
         if last is None or not self._samples_any:
             return
         casting = self._casting()
@@ -83,11 +83,11 @@ class DirectLighting:
 
     @property
     def part_to_sample(self) -> float:
-        """The part of the patches that rays are to be cast from."""
+        """Fraction of the patches whose light has to be sampled."""
         return 1.0 if self._changed is None else len(self._changed) / max(self._ray_scene.count, 1)
 
     def sampled_light(self, light: np.ndarray) -> DirectLightCache | None:
-        """Return what `gather` has returned for the next scene to take over; None if that costs nothing."""
+        """Return the result of `gather` as a cache for the next bake; None if sampling it costs nothing."""
         casting = self._casting() if self._samples_any else None
         if not isinstance(casting, ShadowRays):
             return None
@@ -106,7 +106,7 @@ class DirectLighting:
         return light
 
     def _gathered_elsewhere(self, elsewhere: ShadowCaster) -> Generator[float, None, np.ndarray]:
-        """Return what other processes gather; find meanwhile what this one has to."""
+        """Return the light sampled by other processes; compute contacts on this device meanwhile."""
         work = elsewhere.sampled()
         yield next(work)
         self._casting()
@@ -117,7 +117,7 @@ class DirectLighting:
         return light
 
     def preview_gather(self) -> Generator[float, None, np.ndarray]:
-        """Return what `gather` returns, but by few rays; yield the fraction done."""
+        """Return a noisy version of `gather` from a few rays; yield the fraction done."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         few = replace(self._settings, light_samples=min(self._settings.light_samples, _FEW))
@@ -128,7 +128,7 @@ class DirectLighting:
     def _gather_changed(
         self, casting: ShadowRays, last: DirectLightCache
     ) -> Generator[float, None, np.ndarray]:
-        """Return what `gather` does, from few patches: all others are lit as they were."""
+        """Return the result of `gather` by sampling only changed patches; the others keep their light."""
         if not self.part_to_sample:
             self.l1 = last.l1
             return last.light
@@ -140,7 +140,7 @@ class DirectLighting:
         return light
 
     def gather_by_group(self) -> Generator[float, None, np.ndarray]:
-        """Return the light of each light group, (groups, n, 3) float32; see `ShadowRays.sampled_by_group`."""
+        """Return E/pi of each light group, (groups, n, 3) float32; see `ShadowRays.sampled_by_group`."""
         groups = light_groups(self._scene)
         if not self._samples_any:
             return np.zeros((groups.count, self._ray_scene.count, 3), np.float32)
@@ -156,21 +156,24 @@ class DirectLighting:
         return self.emission_left * mine[:, None], sky, backs
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return how much of a shining lamp each patch sees, (n,) float32; yield the fraction done."""
+        """Return the visible fraction of a light for each patch, (n,) float32; yield the fraction done."""
         return (yield from self._casting().shadow_mask(lamp))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the open fraction of each patch's hemisphere, (n,) float32; yield the fraction done."""
+        """Return the unoccluded fraction of each patch's hemisphere, (n,) float32.
+
+        Yield the fraction done.
+        """
         return (yield from self._casting().ambient_occlusion())
 
     def contacts(self) -> Contacts:
-        """Return what faces nearby do to the patches."""
+        """Return the effects of nearby faces on the patches."""
         return self._near or Contacts(*self._in_contact(), self.lit_by_backs(self._ray_scene))
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
-        """Return which patches of a ray scene see the back of a surface that shines, (n,) bool.
+        """Return which points of a ray scene see the back of an emissive surface, (n,) bool.
 
-        Without OpenCL none does.
+        Without OpenCL the result is False for all.
         """
         triangles = self._parts.triangles
         shining = self._bright.shining[: triangles.solid]
@@ -179,10 +182,10 @@ class DirectLighting:
         return patches_lit_by_backs(points, points.count, shining, triangles.positions[: triangles.solid])
 
     def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return which patches faces hide that touch them, and which lie back to back, (n,) bool each.
+        """Return which patches touching faces cover, and which are back to back, (n,) bool each.
 
-        Without OpenCL the latter count as hidden. A patch of a back face lies on its own front, which hides
-        nothing.
+        Without OpenCL, back-to-back patches count as covered. A patch of a back face coincides with its own
+        front, which does not cover it.
         """
         if self._ray_scene.possible:
             hidden, back_to_back = find_contacts(self._ray_scene, self._ray_scene.count)
@@ -193,7 +196,7 @@ class DirectLighting:
         return hidden & seen, back_to_back & seen
 
     def of(self, points: RayScene, settings: Settings) -> DirectLighting:
-        """Return the same light as it comes to the patches of another ray scene, by other numbers of rays."""
+        """Return the same lighting for other receivers and settings (numbers of rays)."""
         other = copy(self)
         other._ray_scene, other._settings, other.warnings, other._near = points, settings, [], None
         other._shadow_rays, other.l1 = self._cast_from(points, settings), other._no_l1()
@@ -202,19 +205,19 @@ class DirectLighting:
 
     @property
     def _samples_any(self) -> bool:
-        """Whether anything is sampled as a light."""
+        """True if any light, surface or sky is sampled."""
         return bool(self._lamps) or len(self._bright.triangles) > 0 or self._sky.bright is not None
 
     def _no_l1(self) -> np.ndarray:
-        """Return the L1 of no light."""
+        """Return an empty L1, zero for all patches."""
         return np.zeros((self._ray_scene.count if self._settings.directional else 0, 3, 3), np.float32)
 
     def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays:
-        """Return what casts rays from the patches of a ray scene."""
+        """Return the caster of shadow rays for the receivers of a ray scene."""
         return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky, settings)
 
     def _casting(self) -> ShadowCaster:
-        """Return what casts rays, made when it is first needed; warns of lamps that things enclose."""
+        """Return the caster of shadow rays, created on first use; add warnings about enclosed lights."""
         if self._shadow_rays is None:
             rays = self._ray_scene.rays
             self.warnings += warn_enclosed_lights(rays, self._scene, self._parts.triangles, self._lamps)

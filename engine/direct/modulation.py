@@ -1,4 +1,4 @@
-"""What the nodes of lamps make of their strength, packed for the device."""
+"""Modulation of lights by their shader nodes (profiles and falloff), packed for the device."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from ..device.device_struct import DeviceStruct
 from ..scene.model import Light
 
-#: What a lamp's nodes make of its strength along a direction away from it, at a distance.
+#: Modulation of a light's strength by direction and distance.
 MODULATION = DeviceStruct(
     "Modulation",
-    ("float[3]", "x", "rows of the matrix from the world to the lamp's own, perhaps stretched space"),
+    ("float[3]", "x", "rows of the matrix from world space to the light's own space, scale included"),
     ("float[3]", "y", ""),
     ("float[3]", "z", ""),
-    ("int", "profile", "where its profile begins among all profiles, 0 for none"),
+    ("int", "profile", "offset of its profile in all profiles, 0 for none"),
     ("int", "falloff_power", "of the distance, m"),
     ("float", "falloff_smooth", "m^2"),
 )
 
 
 def is_modulated(light: Light) -> bool:
-    """True if a lamp's light depends on direction or distance in ways of its own."""
+    """True if the light has an angular profile or a distance falloff node."""
     return light.profile is not None or light.falloff_power != 0 or light.falloff_smooth != 0
 
 
 def pack_modulations(lights: Sequence[Light]) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Return records, profiles and the number of each lamp's record; 0, which is no lamp's, for none.
+    """Return modulation records, profiles, and the index of each light's record; 0 for lights without.
 
-    Profiles are float32, one after another as modulation.cl reads them. Lamps of one profile have one
-    copy of it.
+    Profiles are float32, concatenated in the layout of modulation.cl. Lights with the same profile share one
+    copy.
     """
     modulated = [light for light in lights if is_modulated(light)]
     records, profiles = MODULATION.array(1 + len(modulated)), [np.zeros(1, np.float32)]

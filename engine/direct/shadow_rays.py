@@ -1,4 +1,4 @@
-"""Direct light of lamps, small bright surfaces and bright sky, sampled with shadow rays."""
+"""Shadow rays: sampled direct light from lights, small bright surfaces and bright sky."""
 
 from __future__ import annotations
 
@@ -34,28 +34,28 @@ from .sky import Sky, SkyDistribution
 
 
 class ShadowCaster(Protocol):
-    """What casts shadow rays from n patches: `ShadowRays`, or devices of other processes."""
+    """Caster of shadow rays from n patches: `ShadowRays`, or devices of other processes."""
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters and its L1; see `ShadowRays.sampled`."""
         ...
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return how much of its light a lamp brings to each patch, (n,) float32."""
+        """Return the visible fraction of a light for each patch, (n,) float32."""
         ...
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the fraction of each patch's hemisphere that is open, (n,) float32."""
+        """Return the unoccluded fraction of each patch's hemisphere, (n,) float32."""
         ...
 
 
 class ShadowRays:
-    """Shadow rays from the patches of `receivers` to all that is sampled as a light.
+    """Shadow rays from the patches of `receivers` to all sampled lights.
 
-    parts      the scene that shines
-    lamps      every one gives light
-    bright     emissive triangles
-    sky        its bright part is sampled
+    parts   the emitting scene
+    lamps   the lights that emit
+    bright  sampled emissive triangles
+    sky     the sky, whose bright part is sampled
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class ShadowRays:
         self._receivers, self._mesh = receivers.receivers, parts.triangles.mesh
         self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
 
-        # Emitters: each lamp's, the surfaces', the sky's.
+        # Pack the emitters: those of each light, then surfaces, then sky.
         modulations, profiles, numbers = pack_modulations(lamps)
         self._modulations = upload(compute, modulations), upload(compute, profiles)
         self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
@@ -87,7 +87,8 @@ class ShadowRays:
         self._glow = self._glow_arguments(parts, bright)
         self._sky = self._sky_arguments(sky.distribution)
 
-        # Of surfaces also what a ray looks up where it ends.
+        # Record all inputs of the light, for comparison by the next bake; surfaces include their emission
+        # textures.
         surfaces = parts.surfaces
         shine = (surfaces.emission, surfaces.back_emission, parts.texel_to_patch, parts.triangles.uvs)
         self.lights = (
@@ -97,7 +98,7 @@ class ShadowRays:
 
     @property
     def emitters(self) -> np.ndarray:
-        """Records of all that is sampled as a light, (m,) EMITTER."""
+        """Records of all sampled emitters, (m,) EMITTER."""
         return EMITTER.joined(self._records)
 
     def sampled(
@@ -105,10 +106,10 @@ class ShadowRays:
     ) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield the fraction done.
 
-        The L1, see irradiance_l1.cl, is (n, 3, 3) float32, of each axis of the world its rgb; (0, 3,
-        3) unless the settings ask for directional maps.
+        L1 (irradiance_l1.cl) is (n, 3, 3) float32: patch, world axis, rgb; (0, 3, 3) without directional
+        maps.
 
-        chosen: (n,) int32, the patches; None for all of the receivers
+        chosen: (n,) int32, indices of patches; None for all receivers
         """
         items = self._count if chosen is None else len(chosen)
         if not items:
@@ -117,10 +118,10 @@ class ShadowRays:
         return download_colors_once(self._compute, light, items), self._read_l1(items)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
-        """Return the light of each light group, (groups, n, 3) float32; yield the fraction done.
+        """Return E/pi of each light group, (groups, n, 3) float32; yield the fraction done.
 
-        Each group has samples of its own, as many as if there were no other light. So their sum differs from
-        `sampled` by noise.
+        Each group has as many samples as if it were alone, so the sum of the groups differs from `sampled` by
+        noise.
         """
         triangle = self._records[len(groups.lamps)]["triangle"]
         numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
@@ -138,7 +139,7 @@ class ShadowRays:
     def _all_light(
         self, records: list[np.ndarray], chosen: np.ndarray | None = None
     ) -> Generator[float, None, cl.Buffer]:
-        """Return the light of the records of each light, float4 of n patches; see `_light`."""
+        """Return E/pi of the given emitters, float4 of n patches; see `_light`."""
         shining = [emitters for emitters in records if len(emitters)]
         if not shining:
             return zeros(self._compute, 16 * self._count)
@@ -146,9 +147,9 @@ class ShadowRays:
         return (yield from self._light(EMITTER.joined(shining), budget, chosen))
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return how much of its light a lamp brings to each patch, (n,) float32; yield the fraction done.
+        """Return the visible fraction of a light for each patch, (n,) float32; yield the fraction done.
 
-        1 where nothing casts a shadow, 0 where all is shadow or the lamp does not shine.
+        1 is unshadowed; 0 is full shadow, or no irradiance from the light.
         """
         result = yield from self._light(self._records[lamp], self._settings.light_samples)
         light = download(self._compute, result, (self._count, 4))
@@ -157,9 +158,9 @@ class ShadowRays:
         return np.minimum(mask, 1).astype(np.float32)
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the fraction of each patch's hemisphere that is open, (n,) float32; yield the fraction done.
+        """Return the unoccluded fraction of each patch's hemisphere, (n,) float32; yield the fraction done.
 
-        It is weighted by the cosine; a surface within `Settings.ao_distance` closes it.
+        The fraction is cosine-weighted; only surfaces within `Settings.ao_distance` occlude.
         """
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
@@ -171,9 +172,9 @@ class ShadowRays:
     def _light(
         self, emitters: np.ndarray, budget: int, chosen: np.ndarray | None = None
     ) -> Generator[float, None, cl.Buffer]:
-        """Return light and unshadowed luminance of some emitters, float4 of n patches.
+        """Return E/pi and its unshadowed luminance from some emitters, float4 of n patches.
 
-        chosen: as of `sampled`
+        chosen: as in `sampled`
         """
         items = self._count if chosen is None else len(chosen)
         tree = build_light_tree(emitters)
@@ -187,7 +188,7 @@ class ShadowRays:
         return (yield from self._sliced(self._direct, budget, arguments, items))
 
     def _read_l1(self, items: int) -> np.ndarray:
-        """Return the L1 of the light that was computed last, (items, 3, 3) float32; (0, 3, 3) without one."""
+        """Return L1 of the last computed light, (items, 3, 3) float32; (0, 3, 3) without directional maps."""
         if self._l1 is None or not items:
             return np.zeros((0, 3, 3), np.float32)
         return download_colors(self._compute, self._l1, items, 3).transpose(1, 0, 2)
@@ -195,7 +196,7 @@ class ShadowRays:
     def _sliced(
         self, kernel: Kernel, samples: int, arguments: tuple, items: int
     ) -> Generator[float, None, cl.Buffer]:
-        """Run a kernel over items of so many samples, some at a time; return its results, float4 of each."""
+        """Run a kernel over items in time slices; return its results, float4 of each item."""
         result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * items)
 
         def launch(start: int, end: int) -> None:
@@ -208,9 +209,9 @@ class ShadowRays:
         return result
 
     def _glow_arguments(self, parts: PatchScene, bright: SampledTriangles) -> tuple:
-        """Return radiance of both sides of patches, texels to patches, UVs and the resolution.
+        """Return kernel arguments of surfaces: radiance of both sides, texel map, UVs and resolution.
 
-        Where no triangle is sampled, nobody looks radiance up.
+        Without sampled triangles the radiance is a dummy, since kernels do not read it.
         """
         compute, surfaces = self._compute, parts.surfaces
         if len(bright.triangles):
@@ -222,7 +223,7 @@ class ShadowRays:
         return (front, back, *lookups, np.int32(parts.patches.resolution))
 
     def _sky_arguments(self, sky: SkyDistribution) -> tuple:
-        """Return radiance, cumulative power and numbers of the bright pixels, sizes and total luminance."""
+        """Return kernel arguments of the bright sky: pixels, distribution, indices, size, total."""
         (height, width), arrays = sky.size, (sky.pixels, sky.cumulative, sky.listed)
         buffers = (upload_once(self._compute, array) for array in arrays)
         return (*buffers, *map(np.int32, (width, height, len(sky.listed))), np.float32(sky.total))

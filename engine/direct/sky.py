@@ -1,4 +1,4 @@
-"""The surroundings in two parts: what hemicubes see, and what is bright enough to be sampled as a light."""
+"""Split of the sky: a bright part sampled by shadow rays, and the rest for the gather."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 from ..scene.color import luminance
 from ..scene.sky_maps import row_fractions, shrink_sky, solid_angles
 
-#: Radiance above so many times the mean of the sky is sampled as a light.
+#: Minimum radiance of the bright part, as a multiple of the sky's mean luminance (chosen).
 _BRIGHT = 3.0
 
-#: Largest map that hemicubes see, rows and columns; their own texels are no finer.
+#: Maximum size of the map for the gather, rows and columns; hemicube texels are no finer.
 _REST_SIZE = (256, 512)
 
 
 @dataclass(frozen=True)
 class SkyDistribution:
-    """How the bright part of a sky is sampled, see `Bright` in kernels/direct/emitters.cl.
+    """Sampling distribution of the bright sky, see `Bright` in kernels/direct/emitters.cl.
 
     size        rows and columns of the map
-    listed      (k,) int32, the pixels that shine; one at least
-    pixels      (k, 4) float32, their radiance
-    cumulative  (k,) float32, luminance times solid angle of the pixels listed up to each, parts of the total
-    total       of all of them
+    listed      (k,) int32, indices of the bright pixels, k >= 1
+    pixels      (k, 4) float32, their radiance, W/(m^2 sr)
+    cumulative  (k,) float32, cumulative luminance times solid angle, normalised to 1
+    total       luminance times solid angle of all, before normalisation
     """
 
     size: tuple[int, int]
@@ -37,10 +37,10 @@ class SkyDistribution:
 
 @dataclass(frozen=True)
 class Sky:
-    """Both parts, equirectangular as `Scene.world`; together they are the world's radiance.
+    """Both parts of a world, equirectangular as `Scene.world`; their sum is the world's radiance.
 
-    rest    (h, w, 3) float32, what hemicubes see
-    bright  (h, w, 3) float32, what is sampled as a light; None if nothing is bright
+    rest    (h, w, 3) float32, part for the gather
+    bright  (h, w, 3) float32, part sampled by shadow rays; None if no pixel is bright
     """
 
     rest: np.ndarray
@@ -48,7 +48,7 @@ class Sky:
 
     @cached_property
     def distribution(self) -> SkyDistribution:
-        """How the bright part is sampled."""
+        """Sampling distribution of the bright part."""
         bright = np.zeros((1, 1, 3), np.float32) if self.bright is None else self.bright
         height, width = bright.shape[:2]
         power = luminance(bright) * solid_angles(height, width)[:, None]
@@ -81,11 +81,11 @@ def split_sky(world: np.ndarray) -> Sky:
 
 
 def unsampled_sky(world: np.ndarray) -> np.ndarray:
-    """Return a world's radiance, (3,) or (h, w, 3), as hemicubes see all of it."""
+    """Return a world's radiance, (3,) or (h, w, 3), as the map for the gather, without a bright part."""
     return _shrunk(world.reshape(-1, world.shape[-2] if world.ndim > 1 else 1, 3))
 
 
 def _shrunk(world: np.ndarray) -> np.ndarray:
-    """Return a map averaged, by solid angle, to at most _REST_SIZE."""
+    """Downsample a map by solid angle to at most _REST_SIZE."""
     height, width = np.minimum(world.shape[:2], _REST_SIZE)
     return shrink_sky(world, height, width)

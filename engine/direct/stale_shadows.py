@@ -1,4 +1,4 @@
-"""Which patches shadow rays have to be cast from again once something has moved."""
+"""Stale shadow rays: patches whose direct light may have changed after objects moved."""
 
 from __future__ import annotations
 
@@ -12,32 +12,33 @@ from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 from .emitters import POINT, SKY_MAP, SUN
 
-#: Kinds of balls: around a light at hand, a direction to one, and everywhere.
+#: Kinds of bounds of a light: a ball, a cone of directions, or everywhere.
 _NEAR, _FAR, _EVERYWHERE = range(3)
 
-#: What holds a light, for kernels/direct/stale_shadows.cl.
+#: Bounding ball of a light, for kernels/direct/stale_shadows.cl.
 LIGHT_BALL = DeviceStruct(
     "LightBall",
-    ("float[3]", "at", "m, the centre; of a light that is infinitely far the unit vector towards it"),
-    ("float", "radius", "m; of a light that is infinitely far the tangent of half its angle"),
+    ("float[3]", "at", "m, the centre; of an infinitely distant light the unit vector towards it"),
+    ("float", "radius", "m; of an infinitely distant light the tangent of its half angle"),
     ("int", "kind", "NEAR, FAR or EVERYWHERE"),
 )
 
-#: More lights at hand than this are held by one ball: each patch looks at all of them.
+#: Maximum number of balls of near lights; beyond it one ball bounds them all, since each patch tests each
+#: ball.
 _MOST = 64
 
-#: A sun whose sine of half the angle is larger shines from everywhere.
+#: Sine of a sun's half angle beyond which it counts as light from everywhere.
 _WIDE = 0.9
 
 
 def find_stale_shadows(
     rays: RayScene, before: cl.Buffer, emitters: np.ndarray, moved: np.ndarray
 ) -> np.ndarray:
-    """Return the patches, (k,) int32 ascending, whose shadow rays may meet something else than before.
+    """Return the patches, (k,) int32 ascending, whose shadow rays may hit something else than before.
 
-    before    receivers of the patches as they were, see `RayScene.receivers`
-    emitters  (m,) EMITTER, what rays go to
-    moved     (t, 3, 3) float32, triangles as they were and as they are, metres from `Triangles.origin`
+    before    receivers of the patches at their old positions, see `RayScene.receivers`
+    emitters  (m,) EMITTER, targets of the rays
+    moved     (t, 3, 3) float32, moved triangles at old and new positions, metres from `Triangles.origin`
     """
     compute, lights = rays.compute, _balls(emitters)
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NEAR", "FAR", "EVERYWHERE")))
@@ -55,7 +56,7 @@ def find_stale_shadows(
 
 
 def _balls(emitters: np.ndarray) -> np.ndarray:
-    """Return what holds the emitters that cast shadows, (k,) LIGHT_BALL."""
+    """Return the bounds of emitters that cast shadows, (k,) LIGHT_BALL."""
     emitters = emitters[emitters["casts_shadow"] > 0]
     wide = (emitters["kind"] == SKY_MAP) | ((emitters["kind"] == SUN) & (emitters["radius"] > _WIDE))
     if wide.any():

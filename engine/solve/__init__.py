@@ -1,1 +1,1 @@
-"""Iterations until the light has settled."""
+"""Radiosity solver: iterations, Anderson acceleration, patch groups and final gathers."""

@@ -1,38 +1,38 @@
-"""Anderson's acceleration: the mixture of iterates whose defects cancel best (Anderson 1965).
+"""Anderson acceleration: mixes recent iterates so that their defects cancel best (Anderson 1965).
 
-For a linear operator this is a Krylov method: few sweeps where plain iteration needs many.
+For a linear operator this is a Krylov method, which needs few iterations where plain iteration needs many.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Iterates that are mixed.
+#: Number of iterates that are mixed.
 COLUMNS = 6
 
-#: Added to the products relative to their size, so that dependent columns have a solution.
+#: Ridge added to the normalised inner products, so that dependent columns have a solution.
 _RIDGE = 1e-9 * np.eye(COLUMNS)
 
-#: Iterates are forgotten if the newest defect is larger than the one before by this factor, squared.
+#: Factor by which the squared defect may grow; above it the history is discarded.
 _GROWN = 16.0
 
 
 class Anderson:
-    """Weights of the iterates in a ring of COLUMNS, for each colour channel on its own."""
+    """Mixing weights of the iterates in a ring of COLUMNS, separately for each colour channel."""
 
     def __init__(self) -> None:
         self._valid: list[int] = []
         self._last_size = np.inf
 
     def weights(self, newest: int, products: np.ndarray) -> np.ndarray:
-        """Return the weights of all columns, (COLUMNS, 3) float64, sum 1.
+        """Return the weights of all columns, (COLUMNS, 3) float64, with sum 1.
 
-        newest    the column that was written last
-        products  (COLUMNS, COLUMNS, 3) float64, inner products: of the newest defect in its own row and
-                  column, of the differences to it in all others
+        newest    index of the latest column
+        products  (COLUMNS, COLUMNS, 3) float64, inner products of the newest defect (its own row and column)
+                  and of the differences of the other defects to it
 
-        Minimises |f + sum t_j (f_j - f)| over t, with safeguards: a ridge against dependence, and a
-        fresh start where the defect has grown (Walker and Ni 2011).
+        Minimises |f + sum t_j (f_j - f)| over t. A ridge handles linear dependence, and the history restarts
+        after the defect has grown (Walker and Ni 2011).
         """
         size = float(products[newest, newest].sum())
         if size > _GROWN * self._last_size:
@@ -47,16 +47,16 @@ class Anderson:
         return weights
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the columns that are mixed, the oldest first, and the size of the last defect, squared."""
+        """Return the indices of mixed columns, oldest first, and the squared norm of the last defect."""
         return np.array(self._valid, np.int64), np.array([self._last_size])
 
     def restore(self, columns: np.ndarray, size: np.ndarray) -> None:
-        """Go on from what `state` has returned."""
+        """Restore the result of `state`."""
         self._valid, self._last_size = columns.tolist(), float(size[0])
 
 
 def _least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Return t with gram t = -moment of each channel, columns scaled alike; zero where they vanish.
+    """Solve gram t = -moment for each channel, with columns scaled to unit norm; t is zero for null columns.
 
     gram: (c, k, k), moment: (c, k). Returns (c, k) float64.
     """

@@ -1,4 +1,4 @@
-"""The solution of a scene in which no light reaches any patch: known before anything is cast."""
+"""Solution of a scene without light, available without any iteration."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..bake_result import FluxBalance
 
 
 class BlackSolution:
-    """A `Solution` that is done from the start; see `Solver`."""
+    """`Solution` that is done from the start and black."""
 
     iterations = 0
     residual = 0.0
@@ -19,19 +19,19 @@ class BlackSolution:
     stand_in = None
 
     def __init__(self, count: int) -> None:
-        """Take the number of patches."""
+        """Create the solution for `count` patches."""
         self.energies: list[float] = []
         self.gathered = np.zeros((count, 4), np.float32)
         self.light = self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
         self.so_far, self.front = (self.gathered, self.direct), self.gathered[:, 3]
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Return the L1 of no light, (n, 3, 3) float32."""
+        """Return zero L1, (n, 3, 3) float32."""
         yield 1.0
         return np.zeros((len(self.gathered), 3, 3), np.float32)
 
     def energy(self, emission: np.ndarray) -> FluxBalance:
-        """Return that there is no light; see `solution.Solution.energy`."""
+        """Return a balance without flux; see `solution.Solution.energy`."""
         return FluxBalance(0.0, 0.0, 0.0, 0.0)
 
     def iteration(self) -> Generator[float, None, None]:

@@ -1,4 +1,4 @@
-"""The light of all patches on the OpenCL device: a sweep reads it there and leaves it there."""
+"""Radiosity state on the OpenCL device: iterations read and write irradiance there."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from ..patches.sides import Sides
 from .device_sides import DeviceSides
 from .radiosity_state import FluxSums, IterationStep, IterationSums
 
-#: Work items of the kernels that sum over patches, and of a group that adds their sums up: on a graphics
-#: card, where many items hide how long loads take, and on a processor. Many items keep float32 sums exact;
-#: powers of two are multiples of every work group.
+#: Numbers of work items of reductions, and of items per group of the final sum: on a GPU, where many items
+#: hide memory latency, and on a CPU. Many items keep float32 sums accurate. Powers of two are multiples of
+#: every work group.
 _ITEMS, _ADDING = (16384, 512), (256, 1)
 
-#: Numbers of a patch in buffers of light.
+#: Floats per patch in buffers of irradiance.
 _STRIDE = 4
 
-#: Light that takes at most this part of the device's memory is left there until the host asks for it.
+#: Largest fraction of the device memory, 1 / _LEFT, for which irradiance stays on the device until requested.
 _LEFT = 64
 
-#: Least sum of areas, m^2: slivers may have none.
+#: Minimum total area, m^2, because slivers may have none.
 _LEAST_AREA = 1e-30
 
 
 class DeviceRadiosity:
-    """See `solve.Radiosity`; parameters as of `host_radiosity.HostRadiosity` but for emission.
+    """See `solve.Radiosity`; parameters as in `host_radiosity.HostRadiosity`, except for these.
 
-    emission      float4 of each patch + 1, on the device, radiance that the patches see; entry 0 is black
-    radiance      float4 of each patch + 1; entry 0 and the last, of the surroundings, are black
-    patches_seen  float of each patch: the fraction of its view that other patches take
-    sparse        see `solve.Radiosity`: True for sweeps that can be sparse
-    sides         pairs of patches of translucent surfaces, of whose light `sampled_light` is blended already;
-                  None if there are none
-    fronts        number of patches that are no back faces, the first ones: the relative change is their mean;
+    emission      float4 by patch + 1 on the device, radiance visible to the patches; entry 0 is black
+    radiance      float4 by patch + 1; entry 0 and the last (background) are black
+    patches_seen  float of each patch: fraction of its hemisphere covered by other patches
+    sparse        True for gathers that support sparse iterations; see `solve.Radiosity`
+    sides         pairs of patches of translucent surfaces, whose `sampled_light` is blended already; None if
+                  none
+    fronts        number of patches on front faces, which come first; the relative change averages over them;
                   None for all
     """
 
@@ -74,7 +74,7 @@ class DeviceRadiosity:
         self._emission, self._reflectance = emission, float4_once(compute, reflectance)
         self._sampled_light = upload_float4_once(compute, sampled_light)
 
-        # Areas as fractions of all: bright light times large areas leaves float32.
+        # Store areas as fractions of their sum: bright light times large areas would overflow float32.
         self._area = compute.shared.of(
             area, "fractions", lambda: upload(compute, _fractions(area, self.area))
         )
@@ -96,15 +96,15 @@ class DeviceRadiosity:
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
-        # Sums of iterate_sums.cl: a product for each pair of columns, and three more; a balance has
-        # no more.
+        # Number of sums of iterate_sums.cl: one per pair of columns, and three more; a flux balance has
+        # fewer.
         self._numbers = len(self._pairs[0]) + 3
         self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
         self._mixture = np.zeros((columns + 1, 4), np.float32)
         self._weights = upload(compute, self._mixture)
 
     def outputs(self, column: int) -> tuple:
-        """Return what the kernels of kernels/gather/gather.cl take to write a column of the ring."""
+        """Return the arguments with which gather.cl writes an iterate to a column of the ring."""
         ring = (self._gathered, self._defects, np.int32(column), np.int32(self.count))
         return (self._sampled_light, self._irradiance, *ring)
 
@@ -115,7 +115,7 @@ class DeviceRadiosity:
             self._sides.blend(self.outputs(column))
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after a sweep; see `solve.Radiosity.sums`."""
+        """Return the sums after an iteration; see `solve.Radiosity.sums`."""
         self._compute.run(
             self._products, self._items,
             self._gathered, self._defects, np.int32(newest), self._reflectance, self._area,
@@ -127,7 +127,7 @@ class DeviceRadiosity:
         return IterationSums(products, sums[-3] * self.area, sums[-2] * self.area, sums[-1, 0] / self.count)
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Make the next irradiance; see `solve.Radiosity.mix`."""
+        """Compute the next irradiance; see `solve.Radiosity.mix`."""
         self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
         self._mixture[:-1, 3] = weights[:, 0]
         cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
@@ -142,12 +142,12 @@ class DeviceRadiosity:
         return IterationStep(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
     def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Let patches send out what others reflect; see `solve.Radiosity.set_substitutes`."""
+        """Set substitute patches; see `solve.Radiosity.set_substitutes`."""
         self._stand_in = upload(self._compute, stand_in.astype(np.uint32))
         self._make_radiance()
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums:
-        """Return where light goes; see `solve.Radiosity.balance`."""
+        """Return the flux balance; see `solve.Radiosity.balance`."""
         emitted = upload_float4_once(self._compute, emission, first=1)
         first = (
             float4_on_device(self._compute, direct)
@@ -162,31 +162,31 @@ class DeviceRadiosity:
         return FluxSums(*(self._read_sums(len(fields(FluxSums))) * self.area))
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last sweep; see `solve.Radiosity.gather_l1`."""
+        """Return L1 of the last iteration; see `solve.Radiosity.gather_l1`."""
         return (yield from self._sweep.gather_l1())
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return all that sweeps have made of the light; see `solve.Radiosity.state`."""
+        """Return the state of the light; see `solve.Radiosity.state`."""
         return {
             name: download(self._compute, buffer, (buffer.size // 4,))
             for name, buffer in self._state_buffers().items()
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Go on from what `state` has returned."""
+        """Restore the result of `state`."""
         for name, buffer in self._state_buffers().items():
             cl.enqueue_copy(self._queue, buffer, state[name])
 
     def iterate(self, column: int) -> Values:
-        """Return E/pi and the fraction that is no back, (n, 4) float32, of a column."""
+        """Return E/pi and the fraction without back faces of a column, (n, 4) float32."""
         return self._light(self._gathered, 16 * self.count * column)
 
     def mixed(self, column: int) -> Values:
-        """Return the next irradiance, and the fraction that is no back; see `solve.Radiosity.mixed`."""
+        """Return the next irradiance and the fraction without back faces; see `solve.Radiosity.mixed`."""
         return self._light(self._irradiance, 0)
 
     def _light(self, buffer: cl.Buffer, first: int) -> Values:
-        """Return float4 of all patches from the byte `first` of a buffer on: a copy."""
+        """Return a copy of float4 of all patches, from byte `first` of a buffer on."""
         compute, size = self._compute, 16 * self.count
         if size > compute.device.global_mem_size // _LEFT:
             return download(compute, buffer, (self.count, 4), first)
@@ -195,7 +195,7 @@ class DeviceRadiosity:
         return DeviceArray(compute, light, self.count, _STRIDE)
 
     def _state_buffers(self) -> dict[str, cl.Buffer]:
-        """Return the buffers that sweeps change and later ones read."""
+        """Return the buffers that iterations change and later iterations read."""
         return {
             "gathered": self._gathered,
             "defects": self._defects,
@@ -205,14 +205,14 @@ class DeviceRadiosity:
         }
 
     def _make_radiance(self) -> None:
-        """Make the radiance that goes with the irradiance."""
+        """Compute the exitant radiance of the current irradiance."""
         self._compute.run(
             self._send_out, self.count, self._emission, self._reflectance, self._irradiance,
             np.int32(_STRIDE), self._stand_in, self.radiance, np.int32(self.count),
         )  # fmt: skip
 
     def _read_sums(self, numbers: int) -> np.ndarray:
-        """Return the sums of all work items together, (numbers, 3) float64."""
+        """Return the sums over all work items, (numbers, 3) float64."""
         self._add_up(
             self._queue, (self._adding * numbers,), (self._adding,),
             self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * self._adding),
@@ -221,6 +221,6 @@ class DeviceRadiosity:
 
 
 def _fractions(area: np.ndarray, whole: float) -> np.ndarray:
-    """Return areas, (n,), as fractions of a whole, float32."""
+    """Return areas, (n,), as fractions of `whole`, float32."""
     fractions: np.ndarray = (area / max(whole, _LEAST_AREA)).astype(np.float32)
     return fractions

@@ -1,4 +1,4 @@
-"""Blends the light of both sides of translucent surfaces on the OpenCL device."""
+"""Blending of light between both sides of translucent surfaces, on the OpenCL device."""
 
 from __future__ import annotations
 
@@ -20,6 +20,6 @@ class DeviceSides:
         (self._kernel,) = compute.kernels("sides.cl", "blend_sides")
 
     def blend(self, outputs: tuple) -> None:
-        """Blend what a sweep gathered; outputs: as of `DeviceRadiosity.outputs`."""
+        """Blend the gathered light of each pair; outputs: from `DeviceRadiosity.outputs`."""
         count = np.int32(self._count)
         self._compute.run(self._kernel, self._count, *self._arguments, *outputs, count)

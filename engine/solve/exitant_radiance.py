@@ -1,4 +1,4 @@
-"""Radiance that patches send out, made on the OpenCL device."""
+"""Exitant radiance of patches, computed on the OpenCL device."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def exitant_radiance(
 ) -> cl.Buffer:
     """Return the radiance of patches on the device, float4 of each between two black entries.
 
-    Nobody changes the arrays afterwards: each goes to the device once.
+    The arrays must not change afterwards: each is uploaded only once.
 
-    emission     (n, 3) float32, radiance
+    emission     (n, 3) float32, W/(m^2 sr)
     reflectance  (n, 3) float32
     irradiance   (n, 3) float32, E/pi
-    stand_in     (n,) int64, the patch whose light each one sends out; None if each does its own
+    stand_in     (n,) int64, patch whose reflected light replaces each patch's own; None if none
     """
     (kernel,) = compute.kernels(_SOURCE, "exitant_radiance")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
@@ -40,9 +40,9 @@ def exitant_radiance(
 def replace_radiance(
     compute: ComputeDevice, radiance: cl.Buffer, patches: np.ndarray, values: np.ndarray
 ) -> None:
-    """Let some patches, (k,) int64, send out other radiance, (k, 3) float32.
+    """Replace the radiance of some patches, (k,) int64, by values, (k, 3) float32.
 
-    Radiance: as of `exitant_radiance`.
+    radiance: buffer from `exitant_radiance`
     """
     if len(patches):
         (kernel,) = compute.kernels(_SOURCE, "replace_radiance")

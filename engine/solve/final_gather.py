@@ -1,4 +1,4 @@
-"""What points receive of light that has settled: all of it, and the part that was not reflected."""
+"""Final gather: irradiance of points from a converged solution, in total and without reflected light."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .reflected_radiance import reflected_light
 
 
 class FinalGather:
-    """The light of n points, gathered once from m sources.
+    """Irradiance of n points, gathered once from m sources.
 
-    sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
-    emission         (m, 3) float32, radiance of sources that the points see
+    sampled_light    (n, 3) float32, E/pi of light sampled by shadow rays
+    emission         (m, 3) float32, emitted radiance of the sources
     reflectance      (m, 3) float32
-    bounces          False to gather no light that was reflected
-    separate_direct  True if direct and indirect light are outputs of their own
+    bounces          False to gather no reflected light
+    separate_direct  True if direct and indirect light are separate outputs
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class FinalGather:
     def gather(
         self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
     ) -> Generator[float, None, None]:
-        """Gather from sources of E/pi, (m, 3) float32; yield the fraction done.
+        """Gather from sources with E/pi `irradiance`, (m, 3) float32; yield the fraction done.
 
         stand_in: (m,) int64, see `reflected_light`
         """
@@ -57,7 +57,7 @@ class FinalGather:
         yield from self._all_light(self._final.gather_from(radiance))
 
     def _all_light(self, gather: Generator[float, None, np.ndarray]) -> Generator[float, None, None]:
-        """Gather all light, and before it what was not reflected if that is told apart."""
+        """Gather all light; before it gather emission alone if direct light is a separate output."""
         if self.separate_direct:
             self.direct = (yield from run_as_fraction(0.0, 0.5, self._final.gather(self._emission)))[:, :3]
         self.gathered = yield from run_as_fraction(1 - 1 / self.gathers, 1.0, gather)
@@ -66,7 +66,7 @@ class FinalGather:
         self.done = True
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of all light but the sampled, (n, 3, 3) float32; see `DeviceGather.gather_l1`."""
+        """Return L1 of all light except the sampled, (n, 3, 3) float32; see `DeviceGather.gather_l1`."""
         return (yield from self._final.gather_l1())
 
     @property
@@ -76,10 +76,10 @@ class FinalGather:
 
     @property
     def light(self) -> np.ndarray:
-        """What `irradiance` is; see `solution.Solution.light`."""
+        """The same as `irradiance`; see `solution.Solution.light`."""
         return self.irradiance
 
     @property
     def indirect(self) -> np.ndarray:
-        """E/pi of light that was reflected, (n, 3) float32."""
+        """E/pi of reflected light, (n, 3) float32."""
         return rest_of(self.irradiance, self.direct)

@@ -1,4 +1,4 @@
-"""The light of groups of patches: solved for each group, then gathered by each patch."""
+"""Solution by patch groups: iterations on the groups, then a final gather by each patch."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .solver import Solver
 
 
 class GroupedSolution:
-    """What a `Solver` is, for all patches, from a solver of groups.
+    """`Solution` for all patches from a solver of patch groups.
 
-    groups  of patches
-    last    by every patch, from the groups
+    groups  the patch groups
+    last    final gather of every patch from the groups
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class GroupedSolution:
 
     @property
     def iterations(self) -> int:
-        """Sweeps so far; the last gather is none."""
+        """Number of iterations so far, without the final gather."""
         return self._solver.iterations
 
     @property
@@ -40,17 +40,17 @@ class GroupedSolution:
 
     @property
     def residual(self) -> float:
-        """See `Solver.residual`."""
+        """Estimated convergence error; see `Solver.residual`."""
         return self._solver.residual
 
     @property
     def converged(self) -> bool:
-        """See `Solver.converged`."""
+        """True once the groups have converged; see `Solver.converged`."""
         return self._solver.converged
 
     @property
     def gathers_finally(self) -> bool:
-        """True if the next iteration is the last gather, by every patch."""
+        """True if the next iteration is the final gather by every patch."""
         return self._solver.done
 
     @property
@@ -60,37 +60,43 @@ class GroupedSolution:
 
     @property
     def of_patch_groups(self) -> np.ndarray:
-        """What the groups gathered, (m, 4) float32: E/pi, and the fraction that is no back."""
+        """E/pi of the groups and the fraction without back faces, (m, 4) float32."""
         return self._solver.gathered
 
     def iteration(self) -> Generator[float, None, None]:
-        """Sweep once, or gather for the last time if the sweeps are done; yield the fraction done."""
+        """Run one iteration of the groups, or the final gather once they are done.
+
+        Yield the fraction done.
+        """
         if not self._solver.done:
             yield from self._solver.iteration()
             return
         yield from self.last.gather(self._solver.irradiance, self._solver.stand_in)
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
-        """Return where the light of the groups goes; see `solution.Solution.energy`."""
+        """Return the flux balance of the groups; see `solution.Solution.energy`."""
         return self._solver.energy(emission)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last gather; see `radiosity_state.Radiosity.gather_l1`."""
+        """Return L1 of the final gather; see `radiosity_state.Radiosity.gather_l1`."""
         return (yield from self.last.gather_l1())
 
     @property
     def gathered(self) -> np.ndarray:
-        """E/pi and the fraction that is no back, (n, 4) float32; before the last gather of the groups."""
+        """E/pi and the fraction without back faces, (n, 4) float32.
+
+        Before the final gather, those of the groups.
+        """
         return self.last.gathered if self.done else self._solver.gathered[self.groups.group]
 
     @property
     def so_far(self) -> tuple[np.ndarray, np.ndarray]:
-        """What was gathered, and light that was not reflected; see `solution.Solution.so_far`."""
+        """Gathered and direct light; see `solution.Solution.so_far`."""
         return self.gathered, self.direct
 
     @property
     def front(self) -> np.ndarray:
-        """The fraction of each patch's view that no back takes, (n,) float32."""
+        """Fraction of each patch's hemisphere without back faces, (n,) float32."""
         return self.gathered[:, 3]
 
     @property
@@ -100,7 +106,7 @@ class GroupedSolution:
 
     @property
     def light(self) -> np.ndarray:
-        """What `irradiance` is; see `solution.Solution.light`."""
+        """The same as `irradiance`; see `solution.Solution.light`."""
         return self.irradiance
 
     @property
@@ -111,15 +117,15 @@ class GroupedSolution:
 
     @property
     def indirect(self) -> np.ndarray:
-        """E/pi of the light that patches reflect, (n, 3) float32."""
+        """E/pi of reflected light, (n, 3) float32."""
         return rest_of(self.irradiance, self.direct)
 
     @property
     def stand_in(self) -> np.ndarray | None:
-        """Of groups; see `Solver`."""
+        """Substitute groups; see `Solver`."""
         return self._solver.stand_in
 
     @property
     def settled(self) -> Values:
-        """E/pi of the groups that patches see, (m, 3) float32."""
+        """E/pi of the groups, from which the final gather computes radiance, (m, 3) float32."""
         return self._solver.light

@@ -1,4 +1,4 @@
-"""The light of all patches in host memory, for gathers that start and end there."""
+"""Radiosity state in host memory, for host gathers."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .reflected_radiance import reflected_light
 
 
 class HostRadiosity:
-    """See `solve.Radiosity`; its sweeps are never sparse.
+    """See `solve.Radiosity`; its iterations are never sparse.
 
     reflectance     (n, 3) float32
-    emission        (n, 3) float32, radiance that the patches themselves see as they gather
+    emission        (n, 3) float32, emitted radiance visible to the patches, W/(m^2 sr)
     area            (n,) float32, m^2
-    sampled_light   (n, 3) float32, E/pi of the light that shadow rays sample; None for none
+    sampled_light   (n, 3) float32, E/pi of light sampled by shadow rays; None for none
     gathers_direct  see `solve.Solver`
     columns         see `solve.Radiosity`
-    indirect        (n, 3) float32, E/pi of reflected light to begin with; None for none
-    direct          (n, 3) float32, E/pi of all other light to begin with it, if that is known
-    sides           pairs of patches of translucent surfaces; None if there are none
+    indirect        (n, 3) float32, E/pi of reflected light to start from; None for none
+    direct          (n, 3) float32, E/pi of all other light to start from, if known
+    sides           pairs of patches of translucent surfaces; None if none
     fronts          see `DeviceRadiosity`
     """
 
@@ -61,11 +61,11 @@ class HostRadiosity:
 
     @property
     def radiance(self) -> np.ndarray:
-        """What the patches send out, (n, 3) float32."""
+        """Exitant radiance of the patches, (n, 3) float32."""
         return self._emission + reflected_light(self._reflectance, self._irradiance, self._stand_in)
 
     def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Let patches send out what others reflect; see `solve.Radiosity.set_substitutes`."""
+        """Set substitute patches; see `solve.Radiosity.set_substitutes`."""
         self._stand_in = stand_in
 
     def sweep(self, column: int) -> Generator[float, None, None]:
@@ -78,7 +78,7 @@ class HostRadiosity:
         self._defects[column] = self._gathered[column, :, :3] - self._irradiance
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after a sweep; see `solve.Radiosity.sums`."""
+        """Return the sums after an iteration; see `solve.Radiosity.sums`."""
         total = self._gathered[newest, :, :3].sum(axis=1, dtype=np.float64)
         weight = 1 / np.maximum(total, least) ** 2
         differences = self._defects.astype(np.float64) - self._defects[newest]
@@ -92,7 +92,7 @@ class HostRadiosity:
         )
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Make the next irradiance; see `solve.Radiosity.mix`."""
+        """Compute the next irradiance; see `solve.Radiosity.mix`."""
         used = np.flatnonzero(weights.any(axis=1))
         following = sum(self._gathered[column, :, :3] * weights[column].astype(np.float32) for column in used)
         following = np.maximum(following + ambient.astype(np.float32), 0)
@@ -104,26 +104,26 @@ class HostRadiosity:
         return IterationStep(float(change.mean()), float(relative[: self._fronts].mean()), float(flux))
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> None:
-        """Return None: hemicubes that are summed at once do not tell sky from patches."""
+        """Return None: radiance hemicubes do not separate sky from patches."""
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Raise DeviceError: hemicubes that are summed at once tell no directions."""
+        """Raise DeviceError: radiance hemicubes store no directions."""
         raise DeviceError("Directional maps need OpenCL, and method auto, cached or stream.")
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return all that sweeps have made of the light; see `solve.Radiosity.state`."""
+        """Return the state of the light; see `solve.Radiosity.state`."""
         arrays = {"gathered": self._gathered, "defects": self._defects, "irradiance": self._irradiance}
         return {name: array.copy() for name, array in arrays.items()}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Go on from what `state` has returned."""
+        """Restore the result of `state`."""
         self._gathered, self._defects = state["gathered"].copy(), state["defects"].copy()
         self._irradiance = state["irradiance"].copy()
 
     def iterate(self, column: int) -> np.ndarray:
-        """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
+        """Return a copy of E/pi and the fraction without back faces of a column, (n, 4) float32."""
         return self._gathered[column].copy()
 
     def mixed(self, column: int) -> np.ndarray:
-        """Return the next irradiance, and the fraction that is no back; see `solve.Radiosity.mixed`."""
+        """Return the next irradiance and the fraction without back faces; see `solve.Radiosity.mixed`."""
         return np.concatenate([self._irradiance, self._gathered[column, :, 3:]], axis=1)

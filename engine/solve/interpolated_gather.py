@@ -1,4 +1,4 @@
-"""The last gather of patches, of which most have the light of the groups around them."""
+"""Adaptive final gather: interpolates smooth indirect light from patch groups, and traces the rest."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from .final_gather import FinalGather
 from .interpolation import Interpolation
 from .solver import Solver
 
-#: What fits planes, and what gathers; see `InterpolatedGather._by_squares`.
+#: Functions that fit planes and that gather; see `InterpolatedGather._by_squares`.
 _Fit = Callable[[Interpolation, list[np.ndarray]], tuple[list[np.ndarray], np.ndarray]]
 _GatherFor = Callable[[list[np.ndarray], np.ndarray], Generator[float, None, None]]
 
 
 class InterpolatedGather:
-    """What a `FinalGather` is, for n patches whose m groups a solver solves for, or they themselves.
+    """Adaptive `FinalGather` for n patches, from a solution of m patch groups or of the patches.
 
-    Where the light that the groups around a patch gather lies in a plane, the patch has it from there, with
-    what planes leave out of curved light. Of all others those gather first that lead smaller squares, and
-    planes are fitted to the light of these; then those that fit there neither. Those that gathered have the
-    light of planes through their own and that of their neighbours where it lies in one: it has less noise.
+    Where the irradiance of the groups around a patch is planar over the lightmap, the patch is interpolated,
+    with a correction for curvature. Among the remaining patches, the representatives of smaller squares
+    gather first, and planes are fitted to their irradiance; patches that still do not fit gather too.
+    Gathered irradiance that is planar with that of neighbour patches is replaced by the plane, which has less
+    noise.
 
-    squares          fit planes to the light of the groups that are solved for, then of smaller squares; none
-                     where patches are solved for
-    neighbours       fits planes to the light of patches
-    sampled_light    (n, 3) float32, E/pi of the light that shadow rays sample
-    of_groups        (m, 3) float32, the same of the groups
-    tolerance        what a plane may leave over, as a fraction of all light
-    separate_direct  True if direct and indirect light are outputs of their own
-    directional      True if it is asked where light comes from
-    last_of          makes the last gather of patches, from their numbers
+    squares          fit planes to the solved groups, then to smaller squares; empty if patches are solved
+    neighbours       fits planes to the irradiance of patches
+    sampled_light    (n, 3) float32, E/pi of light sampled by shadow rays
+    of_groups        (m, 3) float32, the same for the groups
+    tolerance        maximum residual of a plane, as a fraction of all light
+    separate_direct  True if direct and indirect light are separate outputs
+    directional      True if L1 is needed
+    last_of          creates the final gather of patches, from their indices
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class InterpolatedGather:
     def gather(
         self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
     ) -> Generator[float, None, None]:
-        """Gather from groups of E/pi, (m, 3) float32; see `FinalGather.gather`; yield the fraction done."""
+        """Gather from groups with E/pi `irradiance`, (m, 3) float32; see `FinalGather.gather`."""
         sampled, beside = self.direct, channel_sum(self.direct)
 
         def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
@@ -90,13 +90,13 @@ class InterpolatedGather:
         sampled_light: np.ndarray,
         gather_patches: Callable[[np.ndarray], Generator[float, None, np.ndarray]],
     ) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of light groups, (g, n, 3) float32, once all light was gathered.
+        """Return E/pi of light groups, (g, n, 3) float32, after all light was gathered.
 
         Yields the fraction done.
 
-        gathered        (m, 4) float32 of each light group, by groups of patches, without the sampled light
+        gathered        (m, 4) float32 of each light group, by patch group, without sampled light
         sampled_light   (g, n, 3) float32
-        gather_patches  gathers for patches, from their numbers
+        gather_patches  gathers for patches, from their indices
         """
         nothing, fitting = np.zeros(sampled_light.shape[1], np.float32), iter(self._fitting)
 
@@ -123,15 +123,15 @@ class InterpolatedGather:
         Yields the fraction done.
 
         fit         fits planes to the light of squares; see `Interpolation.fit`
-        gather_for  replaces the light of patches, by their numbers, in layers of all patches
-        lowest      what light is not below
+        gather_for  replaces the light of patches, by index, in layers of all patches
+        lowest      lower bound of the light
         """
         if self._squares:
             values, own = yield from self._from_squares(layers, fit, gather_for, lowest)
         else:
             values, own = layers, np.ones(len(self.gathered), bool)
 
-        # What gathered for itself is noisy; where it lies in a plane, that is not.
+        # Replace gathered light, which is noisy, by planes where it is planar.
         if own.any():
             found, fits = fit(self._neighbours, values)
             for layer, smoother in zip(values, found, strict=True):
@@ -141,7 +141,7 @@ class InterpolatedGather:
     def _from_squares(
         self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float
     ) -> Generator[float, None, tuple[list[np.ndarray], np.ndarray]]:
-        """Return the light of patches and which of them gathered it, (n,) bool; see `_by_squares`."""
+        """Return the light of patches and a mask of those that gathered, (n,) bool; see `_by_squares`."""
         solved, *smaller = self._squares
         values, fits = fit(solved, layers)
         solved.put_back(layers, values, fits, lowest)
@@ -166,9 +166,9 @@ class InterpolatedGather:
         return values, own | left
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Return the L1 of what was gathered, (n, 3, 3) float32; see `DeviceGather.gather_l1`.
+        """Return L1 of the gathered light, (n, 3, 3) float32; see `DeviceGather.gather_l1`.
 
-        A patch has it from the groups from which it has its light.
+        L1 is interpolated with the same weights as the light of each patch.
         """
         l1, front = np.asarray((yield from self._solver.gather_l1())), self._solver.gathered[:, 3:]
         axes = [np.concatenate([l1[:, axis], front], axis=1) for axis in range(3)]
@@ -196,7 +196,7 @@ class InterpolatedGather:
         return self.gathered[:, :3]
 
     def _layers(self) -> list[np.ndarray]:
-        """Return what groups gathered beside sampled light, (m, 4) float32 each: all, and what is direct."""
+        """Return E/pi of groups without sampled light, (m, 4) float32 each: total, and direct if separate."""
         gathered = self._solver.gathered.copy()
         add_colors(gathered, self._of_groups, -1)
         if not self.separate_direct:

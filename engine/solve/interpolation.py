@@ -1,4 +1,4 @@
-"""Light of patches from that of the groups around each, where it changes evenly from one to the next."""
+"""Interpolation of irradiance from patch groups to patches by local linear regression."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
-#: Light that is less or more than these parts of the mean counts as if it were that bright.
+#: Clamps of the local light that scales the tolerance, as fractions of the mean.
 _DARK, _BRIGHT = 0.05, 2.0
 
 
 class Interpolation:
-    """Planes fitted to the light of groups, around each of n patches; kernels/solve/interpolate.cl.
+    """Planes fitted to the irradiance of groups around each of n patches; kernels/solve/interpolate.cl.
 
-    leader  (m,) int64, the patch that leads each group
+    leader  (m,) int64, representative patch of each group
     """
 
     def __init__(
@@ -31,11 +31,11 @@ class Interpolation:
         opening: cl.Buffer | None,
         beside_backs: np.ndarray | None = None,
     ) -> None:
-        """Take the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`.
+        """Store the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`.
 
-        opening       float32 of each patch, see `openness`; None not to ask what is near
-        beside_backs  (n,) bool, patches in whose view back faces with patches of their own are: light changes
-                      quickly there, so that no plane is fitted to it; None if there are none
+        opening       float32 of each patch, see `openness`; None for no test of nearby geometry
+        beside_backs  (n,) bool, patches that see back faces with patches of their own. Irradiance varies
+                      quickly there, so no plane is fitted. None if there are none
         """
         self.leader, self._opening = leader, opening
         self._apart = None if beside_backs is None else beside_backs[leader]
@@ -56,13 +56,13 @@ class Interpolation:
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the light of each patch, (n, 4) float32 of each layer, and whether it fits, (n,) bool.
 
-        What is nearer or farther around a patch than around the groups does not fit either.
+        Patches whose openness differs from that of the groups do not fit either.
 
-        layers     (m, 4) float32 each, of the groups: light, and the fraction of the view that no back takes;
-                   the first tells what fits
-        beside     (n,) float32, other light of each patch, sum of the channels
-        tolerance  what a plane may leave over of the light of groups, as a fraction of all light there
-        lowest     what light is not below; minus infinity for values of both signs
+        layers     (m, 4) float32 each, of the groups: E/pi, and fraction of the hemisphere without back
+                   faces; the first layer decides the fit
+        beside     (n,) float32, other light of each patch, E/pi, sum of the channels
+        tolerance  maximum residual of a plane, as a fraction of all light of the patch
+        lowest     lower bound of the light; minus infinity for signed values
         """
         compute, count = self._compute, self._count
         write = cl.mem_flags.WRITE_ONLY
@@ -86,15 +86,15 @@ class Interpolation:
     def put_back(
         self, layers: list[np.ndarray], values: list[np.ndarray], fits: np.ndarray, lowest: float = 0.0
     ) -> None:
-        """Add to the light of patches what planes take from it where it is curved.
+        """Add a correction for curvature to interpolated light (twicing, Tukey 1977).
 
-        A plane lies below a dome and above a hollow of light. What groups have more than planes give their
-        leaders is smoothed as light was, which leaves little of its noise, and added (twicing, Tukey 1977).
+        A plane underestimates a maximum and overestimates a minimum of the light. The residuals of the groups
+        at their representatives are smoothed with the same weights and added.
 
         layers  (m, 4) float32 each, of the groups; see `fit`
-        values  (n, 4) float32 each, of the patches, as `fit` returns them
-        fits    (n,) bool, patches that have their light from groups
-        lowest  what light is not below; see `fit`
+        values  (n, 4) float32 each, of the patches, from `fit`; changed in place
+        fits    (n,) bool, True for interpolated patches
+        lowest  lower bound of the light; see `fit`
         """
         compute, count, leader = self._compute, self._count, self.leader
         rest = np.stack([layer - value[leader] for layer, value in zip(layers, values, strict=True)])
@@ -116,7 +116,7 @@ class Interpolation:
         layers: int,
         count: int,
     ) -> cl.Buffer:
-        """Return values of groups at chosen patches, or at all that fit: float4 of each, layer by layer."""
+        """Interpolate group values to chosen patches, or to all that fit: float4 of each, layer by layer."""
         compute = self._compute
         spread = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count * layers)
         compute.run(

@@ -1,9 +1,9 @@
-"""Bounces of large lightmaps: solved for squares of patches, gathered once more by every patch.
+"""Patch groups: bounces are computed for squares of patches, then every patch gathers once.
 
-Light that was reflected several times is smooth, and only its sources are averaged: what a patch shows
-is its own last gather. Patches that send out much more than those around them stay apart: a ceiling behind a
-panel is bright and hidden, and would count for what is seen beside the panel. Those inside of things stay
-apart, too: they are dark, and would darken the foot of a box that is sunk in a floor.
+Light after several bounces is smooth, and only the sources of a final gather are averaged, so lightmaps keep
+their detail. Patches that emit much more than their neighbours form groups of their own. An example is a
+ceiling behind a panel: it is bright but hidden, and would replace the visible ceiling beside the panel.
+Patches inside geometry stay separate too: they are dark, and would darken the floor around a sunken box.
 """
 
 from __future__ import annotations
@@ -22,25 +22,28 @@ from ..patches.patch_scene import PatchScene
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
-#: Squares of patches that a work group has along u and v, where the device allows that size.
+#: Squares per work group along u and v, where the device allows that size.
 _SQUARES = 8
 
 
 class PatchGroups:
-    """Squares of patches that are solved as one: each is a patch that stands for its members.
+    """Patch groups, each solved as one patch, its representative.
 
-    width           of a square, texels
-    group           (n,) int64, the group of each patch
-    leader          (m,) int64, the patch that each group is
-    texel_to_group  (atlases, r, r) uint32, the group + 1 of each texel's patch, or 0
+    width           side of the squares, texels
+    group           (n,) int64, group of each patch
+    leader          (m,) int64, representative patch of each group
+    texel_to_group  (atlases, r, r) uint32, group + 1 of each texel's patch, or 0
     """
 
     def __init__(
         self, rays: RayScene, parts: PatchScene, area: np.ndarray, leader: np.ndarray, width: int
     ) -> None:
-        """Take what casts rays from patches, what is known of them, and the patch that each follows.
+        """Form groups.
 
-        area: (n,) float32, m^2; leader: (n,) uint32, see `group_representatives`
+        rays    rays from the patches
+        parts   the patches
+        area    (n,) float32, m^2
+        leader  (n,) uint32, see `group_representatives`
         """
         self.width = width
         self.group, self.leader = numbered(leader)
@@ -52,7 +55,7 @@ class PatchGroups:
 
     @cached_property
     def parts(self) -> PatchScene:
-        """Groups as a PatchScene."""
+        """The groups as a PatchScene, with mean materials and the geometry of the representatives."""
         parts, leader = self._parts, self.leader
         surfaces = PatchMaterials(
             self.mean(colors_on_host(parts.surfaces.reflectance)),
@@ -69,42 +72,42 @@ class PatchGroups:
 
     @cached_property
     def area(self) -> np.ndarray:
-        """Area of all patches in each group, (m,) float32, m^2."""
+        """Total area of the patches in each group, (m,) float32, m^2."""
         members = np.bincount(self.group, minlength=len(self.leader)).astype(np.float32)
         area: np.ndarray = self.mean(self._area) * members
         return area
 
     @cached_property
     def rays(self) -> RayScene:
-        """Casts rays from the groups."""
+        """Rays from the groups."""
         return self._rays.of(self.parts)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the mean over each square of the patches' values, (n, ...) -> (m, ...) float32."""
+        """Return the mean of patch values over each group, (n, ...) -> (m, ...) float32."""
         if not values.any():
             return np.zeros((len(self.leader), *values.shape[1:]), np.float32)
         return self._means.of(values)
 
 
 class SinglePatches:
-    """Patches that are solved each on its own, as `PatchGroups` of one.
+    """Identity grouping, in which each patch is a group of its own.
 
-    group  (n,) int64, the number of each patch
+    group  (n,) int64, index of each patch
     """
 
     def __init__(self, count: int) -> None:
         self.group = np.arange(count)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the patches' values, (n, ...)."""
+        """Return the values of the patches, (n, ...), unchanged."""
         return values
 
 
 class _GroupMeans:
-    """Means over groups, on the OpenCL device.
+    """Means over groups, computed on the OpenCL device.
 
-    leader   (n,) uint32, the patch that each follows
-    leading  (m,) int64, those that lead
+    leader   (n,) uint32, representative of each patch
+    leading  (m,) int64, all representatives
     """
 
     def __init__(
@@ -119,7 +122,7 @@ class _GroupMeans:
         )  # fmt: skip
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Return the means of values, (n, ...), (m, ...) float32."""
+        """Return the group means of values, (n, ...) -> (m, ...) float32."""
         compute, channels = self._compute, values.size // len(values)
         count = self._count * channels
         means = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * count)
@@ -129,9 +132,9 @@ class _GroupMeans:
 
 
 def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the group of each patch, (n,) int64, and the patch that leads each group, (m,) int64.
+    """Return the group of each patch, (n,) int64, and the representative of each group, (m,) int64.
 
-    leader: (n,) uint32, the patch that each follows
+    leader: (n,) uint32, representative of each patch
     """
     leading = np.flatnonzero(leader == np.arange(len(leader), dtype=np.uint32))
     number = np.zeros(len(leader), np.int64)
@@ -142,13 +145,13 @@ def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def group_representatives(
     rays: RayScene, parts: PatchScene, radiance: np.ndarray, inside: np.ndarray, width: int
 ) -> np.ndarray:
-    """Return the patch that each patch follows, (n,) uint32; kernels/solve/patch_groups.cl.
+    """Return the representative of each patch, (n,) uint32; kernels/solve/patch_groups.cl.
 
-    Patches of back faces stay alone: they are as coarse as a group already.
+    Patches of back faces are not grouped, since they are as coarse as groups already.
 
-    radiance  (n,) float32, what each sends out before any bounce, sum of the channels
-    inside    (n,) bool, patches inside of something, see `patches_inside`
-    width     of a square, texels
+    radiance  (n,) float32, radiance before any bounce, sum of the channels
+    inside    (n,) bool, patches inside geometry, see `patches_inside`
+    width     side of the squares, texels
     """
     compute, patches = rays.compute, parts.patches
     (group_patches,) = compute.kernels((RECEIVER, "patch_groups.cl"), "group_patches")

@@ -1,4 +1,4 @@
-"""The light of all patches, what a sweep does to it, and what a solver learns of each sweep."""
+"""Protocol of the radiosity state: irradiance of all patches, one iteration on it, and its sums."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ..bake_result import FluxBalance
 from ..device.device_array import Values
 from ..gather.device_l1 import L1
 
-#: Iterates that the paper's iteration keeps: the newest, and the one before it to compare with.
+#: Iterates kept by the paper's iteration: the newest, and its predecessor for comparison.
 PLAIN_COLUMNS = 2
 
 
 @dataclass(frozen=True)
 class IterationSums:
-    """Sums over all patches after a sweep; see kernels/solve/iterate_sums.cl.
+    """Sums over all patches after an iteration; see kernels/solve/iterate_sums.cl.
 
     products   (c, c, 3) float64, c columns, see `Anderson.weights`
-    reflected  (3,) float64, m^2: what the patches reflect of the newest defect, times their area
-    seen       (3,) float64, m^2: the same of light 1 wherever they see others
-    total      mean of E/pi of all channels together
+    reflected  (3,) float64, m^2, reflectance times area times the newest defect
+    seen       (3,) float64, m^2, reflectance times area times the fraction of visible patches
+    total      mean of E/pi, sum of the channels
     """
 
     products: np.ndarray
@@ -34,14 +34,14 @@ class IterationSums:
 
 @dataclass(frozen=True)
 class FluxSums:
-    """Where light goes: radiance times area, summed over all patches, (3,) float64 each, W/sr.
+    """Flux balance: radiance times area, summed over all patches, (3,) float64 each, W/sr.
 
-    incident   gathered
-    reflected  of it
-    escaped    sent out to where nothing is
-    on_backs   sent out to backs
-    sources    gathered of light that was not reflected, and emitted to where no patch is
-    under_way  reflected by the last sweep, to be gathered by the next
+    incident   gathered by patches
+    reflected  reflected by patches
+    escaped    emitted and reflected towards the background
+    on_backs   emitted and reflected towards back faces
+    sources    gathered from sources, and emitted where no patch receives it
+    under_way  reflected in the last iteration, to be gathered in the next
     """
 
     incident: np.ndarray
@@ -53,7 +53,7 @@ class FluxSums:
 
     @property
     def energy(self) -> FluxBalance:
-        """The same as flux."""
+        """The balance as flux, W."""
         absorbed = self.incident - self.reflected + self.on_backs
         flows = (self.sources, absorbed, self.escaped, self.under_way)
         return FluxBalance(*(float(np.pi * flow.mean()) for flow in flows))
@@ -61,11 +61,11 @@ class FluxSums:
 
 @dataclass(frozen=True)
 class IterationStep:
-    """What the next irradiance differs by, mean over the patches.
+    """Change of irradiance in one iteration, mean over the patches.
 
     change    of E/pi, sum of the channels
-    relative  to each patch's own light, mean over fronts: lightmaps show no back faces
-    flux      added to what leaves the patches, W, sum of all patches and channels
+    relative  relative to each patch's own light, mean over front faces, since lightmaps show no back faces
+    flux      flux added to the patches' exitant light, W, sum of all patches and channels
     """
 
     change: float
@@ -74,20 +74,20 @@ class IterationStep:
 
 
 class Radiosity(Protocol):
-    """The light of all patches and what a sweep does to it.
+    """Irradiance of all patches, and one iteration on it.
 
-    count    patches
-    area     sum over all patches, m^2
-    columns  iterates that are kept, in a ring: `anderson.COLUMNS` for acceleration, else PLAIN_COLUMNS
-    sparse   True while sweeps gather from a few of the samples of each patch: what these miss is noise, which
-             the first sweep from all of them takes out but for its mean. A solver ends it, and leaves it out
-             of the sweep that gives direct light
+    count    number of patches
+    area     total area, m^2
+    columns  iterates kept in a ring: `anderson.COLUMNS` with acceleration, else PLAIN_COLUMNS
+    sparse   True while iterations gather from a part of the samples. The error is noise per patch, which the
+             first full iteration removes except for its mean. The solver ends this state; the iteration for
+             direct light is always full
 
-    For a warm start the first irradiance contains reflected light; if patches gather direct light, too, a
-    sweep for that alone comes first, and the last column holds the reflected light meanwhile.
+    A warm start begins with reflected light in the first irradiance. If patches gather direct light too, an
+    iteration for direct light alone comes first, and the last column holds the reflected light meanwhile.
 
-    An iterate is what all patches gathered from the radiance of the irradiance before; its defect is
-    the difference to that irradiance.
+    An iterate is the light gathered from the radiance of the previous irradiance; its defect is the
+    difference to that irradiance.
     """
 
     count: int
@@ -99,40 +99,42 @@ class Radiosity(Protocol):
         """Gather from the current radiance into a column of the ring; yield the fraction done."""
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after a sweep; patches weigh 1 / light^2, but have at least the light `least`."""
+        """Return the sums after an iteration; patches have the weight 1 / max(E/pi, least)^2."""
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Make the next irradiance: iterates times (columns, 3), and (3,) wherever patches are seen."""
+        """Compute the next irradiance: iterates weighted by (columns, 3), plus ambient light, (3,).
+
+        Ambient light is multiplied by each patch's fraction of visible patches. least: minimum light for the
+        relative change.
+        """
 
     def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Let each patch send out what another one reflects, (n,) int64, itself for most, and its emission.
+        """Replace the reflected light of each patch by that of another, (n,) int64, itself for most.
 
-        That goes for the current radiance, too.
+        Emission stays. The current radiance is updated, too.
         """
 
     def iterate(self, column: int) -> Values:
-        """Return E/pi and the fraction that is no back, (n, 4) float32, of a column: a copy."""
+        """Return a copy of E/pi and the fraction without back faces of a column, (n, 4) float32."""
 
     def mixed(self, column: int) -> Values:
-        """Return the next irradiance, and a column's fraction that is no back, (n, 4) float32: a copy."""
+        """Return a copy of the next irradiance and a column's fraction without back faces, (n, 4) float32."""
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums | None:
-        """Return where light goes after a sweep; None where it is not known what part of a view patches take.
+        """Return the flux balance after an iteration; None if the fraction of visible patches is unknown.
 
-        emission  (n, 3) float32, radiance of each patch, all of it
+        emission  (n, 3) float32, total emitted radiance of each patch
         direct    (n, 3) float32, E/pi of light that was not reflected
         """
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last sweep, (n, 3, 3) float32, see `DeviceGather.gather_l1`.
+        """Return L1 of the last iteration, (n, 3, 3) float32, see `DeviceGather.gather_l1`.
 
-        Yield the fraction done.
-
-        Raises DeviceError where no directions are known.
+        Yields the fraction done. Raises DeviceError if samples have no directions.
         """
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return all that sweeps have made of the light, by name: a copy."""
+        """Return a copy of all arrays that iterations have changed, by name."""
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Go on from what `state` has returned."""
+        """Restore the result of `state`."""

@@ -1,4 +1,4 @@
-"""A solver that goes on from the light of an interrupted bake, and writes down its own."""
+"""Solver with checkpoints: resumes from the state of an interrupted bake, and writes its own state."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .solver import FindStandIns, Solver
 
 
 class ResumedSolver(Solver):
-    """See `Solver`: it begins with the state that a checkpoint holds, and gives it its own between sweeps.
+    """`Solver` that starts from a checkpoint's state and stores its own between iterations.
 
-    The last sweep is always made: what it leaves on the device is read after it.
+    The last iteration is always run, because its result on the device is read afterwards.
 
-    key  makes that of the light, in the checkpoint
+    key  returns the key of the light in the checkpoint
     """
 
     def __init__(
@@ -41,18 +41,16 @@ class ResumedSolver(Solver):
         state = checkpoint.light(key)
         if state is not None and len(state["steps"]) < self._limit:
             self._restore(state)
-            checkpoint.tell(
-                f"The light went on from iteration {self.iterations} of a bake that was interrupted."
-            )
+            checkpoint.tell(f"Light was restored from iteration {self.iterations} of an interrupted bake.")
 
     def iteration(self) -> Generator[float, None, None]:
-        """Sweep once; yield the fraction done."""
+        """Run one iteration; yield the fraction done."""
         yield from super().iteration()
         if self._checkpoint.due and not self.done:
             self._checkpoint.write_light(self._key, self._state())
 
     def _state(self) -> Arrays:
-        """Return all that later iterations depend on."""
+        """Return all state on which later iterations depend."""
         state = self._radiosity.state()
         state["ring"] = np.array([self._newest])
         state["total"] = np.array([self._total])
@@ -67,7 +65,7 @@ class ResumedSolver(Solver):
         return state
 
     def _restore(self, state: Arrays) -> None:
-        """Go on from what `_state` has returned."""
+        """Restore the result of `_state`."""
         self._radiosity.restore(state)
         self._let_stand_in(state.get("stand_in"))
         self._newest, self._total = int(state["ring"][0]), float(state["total"][0])

@@ -1,4 +1,4 @@
-"""What is known of a bake's light: of every patch, of groups of them, or that there is none."""
+"""Protocol of the solution of a bake: by patches, by patch groups, or black."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from ..gather.device_l1 import L1
 
 
 class Solution(Protocol):
-    """What is known of a bake's light: `Solver`, `GroupedSolution` or `BlackSolution`."""
+    """Solution of a bake: `Solver`, `GroupedSolution` or `BlackSolution`."""
 
     def iteration(self) -> Generator[float, None, None]:
-        """Sweep once; yield the fraction done."""
+        """Run one iteration; yield the fraction done."""
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
+        """Return L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
         ...
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
-        """Return where the light goes, see `Report`.
+        """Return the flux balance, see `Report`.
 
-        emission: (m, 3) float32, radiance of what the patches see, themselves or groups of them, all of it.
+        emission: (m, 3) float32, total emitted radiance of the sources: patches, or patch groups
         """
 
     @property
     def iterations(self) -> int:
-        """Sweeps so far."""
+        """Number of iterations so far."""
         ...
 
     @property
@@ -40,17 +40,17 @@ class Solution(Protocol):
 
     @property
     def gathered(self) -> np.ndarray:
-        """E/pi and the fraction that is no back, (n, 4) float32."""
+        """E/pi and the fraction of the hemisphere without back faces, (n, 4) float32."""
         ...
 
     @property
     def so_far(self) -> tuple[Values, Values]:
-        """What `gathered` and `direct` are, where they are: the device may hold them."""
+        """`gathered` and `direct` without a copy to the host, if they are on the device."""
         ...
 
     @property
     def front(self) -> np.ndarray:
-        """The fraction of each patch's view that no back takes, (n,) float32."""
+        """Fraction of each patch's hemisphere without back faces, (n,) float32."""
         ...
 
     @property
@@ -60,7 +60,7 @@ class Solution(Protocol):
 
     @property
     def light(self) -> Values:
-        """What `irradiance` is, where it is; nobody changes it."""
+        """`irradiance` without a copy to the host, if it is on the device; must not be changed."""
         ...
 
     @property
@@ -70,17 +70,17 @@ class Solution(Protocol):
 
     @property
     def indirect(self) -> np.ndarray:
-        """E/pi of light that was, (n, 3) float32."""
+        """E/pi of reflected light, (n, 3) float32."""
         ...
 
     @property
     def settled(self) -> Values:
-        """E/pi of what the patches see, (m, 3) float32: of themselves, or of groups of them."""
+        """E/pi of the sources, (m, 3) float32: of patches, or of patch groups."""
         ...
 
     @property
     def stand_in(self) -> np.ndarray | None:
-        """Which of what patches see sends out the light of each, (m,) int64; None if each does its own."""
+        """Substitute of each source, (m,) int64, whose reflected light replaces its own; None if none."""
         ...
 
     @property
@@ -90,7 +90,7 @@ class Solution(Protocol):
 
     @property
     def converged(self) -> bool:
-        """True once the residual is below the tolerance."""
+        """True once the residual is at or below the tolerance."""
         ...
 
     @property
@@ -100,5 +100,5 @@ class Solution(Protocol):
 
     @property
     def gathers_finally(self) -> bool:
-        """True if the next iteration is one more gather of light that has settled."""
+        """True if the next iteration is the final gather."""
         ...

@@ -1,4 +1,4 @@
-"""Solves the radiosity equation: sweeps until the light has settled, and judges how far it is from that."""
+"""Radiosity solver: iterates until the estimated error is below the tolerance."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, Radios
 
 
 class Seen(Protocol):
-    """What patches have gathered, of which the device may hold the most."""
+    """Gathered light of patches, most of which may be on the device."""
 
     @property
     def front(self) -> np.ndarray:
-        """The fraction of each patch's view that no back takes, (n,) float32."""
+        """Fraction of each patch's hemisphere without back faces, (n,) float32."""
         ...
 
     def light_of(self, patches: np.ndarray) -> np.ndarray:
@@ -29,46 +29,46 @@ class Seen(Protocol):
         ...
 
 
-#: Returns which patches stand in for others from what the first sweep has gathered.
+#: Function that returns substitute patches from the result of the first iteration.
 FindStandIns = Callable[[Seen], np.ndarray | None]
 
-#: Patches darker than this fraction of the mean count as if they had it.
+#: Minimum light in relative errors, as a fraction of the mean.
 _DARK = 1e-4
 
-#: The least light that weights are made with: float32 holds the square of its reciprocal.
+#: Minimum E/pi in error weights; its squared reciprocal fits float32.
 _DARKEST = 1e-15
 
-#: After sparse sweeps at least this many gather from all samples of each patch, where the limit allows it.
+#: Minimum number of full iterations after sparse ones, within the iteration limit.
 _FULL_SWEEPS = 3
 
-#: They begin once the residual is at most this multiple of the tolerance.
+#: Full iterations begin once the residual is at most this multiple of the tolerance.
 _NEARLY = 4.0
 
-#: One accelerated sweep is not believed to cut the error by more than this factor.
+#: Maximum error reduction that is assumed for one accelerated iteration.
 _MOST_GAIN = 4.0
 
 
 class Solver:
-    """Sweeps until the light has settled.
+    """Solver of the radiosity equation.
 
-    Without acceleration this is the paper's iteration: every patch gathers the radiance of the one
-    before (paper, IV.C). With it the first step adds the ambient light that energy balance demands
-    (Cohen et al. 1988), all later ones mix iterates as Anderson does.
+    Without acceleration this is the paper's iteration: every patch gathers the radiance of the previous
+    iteration (paper, IV.C). With acceleration, the first step adds the ambient light that energy balance
+    requires (Cohen et al. 1988), and later steps use Anderson acceleration.
 
-    radiosity       holds the light; its first radiance is emission, or that with the sampled light reflected;
-                    with more than PLAIN_COLUMNS columns, sweeps are accelerated
-    sampled_light   (n, 3) float32, E/pi of the light that shadow rays sample
-    gathers_direct  True if the patches gather light at first: the first sweep then gives the direct light
-                    of emission and surroundings
-    reflected       (n, 3) float32, E/pi of reflected light that the radiosity begins with, if it does
-    direct          (n, 3) float32, E/pi of light that is not reflected, if the radiosity begins with it, too
-    front           (n,) float32, the fraction of each patch's view that no back takes, if it is known
-    find_stand_ins  returns `stand_in` from what the first sweep gathered; None to let nothing stand in
-    stand_in        (n,) int64, the patch whose reflected light each one sends out, itself for most; None for
-                    all, and before the first sweep
+    radiosity       holds the light; its first radiance is emission, or emission plus reflected sampled light;
+                    iterations are accelerated if it has more than PLAIN_COLUMNS columns
+    sampled_light   (n, 3) float32, E/pi of light sampled by shadow rays
+    gathers_direct  True if patches gather emission and background in the first iteration, which then gives
+                    direct light
+    reflected       (n, 3) float32, E/pi of the reflected light in the radiosity's start state; None for none
+    direct          (n, 3) float32, E/pi of the unreflected light in the start state; None for none
+    front           (n,) float32, fraction of each hemisphere without back faces, if known
+    find_stand_ins  returns `stand_in` from the result of the first iteration; None for no substitutes
+    stand_in        (n,) int64, patch whose reflected light replaces each patch's own, itself for most; None
+                    for no substitutes, and before the first iteration
 
-    A sparse radiosity is first solved by cheap sweeps, then by a few from all samples of each patch: that
-    solution is right but for noise, which averages remove at once, and the ambient light of the noise's mean.
+    A sparse radiosity is first solved by sparse iterations, then by a few full ones. The sparse solution is
+    correct except for noise. A full iteration averages the noise out; the ambient step corrects its mean.
     """
 
     gathers_finally = False
@@ -96,7 +96,7 @@ class Solver:
         self._steps: list[IterationStep] = []
         self._factors: list[float] = []
 
-        # Whether sweeps are sparse, and how many were before the first one from all samples.
+        # True while iterations are sparse; number of iterations before the first full one.
         self._sparse, self._refined = radiosity.sparse, 0
         self._gathered: Values | None = None
         self._light: tuple[np.ndarray, np.ndarray] | None = None
@@ -104,7 +104,7 @@ class Solver:
 
     @property
     def iterations(self) -> int:
-        """Sweeps so far."""
+        """Number of iterations so far."""
         return len(self._steps)
 
     @property
@@ -118,7 +118,7 @@ class Solver:
         if self._newest < 0:
             return self._sampled_light
 
-        # The same array each time: the device keeps what it was given once.
+        # Return the same array object each time: uploads are cached by object.
         light = self._newest_light
         if isinstance(light, DeviceArray):
             return light.colors
@@ -128,33 +128,33 @@ class Solver:
 
     @property
     def light(self) -> Values:
-        """What `irradiance` is, where it is: the device may hold it."""
+        """`irradiance` without a copy to the host, if it is on the device."""
         device = self._newest >= 0 and isinstance(self._newest_light, DeviceArray)
         return self._newest_light if device else self.irradiance
 
     @property
     def gathered(self) -> np.ndarray:
-        """What the last sweep gathered, (n, 4) float32: E/pi, and the fraction that is no back.
+        """Result of the last iteration, (n, 4) float32: E/pi, and the fraction without back faces.
 
-        After that for direct light alone, with the light that was reflected before.
+        After an iteration for direct light alone, the earlier reflected light is included.
         """
         return rows_of(self._newest_light)
 
     @property
     def so_far(self) -> tuple[Values, Values]:
-        """What `gathered` and `direct` are, where they are: the device may hold them."""
+        """`gathered` and `direct` without a copy to the host, if they are on the device."""
         return self._newest_light, self._direct
 
     @property
     def _newest_light(self) -> Values:
-        """What the last sweep gathered."""
+        """Result of the last iteration."""
         if self._gathered is None:
             self._gathered = self._radiosity.iterate(self._newest)
         return self._gathered
 
     @property
     def front(self) -> np.ndarray:
-        """The fraction of each patch's view that no back takes, (n,) float32: no sweep changes it."""
+        """Fraction of each patch's hemisphere without back faces, (n,) float32; equal in all iterations."""
         if self._front is None:
             light = self._newest_light
             self._front = (
@@ -175,18 +175,19 @@ class Solver:
 
     @property
     def indirect(self) -> np.ndarray:
-        """E/pi of the light that patches reflect, (n, 3) float32."""
+        """E/pi of reflected light, (n, 3) float32."""
         return rest_of(self.irradiance, self.direct)
 
     @property
     def settled(self) -> Values:
-        """E/pi of what the patches see, themselves, (n, 3) float32."""
+        """E/pi of the sources, which are the patches themselves, (n, 3) float32."""
         return self.light
 
     def iteration(self) -> Generator[float, None, None]:
-        """Sweep once; yield the fraction done.
+        """Run one iteration; yield the fraction done.
 
-        A warm start sweeps for direct light alone before the first iteration, if that is not known.
+        A warm start runs an iteration for direct light alone before the first one, if direct light is
+        unknown.
         """
         if self._sparse and self._nearly_done:
             self._refine()
@@ -210,43 +211,44 @@ class Solver:
         self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
 
     def _let_stand_in(self, stand_in: np.ndarray | None) -> None:
-        """Let patches send out what others reflect; None for none."""
+        """Set substitute patches; None for none."""
         self.stand_in = stand_in
         if stand_in is not None:
             self._radiosity.set_substitutes(stand_in)
 
     @property
     def _nearly_done(self) -> bool:
-        """True once sweeps from all samples are due."""
+        """True once full iterations are due."""
         left = self._limit - self.iterations
         return left <= _FULL_SWEEPS or self.residual <= _NEARLY * self._tolerance
 
     def _refine(self) -> None:
-        """Let sweeps to come gather from all samples, another operator: older iterates do not count."""
+        """Switch to full iterations. Their operator differs, so older iterates are discarded."""
         self._sparse, self._refined = False, self.iterations
         self._anderson = self._anderson and Anderson()
 
     @property
     def _least_part(self) -> float:
-        """The least light that weights are made with, as a fraction of the mean.
+        """Minimum light in error weights, as a fraction of the mean.
 
-        Acceleration lets patches below the mean weigh alike; factors are of errors relative to own light.
+        With acceleration, patches below the mean have equal weights. Without it, weights are relative to each
+        patch's own light.
         """
         return _DARK if self._anderson is None else 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of the last sweep; see `Radiosity.gather_l1`."""
+        """Return L1 of the last iteration; see `Radiosity.gather_l1`."""
         return (yield from self._radiosity.gather_l1())
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
-        """Return where the light goes; see `solution.Solution.energy`."""
+        """Return the flux balance; see `solution.Solution.energy`."""
         if not self._steps:
             return None
         balance = self._radiosity.balance(self._newest, emission, self._direct)
         return None if balance is None else balance.energy
 
     def _sweep_direct(self) -> Generator[float, None, None]:
-        """Sweep for direct light alone, and add the reflected light that the last column holds."""
+        """Run an iteration for direct light alone, and add the reflected light in the last column."""
         yield from self._radiosity.sweep(0)
         self._newest = 0
         self._direct = _colors(self._radiosity.iterate(0))
@@ -256,7 +258,7 @@ class Solver:
         self._gathered = self._radiosity.mixed(0)
 
     def _mixture(self, sums: IterationSums) -> tuple[np.ndarray, np.ndarray]:
-        """Return weights of the columns, (columns, 3), and the ambient light, (3,)."""
+        """Return the weights of the columns, (columns, 3), and the ambient light, (3,)."""
         weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
         weights[self._newest] = 1
         if self._anderson is not None:
@@ -270,10 +272,11 @@ class Solver:
     def residual(self) -> float:
         """Estimated remaining error of E, relative to E of each patch, mean over all; NaN while unknown.
 
-        Relative to its own: in a room beside a sunlit square, the mean of both says nothing. The next
-        accelerated step is what acceleration believes to be missing; plain steps go on shrinking by the
-        larger of the last two factors, since early bounces may meet dark surfaces. The first step from all
-        samples tells how noisy the sparse ones were, not how much light was missing.
+        The error is relative per patch, because a mean over a dark room beside a sunlit square has no
+        meaning. With acceleration the size of the step estimates the missing light. Plain steps are
+        extrapolated as a geometric series with the larger of the last two reduction factors, since early
+        bounces may meet dark surfaces. The first full step after sparse ones measures noise, not missing
+        light, so it is skipped.
         """
         if self._steps and self._steps[-1].change == 0:
             return 0.0
@@ -293,22 +296,22 @@ class Solver:
 
     @property
     def done(self) -> bool:
-        """True once converged, or out of iterations."""
+        """True once converged, or at the iteration limit."""
         return self.iterations >= self._limit or (self._tolerance > 0 and self.converged)
 
 
 def _colors(light: Values) -> Values:
-    """Return the colours of light, (n, 4): (n, 3), where it is."""
+    """Return the first three columns of (n, 4) light; light on the device is returned as it is."""
     return light if isinstance(light, DeviceArray) else light[:, :3]
 
 
 def _schwarz_quotient(products: np.ndarray, newest: int) -> float:
-    """Return the factor (f, f) / (f, g) by which defects shrink, from the last one, g, to the newest, f.
+    """Return the Schwarz quotient (f, f) / (f, g): the reduction from the last defect g to the newest f.
 
-    Patches count by f as much as by g: those whose light has settled do not, however many they are. For a
-    symmetric operator such quotients rise towards its largest eigenvalue (Collatz 1949, Schwarz quotients).
+    For a symmetric operator these quotients rise towards its largest eigenvalue (Collatz 1949). Patches with
+    converged light hardly contribute, however many they are.
 
-    products  of two or more columns, see `IterationSums`
+    products: of two or more columns, see `IterationSums`
     """
     before = (newest - 1) % len(products)
     size = float(products[newest, newest].sum())
@@ -317,5 +320,5 @@ def _schwarz_quotient(products: np.ndarray, newest: int) -> float:
 
 
 def _geometric_rest(last: float, factor: float) -> float:
-    """Return the sum of all steps to come after the last one if each is smaller by a factor."""
+    """Return the sum of all later steps if each is smaller than the one before by a factor."""
     return last * factor / (1 - factor) if factor < 1 else float("inf")

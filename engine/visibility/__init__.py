@@ -1,1 +1,1 @@
-"""What each patch sees."""
+"""Visibility of patches: samplers by rays or rasterised hemicubes, and their sample patterns."""

@@ -1,4 +1,4 @@
-"""Which patch each sample of every patch's view meets: found once, or anew in every iteration."""
+"""Visibility samplers: the item-buffer entry (patch ID) of each hemisphere sample of a patch."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from .unoccluded_sky import open_sky
 
 
 def identity_options(size: int, tinted: bool = False) -> tuple[str, ...]:
-    """Return the build options of kernels that read or write samples of `size` bytes, perhaps with tints."""
+    """Return the build options of kernels for samples of `size` bytes, with or without tints."""
     return ("-DNARROW",) if size == 2 else ("-DTINTED",) if tinted else ()
 
 
 def directional_options(settings: Settings) -> tuple[str, ...]:
-    """Return the build options of kernels that sum the L1 of light, if the settings ask for it."""
+    """Return the build options of kernels that sum L1, if directional maps are requested."""
     projected = ("-DPROJECTED",) if settings.projected else ()
     return ("-DDIRECTIONAL", *projected) if settings.directional else ()
 
 
 @dataclass(frozen=True)
 class VisibilityBuffers:
-    """Where an Identity writes on the OpenCL device.
+    """Output buffers of a `VisibilitySampler` on the OpenCL device.
 
-    cache         a row of samples for each patch from `cached_from` on, uint16 or uint32: patch + 1 of a
-                  front, `Background.outside` for the surroundings, else 0
-    cached_from   the first patch of the cache
-    back_light    float4 of each patch: E/pi of the backs that it sees, and the fraction of its view that no
-                  back takes
-    patches_seen  float of each patch: the fraction of its view that other patches take
-    backs_seen    uint8 of each source + 1: becomes 1 where a back is seen
-    back_l1       3 float4 of each patch, x, y and z: the L1 of the light of backs, see
-                  kernels/gather/irradiance_l1.cl; None unless the settings ask for directional maps
+    cache         one row of samples per patch from `cached_from` on, uint16 or uint32: patch + 1 for a front
+                  face, `Background.outside` for the background, else 0
+    cached_from   first patch of the cache
+    back_light    float4 of each patch: E/pi from visible back faces, and the fraction of its hemisphere
+                  without back faces
+    patches_seen  float of each patch: fraction of its hemisphere covered by other patches
+    backs_seen    uint8 by source + 1: set to 1 if a sample hits its back face
+    back_l1       3 float4 of each patch, axes x, y and z: L1 of the light from back faces, see
+                  kernels/gather/irradiance_l1.cl; None without directional maps
     """
 
     cache: cl.Buffer
@@ -50,14 +50,14 @@ class VisibilityBuffers:
 
 
 class VisibilitySampler(Protocol):
-    """A way to find what patches see.
+    """Method that computes visibility samples of patches.
 
     name        "raster" or "rays"
-    samples     of each patch, a multiple of 4
-    row_bytes   what they take in the cache, `sample_bytes` each
-    batch       patches that are found at once: fewer take as long
-    multiplier  (samples,) float32, sum 1, or None if all weigh the same
-    tints       (64, 4) float32, see `tints.tint_palette`, or None if samples have none
+    samples     number per patch, a multiple of 4
+    row_bytes   bytes per patch in the cache, `sample_bytes` per sample
+    batch       patches processed at once; fewer take the same time
+    multiplier  (samples,) float32 weights with sum 1, or None for equal weights
+    tints       (64, 4) float32, see `tints.tint_palette`, or None if samples have no tints
     """
 
     name: str
@@ -68,14 +68,14 @@ class VisibilitySampler(Protocol):
     tints: np.ndarray | None
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
-        """Find what the patches first ... last see; yield the fraction done."""
+        """Compute the samples of the patches first <= i < last; yield the fraction done."""
 
 
 @dataclass(frozen=True)
 class SampleLayout:
-    """How a `VisibilitySampler` samples views: all that is needed to look up what it has found.
+    """Layout of cached samples, as far as kernels need it to read them.
 
-    name, samples, row_bytes, multiplier, tints  as of the Identity
+    name, samples, row_bytes, multiplier, tints  see `VisibilitySampler`
     """
 
     name: str
@@ -86,39 +86,39 @@ class SampleLayout:
 
     @classmethod
     def of(cls, identity: VisibilitySampler) -> SampleLayout:
-        """Return how an identity samples."""
+        """Return the layout of a sampler's samples."""
         return cls(identity.name, identity.samples, identity.row_bytes, identity.multiplier, identity.tints)
 
     @property
     def even(self) -> bool:
-        """True if all samples weigh the same: they follow the cosine."""
+        """True if all samples have equal weights, since they are cosine-distributed."""
         return self.multiplier is None
 
     @property
     def options(self) -> tuple[str, ...]:
-        """The build options of kernels that read its samples."""
+        """Build options of kernels that read the samples."""
         return identity_options(self.sample_bytes, self.tints is not None)
 
     def tints_on(self, compute: ComputeDevice) -> cl.Buffer | None:
-        """Return the tints on the OpenCL device, None if samples have none."""
+        """Upload the tint palette; None if samples have no tints."""
         return None if self.tints is None else upload(compute, self.tints)
 
     @property
     def sample_bytes(self) -> int:
-        """What a sample takes in the cache."""
+        """Bytes of a sample in the cache."""
         return self.row_bytes // self.samples
 
 
 @dataclass(frozen=True)
 class Background:
-    """What is seen beside the fronts of patches, on the OpenCL device.
+    """Radiance of everything except the front faces of patches, on the OpenCL device.
 
-    emission  float4 of each patch + 1, radiance of backs; entry 0 is black
-    outside   what is kept of samples that meet the sky: the entry after that of the last patch
-    sky       float4 of each pixel, radiance, equirectangular; row 0 below
-    width, height  of the sky, pixels
-    open_sky  float4, E/pi of all of the sky, see `open_sky`; None if the sky is uniform or uneven
-    dark      True if the sky is black
+    emission       float4 by patch + 1, radiance of back faces; entry 0 is black
+    outside        cache entry of samples that hit the sky: the one after the last patch
+    sky            float4 of each pixel, radiance, equirectangular; row 0 at the bottom
+    width, height  size of the sky, pixels
+    open_sky       float4, E/pi of the unoccluded sky, see `open_sky`; None if the sky is uniform or uneven
+    dark           True if the sky is black
     """
 
     emission: cl.Buffer
@@ -131,7 +131,7 @@ class Background:
 
     @property
     def sky_arguments(self) -> tuple:
-        """What kernels take of the sky: SKY_ARGUMENTS of kernels/visibility/unoccluded_sky.cl."""
+        """Kernel arguments of the sky: SKY_ARGUMENTS of kernels/visibility/unoccluded_sky.cl."""
         return self.sky, self.width, self.height, self.open_sky
 
 
@@ -141,7 +141,7 @@ def upload_background(
     sky: np.ndarray,
     whole: Callable[[np.ndarray], np.ndarray | None] = open_sky,
 ) -> Background:
-    """Upload emission, (n, 3) float32, and sky, (h, w, 3) float32, with what `whole` makes of the sky."""
+    """Upload emission, (n, 3) float32, sky, (h, w, 3) float32, and the table from `whole` of the sky."""
     backs = upload_float4_once(compute, emission, first=1)
     pixels = upload_float4(compute, sky.reshape(-1, 3))
     size = np.int32(sky.shape[1]), np.int32(sky.shape[0])

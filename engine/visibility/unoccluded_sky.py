@@ -1,4 +1,4 @@
-"""What the whole sky brings to surfaces from which nothing hides it."""
+"""Table of the irradiance of the unoccluded sky by surface normal, for a ratio estimator."""
 
 from __future__ import annotations
 
@@ -9,25 +9,24 @@ import numpy as np
 from ..scene.color import luminance
 from ..scene.sky_maps import row_fractions, shrink_sky
 
-#: Normals of the table, rows and columns, as in unoccluded_sky.cl: rows from pole to pole, both
-#: included.
+#: Size of the table, rows and columns, as in unoccluded_sky.cl; rows run from pole to pole inclusive.
 ROWS, COLUMNS = 49, 96
 
-#: Pixels of the sky that are summed, rows and columns.
+#: Size of the downsampled sky, rows and columns.
 _PIXELS = (32, 64)
 
-#: Steps around the horizon that have both the columns of the table and the middles of the pixels.
+#: Steps of longitude: a common multiple of table columns and pixel centres.
 _STEPS = 384
 
-#: Root mean square of the luminance of a sky, in parts of its mean, up to which it is even: views of a few
-#: rays then tell how much of its light comes through. Bright spots are sampled as lights, unless that is off.
+#: Maximum root mean square of the sky's luminance, relative to its mean. Up to it a few rays estimate the
+#: visible fraction well. Brighter spots are normally sampled as lights.
 _EVEN = 2.0
 
 
 def open_sky(sky: np.ndarray) -> np.ndarray | None:
-    """Return E/pi of all of a sky, (ROWS * COLUMNS, 3) float32, at normals in rows as its maps have them.
+    """Return E/pi of the unoccluded sky by normal, (ROWS * COLUMNS, 3) float32, equirectangular.
 
-    None if the sky is uniform, so that samples tell it without noise, or uneven.
+    None if the sky is uniform, where samples have no noise, or uneven, where the estimator is unreliable.
 
     sky: (h, w, 3) float32, radiance, equirectangular
     """
@@ -38,8 +37,8 @@ def open_sky(sky: np.ndarray) -> np.ndarray | None:
     middles = np.round(u * _STEPS).astype(int)
     light[:, middles, :3], light[:, middles, 3] = _seen(sky, v, u), 1
 
-    # Of two rows the cosine depends on the difference of longitudes alone: a circular convolution along the
-    # rows. Its weights are made to sum to one, so that the mean of an even sky is exact.
+    # For fixed latitudes the cosine depends only on the difference of longitudes, so the sum is a circular
+    # convolution along rows. Weights are normalised, so that a uniform sky is exact.
     spectrum = np.einsum("npk,pkc->nkc", _spectrum_of_cosines(), np.fft.rfft(light, axis=1))
     sums = np.fft.irfft(spectrum, _STEPS, axis=1)[:, :: _STEPS // COLUMNS]
     table: np.ndarray = np.maximum(sums[..., :3] / sums[..., 3:], 0).reshape(-1, 3).astype(np.float32)
@@ -47,21 +46,21 @@ def open_sky(sky: np.ndarray) -> np.ndarray | None:
 
 
 def _middles() -> list[np.ndarray]:
-    """Return the middles of rows and of columns of the pixels that are summed, in [0, 1]."""
+    """Return the centres of rows and of columns of the downsampled sky, in [0, 1]."""
     return [(np.arange(size) + 0.5) / size for size in _PIXELS]
 
 
 @cache
 def _spectrum_of_cosines() -> np.ndarray:
-    """Return the spectrum, along the rows, of what pixels weigh at the normals of the table."""
+    """Return the Fourier transform of `_cosines` along longitude."""
     spectrum: np.ndarray = np.fft.rfft(_cosines(_middles()[0]), axis=2)
     return spectrum
 
 
 def _cosines(v: np.ndarray) -> np.ndarray:
-    """Return what pixels weigh at the normals of the table, (ROWS, p, _STEPS), at each step between them.
+    """Return weights of pixels for the normals of the table, (ROWS, p, _STEPS), by longitude difference.
 
-    v: (p,) rows of pixels
+    v: (p,) latitudes of pixel rows, 0..1
     """
     normals, pixels = np.pi * np.linspace(0, 1, ROWS), np.pi * v
     turn = np.cos(2 * np.pi * np.arange(_STEPS) / _STEPS)
@@ -73,9 +72,9 @@ def _cosines(v: np.ndarray) -> np.ndarray:
 
 
 def _seen(sky: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Return the radiance of a sky, (h, w, 3), at rows v and columns u of [0, 1], (len(v), len(u), 3).
+    """Return the radiance of a sky, (h, w, 3), at rows v and columns u in [0, 1], (len(v), len(u), 3).
 
-    It is the mean around each where the sky is finer, else interpolated as views see it.
+    A finer sky is downsampled first; values are interpolated bilinearly.
     """
     height, width = np.minimum(sky.shape[:2], (len(v), len(u)))
     pixels = shrink_sky(sky, height, width)
@@ -89,7 +88,7 @@ def _seen(sky: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _has_use(sky: np.ndarray) -> bool:
-    """Return whether a sky, (h, w, 3), differs from place to place, and nowhere by far."""
+    """Return True if a sky, (h, w, 3), is neither uniform nor uneven."""
     if (sky == sky[0, 0]).all():
         return False
     light = luminance(sky, np.float64)

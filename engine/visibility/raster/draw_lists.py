@@ -1,4 +1,4 @@
-"""What is drawn in a batch: clusters, each with the hemicubes or faces it is drawn into."""
+"""Instanced draws of a batch: clusters of triangles, each with the hemicubes or faces that see it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ..views.hemicube import FACES
 
-#: An item is a slot times this, plus a face or the bits of several faces.
+#: An item is a slot times this, plus a face index or a bit mask of faces.
 _SLOT = 32
 
 _FACE = np.arange(FACES, dtype=np.uint32)
@@ -17,9 +17,9 @@ _BIT = (1 << _FACE).astype(np.uint8)
 
 @dataclass(frozen=True)
 class DrawList:
-    """One instanced draw for each cluster that is seen.
+    """One instanced draw for each visible cluster.
 
-    items     (k,) uint32, cluster after cluster: the instances
+    items     (k,) uint32, instances, cluster by cluster
     commands  (d, 5) uint32: indices, instances, first index, 0, first item (DrawElementsIndirectCommand)
     """
 
@@ -28,16 +28,19 @@ class DrawList:
 
 
 def whole_draws(first: np.ndarray) -> np.ndarray:
-    """Return a command for each cluster without instances, (c, 5) uint32; first: `TriangleClusters.first`."""
+    """Return a command without instances for each cluster, (c, 5) uint32; first: `TriangleClusters.first`."""
     commands = np.zeros((len(first) - 1, 5), np.uint32)
     commands[:, 0], commands[:, 2] = 3 * np.diff(first), 3 * first[:-1]
     return commands
 
 
 def face_items(seen: np.ndarray, slots: np.ndarray, faces: range, draws: np.ndarray) -> DrawList:
-    """Return a list with an instance for every face that a cluster is seen on.
+    """Return a draw list with one instance for each face on which a cluster is visible.
 
-    seen: (c, m, 5) bool; slots: (m,) of the hemicubes; faces: those to draw; draws: from `whole_draws`.
+    seen   (c, m, 5) bool, visibility by cluster, hemicube and face
+    slots  (m,) slots of the hemicubes
+    faces  faces to draw
+    draws  commands from `whole_draws`
     """
     codes = (slots[:, None] * _SLOT + _FACE[faces.start : faces.stop]).astype(np.uint32)
     cluster, column = np.nonzero(seen[:, :, faces.start : faces.stop].reshape(len(seen), -1))
@@ -45,7 +48,7 @@ def face_items(seen: np.ndarray, slots: np.ndarray, faces: range, draws: np.ndar
 
 
 def hemicube_items(seen: np.ndarray, slots: np.ndarray, draws: np.ndarray) -> DrawList:
-    """Return a list with an instance for every hemicube that sees a cluster; see `face_items`."""
+    """Return a draw list with one instance for each hemicube that sees a cluster; see `face_items`."""
     bits = seen @ _BIT
     drawn = bits != 0
     codes = (slots * _SLOT).astype(np.uint32) + bits
@@ -53,7 +56,7 @@ def hemicube_items(seen: np.ndarray, slots: np.ndarray, draws: np.ndarray) -> Dr
 
 
 def _listed(items: np.ndarray, instances: np.ndarray, draws: np.ndarray) -> DrawList:
-    """Return the draw list of items, of which `instances` (c,) belong to each cluster."""
+    """Return the draw list of items; instances: (c,) number of items of each cluster."""
     commands = draws.copy()
     commands[:, 1] = instances
     commands[:, 4] = np.cumsum(instances) - instances

@@ -1,8 +1,9 @@
-"""The ways to draw triangles into the faces of hemicubes; every one gives the same picture.
+"""Rendering paths for triangles into hemicube faces; all give the same image.
 
-geometry  a geometry shader projects each triangle onto the faces of its hemicube: every OpenGL 4.1 driver
-layer     the vertex shader chooses layer and viewport; one instance a face
-face      the vertex shader chooses the layer; one draw for each face of a tile, with a plain viewport
+geometry  a geometry shader projects each triangle onto the faces of its hemicube; runs on every OpenGL 4.1
+          driver
+layer     the vertex shader selects layer and viewport; one instance per face
+face      the vertex shader selects the layer; one draw per face of a tile, with a plain viewport
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _PATHS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 def available_paths(graphics: GraphicsContext) -> tuple[str, ...]:
-    """Return the names of the paths that the driver offers."""
+    """Return the names of the paths that the driver supports."""
     has = graphics.context.extensions
     amd = {"GL_AMD_vertex_shader_layer", "GL_AMD_vertex_shader_viewport_index"}
     if "GL_ARB_shader_viewport_layer_array" in has or amd <= has:
@@ -37,7 +38,7 @@ def available_paths(graphics: GraphicsContext) -> tuple[str, ...]:
 
 
 class MeshBuffers:
-    """An indexed mesh on the OpenGL device, and the instances of a draw."""
+    """Indexed mesh on the OpenGL device, with instance and command buffers."""
 
     def __init__(self, graphics: GraphicsContext, mesh: IndexedMesh) -> None:
         context = graphics.context
@@ -61,9 +62,9 @@ class MeshBuffers:
 
 
 class DrawPath:
-    """One way to draw a mesh; `name` is one of `available_paths`.
+    """Rendering path for a mesh; `name` is one of `available_paths`.
 
-    features  what shaders/visibility/hemicube.* are built with besides
+    features  further features with which shaders/visibility/hemicube.* are built
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class DrawPath:
     def draw(self, clusters: TriangleClusters, seen: np.ndarray, slots: np.ndarray) -> None:
         """Draw clusters into hemicubes.
 
-        Slots (m,) ascending, seen (c, m, 5) from `TriangleClusters.visible`.
+        slots: (m,) ascending; seen: (c, m, 5) bool from `TriangleClusters.visible`
         """
         tile = slots % self._tiles.per_layer
         for first_tile in range(0, self._tiles.per_layer, TILES_PER_DRAW):
@@ -92,7 +93,7 @@ class DrawPath:
     def _draw_tiles(
         self, clusters: TriangleClusters, seen: np.ndarray, slots: np.ndarray, first_tile: int
     ) -> None:
-        """Draw into tiles that have viewports of their own at the same time."""
+        """Draw into tiles that can have separate viewports at the same time."""
         if self.name == "face":
             self._draw_faces(clusters, seen, slots, first_tile)
             return
@@ -107,7 +108,7 @@ class DrawPath:
     def _draw_faces(
         self, clusters: TriangleClusters, seen: np.ndarray, slots: np.ndarray, first_tile: int
     ) -> None:
-        """Draw one face of one tile of all layers at a time."""
+        """Draw one face of one tile in all layers at a time."""
         tiles = slots % self._tiles.per_layer
         for tile in range(first_tile, min(first_tile + TILES_PER_DRAW, self._tiles.per_layer)):
             chosen = tiles == tile
@@ -117,7 +118,7 @@ class DrawPath:
                 self._render(drawn)
 
     def _render(self, drawn: DrawList) -> None:
-        """Draw a list: one call for all clusters where the driver takes commands from a buffer."""
+        """Draw a list, in one call if the driver supports indirect draws."""
         if not len(drawn.commands):
             return
         self._mesh.write(drawn)

@@ -1,12 +1,12 @@
-"""Long lists that shaders look up, as textures: they go along rows, then from layer to layer."""
+"""Long lists as array textures for shader look-ups, in row-major order."""
 
 from __future__ import annotations
 
 import moderngl
 import numpy as np
 
-#: Width of a table, texels, as in transmission.glsl, and its greatest height: every OpenGL 4.1 driver
-#: has textures of that size, and enough layers for all numbers that int32 can count.
+#: Width of the texture, texels, as in transmission.glsl, and its maximum height. Every OpenGL 4.1 driver
+#: supports this size, and enough layers for any int32 index.
 _WIDTH = 4096
 HEIGHT = 16384
 

@@ -1,4 +1,4 @@
-"""A scene's triangles as vertices and indices, each vertex once, in the order of clusters."""
+"""Vertex and index buffers of a scene's triangles, with shared vertices, in cluster order."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ...scene.triangles import Triangles
 
 @dataclass(frozen=True)
 class IndexedMesh:
-    """What vertex buffers are filled with.
+    """Contents of vertex and index buffers.
 
-    vertices  (v, 6) float32: position, lightmap uv, atlas; -1 - atlas where the other side is a triangle of
-              its own
-    cutouts   (v, 5) float32: UV on the map of the front, material, UV on the map of the back; None if no
-              surface is see-through
+    vertices  (v, 6) float32: position, lightmap UV, lightmap index; -1 - index if the back face is a separate
+              triangle
+    cutouts   (v, 5) float32: UV on the front's opacity map, material, UV on the back's map; None without
+              transparency
     indices   (3 t,) uint32
     """
 
@@ -27,7 +27,7 @@ class IndexedMesh:
 
 
 def indexed_mesh(triangles: Triangles, cutouts: Cutouts, order: np.ndarray) -> IndexedMesh:
-    """Join equal corners of triangles; order: (t,) int64, the triangles as they are drawn."""
+    """Merge equal corners of triangles; order: (t,) int64, triangles in drawing order."""
     count = len(triangles.positions)
     corners = np.empty((count, 3, 11 if cutouts.needed else 6), np.float32)
     corners[:, :, 0:3] = triangles.positions
@@ -45,9 +45,9 @@ def indexed_mesh(triangles: Triangles, cutouts: Cutouts, order: np.ndarray) -> I
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first of each set of rows of equal bits, in their order, and each row's number among them.
+    """Return the first row of each set of bitwise equal rows, in order, and each row's index among them.
 
-    Rows are told apart by a hash of 64 bits; should two different ones have the same, all rows are kept.
+    Rows are compared by a 64-bit hash; if two different rows collide, all rows are kept.
     """
     code = np.zeros(len(rows), np.uint64)
     for column in np.ascontiguousarray(rows).view(np.uint32).T:

@@ -1,4 +1,4 @@
-"""Draws hemicubes into a texture array with OpenGL (paper, IV.B)."""
+"""Hemicube rasteriser: draws into a texture array with OpenGL (paper, IV.B)."""
 
 from __future__ import annotations
 
@@ -22,22 +22,21 @@ from .targets import RasterTarget
 from .tiles import Tiles
 from .triangle_clusters import TriangleClusters
 
-#: Clusters times hemicubes that are tested at once, and how long a path is tried at least, s.
+#: Number of cluster-hemicube tests at once, and minimum time of a path trial, s.
 _TESTS = 1 << 20
 _TRIAL = 0.005
 
 
 class HemicubeRaster:
-    """What every patch of a batch sees.
+    """Rasteriser of the hemicubes of a batch.
 
-    cutouts         which surfaces are see-through
+    cutouts         transparency of the surfaces
     texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
-    target          what is drawn; in the layout of `tiles`
-    path            one of `draw_paths.available_paths`, None for the fastest, found out with the first
-                    hemicubes
+    target          texture to draw into, in the layout of `tiles`
+    path            one of `draw_paths.available_paths`, or None to time them and keep the fastest
     culling         False draws all triangles into all faces
-    back_to_back    whether faces lie on one another that look apart: of these the front is seen
-    depth           of what was drawn; where nothing was, as it was cleared: the farthest
+    back_to_back    True if coincident faces point in opposite directions; their front faces then win
+    depth           depth of the drawn hemicubes; the clear value is the farthest
     """
 
     def __init__(
@@ -55,7 +54,7 @@ class HemicubeRaster:
         context = graphics.context
         self._graphics, self._tiles, self.target = graphics, tiles, target
 
-        # Triangles in clusters, and all ways to draw them.
+        # Sort triangles into clusters, and set up all rendering paths.
         one_sided = cutouts.clear_backs[triangles.material] | triangles.one_sided
         self._clusters = TriangleClusters(triangles.positions, one_sided, culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
@@ -67,7 +66,7 @@ class HemicubeRaster:
         names = available_paths(graphics) if path is None else (path,)
         self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
 
-        # What the shaders look up: hemicubes' matrices, the patches of lightmap texels, the target's own.
+        # Textures for the shaders: hemicube matrices, index map, and those of the target.
         atlases, height, width = texel_to_patch.shape
         size = (width, height, atlases)
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
@@ -84,7 +83,7 @@ class HemicubeRaster:
             for unit, name in enumerate(self._lookups):
                 drawing.program[name] = unit
 
-        # Where hemicubes are drawn: the target and a depth array.
+        # Framebuffer: the target and a depth array.
         self._framebuffer = context.framebuffer([target.texture])
         self._framebuffer.use()
         self.depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
@@ -98,14 +97,14 @@ class HemicubeRaster:
 
     @property
     def path(self) -> str:
-        """The name of the path that draws; the first one that could until hemicubes have been drawn."""
+        """Name of the path in use; the first possible one until hemicubes have been drawn."""
         return self._paths[0].name
 
     def draw(self, matrices: np.ndarray, size: TimeSlicer) -> Generator[int, None, None]:
-        """Draw hemicubes into the first slots of the array, in slices.
+        """Draw hemicubes into the first slots of the array, in time slices.
 
         matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`; m at most the capacity. Yields the number of
-        hemicubes finished after each slice.
+            finished hemicubes after each slice.
         """
         count = len(matrices)
         rows = np.ascontiguousarray(matrices.reshape(count, 4 * FACES, 4))
@@ -124,16 +123,16 @@ class HemicubeRaster:
         return size.run(0, count, draw_slice)
 
     def _draw_slots(self, path: DrawPath, matrices: np.ndarray, first: int, last: int) -> None:
-        """Draw hemicubes first ... last, in steps for which one visibility test has room."""
+        """Draw hemicubes first <= i < last, in steps that fit one visibility test."""
         step = max(1, _TESTS // len(self._clusters))
         for start in range(first, last, step):
             end = min(start + step, last)
             path.draw(self._clusters, self._clusters.visible(matrices[start:end]), np.arange(start, end))
 
     def _keep_fastest(self, matrices: np.ndarray) -> None:
-        """Time all paths with ever more hemicubes until that takes long enough; keep the fastest one.
+        """Time all paths with growing numbers of hemicubes until the time is significant; keep the fastest.
 
-        What they draw into the array is what is drawn there again. Too few hemicubes decide for themselves.
+        The trial images are overwritten later. A batch that is too small decides only for itself.
         """
         count, drawn = len(matrices), self._tiles.per_layer
         for path in self._paths:
@@ -156,7 +155,7 @@ class HemicubeRaster:
         return time.perf_counter() - started
 
     def _bind(self) -> None:
-        """Make this raster's state current; the caller may have used the context between slices."""
+        """Bind this raster's OpenGL state, since the caller may use the context between slices."""
         context = self._graphics.context
         self._framebuffer.use()
         context.enable_only(moderngl.DEPTH_TEST)
@@ -168,7 +167,7 @@ class HemicubeRaster:
 
 
 def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, moderngl.TextureArray]:
-    """Return the textures that shaders/visibility/transmission.glsl reads, of gathered light."""
+    """Return the textures of shaders/visibility/transmission.glsl, for gathered light."""
     gathered = slice(BOUNCE, None, BACK)
     maps = cutouts.maps[gathered].copy()
     maps[:, 3] += np.where(cutouts.channels[gathered] > 1, 8, 0).astype(np.int32)

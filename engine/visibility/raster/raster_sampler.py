@@ -1,4 +1,4 @@
-"""What patches see, drawn as identity hemicubes."""
+"""Visibility sampler by rasterised item-buffer hemicubes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .tiles import IDENTITY_BYTES, plan_tiles
 
 
 class RasterSampler:
-    """Draws the identity hemicubes of patches with OpenGL and copies them to the OpenCL device."""
+    """Draws the item-buffer hemicubes of patches with OpenGL and copies them to the OpenCL device."""
 
     name = "raster"
 
@@ -54,7 +54,7 @@ class RasterSampler:
         self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
-        """Find what the patches first ... last see; yield the fraction done."""
+        """Compute the samples of the patches first <= i < last; yield the fraction done."""
 
         def keep(start: int, end: int, frames: np.ndarray) -> None:
             self._keep(start, end, frames, seen)
@@ -62,7 +62,7 @@ class RasterSampler:
         yield from self._hemicubes.draw(first, last, keep)
 
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: VisibilityBuffers) -> None:
-        """Move the hemicubes that were drawn into the cache."""
+        """Compact the drawn item buffers into cache rows."""
         records = upload(self._compute, frame_records(frames))
         (group,), surroundings = self._resolve.group(*self._compute.work_sizes.look), self._surroundings
         self._resolve(

@@ -1,4 +1,4 @@
-"""What a hemicube raster draws into its texture array: radiance, or which patch is seen."""
+"""Render targets of hemicubes: radiance, or item buffers of patch IDs."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 from ...device.gl_context import GraphicsContext
 from .tiles import Tiles
 
-#: Patches in a row of the radiosity texture, and in all its rows: front and back have 16384 together.
+#: Patches per row of the radiosity texture, and in all its rows; front and back together have 16384 rows.
 _ROW = 4096
 MAX_PATCHES = _ROW * 8192 - 1
 
-#: Code of an identity texel that shows nothing but the surroundings.
+#: Item-buffer code of a texel that shows only background.
 _SKY = 0x7FFFFFFF
 
 
 class RasterTarget(Protocol):
-    """A texture array to draw hemicubes into.
+    """Texture array for drawn hemicubes.
 
     texture   (layers, height, width) in the layout of Tiles
-    features  what shaders/visibility/hemicube.* are built with
+    features  features with which shaders/visibility/hemicube.* are built
     lookups   textures that the shaders read, by name
     """
 
@@ -32,15 +32,19 @@ class RasterTarget(Protocol):
     lookups: dict[str, moderngl.Texture]
 
     def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
-        """Clear all layers of the bound framebuffer, which the texture is attached to."""
+        """Clear all layers of the bound framebuffer, to which the texture is attached."""
 
 
 class RadianceTarget:
-    """(layers, height, width, 4) float32: radiance, and 1 for fronts and surroundings, 0 for backs.
+    """Radiance target, (layers, height, width, 4) float32: rgb radiance.
 
-    emission  (n, 3) float32 radiance, seen on back faces
-    nothing   4 numbers that stand where no surface is seen; None leaves there what was: depth tells
-    half      True for float16: radiance up to 65504 with 11 bits; for `GlslIntegrator` alone
+    A is 1 for front faces and background.
+
+    In a, back faces have 0.
+
+    emission  (n, 3) float32 radiance of back faces
+    nothing   4 numbers for texels without a surface; None leaves the old colour, and depth marks them
+    half      True for float16, radiance up to 65504 with 11 bits; for `GlslIntegrator` only
     """
 
     features: tuple[str, ...] = ()
@@ -65,18 +69,21 @@ class RadianceTarget:
         self.lookups = {"radiosity": self._radiosity}
 
     def set_radiance(self, radiance: np.ndarray) -> None:
-        """Replace what the fronts of the patches send out: (n, 3) float32 radiance."""
+        """Upload the exitant radiance of front faces, (n, 3) float32."""
         self._write_side(radiance, front=True)
 
     def clear(self, framebuffer: moderngl.Framebuffer, depth: float) -> None:
-        """Clear all layers to what is seen where there is no surface, or their depth alone."""
+        """Clear all layers to `nothing` and the depth, or only the depth."""
         if self._nothing is None:
             self._raw.clear_depth(depth)
         else:
             framebuffer.clear(*map(float, self._nothing), depth=depth)
 
     def _write_side(self, radiance: np.ndarray, front: bool) -> None:
-        """Write (n, 3) float32 into one half of the radiosity texture; entry 0 stands for nothing."""
+        """Write (n, 3) float32 into one half of the radiosity texture.
+
+        Entry 0 is for surfaces without a patch.
+        """
         width, height = self._radiosity.size[0], self._radiosity.size[1] // 2
         values = np.zeros((width * height, 4), np.float32)
         values[1 : len(radiance) + 1, :3] = np.minimum(radiance, self._largest)
@@ -86,7 +93,7 @@ class RadianceTarget:
 
 
 class ItemBufferTarget:
-    """(layers, height, width) uint32: the patch that is seen, plus 1; the highest bit for its back; _SKY."""
+    """Item-buffer target, (layers, height, width) uint32: patch + 1, highest bit for back faces, or _SKY."""
 
     features: tuple[str, ...] = ("identity",)
 

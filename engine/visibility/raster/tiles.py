@@ -1,4 +1,4 @@
-"""How hemicubes are laid out in a texture array."""
+"""Layout of hemicubes in a texture array."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from ...errors import SettingsError
 from ...settings import Settings
 
-#: Every OpenGL 4.1 driver has this many viewports, layers and texels in a row.
+#: Limits of OpenGL 4.1: viewports, array layers, and texture size.
 _VIEWPORTS = 16
 _LAYERS = 2048
 _TEXTURE_SIZE = 16384
 
-#: A hemicube face needs a viewport, so this many hemicubes fit into one draw call.
+#: Maximum number of hemicubes per draw call, since each of the five faces needs a viewport.
 TILES_PER_DRAW = _VIEWPORTS // 5
 
-#: Bytes per hemicube texel: RGBA32F colour and depth; besides these a copy and the workspace in OpenCL;
-#: or an identity, its copy, what becomes of it, and depth.
+#: Bytes per hemicube texel: colour (RGBA32F) and depth; with copies in OpenCL also a copy and a workspace;
+#: for item buffers: ID, its copy, its cache entry, and depth.
 RADIANCE_BYTES = 16 + 4
 COPIED_RADIANCE_BYTES = 16 + 16 + 16 + 4
 IDENTITY_BYTES = 4 + 4 + 4 + 4
@@ -24,9 +24,9 @@ IDENTITY_BYTES = 4 + 4 + 4 + 4
 
 @dataclass(frozen=True)
 class Tiles:
-    """A texture array of `layers` layers with `rows` x `columns` hemicubes of width n.
+    """Texture array of `layers` layers with `rows` x `columns` hemicubes of width n.
 
-    The slot of a hemicube counts layer by layer, then row by row, then along the row.
+    Slots count along rows, then over rows, then over layers.
     """
 
     n: int
@@ -46,12 +46,12 @@ class Tiles:
 
     @property
     def per_layer(self) -> int:
-        """Hemicubes in a layer."""
+        """Number of hemicubes in a layer."""
         return self.columns * self.rows
 
     @property
     def capacity(self) -> int:
-        """Hemicubes in the array."""
+        """Number of hemicubes in the array."""
         return self.per_layer * self.layers
 
     def origin(self, tile: int) -> tuple[int, int]:
@@ -61,10 +61,11 @@ class Tiles:
 
 
 def plan_tiles(settings: Settings, patches: int, texel_bytes: int = COPIED_RADIANCE_BYTES) -> Tiles:
-    """Choose the texture array for a bake; `patches` is their number, a hemicube texel takes `texel_bytes`.
+    """Choose the texture array of a bake for a number of patches.
 
-    Without `settings.array_size`, a layer holds as many hemicubes as one draw call can fill, so that
-    a batch takes a single draw. Raises SettingsError if array_size holds no hemicube.
+    Without `settings.array_size`, a layer holds as many hemicubes as one draw call can fill, so a batch takes
+    a single draw. texel_bytes: memory per hemicube texel. Raises SettingsError if array_size holds no
+    hemicube.
     """
     n = settings.hemicube
     if not any(settings.array_size):

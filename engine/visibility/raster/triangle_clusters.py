@@ -1,4 +1,4 @@
-"""Triangles in clusters, and which clusters a hemicube face may see: culling by frustum and normal cone."""
+"""Clusters of triangles, culled per hemicube face by frustum and normal cone."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import numpy as np
 
 from .draw_lists import whole_draws
 
-#: Triangles of a cluster.
+#: Number of triangles per cluster.
 _SIZE = 64
 
-#: Scenes with fewer triangles are one cluster: testing would cost more than drawing.
+#: Minimum number of triangles for clusters; in smaller scenes culling costs more than drawing.
 _WORTHWHILE = 192
 
-#: Slack of the tests, relative to the scene's diagonal: float32 clipping must not see more than they do.
+#: Slack of the tests, relative to the scene's diagonal, because float32 clipping must not see more than they
+#: do.
 _SLACK = 4e-6
 
-#: Planes between the faces, along right, up and normal; the last is the patch's own.
+#: Planes between faces, along right, up and normal; the last is the patch's own plane.
 _PLANES = np.array(
     [[1, 1, 0], [1, -1, 0], [1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [0, 0, 1]], np.float32
 )
 
-#: Planes that a cluster must reach over to be seen on each face, and the sign of the side it must reach.
+#: Planes that a cluster must reach over to be visible on each face, and the sign of the visible side.
 _SIDES = (
     ((2, 1), (3, 1), (4, 1), (5, 1)),
     ((0, 1), (1, 1), (6, 1), (3, -1)),
@@ -31,18 +32,18 @@ _SIDES = (
 
 
 class TriangleClusters:
-    """Triangles in the order of a Morton curve, cut into clusters of neighbours.
+    """Triangles sorted along a Morton curve and cut into clusters of neighbours.
 
-    order   (t,) int64, the triangles in drawing order
-    first   (c + 1,) int64, where each cluster starts in `order`, and the end of the last
-    draws   (c, 5) uint32, from `whole_draws`
+    order  (t,) int64, triangles in drawing order
+    first  (c + 1,) int64, start of each cluster in `order`, and the end of the last
+    draws  (c, 5) uint32, from `whole_draws`
     """
 
     def __init__(self, positions: np.ndarray, one_sided: np.ndarray, culling: bool = True) -> None:
-        """Make clusters; one alone without culling.
+        """Build the clusters; only one if culling is False.
 
-        positions: (t, 3, 3) float32, metres; one_sided: (t,) bool, triangles whose
-        backs are see-through.
+        positions  (t, 3, 3) float32, metres
+        one_sided  (t,) bool, True for triangles with transparent back faces
         """
         count = len(positions)
         size = _SIZE if culling and count >= _WORTHWHILE else count
@@ -59,17 +60,17 @@ class TriangleClusters:
         return len(self.first) - 1
 
     def visible(self, matrices: np.ndarray) -> np.ndarray:
-        """Return which clusters may be seen on which faces, (c, m, 5) bool; never too few.
+        """Return which clusters may be visible on which faces, (c, m, 5) bool; conservative.
 
-        matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`. A face sees a box unless it lies wholly
-        behind one of the face's four side planes, or shows nothing but backs that are see-through.
-        Occlusion is left to the depth test.
+        matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`. A cluster is culled if its box lies wholly
+            behind one of the face's four side planes, or if it shows only transparent back faces. Occlusion
+            is left to the depth test.
         """
         count = len(matrices)
         if len(self) == 1:
             return np.ones((1, count, 5), bool)
 
-        # Rows x, y and w of the first face are distances along right, up and normal.
+        # Rows x, y and w of the top face's matrix are distances along right, up and normal.
         planes = _PLANES @ matrices[:, 0, [0, 1, 3]]
         reach = np.abs(planes[..., :3]) @ self._half.T + self._slack
         distance = planes[..., :3] @ self._center.T + planes[..., 3:]
@@ -84,10 +85,10 @@ class TriangleClusters:
         return seen
 
     def _turned_away(self, matrices: np.ndarray) -> np.ndarray:
-        """Return which clusters turn all their normals away from which eyes, (c, m) bool.
+        """Return which clusters face away from which viewpoints, (c, m) bool.
 
-        All of a ball of radius r about c, whose normals differ from an axis by at most alpha, is seen from
-        behind if axis (c - eye) >= sin(alpha) |c - eye| + r (Shirman & Abi-Ezzi 1993).
+        A ball of radius r about c, whose normals differ from an axis by at most alpha, faces away if axis (c
+        - eye) >= sin(alpha) |c - eye| + r (Shirman & Abi-Ezzi 1993).
         """
         rows = matrices[:, 0, [0, 1, 3]]
         eye = -np.einsum("mij,mi->mj", rows[..., :3], rows[..., 3])
@@ -100,9 +101,10 @@ class TriangleClusters:
 
 
 def _cones(positions: np.ndarray, one_sided: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Return axis and sine of the half angle of each cluster's normals, (c, 4) float32; sine 2 for none.
+    """Return axis and sine of the half angle of each cluster's normal cone, (c, 4) float32; sine 2 for none.
 
-    A cluster has no cone if a back of it is opaque, or if its normals fill half of all directions.
+    A cluster has no cone if one of its back faces is opaque, or if its normals span more than half of all
+    directions.
     """
     edges = positions[:, 1:] - positions[:, :1]
     normals = np.cross(edges[:, 0], edges[:, 1])
@@ -116,7 +118,7 @@ def _cones(positions: np.ndarray, one_sided: np.ndarray, first: np.ndarray) -> n
 
 
 def morton_codes(points: np.ndarray) -> np.ndarray:
-    """Return the codes of points on a Morton curve through their box, (n,) uint64 of 3 x 20 bits."""
+    """Return the Morton codes of points in their bounding box, (n,) uint64 of 3 x 20 bits."""
     low = points.min(axis=0)
     extent = max(float((points.max(axis=0) - low).max()), 1e-30)
     cells = ((points - low) / extent * (2**20 - 1)).astype(np.uint64)
@@ -127,7 +129,7 @@ def morton_codes(points: np.ndarray) -> np.ndarray:
 
 
 def _spread(bits: np.ndarray) -> np.ndarray:
-    """Return numbers of 20 bits with two zeros after each bit."""
+    """Insert two zero bits after each of 20 bits."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),
         (16, 0x1F0000FF0000FF),

@@ -1,1 +1,1 @@
-"""Rays through a hierarchy of boxes, with OpenCL."""
+"""Ray tracing with a bounding volume hierarchy (BVH) by OpenCL."""

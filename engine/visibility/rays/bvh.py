@@ -1,4 +1,4 @@
-"""A bounding volume hierarchy over triangles, built by OpenCL."""
+"""Bounding volume hierarchy (BVH) over triangles, built by OpenCL."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from ...device.opencl import cl
 from .upper_levels import NAMES as TREETOP
 from .upper_levels import UpperLevels
 
-#: Clusters beyond either end of a row, and values that a work item sums, as in kernels/rays/bvh.cl.
+#: Padding clusters at both ends of a row, and values summed per work item, as in kernels/rays/bvh.cl.
 _FAR, _CHUNK = 8, 32
 
-#: Items of a work group; fewer where the device's limit is lower.
+#: Size of a work group; less where the device's limit is lower.
 _GROUP = 256
 
-#: Of at most so many triangles none are merged: their tree is split from the top down.
+#: Maximum number of triangles for which the whole tree is built top-down, without merging.
 _TOP = 2048
 
-#: Levels of at most so many wide nodes are opened by one work group, at most so many nodes at once.
+#: Maximum number of wide nodes of a level for one work group, and capacity of its output.
 _SMALL, _ROOM = 1024, 1 << 15
 
-#: If a round merges less than this fraction of the clusters, all merge in pairs instead, to bound the depth.
+#: Minimum fraction of clusters that a round must merge; else clusters merge in pairs, which bounds the depth.
 _FEWEST = 1 / 16
 
-#: What nodes of two add to half the sizes of boxes, of the largest coordinate: eight roundings.
+#: Margin added to half sizes of boxes in nodes of two, relative to the largest coordinate: 8 roundings.
 _MARGIN = 8 * 2.0**-24
 
-#: Sizes of traversal stacks are multiples of this, nodes, so that few programs are built.
+#: Granularity of traversal stack sizes, nodes, which limits the number of programs.
 _STACK = 64
 
-#: A node of the binary hierarchy: its box, and what it is made of.
+#: Node of the binary hierarchy: its box and its children.
 BOX = DeviceStruct(
     "NodeBox",
     ("float[3]", "low", "m, corner of the box"),
@@ -52,13 +52,14 @@ LINK = DeviceStruct(
 
 @dataclass(frozen=True)
 class BvhLayout:
-    """How a hierarchy is laid out.
+    """Layout of a BVH.
 
     width   children of a node: 2, 4 or 8
-    packet  triangles of a leaf that are tested at a time: 1, 2, 4 or 8
-    leaf    most triangles of a leaf, at most 7 packets
-    cost    of a packet's test relative to a node's
-    top     clusters left when merging ends; these are split from the top down: better boxes, slower to make
+    packet  triangles of a leaf that are tested at once: 1, 2, 4 or 8
+    leaf    maximum number of triangles of a leaf, at most 7 packets
+    cost    cost of a packet test relative to a node test
+    top     number of clusters at which merging stops; these are joined top-down, which gives better boxes but
+            takes longer
     """
 
     width: int
@@ -68,21 +69,21 @@ class BvhLayout:
     top: int = 2048
 
 
-#: A processor tests as many boxes and triangles at a time as its vectors hold; a graphics card's items one.
+#: A CPU tests as many boxes and triangles at once as its vectors hold; each GPU lane tests one.
 _PROCESSOR = BvhLayout(8, 8, 8, 0.5, 512)
 _GRAPHICS = BvhLayout(2, 1, 2, 0.5)
 
 
 @dataclass(frozen=True)
 class Bvh:
-    """Nodes and packets of triangles on the device, as kernels/rays/bvh_traversal.cl takes them.
+    """Nodes and packets of triangles on the device, as kernels/rays/bvh_traversal.cl reads them.
 
-    nodes      w boxes and children each
+    nodes      `width` boxes and children each
     triangles  packets
-    options    the layout, for the build of kernels/rays/bvh_traversal.cl
-    levels     of nodes
-    stack      most nodes that a ray comes back to, as the layout has it
-    top        tree over the triangles, for one of the same ones elsewhere; None if they are many
+    options    build options of the layout, for kernels/rays/bvh_traversal.cl
+    levels     depth of the tree
+    stack      size of the traversal stack, nodes
+    top        upper levels, reusable for the same triangles at other positions; None for many triangles
     """
 
     nodes: cl.Buffer
@@ -94,7 +95,7 @@ class Bvh:
 
 
 def shape_for(compute: ComputeDevice) -> BvhLayout:
-    """Return the shape that a device traverses fastest."""
+    """Return the layout that a device traverses fastest."""
     return _PROCESSOR if compute.processor else _GRAPHICS
 
 
@@ -105,12 +106,13 @@ def build_bvh(
     shape: BvhLayout | None = None,
     top: UpperLevels | None = None,
 ) -> Bvh:
-    """Build the hierarchy of triangles, (t, 3, 3) float32, at least one.
+    """Build the BVH of triangles, (t, 3, 3) float32, t >= 1.
 
-    reach: the largest coordinate of a corner, metres; top: of as many triangles, where they were. Clusters
-    along a Morton curve are merged with their best neighbours (PLOC; Meister and Bittner 2018), those left
-    are split from the top down, or take the shape of the tree over them where they were, and binary nodes
-    joined to wide ones.
+    Clusters along a Morton curve merge with their best neighbours (PLOC; Meister and Bittner 2018). The
+    remaining clusters are joined top-down, or by the tree of `top`. Binary nodes then collapse to wide nodes.
+
+    reach  largest coordinate of a corner, metres
+    top    upper levels of the same triangles at earlier positions
     """
     return _Builder(compute, positions, reach, shape or shape_for(compute), top).build()
 
@@ -120,12 +122,12 @@ class _Level:
     """Wide nodes of successive levels.
 
     children  binary nodes that are their children
-    before    ranks of the children that are no leaves, and of packets
-    totals    what is added to the ranks of each chunk
-    count     nodes
-    packets   of their leaves
-    depth     levels
-    origin    node of which ranks of children count, from the first of these nodes on
+    before    prefix sums of inner children and of packets
+    totals    offsets of these sums per chunk
+    count     number of nodes
+    packets   number of packets in their leaves
+    depth     number of levels
+    origin    offset of the inner children, relative to the first of these nodes
     """
 
     children: cl.Buffer
@@ -163,13 +165,13 @@ class _Builder:
         self._reach = max(reach, 1e-30)
 
     def build(self) -> Bvh:
-        """Return the hierarchy."""
+        """Build and return the BVH."""
         return self._widen(self._join(*self._merge(*self._sorted())))
 
     def _sorted(self) -> tuple[cl.Buffer, int]:
-        """Return the triangles' numbers in the lowest bits of their keys in ascending order, and a mask.
+        """Return sorted Morton keys, with triangle indices in the lowest bits, and the mask of these bits.
 
-        Where none are merged, their order does not matter.
+        If no triangles are merged, the order does not matter.
         """
         bits = max(int(self._count - 1).bit_length(), 1)
         if self._count <= _TOP:
@@ -187,7 +189,7 @@ class _Builder:
         return buffer, (1 << bits) - 1
 
     def _merge(self, keys: cl.Buffer, mask: int) -> tuple[cl.Buffer, int, int]:
-        """Merge clusters until few are left; return their nodes, their number and the number of nodes."""
+        """Merge clusters until few are left; return their nodes, their number, and the number of nodes."""
         count, made, stride = self._count, self._count, self._count + 2 * _FAR
         rows, new_rows = (self._buffer(24 * stride) for _ in range(2))
         cluster, new_cluster = (self._buffer(4 * count) for _ in range(2))
@@ -216,9 +218,9 @@ class _Builder:
         return cluster, count, made
 
     def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
-        """Make the nodes above the clusters, numbered from `made` on; return the root.
+        """Build the nodes above the clusters, numbered from `made` on; return the root.
 
-        What there was of as many triangles gives them their shape, where it serves.
+        The upper levels of an earlier build are reused if they fit the new positions well.
         """
         nodes, known = (self._boxes, self._links), self._top if self._count <= _TOP else None
         if known and known.count == count and known.serves(self._kernels, *nodes):
@@ -228,7 +230,10 @@ class _Builder:
         return top.root
 
     def _widen(self, root: int) -> Bvh:
-        """Join binary nodes to wide ones, level by level, and store them; small levels at once."""
+        """Collapse binary nodes to wide ones, level by level, and store them.
+
+        Small levels run in one launch.
+        """
         levels, roots = [], upload(self._compute, np.array([root], np.int32))
         count = 1
         while count:
@@ -236,7 +241,7 @@ class _Builder:
             level, roots, count = widen(roots, count)
             levels.append(level)
 
-        # How much there is is known now.
+        # Allocate the nodes and packets, whose numbers are known now.
         record, packet = 32 * self._shape.width, 4 * self._shape.packet * _record(self._shape)
         nodes = self._buffer(record * sum(level.count for level in levels))
         packets = self._buffer(packet * sum(level.packets for level in levels))
@@ -254,7 +259,7 @@ class _Builder:
         return Bvh(nodes, packets, _layout(self._shape, stack), depth, stack, self._top)
 
     def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, cl.Buffer, int]:
-        """Return the wide nodes that stand for binary ones, and the binary nodes of the next level."""
+        """Collapse one level; return its wide nodes and the binary nodes of the next level."""
         chunks = -(-count // _CHUNK)
         children = self._buffer(4 * self._shape.width * count)
         before, totals = self._buffer(8 * count), self._buffer(8 * (chunks + 1))
@@ -267,7 +272,7 @@ class _Builder:
         return _Level(children, before, totals, count, packets, 1, count), following, count_next
 
     def _small_levels(self, roots: cl.Buffer, count: int) -> tuple[_Level, cl.Buffer, int]:
-        """Return what `_level` does of all levels from one on while they are small."""
+        """Collapse all levels from one on in one launch, while they are small; see `_level`."""
         width, kernel = self._shape.width, self._kernels["open_levels"]
         (group,) = kernel.group(_GROUP)
         following = [self._buffer(4 * width * _SMALL) for _ in range(2)]
@@ -282,7 +287,7 @@ class _Builder:
         return level, following[(depth + 1) % 2], left
 
     def _sum_totals(self, totals: cl.Buffer, chunks: int) -> tuple[int, int]:
-        """Sum up the sums of chunks; return the sum of all."""
+        """Compute prefix sums of the chunks; return the sum of all."""
         kernel = self._kernels["sum_totals"]
         group = kernel.group(_GROUP)
         kernel(self._queue, group, group, totals, np.int32(chunks), cl.LocalMemory(8 * group[0]))
@@ -291,7 +296,7 @@ class _Builder:
         return int(sums[0]), int(sums[1])
 
     def _run(self, name: str, items: int, *arguments: object) -> None:
-        """Run a kernel in whole groups, of one size, since PoCL compiles it anew for each."""
+        """Run a kernel in work groups of one size, because PoCL compiles a kernel again for each size."""
         (size,) = self._kernels[name].group(_GROUP)
         self._kernels[name](self._queue, (-(-items // size) * size,), (size,), *arguments)
 
@@ -300,11 +305,11 @@ class _Builder:
 
 
 def _layout(shape: BvhLayout, stack: int) -> tuple[str, ...]:
-    """Return the options of kernels for a hierarchy of a shape."""
+    """Return the build options of kernels for a layout."""
     sizes = {"WIDTH": shape.width, "PACKET": shape.packet, "RECORD": _record(shape), "STACK": stack}
     return tuple(f"-D{name}={value}" for name, value in sizes.items())
 
 
 def _record(shape: BvhLayout) -> int:
-    """Return how many floats each triangle takes: it is loaded in fours where it is alone."""
+    """Return the floats per triangle; single triangles are padded to load as float4."""
     return 12 if shape.packet == 1 else 10

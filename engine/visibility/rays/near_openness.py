@@ -1,4 +1,4 @@
-"""Short-range openness and back faces in view of patches: both stop interpolation between patches."""
+"""Short-range openness and visible back faces of patches; both stop interpolation between patches."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from .receiver_records import RECEIVER
 
 
 def openness(rays: RayScene, reach: float) -> cl.Buffer:
-    """Return the fraction of each patch's hemisphere in which nothing is near, float32 on the device.
+    """Return the cosine-weighted unoccluded fraction of each patch's hemisphere, float32 on the device.
 
-    It is weighted by the cosine. reach: texels from which on nothing is near.
+    reach: distance of occluders that count, texels
     """
     compute, count = rays.compute, rays.count
     (kernel,) = rays.rays.kernels((RECEIVER, "near_openness.cl"), "near_openness")
@@ -23,7 +23,7 @@ def openness(rays: RayScene, reach: float) -> cl.Buffer:
 
 
 def backs_met(rays: RayScene) -> np.ndarray:
-    """Return the cosine-weighted fraction of each patch's probes that meet back faces, (n,) float32."""
+    """Return the cosine-weighted fraction of each patch's probe rays that hit back faces, (n,) float32."""
     compute, count = rays.compute, rays.count
     (kernel,) = rays.rays.kernels((RECEIVER, "near_openness.cl"), "backs_met")
     found = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * count)

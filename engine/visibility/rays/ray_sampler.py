@@ -1,4 +1,4 @@
-"""What patches see, found with rays through the scene's triangles."""
+"""Visibility sampler by rays through the scene's triangles."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ from .receiver_records import RECEIVER
 
 @dataclass(frozen=True)
 class GatheredBuffers:
-    """Where `RaySampler.gather` writes on the OpenCL device.
+    """Output buffers of `RaySampler.gather` on the OpenCL device.
 
-    light         float4 of each patch: E/pi of all that is seen, and the fraction that is no back
-    patches_seen, backs_seen  as of `VisibilityBuffers`
-    l1            3 float4 of each patch, see `VisibilityBuffers.back_l1`
+    light                     float4 of each patch: E/pi, and the fraction of the hemisphere without back
+                              faces
+    patches_seen, backs_seen  as in `VisibilityBuffers`
+    l1                        3 float4 of each patch, see `VisibilityBuffers.back_l1`
     """
 
     light: cl.Buffer
@@ -40,11 +41,11 @@ class GatheredBuffers:
 
 @dataclass(frozen=True)
 class MovedBuffers:
-    """What has moved since samples were found, on the OpenCL device.
+    """Geometry that moved since samples were cached, on the OpenCL device.
 
-    nodes, triangles  the hierarchy of triangles that have moved, as they were and as they are
-    ball              float4: centre and radius of a ball around them, metres
-    views             uint8 of each patch: 1 if it looks from elsewhere than before
+    nodes, triangles  BVH of moved triangles, at old and new positions
+    ball              float4: centre and radius of their bounding ball, metres
+    views             uint8 of each patch: 1 if its viewpoint moved
     """
 
     nodes: cl.Buffer
@@ -54,10 +55,10 @@ class MovedBuffers:
 
 
 class RaySampler:
-    """Casts rays from the patches of `receivers` and finds patches of `sources` where they end.
+    """Traces rays from the patches of `receivers` and finds the patches of `sources` that they hit.
 
-    Without `Settings.directions` "hemicube" they follow the cosine: the texels of a hemicube cost about
-    three times as many for the same error.
+    Rays are cosine-distributed, unless `Settings.directions` is "hemicube": hemicube texels need about three
+    times as many samples for the same error.
     """
 
     name = "rays"
@@ -100,13 +101,13 @@ class RaySampler:
         self._size = int(triangles.mesh.size).bit_length()
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
-        """Find what the patches first ... last see; yield the fraction done."""
+        """Compute the samples of the patches first <= i < last; yield the fraction done."""
         yield from self._run(self._look, first, last, _outputs(seen))
 
     def update_moved(
         self, first: int, last: int, seen: VisibilityBuffers, moved: MovedBuffers
     ) -> Generator[float, None, None]:
-        """Find what the patches first ... last see now, of what they saw before something moved.
+        """Update the samples of the patches first <= i < last after geometry moved.
 
         Yields the fraction done.
         """
@@ -115,18 +116,21 @@ class RaySampler:
         yield from self._run(look_again, first, last, _outputs(seen), more)
 
     def gather(self, count: int, radiance: cl.Buffer, seen: GatheredBuffers) -> Generator[float, None, None]:
-        """Gather from radiance, float4 of each source + 1, for the first `count` patches; keep nothing."""
+        """Gather for the first `count` patches without a cache; yield the fraction done.
+
+        radiance: float4 by source + 1, W/(m^2 sr)
+        """
         outputs = (radiance, *self._sky, seen.light, seen.patches_seen, seen.backs_seen, seen.l1)
         yield from self._run(self._gather_rays, 0, count, outputs)
 
     def _kernels(self, file: str, *names: str) -> list[Kernel]:
-        """Return kernels of a file that look along the samples of views."""
+        """Return kernels of a file that trace the samples of patches."""
         return self._rays.kernels((RECEIVER, file), *names, options=self._options)
 
     def _run(
         self, kernel: Kernel, first: int, last: int, outputs: tuple, more: tuple = ()
     ) -> Generator[float, None, None]:
-        """Run a kernel over patches first ... last, slice by slice, one work group for each patch."""
+        """Run a kernel over patches first <= i < last in time slices, one work group per patch."""
         (group,) = kernel.group(*self._compute.work_sizes.look)
         partial = cl.LocalMemory(16 * group)
 
@@ -142,6 +146,6 @@ class RaySampler:
 
 
 def _outputs(seen: VisibilityBuffers) -> tuple:
-    """Return where kernels write what they find."""
+    """Return the output arguments of a kernel."""
     kept = (np.int32(seen.cached_from), seen.cache)
     return (*kept, seen.back_light, seen.patches_seen, seen.backs_seen, seen.back_l1)

@@ -1,4 +1,4 @@
-"""What casts rays: the scene's triangles and the patches' receivers, made once they are needed."""
+"""Ray tracing setup of a bake: triangles and receivers of patches, created on first use."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .upper_levels import UpperLevels
 
 
 class RayScene:
-    """The triangles and patches of a bake on the OpenCL device."""
+    """Triangles and patches of a bake on the OpenCL device."""
 
     def __init__(
         self, compute: ComputeDevice | None, parts: PatchScene, before: UpperLevels | None = None
     ) -> None:
-        """Take the triangles and patches; before: `top` of the same triangles where they were."""
+        """Store triangles and patches; before: `top` of the same triangles at earlier positions."""
         self._compute, self._parts, self._before = compute, parts, before
 
     @property
@@ -33,7 +33,7 @@ class RayScene:
 
     @property
     def count(self) -> int:
-        """Patches."""
+        """Number of patches."""
         return len(self._parts.patches)
 
     @property
@@ -44,30 +44,30 @@ class RayScene:
 
     @property
     def possible(self) -> bool:
-        """True if there is a device to cast rays."""
+        """True if there is an OpenCL device, so that rays can be traced."""
         return self._compute is not None
 
     def of(self, parts: PatchScene) -> RayScene:
-        """Return the same triangles with other patches."""
+        """Return a scene of the same triangles with other patches."""
         other = RayScene(self._compute, parts)
         other.rays = self.rays
         return other
 
     @cached_property
     def rays(self) -> RayTracer:
-        """The triangles and their hierarchy."""
+        """The triangles and their BVH."""
         return RayTracer(self.compute, self._parts.triangles, self._parts.cutouts, self._before)
 
     @property
     def top(self) -> UpperLevels | None:
-        """Of the hierarchy, if that was made; see `RayTracer`."""
+        """Upper levels of the BVH if it was built, else None; see `RayTracer`."""
         return self.rays.top if "rays" in vars(self) else None
 
     @cached_property
     def receivers(self) -> cl.Buffer:
-        """The records of all patches, see `receiver_records.pack_receivers`.
+        """Records of all patches on the device, see `receiver_records.pack_receivers`.
 
-        No ray starts beyond another face.
+        Ray offsets are limited, so that no origin lies beyond another face.
         """
         records = pack_receivers(self.compute, self._parts.patches, self._parts.geometry)
         (place,) = self.rays.kernels((RECEIVER, "ray_offsets.cl"), "find_ray_offsets")

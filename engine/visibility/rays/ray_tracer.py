@@ -1,4 +1,4 @@
-"""Rays through the triangles of a scene, traced by OpenCL."""
+"""Ray tracer over the triangles of a scene, by OpenCL."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ TRANSMITTANCE = DeviceStruct(
 
 
 class RayTracer:
-    """A scene's triangles on the OpenCL device, for bvh_traversal.cl and kernels that go on from it.
+    """Triangles of a scene on the OpenCL device, for bvh_traversal.cl and kernels that include it.
 
     cutouts    transmittance of the surfaces
-    arguments  what kernels take for RAYS_ARGUMENTS
-    top        of the hierarchy, see `Bvh`
+    arguments  kernel arguments for RAYS_ARGUMENTS
+    top        upper levels of the BVH, see `Bvh`
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class RayTracer:
         cutouts: Cutouts,
         before: UpperLevels | None = None,
     ) -> None:
-        """Build the hierarchy; before: `top` of the same triangles where they were."""
+        """Build the BVH; before: `top` of the same triangles at earlier positions."""
         self._compute, self._queue = compute, compute.queue
         self.cutouts = cutouts
         reach = float(np.abs(triangles.box).max())
@@ -61,16 +61,13 @@ class RayTracer:
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
-        """Return kernels of a program whose main files include kernels/rays/bvh_traversal.cl.
-
-        In the order of the names.
-        """
+        """Return kernels, in the order of names, of a program that includes bvh_traversal.cl."""
         return self._compute.kernels((TRANSMITTANCE, *source), *names, options=(*self._options, *options))
 
     def hierarchy_of(self, positions: np.ndarray) -> tuple[cl.Buffer, cl.Buffer] | None:
         """Return nodes and packets of other triangles, (k, 3, 3) float32, for the same kernels.
 
-        Metres from `Triangles.origin`. None if they are deeper than the kernels' stacks.
+        Positions are in metres from `Triangles.origin`. None if the tree is too deep for the kernels' stacks.
         """
         bvh = build_bvh(self._compute, positions, float(np.abs(positions).max()))
         return (bvh.nodes, bvh.triangles) if bvh.stack <= self._stack else None
@@ -78,11 +75,13 @@ class RayTracer:
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False, kind: int = BOUNCE
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the nearest triangle along each ray; of those that show their backs if `backs`.
+        """Return the closest hit of each ray; only back faces count if `backs`.
 
-        origins, directions: (m, 3) float, metres from `Triangles.origin` along the world's axes; kind: SHADOW
-        or BOUNCE of engine/scene/cutouts.py, the transmittance that counts. Returns
-        triangle (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the direction.
+        origins, directions  (m, 3) float, world space, metres from `Triangles.origin`
+        kind                 SHADOW or BOUNCE of engine/scene/cutouts.py, selects the transmittance
+
+        Returns triangle (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the
+        direction.
         """
         count = len(origins)
         hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
@@ -98,10 +97,11 @@ class RayTracer:
     def transmittance(
         self, origins: np.ndarray, directions: np.ndarray, distance: float, kind: int = BOUNCE
     ) -> np.ndarray:
-        """Return the fraction of light, (m, 3) float32, that comes through along each ray up to a distance.
+        """Return the transmittance along each ray up to a distance, (m, 3) float32, rgb.
 
-        origins, directions: (m, 3) float as for `cast`; distance in lengths of the direction; kind: SHADOW or
-        BOUNCE of engine/scene/cutouts.py, the transmittance that counts.
+        origins, directions  (m, 3) float as in `cast`
+        distance             in lengths of the direction
+        kind                 SHADOW or BOUNCE of engine/scene/cutouts.py, selects the transmittance
         """
         through = np.empty((len(origins), 3), np.float32)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
@@ -112,24 +112,24 @@ class RayTracer:
         return through
 
     def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
-        """Run a kernel that takes RAYS_ARGUMENTS, then `arguments`; see `ComputeDevice.run`."""
+        """Run a kernel with RAYS_ARGUMENTS followed by `arguments`; see `ComputeDevice.run`."""
         self._compute.run(kernel, items, *self.arguments, *arguments)
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
-        """Upload rays; return their device buffers."""
+        """Upload rays and return their buffers."""
         rays = (_four(origins), _four(directions, distance))
         return [upload(self._compute, array) for array in rays]
 
 
 def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
-    """Return (..., 3) as (..., 4) float32."""
+    """Pad (..., 3) to (..., 4) float32."""
     padded = np.full((*vectors.shape[:-1], 4), last, np.float32)
     padded[..., :3] = vectors
     return padded
 
 
 def cutout_options(tinted: bool) -> tuple[str, ...]:
-    """Return the build options of kernels that cast rays through see-through surfaces."""
+    """Return the build options of kernels that trace rays through transparent surfaces."""
     return ("-DTRANSMISSION", "-DTINTED") if tinted else ("-DTRANSMISSION",)
 
 

@@ -1,4 +1,4 @@
-"""Records of patches for kernels: where they receive light, and where their rays start."""
+"""Receiver records of patches for kernels: position, normals, texel steps and ray offset."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...patches.geometry import PatchGeometry, TexelSteps
 from ...patches.patch_list import PatchList
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
-#: A patch as a receiver of light, on its triangle. Metres from `Triangles.origin`.
+#: Patch as a receiver of light, on its triangle. Metres from `Triangles.origin`.
 RECEIVER = DeviceStruct(
     "ReceiverRecord",
     ("float[3]", "at", "m, centre of the texel"),
@@ -37,7 +37,7 @@ RECEIVER = DeviceStruct(
     ),
 )
 
-#: What patches have in common on one triangle.
+#: Values that all patches of a triangle share.
 TEXEL_STEP = DeviceStruct(
     "TexelStep",
     ("float[3]", "edge_u", "m, step of a texel along u"),
@@ -48,7 +48,7 @@ TEXEL_STEP = DeviceStruct(
 
 
 def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
-    """Return the records of patches on the device; those that share a texel follow each other."""
+    """Return the records of patches on the device; sample points of one texel are consecutive."""
     triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
     inputs = (
         upload_once(compute, geometry.triangle),
@@ -78,8 +78,8 @@ def _step_records(steps: TexelSteps) -> np.ndarray:
 
 
 def _points(patches: PatchList) -> int:
-    """Return how many patches share a texel: 1, or more where these are samples of texels."""
-    # The last texel of one atlas and the first of the next may have the same number.
+    """Return the number of patches per texel: 1, or more for sample points of texels."""
+    # The last texel of one lightmap and the first of the next may have the same index.
     starts = (patches.texel[1:] != patches.texel[:-1]) | (patches.atlas[1:] != patches.atlas[:-1])
     runs = 1 + np.count_nonzero(starts)
     return math.ceil(len(patches) / runs)

@@ -1,4 +1,4 @@
-"""The upper part of a bounding volume hierarchy, split from the top down on the OpenCL device."""
+"""Upper levels of a BVH, built top-down on the OpenCL device."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
 from ...device.opencl import cl
 
-#: Kernels of a program of kernels/rays/bvh.cl and kernels/rays/bvh_upper_levels.cl that are used here.
+#: Kernels of this module, in the program of bvh.cl and bvh_upper_levels.cl.
 NAMES = ("split_ranges", "fit_nodes", "sum_areas")
 
-#: Work items of a group, at most as many as in kernels/rays/bvh_upper_levels.cl.
+#: Work items per group, at most MOST_ITEMS of kernels/rays/bvh_upper_levels.cl.
 _GROUP = 64
 
-#: A tree around boxes that have moved is kept while its cost is at most this multiple of what it was.
+#: Factor by which the cost may grow before a tree is rebuilt after its clusters have moved.
 _WORSE = 1.25
 
 
 class UpperLevels:
-    """A binary tree over clusters of triangles, built level by level with the surface area heuristic.
+    """Binary tree over clusters of triangles, built level by level by the surface area heuristic.
 
-    count  clusters
-    root   its node: an index like those of the clusters' nodes
+    count  number of clusters
+    root   root node; nodes are numbered like those of the clusters
     """
 
     def __init__(
@@ -38,11 +38,11 @@ class UpperLevels:
         count: int,
         made: int,
     ) -> None:
-        """Build over at least one cluster.
+        """Build the tree over at least one cluster.
 
-        boxes, links  BOX and LINK of all nodes, those of the clusters made; `fit` makes further ones
-        cluster       int of each cluster, its node
-        made          nodes so far: count - 1 more follow
+        boxes, links  BOX and LINK of all nodes, filled for the clusters; `fit` fills the others
+        cluster       int, node of each cluster
+        made          number of nodes so far; count - 1 more follow
         """
         self._compute, self._made, self.count = compute, made, count
         self._levels: list[tuple[int, int]] = []
@@ -57,7 +57,7 @@ class UpperLevels:
         self._built_for = self._cost(kernels, boxes)
 
     def fit(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer, links: cl.Buffer) -> None:
-        """Make the tree's nodes, from those of the clusters up."""
+        """Compute the nodes of the tree from the clusters upwards."""
         where = np.int32(self._made), boxes, links
         for first, count in reversed(self._levels):
             self._compute.run(
@@ -66,12 +66,12 @@ class UpperLevels:
             )  # fmt: skip
 
     def serves(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer, links: cl.Buffer) -> bool:
-        """Fit the tree to clusters that have moved; return whether it is about as good there as it was."""
+        """Refit the tree to moved clusters; return True if its cost is still acceptable."""
         self.fit(kernels, boxes, links)
         return self._cost(kernels, boxes) <= _WORSE * self._built_for
 
     def _split(self, kernel: Kernel, boxes: cl.Buffer, links: cl.Buffer, cluster: cl.Buffer) -> None:
-        """Split ranges of clusters until each has one."""
+        """Split ranges of clusters until each holds one."""
         compute, count = self._compute, self.count
         order, parted = upload(compute, np.arange(count, dtype=np.int32)), zeros(compute, 4 * count)
         bins, ranges = zeros(compute, words_of(count)), zeros(compute, 16 * count)
@@ -88,7 +88,7 @@ class UpperLevels:
             first, last = last, int(download(compute, memory[-1], (1,)).view(np.int32)[0])
 
     def _cost(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer) -> float:
-        """Return the boxes of the tree that a ray through the whole meets, about."""
+        """Return the estimated number of boxes that a random ray hits (surface area heuristic)."""
         kernel, cost = kernels["sum_areas"], zeros(self._compute, 4)
         group = kernel.group(_GROUP)
         numbers = np.int32(self.root), np.int32(self._made)

@@ -1,1 +1,1 @@
-"""Where patches look from, and in which directions."""
+"""Viewpoints of patches and sample directions."""

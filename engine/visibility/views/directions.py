@@ -1,22 +1,21 @@
-"""Directions distributed by the cosine, for rays: all weigh the same."""
+"""Cosine-distributed directions for rays; all have equal weights."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Multipliers of the R2 sequence (Roberts 2018), 1/g and 1/g^2 of the plastic number g, times 2^32.
+#: Increments of the R2 sequence (Roberts 2018), 1/g and 1/g^2 of the plastic number g, times 2^32.
 _R2 = np.array([3242174889, 2447445414], np.uint64)
 
-#: Bits of each coordinate by which directions are put in order.
+#: Bits per coordinate of the Morton code that sorts directions.
 _ORDER_BITS = 12
 
 
 def r2_sequence(count: int) -> np.ndarray:
-    """Return points of the unit square, (count, 2) uint32 of 1 / 2^32, neighbours one after the other.
+    """Return points of the unit square, (count, 2) uint32 in units of 2^-32, sorted along a Morton curve.
 
-    A patch adds a shift of its own, wraps around, and maps x to the squared radius and y to the angle on
-    the disk below the hemisphere. The order, along a Morton curve, lets rays that are traced together,
-    and look-ups of what they see, stay together.
+    A patch adds its own shift modulo 1, and maps x to the squared radius and y to the angle on the unit disk.
+    The order keeps rays that are traced together, and their look-ups, coherent.
     """
     index = np.arange(1, count + 1, dtype=np.uint64)[:, None]
     points = (index * _R2).astype(np.uint32)

@@ -1,9 +1,9 @@
-"""The hemicube: its stacked layout, multiplier map, random rotations and view matrices.
+"""Hemicubes: unfolded layout, multiplier map, random rotations and view matrices.
 
-Stacked layout of a hemicube of width N (paper, Fig. 2, right), N wide and 3N tall, row 0 at the
-bottom as in OpenGL; each side face is the half of a cube face above the patch's plane:
+The unfolded layout of a hemicube of width N (paper, Fig. 2, right) is N wide and 3N tall, with row 0 at the
+bottom as in OpenGL. Each side face is the half of a cube face above the patch's plane:
 
-    rows 0    ... N       top, seen along the normal; x along `right`, y along `up`
+    rows 0    ... N       top, looking along the normal; x along `right`, y along `up`
     rows N    ... 1.5 N   side along +right
     rows 1.5N ... 2 N     side along -right
     rows 2N   ... 2.5 N   side along +up
@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-#: Faces of a hemicube in the order of the stacked layout.
+#: Faces of a hemicube in the order of the layout.
 FACES = 5
 
 
 def face_rows(n: int) -> list[tuple[int, int]]:
-    """Return (first row, number of rows) of each face in the stacked layout of width n."""
+    """Return (first row, number of rows) of each face in the layout of width n."""
     half = n // 2
     return [(0, n)] + [(n + side * half, half) for side in range(4)]
 
@@ -27,8 +27,8 @@ def face_rows(n: int) -> list[tuple[int, int]]:
 def multiplier_map(n: int) -> np.ndarray:
     """Return the cosine-weighted solid angle of each hemicube texel, divided by pi.
 
-    Shape (3n, n) float32, stacked layout, sum 1: the exact integral of the delta form factors of
-    Cohen & Greenberg 1985 over each texel, by inclusion-exclusion of their antiderivatives.
+    Shape (3n, n) float32 with sum 1: the exact integral of the delta form factors of Cohen & Greenberg 1985
+    over each texel, by inclusion-exclusion of their antiderivatives.
     """
     edges = np.linspace(-1.0, 1.0, n + 1)
     heights = np.linspace(0.0, 1.0, n // 2 + 1)
@@ -38,34 +38,34 @@ def multiplier_map(n: int) -> np.ndarray:
 
 
 def _top_antiderivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Form factor of the rectangle (0, 0)-(x, y) of the top face, at height 1."""
+    """Return the form factor of the rectangle (0, 0)-(x, y) of the top face, at height 1."""
     a, b = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
     return (x / a * np.arctan(y / a) + y / b * np.arctan(x / b)) / (2 * np.pi)
 
 
 def _side_antiderivative(y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Form factor of the rectangle (0, 0)-(y, z) of a side face, at distance 1."""
+    """Return the form factor of the rectangle (0, 0)-(y, z) of a side face, at distance 1."""
     a = np.sqrt(1 + z * z)
     return (np.arctan(y) - np.arctan(y / a) / a) / (2 * np.pi)
 
 
 def _texel_integrals(corner: np.ndarray) -> np.ndarray:
-    """Difference an antiderivative sampled on the (rows + 1, columns + 1) texel corners."""
+    """Return differences of an antiderivative sampled at the (rows + 1, columns + 1) texel corners."""
     return corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
 
 
 def rotations(seed: int, ids: np.ndarray) -> np.ndarray:
-    """Return a random angle for each patch, the same for every call with the same seed and id.
+    """Return a pseudo-random angle for each patch; equal seeds and ids give equal angles.
 
-    ids: (n,) integer patch identities. Returns (n,) float64, radians in [-pi, pi) (paper, IV.B).
-    The integer hash is lowbias32 (Wellons 2018), applied to the identity and the seed.
+    ids: (n,) integer patch indices. Returns (n,) float64, radians in [-pi, pi) (paper, IV.B). The hash is
+        lowbias32 (Wellons 2018) of index and seed.
     """
     mixed = _hash32(ids.astype(np.uint32) ^ rotation_salt(seed))
     return (mixed / 2.0**32 * 2.0 - 1.0) * np.pi
 
 
 def rotation_salt(seed: int) -> np.uint32:
-    """Return what patch identities are mixed with, so that each seed gives other angles."""
+    """Return a hash of the seed that is combined with patch indices."""
     salt: np.uint32 = _hash32(np.array([(seed + 1) & 0xFFFFFFFF], np.uint32))[0]
     return salt
 
@@ -79,10 +79,10 @@ def _hash32(x: np.ndarray) -> np.ndarray:
 
 
 def frames(normal: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return the axes right, up and normal of each hemicube, turned about the normal.
+    """Return the axes right, up and normal of each hemicube, rotated about the normal.
 
-    normal: (n, 3) unit, world space; angle: (n,) radians. Returns (n, 3, 3) float64, rows right, up,
-    normal with right x up = normal. Basis from a normal: Duff et al. 2017.
+    normal: (n, 3) unit, world space; angle: (n,) radians. Returns (n, 3, 3) float64, rows right, up, normal
+        with right x up = normal. Basis from a normal: Duff et al. 2017.
     """
     x, y, z = normal.astype(np.float64).T
     sign = np.where(z < 0, -1.0, 1.0)
@@ -111,10 +111,10 @@ def face_axes(frame: np.ndarray) -> np.ndarray:
 def matrices(frame: np.ndarray, eye: np.ndarray, near: np.ndarray, reversed_depth: bool) -> np.ndarray:
     """Return the world-to-clip matrix of every face of every hemicube.
 
-    frame: (n, 3, 3) from `frames`; eye: (n, 3) world space; near: (n,) distance of the near plane.
-    Returns (n, 5, 4, 4) float32, indexed [row, column], for column vectors. The far plane is at
-    infinity; depth is near / distance if reversed_depth, else 1 - 2 near / distance. A side face
-    keeps its upper half only: y = 2 v - w for height v and distance w.
+    frame: (n, 3, 3) from `frames`; eye: (n, 3) world space; near: (n,) distance of the near plane, metres.
+        Returns (n, 5, 4, 4) float32, indexed [row, column], for column vectors. The far plane is at infinity;
+        depth is near / distance if reversed_depth, else 1 - 2 near / distance. Only the upper half of a side
+        face is drawn: y = 2 v - w for height v and distance w.
     """
     axes = face_axes(frame)
     clip = np.empty((len(frame), FACES, 4, 4))

@@ -1,4 +1,4 @@
-"""Draws the hemicubes of patches into a target, batch by batch and slice by slice."""
+"""Batched drawing of the hemicubes of patches into a render target."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from ..raster.tiles import Tiles
 from .hemicube import matrices
 from .viewpoints import viewpoints
 
-#: Most patches whose viewpoints and matrices are kept between iterations.
+#: Maximum number of patches whose view matrices are cached between iterations.
 _KEPT = 1 << 17
 
-#: Takes a batch that has been drawn: its first patch, the one after its last, their frames (m, 4, 3).
+#: Callback for a drawn batch: first patch, end of the batch, and frames (m, 4, 3).
 Take = Callable[[int, int, np.ndarray], None]
 
 
@@ -39,9 +39,9 @@ class _Views:
 
 
 class Hemicubes:
-    """The hemicubes of all patches.
+    """Hemicubes of all patches, drawn in batches.
 
-    again  True if every one is drawn more than once: where they stand is then kept
+    again  True if all are drawn more than once, so that view matrices are cached
     """
 
     def __init__(
@@ -67,14 +67,13 @@ class Hemicubes:
 
     @property
     def depth(self) -> DepthArray:
-        """The depth of what was drawn; see `HemicubeRaster`."""
+        """Depth of the drawn hemicubes; see `HemicubeRaster`."""
         return self._raster.depth
 
     def draw(self, first: int, last: int, take: Take) -> Generator[float, None, None]:
-        """Draw the hemicubes of patches first ... last, a batch at a time; yield the fraction done.
+        """Draw the hemicubes of patches first <= i < last, batch by batch; yield the fraction done.
 
-        take  is called with the first patch of a batch, the one after its last, and `Viewpoints.frames`, when
-              the batch has been drawn
+        take  called after each batch with its first patch, its end, and `Viewpoints.frames`
         """
         step = self._tiles.capacity
         for start in range(first, last, step):
@@ -85,7 +84,7 @@ class Hemicubes:
             take(start, end, views.frames)
 
     def _views(self, first: int, last: int) -> _Views:
-        """Return the hemicubes of patches first ... last: their viewpoints never change."""
+        """Return the views of patches first <= i < last, cached if possible, since they never change."""
         views = self._kept.get((first, last)) or self._new_views(first, last)
         if self._keeps:
             self._kept[first, last] = views

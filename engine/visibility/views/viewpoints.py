@@ -1,4 +1,4 @@
-"""Where hemicubes stand: a little above their patches, turned at random, each with its horizon."""
+"""Viewpoints of hemicubes: slightly above their patches, with a random rotation and a horizon."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ...scene.triangles import Triangles
 from ...settings import Settings
 from .hemicube import frames, rotations
 
-#: Height of the eye above the surface: a fraction of a texel's width, at most a fraction of the scene's
-#: diagonal, and at least what float32 can tell apart at the patch's coordinates, as they came in the scene
-#: and about `Triangles.origin`.
+#: Height of a viewpoint above the surface: a fraction of the texel width, at most a fraction of the scene's
+#: diagonal. It is at least the float32 resolution at the patch's coordinates, in scene space and relative to
+#: `Triangles.origin`.
 OF_TEXEL = 0.01
 OF_DIAGONAL = 2e-5
 OF_COORDINATE = 1e-6
 
-#: Least distance of the near plane, relative to the scene's diagonal: float32 must tell it apart from
-#: the corners of the largest triangles when they are clipped, and the standard depth range needs more.
+#: Minimum distance of the near plane, relative to the scene's diagonal. float32 clipping must separate it
+#: from the corners of the largest triangles; the standard depth range needs more.
 _NEAR = 1e-6
 _NEAR_STANDARD_DEPTH = 1e-5
 
-#: How a hemicube is turned.
+#: Orientation of a hemicube.
 FRAME = DeviceStruct(
     "Frame",
     ("float[3]", "right", "unit, world space"),
@@ -36,12 +36,12 @@ FRAME = DeviceStruct(
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """Where hemicubes stand and how they are turned; n of them.
+    """Positions and orientations of n hemicubes.
 
     eye      (n, 3) float64, metres from `Triangles.origin`
     frame    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
     near     (n,) float64, distance of the near plane, metres
-    horizon  (n, 3) float32, geometric normal along right, up, normal: nothing is seen behind its plane
+    horizon  (n, 3) float32, geometric normal along right, up, normal; nothing is visible behind its plane
     """
 
     eye: np.ndarray
@@ -51,7 +51,7 @@ class Viewpoints:
 
     @property
     def frames(self) -> np.ndarray:
-        """Frame and horizon, (n, 4, 3) float32, as the integrators take them."""
+        """Frame and horizon, (n, 4, 3) float32, in the layout of the integrators."""
         return np.concatenate([self.frame, self.horizon[:, None]], axis=1, dtype=np.float32)
 
 
@@ -62,7 +62,7 @@ def frame_records(frames: np.ndarray) -> np.ndarray:
 
 
 def eye_heights(triangles: Triangles, geometry: PatchGeometry) -> np.ndarray:
-    """Return how far above its surface each patch looks around, (n,) float64, metres."""
+    """Return the height of each patch's viewpoint above its surface, (n,) float64, metres."""
     height = np.minimum(OF_TEXEL * np.sqrt(geometry.area), OF_DIAGONAL * triangles.diagonal)
     center = geometry.center.astype(np.float64)
     coordinate = np.maximum(np.abs(center), np.abs(center + triangles.origin)).max(axis=1)
@@ -77,9 +77,9 @@ def viewpoints(
     reversed_depth: bool = True,
     first: int = 0,
 ) -> Viewpoints:
-    """Return a viewpoint above each patch, turned about the normal as in every iteration (paper, IV.B).
+    """Return a viewpoint above each patch, with the same rotation in every iteration (paper, IV.B).
 
-    geometry: of patches `first`, `first` + 1, ..., all or a part of them.
+    geometry: of patches `first`, `first` + 1, ..., all or a part of them
     """
     diagonal = triangles.diagonal
     center = geometry.center.astype(np.float64)

@@ -1,1 +1,1 @@
-"""Lightmap UVs for polygon meshes: charts, and where they lie on a page."""
+"""Lightmap unwrapping of polygon meshes: segmentation into charts, and packing of charts."""

@@ -1,4 +1,4 @@
-"""Which polygons of a mesh touch along an edge, wherever their vertices have the same positions."""
+"""Adjacency of polygons along shared edges; vertices at equal positions count as one."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 from ..array_ops import segment_sums
 from .polygon_mesh import PolygonMesh
 
-#: Vertices are one if they agree to this many parts of the mesh's size.
+#: Vertices are welded on a grid with this many steps along the mesh's longest extent.
 _STEPS = 1 << 18
 
-#: Most polygons that are compared at one side of an edge.
+#: Maximum number of candidate partners per edge of a polygon.
 _MOST_SHEETS = 8
 
 
 @dataclass(frozen=True)
 class Adjacency:
-    """Pairs of polygons with a common edge that they run through in opposite directions.
+    """Pairs of polygons that share an edge and traverse it in opposite directions.
 
-    first, second  (n,) int64, the polygons
-    cosine         (n,) float64, of the angle between their normals
+    first, second  (n,) int64, polygons
+    cosine         (n,) float64, cosine of the angle between their normals
     """
 
     first: np.ndarray
@@ -30,7 +30,7 @@ class Adjacency:
 
 
 def weld(mesh: PolygonMesh) -> np.ndarray:
-    """Return one number for all vertices at one position, (v,) int64."""
+    """Return an index of the position of each vertex, (v,) int64; equal positions have equal indices."""
     low = mesh.positions.min(axis=0)
     size = max(float(np.ptp(mesh.positions, axis=0).max()), 1e-30)
     steps = np.round((mesh.positions - low) / size * _STEPS).astype(np.int64)
@@ -39,24 +39,24 @@ def weld(mesh: PolygonMesh) -> np.ndarray:
 
 
 def polygon_normals(mesh: PolygonMesh) -> np.ndarray:
-    """Return the sum of the normals of each polygon's triangles, (p, 3) float64, twice its area long."""
+    """Return area-weighted normals of polygons, (p, 3) float64; their length is twice the area."""
     return segment_sums(triangle_normals(mesh), mesh.polygon, len(mesh.starts) - 1)
 
 
 def triangle_normals(mesh: PolygonMesh) -> np.ndarray:
-    """Return the normal of each triangle, (t, 3) float64, twice its area long."""
+    """Return area-weighted normals of triangles, (t, 3) float64; their length is twice the area."""
     corners = mesh.positions[mesh.corners[mesh.triangles]]
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def find_adjacency(mesh: PolygonMesh, vertex: np.ndarray, normals: np.ndarray) -> Adjacency:
-    """Return the pairs of polygons that touch along an edge.
+    """Return the pairs of polygons that share an edge.
 
-    Edges that are parted count for nothing. Where more than two meet, those with the most alike normals go
-    together.
+    Edges in `mesh.parted` are skipped. Where more than two polygons meet, those with the most similar normals
+    are paired.
 
-    vertex   (v,) int64, see `weld`
-    normals  (p, 3), see `polygon_normals`
+    vertex   (v,) int64, from `weld`
+    normals  (p, 3), from `polygon_normals`
     """
     loops = vertex[mesh.corners]
     ends = loops[mesh.after]
@@ -75,9 +75,9 @@ def find_adjacency(mesh: PolygonMesh, vertex: np.ndarray, normals: np.ndarray) -
 
 
 def _pairs(edge: np.ndarray, ahead: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return all pairs of a loop of one list and one of another, (n,) int64 each, with the same edge.
+    """Return all pairs of loops, one from each list, with the same edge, (n,) int64 each.
 
-    Of an edge that very many polygons have, only the first of the second list.
+    For an edge of very many polygons, only the first loops of the second list are used.
     """
     back = back[np.argsort(edge[back], kind="stable")]
     start, end = (np.searchsorted(edge[back], edge[ahead], side) for side in ("left", "right"))
@@ -87,12 +87,12 @@ def _pairs(edge: np.ndarray, ahead: np.ndarray, back: np.ndarray) -> tuple[np.nd
 
 
 def _matching(ahead: np.ndarray, back: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """Return pairs such that each loop is in one at most: the most alike first, then the first in order."""
+    """Select pairs such that each loop is in at most one: greedy matching, most similar first."""
     left = np.lexsort((back, ahead, -np.round(cosine, 4)))
     chosen = [left[:0]]
     used = np.zeros(max(ahead.max(initial=-1), back.max(initial=-1)) + 1, bool)
     while len(left):
-        # Pairs of which each loop is the best partner that the other has left.
+        # Select the pairs in which each loop is the best remaining partner of the other.
         first_ahead = np.unique(ahead[left], return_index=True)[1]
         first_back = np.unique(back[left], return_index=True)[1]
         best = left[np.intersect1d(first_ahead, first_back)]
@@ -103,9 +103,9 @@ def _matching(ahead: np.ndarray, back: np.ndarray, cosine: np.ndarray) -> np.nda
 
 
 def components(count: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the number of the component that each of `count` nodes is in, (count,) int64, from 0.
+    """Return the connected component of each of `count` nodes, (count,) int64, numbered from 0.
 
-    The least number of a neighbour spreads, and follows chains in each round, until nothing changes.
+    Label propagation with pointer jumping: the smallest label of neighbours spreads until nothing changes.
     """
     least = np.arange(count)
     while True:

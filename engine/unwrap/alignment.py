@@ -1,30 +1,30 @@
-"""Charts moved such that their borders lie between texels (paper, VI.B, on the side of the unwrap).
+"""Alignment of chart borders to texel boundaries (paper, VI.B, done in the unwrap).
 
-What is moved are lines: all points of a chart at one u, if a border of the chart runs along that line, go to
-the nearest border of texels; so do those at one v. What lies between two lines is stretched with them: grids
-stay grids. No point moves by more than half a texel.
+Axis-parallel borders of a chart define lines of constant u or v. Each line moves to the nearest texel
+boundary, and points between two lines are interpolated, so grids stay grids. No point moves by more than half
+a texel.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-#: An edge runs along an axis if it leaves it by less than this part of its length.
+#: Maximum slope of an edge that counts as axis-parallel.
 _ALONG = 1e-3
 
-#: Lines that are nearer to each other than this are one, texels.
+#: Maximum distance of lines that count as one, texels.
 _ONE = 1e-3
 
-#: What lies between two lines is stretched or squeezed by this factor at most, or the chart stays as it is.
+#: Maximum stretch between two lines; a chart that needs more stays unchanged.
 _MOST = 3.0
 
 
 class Alignment:
-    """Where points of charts go on both axes.
+    """Piecewise linear displacement of chart points along both axes.
 
-    texels   (l, 2) float64, of each loop, from the corner of its chart
-    chart    (l,) int64, of each loop
-    borders  (b, 2) int64, loops at the ends of edges on borders
+    texels   (l, 2) float64, position of each loop from the corner of its chart
+    chart    (l,) int64, chart of each loop
+    borders  (b, 2) int64, loops at the ends of border edges
     boxes    (c, 2) int64, columns and rows of each chart's box, whose sides stay
     """
 
@@ -32,12 +32,15 @@ class Alignment:
         self._axes = [_Axis(texels, chart, borders, boxes[:, axis], axis) for axis in (0, 1)]
 
     def moved(self, texels: np.ndarray, chart: np.ndarray) -> np.ndarray:
-        """Return points of charts, (n, 2), with borders between texels."""
+        """Return points of charts, (n, 2), after alignment."""
         return np.stack([self._axes[axis].moved(texels[:, axis], chart) for axis in (0, 1)], axis=1)
 
 
 class _Axis:
-    """Where lines of all charts are on one axis, and where they go: charts lie one behind another on it."""
+    """Lines of all charts along one axis and their new positions.
+
+    Charts are concatenated on one number line.
+    """
 
     def __init__(
         self, texels: np.ndarray, chart: np.ndarray, borders: np.ndarray, sides: np.ndarray, axis: int
@@ -47,7 +50,7 @@ class _Axis:
         ends = borders[np.abs(run[:, axis]) <= _ALONG * np.abs(run[:, 1 - axis])].reshape(-1)
         charts = np.arange(len(sides))
 
-        # What runs along a side of the box is that side.
+        # Lines along a side of the box coincide with that side.
         line, of_line = texels[ends, axis], chart[ends]
         between = (line > _ONE) & (line < sides[of_line] - _ONE)
         of_line = np.r_[of_line[between], charts, charts]
@@ -58,13 +61,13 @@ class _Axis:
         place, of_line = place[fresh], of_line[fresh]
         target = np.round(place)
 
-        # Lines that would fall on one another stay where they are, but for those that are there already.
+        # Lines that would coincide stay where they are, except for lines already on a boundary.
         firm = np.abs(place - target) <= _ONE
         alone = np.bincount(target.astype(np.int64))[target.astype(np.int64)] == 1
         kept = firm | alone
         place, of_line, target = place[kept], of_line[kept], target[kept]
 
-        # Charts that would be bent too much stay as they are.
+        # Charts that would be stretched too much stay unchanged.
         gap, wanted = np.diff(place), np.diff(target)
         bent = (wanted * _MOST < gap) | (wanted > _MOST * gap)
         bent &= of_line[1:] == of_line[:-1]
@@ -73,7 +76,7 @@ class _Axis:
         self._place, self._target = place, np.where(spoilt[of_line], place, target)
 
     def moved(self, values: np.ndarray, chart: np.ndarray) -> np.ndarray:
-        """Return values, (n,), of points of charts."""
+        """Return coordinates of chart points, (n,), after alignment."""
         start = self._start[chart]
         moved: np.ndarray = np.interp(values + start, self._place, self._target) - start
         return moved

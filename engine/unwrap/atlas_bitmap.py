@@ -1,4 +1,4 @@
-"""A page that charts are laid on: free texels as bits of integers, one for each row."""
+"""Atlas bitmap for chart packing: free texels as bits of one Python integer per row."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from functools import cached_property
 
 import numpy as np
 
-#: Rows are looked at closely if their longest free runs have room for this many of a shape's spans.
+#: Number of a chart's spans for which the longest free run of a row must have room.
 _LOOKED_FOR = 6
 
-#: Rows that are looked at first for such runs; then twice as many, and so on.
+#: Number of rows in the first search; each further search doubles it.
 _FIRST_ROWS = 256
 
 
 @dataclass(frozen=True, eq=False)
 class ChartBitmap:
-    """The texels of a chart, in a box of its size. Charts with the same texels should share theirs.
+    """Texels covered by a chart, in its bounding box. Charts with equal texels should share one bitmap.
 
-    spans  row, first column and length of its runs of texels; the first column of all is 0
+    spans  row, first column and length of each run of texels; the smallest first column is 0
     """
 
     width: int
@@ -28,9 +28,10 @@ class ChartBitmap:
 
     @cached_property
     def tests(self) -> list[tuple[int, int, int, int]]:
-        """The longest span, then all in leaps, as row, first column, level and rest of its length.
+        """The longest span first, then all spans in a coarse-to-fine order: row, first column, level, rest.
 
-        `level` and `rest` are those of `AtlasBitmap`. Neighbouring rows mostly fit together, or do not.
+        `level` and `rest` encode the length as in `AtlasBitmap`. Neighbouring rows mostly give the same
+        result, so distant rows are tested first.
         """
         longest = max(self.spans, key=lambda span: span[2])
         count = len(self.spans)
@@ -43,22 +44,22 @@ class ChartBitmap:
 
     @cached_property
     def longest(self) -> list[tuple[int, int]]:
-        """Row and length of a few spans, the longest first."""
+        """Row and length of a few spans, longest first."""
         return [(row, (1 << level) + rest) for row, _, level, rest in self.tests[:_LOOKED_FOR]]
 
     @cached_property
     def shortest(self) -> int:
-        """The length of the shortest span."""
+        """Length of the shortest span."""
         return min(length for _, _, length in self.spans)
 
     @cached_property
     def is_rectangle(self) -> bool:
-        """Whether each row is one full span."""
+        """True if each row is one full span."""
         return len(self.spans) == self.height and all(length == self.width for _, _, length in self.spans)
 
     @cached_property
     def rows(self) -> list[int]:
-        """The texels of each row, bit k column k."""
+        """Texels of each row; bit k is column k."""
         rows = [0] * self.height
         for row, first, length in self.spans:
             rows[row] |= ((1 << length) - 1) << first
@@ -67,12 +68,13 @@ class ChartBitmap:
 
 @dataclass
 class AtlasBitmap:
-    """A page of some width that is as high as it has to be.
+    """Atlas page of fixed width and growing height.
 
-    Level k of a row has a bit for each column at which 2^k texels in a row are free. So a run of n texels,
-    of level k = floor(log2(n)) and rest n - 2^k, is free where level k is and level k moved by the rest.
+    Level k of a row has a bit for each column at which 2^k consecutive texels are free. A run of n texels,
+    with k = floor(log2(n)) and rest n - 2^k, is free where level k and level k shifted by the rest are both
+    set.
 
-    height  rows up to the highest chart
+    height  number of rows up to the highest chart
     _runs   length of the longest free run of each row
     """
 
@@ -92,7 +94,7 @@ class AtlasBitmap:
         self._levels = [[] for _ in self._fresh]
 
     def find(self, shape: ChartBitmap) -> tuple[int, int]:
-        """Return column and row of the lowest free place for a shape, of these the leftmost."""
+        """Return column and row of the lowest free position of a chart; among these the leftmost."""
         spans = shape.tests
         start = self._starts.get(shape, 0)
         while True:
@@ -105,7 +107,7 @@ class AtlasBitmap:
             self._grow(start + shape.height)
 
     def _rows_with_room(self, shape: ChartBitmap, start: int) -> Iterator[int]:
-        """Yield the rows from `start` on at which a shape may begin: free runs are as long as its spans."""
+        """Yield the rows from `start` on that may hold a chart, since their free runs are long enough."""
         end, count = len(self._levels[0]) - shape.height + 1, _FIRST_ROWS
         while start < end:
             count = min(count, end - start)
@@ -113,13 +115,13 @@ class AtlasBitmap:
             start, count = start + count, 2 * count
 
     def _rows_among(self, shape: ChartBitmap, start: int, count: int) -> list[int]:
-        """Return which of `count` rows have room for a shape."""
+        """Return which of `count` rows may hold a chart."""
         runs = self._runs[start : start + count + shape.height]
         room = np.ones(count, bool)
         for row, length in shape.longest:
             room &= runs[row : row + count] >= length
 
-        # No row within the shape's height has but shorter runs than all of its spans.
+        # Reject rows if a row within the chart's height has only runs shorter than all spans.
         narrow = np.zeros(count + shape.height, np.int32)
         np.cumsum(runs[: count + shape.height - 1] < shape.shortest, out=narrow[1:])
         room &= narrow[shape.height :] == narrow[:count]
@@ -127,7 +129,7 @@ class AtlasBitmap:
         return rows
 
     def _free_columns(self, spans: list[tuple[int, int, int, int]], start: int) -> int:
-        """Return the columns, as bits, at which all spans are free in a row."""
+        """Return a bit mask of the columns at which all spans are free for a chart that starts at a row."""
         columns = -1
         for row, first, level, rest in spans:
             free = self._levels[level][start + row]
@@ -137,7 +139,7 @@ class AtlasBitmap:
         return columns
 
     def put(self, shape: ChartBitmap, column: int, row: int) -> None:
-        """Take the texels of a shape, and those that are too near to it."""
+        """Mark the texels of a chart, and those within the padding, as used."""
         self.height = max(self.height, row + shape.height)
         self._grow(row + shape.height + self.padding)
         if shape not in self._near:
@@ -147,7 +149,7 @@ class AtlasBitmap:
                 self._take(place, near << column >> self.padding)
 
     def _near_texels(self, shape: ChartBitmap) -> list[int]:
-        """Return the texels that are too near to a shape, of its rows and `padding` more on both sides.
+        """Return the texels within the padding of a chart, for its rows and `padding` rows on both sides.
 
         Bit k is column k - `padding`.
         """
@@ -161,7 +163,7 @@ class AtlasBitmap:
         return rows
 
     def _take(self, row: int, texels: int) -> None:
-        """Take texels of a row."""
+        """Mark texels of a row as used."""
         free, top = self._levels[0][row] & ~texels, 0
         for level, rows in enumerate(self._levels):
             if not (free or rows[row]):
@@ -171,7 +173,7 @@ class AtlasBitmap:
                 top = level
                 free &= free >> (1 << level)
 
-        # The longest run grows by ever smaller powers of two.
+        # Find the longest free run by adding decreasing powers of two.
         begins = self._levels[top][row]
         length = (1 << top) if begins else 0
         for level in range(top - 1, -1, -1):
@@ -181,7 +183,7 @@ class AtlasBitmap:
         self._runs[row] = length
 
     def _grow(self, height: int) -> None:
-        """Have at least some rows."""
+        """Extend the page to at least `height` rows."""
         missing = height - len(self._levels[0])
         if missing > 0:
             for rows, free in zip(self._levels, self._fresh, strict=True):
@@ -190,7 +192,7 @@ class AtlasBitmap:
 
 
 def _widened(texels: int, margin: int) -> int:
-    """Return texels and the `margin` ones that follow each of them."""
+    """Dilate texels by `margin` towards higher columns."""
     done = 0
     while done < margin:
         step = min(done + 1, margin - done)

@@ -1,4 +1,4 @@
-"""Borders of charts: where a polygon has no neighbour of its chart, as it lies flat."""
+"""Borders of charts: edges without a neighbour polygon of the same chart in UV space."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 
 from .polygon_mesh import PolygonMesh
 
-#: Ends of edges are one if they are nearer than this part of the edge's length.
+#: Maximum distance of edge ends that count as equal, as a fraction of the edge's length.
 _NEAR = 1e-3
 
 
 def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.ndarray:
     """Return the loops, (b,) int64, whose edges are on the border of their chart.
 
-    uvs    (l, 2) float64, of each loop
-    chart  (l,) int64, of each loop; -1 for none
+    uvs    (l, 2) float64, UV of each loop
+    chart  (l,) int64, chart of each loop; -1 for none
     """
     used = np.flatnonzero(chart >= 0)
     start, end = mesh.corners[used].astype(np.int64), mesh.corners[mesh.after[used]].astype(np.int64)
@@ -22,7 +22,7 @@ def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.nd
     order = np.argsort(key, kind="stable")
     key, loop = key[order], used[order]
 
-    # Edges that exactly two polygons have follow each other.
+    # Edges of exactly two polygons are adjacent in the sorted list.
     same = np.r_[False, key[1:] == key[:-1], False]
     pair = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])
     first, second = loop[pair], loop[pair + 1]
@@ -31,7 +31,7 @@ def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.nd
     border[used] = True
     border[first[inner]] = border[second[inner]] = False
 
-    # Of charts that are folded shut all edges count.
+    # For closed charts without any border, all edges count.
     shut = np.ones(int(chart.max(initial=-1)) + 1, bool)
     shut[chart[border]] = False
     border[used] |= shut[chart[used]]
@@ -39,7 +39,7 @@ def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.nd
 
 
 def _meet(mesh: PolygonMesh, uvs: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return which pairs of edges lie on each other, in opposite directions."""
+    """Return which pairs of edges coincide in UV space with opposite directions."""
     start, end = uvs[first], uvs[mesh.after[first]]
     off = np.abs(start - uvs[mesh.after[second]]) + np.abs(end - uvs[second])
     meet: np.ndarray = off.sum(axis=1) <= _NEAR * np.abs(end - start).sum(axis=1)

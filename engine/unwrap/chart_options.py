@@ -1,4 +1,4 @@
-"""How meshes are cut into charts."""
+"""Options of the segmentation of meshes into charts."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ChartOptions:
-    """What a chart may be like; but for the first, what xatlas weighs where surfaces bend.
+    """Criteria of charts; all except the first are cost weights of xatlas for curved surfaces.
 
-    crease        angle between the normals of faces from which on an edge parts smooth surfaces, radians
-    largest_cost  a chart grows until the next face would cost more
-    iterations    rounds in which charts grow anew, from their middles
-    flatness      what a face costs that is turned away from its chart
-    roundness     what it costs that makes a border long for its area
-    straightness  what it costs that makes a border jagged
-    sharp_edges   what it costs that lies beyond an edge between planes; from 1000 on charts end there
+    crease        minimum angle between face normals at which an edge separates smooth surfaces, radians
+    largest_cost  maximum cost at which a face is added to a chart
+    iterations    number of passes that regrow charts from their centres
+    flatness      cost of deviation from the chart's mean normal
+    roundness     cost of a long border for the area
+    straightness  cost of a jagged border
+    sharp_edges   cost of crossing an edge between planes; from 1000 on charts end there
     """
 
     crease: float = math.radians(45)
@@ -28,5 +28,5 @@ class ChartOptions:
     sharp_edges: float = 4.0
 
 
-#: What suits most meshes.
+#: Default options, suitable for most meshes.
 USUAL = ChartOptions()

@@ -1,4 +1,4 @@
-"""Whether charts lie on themselves, as far as a coarse grid over each tells."""
+"""Detection of charts that overlap themselves, on a coarse grid per chart."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import numpy as np
 
 from .triangle_spans import triangle_spans
 
-#: Cells along the wider side of each chart, and charts that are looked at together.
+#: Grid cells along the longer side of each chart, and number of charts processed together.
 _GRID = 64
 _CHUNK = 256
 
-#: Triangles of which a chart may lie on itself.
+#: Minimum number of triangles of a chart that can overlap itself.
 _FEWEST = 3
 
-#: Part of a chart's cells that several triangles may cover.
+#: Maximum fraction of a chart's cells that several triangles may cover.
 _ALLOWED = 0.002
 
 
 def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return whether each chart lies on itself, (count,) bool.
+    """Return True for each chart that overlaps itself, (count,) bool.
 
-    uvs    (t, 3, 2) float64, of each triangle corner
-    chart  (t,) int64 below `count`, of each triangle; -1 for none
+    uvs    (t, 3, 2) float64, UV of each triangle corner
+    chart  (t,) int64 below `count`, chart of each triangle; -1 for none
     """
     triangles = np.bincount(chart[chart >= 0], minlength=count)
     used = np.flatnonzero((chart >= 0) & (triangles[chart] >= _FEWEST))
@@ -45,7 +45,7 @@ def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray
 
 
 def _doubled(corners: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return which charts have cells whose centres lie in several triangles, (t, 3, 2) cells."""
+    """Return which charts have cells whose centres lie in several triangles; corners: (t, 3, 2), cells."""
     triangle, row, start, end = triangle_spans(corners)
     line = (chart[triangle] * _GRID + row) * (_GRID + 1)
     cells = count * _GRID * (_GRID + 1)

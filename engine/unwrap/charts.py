@@ -1,7 +1,7 @@
-"""Charts in which every polygon corner has one UV.
+"""Charts with exactly one UV per polygon corner.
 
-Segmentation works on triangles and may cut a polygon along its diagonals, where Blender can store only one
-UV per polygon corner. Polygons that came out torn become charts of their own.
+Segmentation works on triangles and may cut a polygon along its diagonals, but Blender stores only one UV per
+polygon corner. Polygons that were cut become separate charts.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from ..scene.degenerate import is_collapsed
 from .coincident_faces import coincident_groups
 from .polygon_mesh import MeshCharts, PolygonMesh, areas, signed_areas
 
-#: Part of its area that a polygon keeps in the plane, unless it is folded.
+#: Minimum fraction of its area that a polygon keeps when projected, unless it is folded.
 _LEAST_FLAT = 0.01
 
 
 def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCharts:
     """Return a mesh's charts such that every loop has one UV.
 
-    uvs    (t, 3, 2) float64 metres, of each triangle corner
-    chart  (t,) int64, of each triangle, -1 for none
+    uvs    (t, 3, 2) float64, metres, UV of each triangle corner
+    chart  (t,) int64, chart of each triangle, -1 for none
     """
     torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh, chart))
     empty = _empty_polygons(mesh)
@@ -30,14 +30,14 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCh
     loop_uvs = np.zeros((len(mesh.corners), 2))
     loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
 
-    # Triangles in the order of their polygons: those of each torn one follow each other.
+    # Sort triangles by polygon, so that those of each cut polygon are consecutive.
     order = np.argsort(mesh.polygon, kind="stable")
     first, last = (np.searchsorted(mesh.polygon[order], torn, side) for side in ("left", "right"))
     loops, triangles = np.diff(mesh.starts)[torn], last - first
     unused = chart.max(initial=-1) + 1
     chart = chart.copy()
 
-    # Polygons with as many corners are laid flat together.
+    # Flatten polygons with equal numbers of corners together.
     for sides in np.unique(np.stack([loops, triangles], axis=1), axis=0):
         number = np.flatnonzero((loops == sides[0]) & (triangles == sides[1]))
         start = mesh.starts[torn[number]][:, None]
@@ -51,7 +51,7 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCh
 
 
 def _empty_polygons(mesh: PolygonMesh) -> np.ndarray:
-    """Return True for polygons, (p,), whose triangles all have no area, so that they need no texels."""
+    """Return a mask of polygons, (p,), without area, which need no texels."""
     empty = is_collapsed(mesh.positions[mesh.corners[mesh.triangles]])
     empty[mesh.degenerate] = True
     filled = np.bincount(mesh.polygon[~empty], minlength=len(mesh.starts) - 1)
@@ -59,7 +59,7 @@ def _empty_polygons(mesh: PolygonMesh) -> np.ndarray:
 
 
 def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.ndarray:
-    """Return the polygons of several charts, with a loop that has two UVs, or a triangle that has none."""
+    """Return the polygons that span several charts, have a loop with two UVs, or a triangle without chart."""
     loops = mesh.triangles.reshape(-1)
     values = np.concatenate([uvs.reshape(-1, 2), np.repeat(chart, 3)[:, None]], axis=1)
     low = np.full((len(mesh.corners), 3), np.inf)
@@ -71,7 +71,7 @@ def _torn_polygons(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.
 
 
 def _doubled_polygons(mesh: PolygonMesh, chart: np.ndarray) -> np.ndarray:
-    """Return the polygons that lie on an earlier one of their chart."""
+    """Return the polygons that coincide with an earlier polygon of their chart."""
     of_polygon = np.full(len(mesh.starts) - 1, -1)
     of_polygon[mesh.polygon] = chart
     _, first = np.unique(np.stack([coincident_groups(mesh), of_polygon]), axis=1, return_index=True)
@@ -79,12 +79,12 @@ def _doubled_polygons(mesh: PolygonMesh, chart: np.ndarray) -> np.ndarray:
 
 
 def flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return polygons' corners, (p, n, 3), in a plane, (p, n, 2), without overlap and with their area.
+    """Flatten polygons, (p, n, 3), to the plane, (p, n, 2), without overlap and with equal area.
 
     triangles  (p, t, 3) int, corners of each polygon's triangles
 
-    A polygon is projected along its mean normal; one that folds over itself there is laid on a circle
-    instead, where any triangulation of it stays flat.
+    A polygon is projected along its mean normal. If it folds over itself there, its corners are placed on a
+    circle instead, where any triangulation is free of overlap.
     """
     centred = points - points.mean(axis=1, keepdims=True)
     normal = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1, keepdims=True)

@@ -1,6 +1,6 @@
-"""Polygons that lie on each other, as models have them to be seen from both sides, apart in layers.
+"""Coincident polygons, used in models for two-sided surfaces, and their separation into layers.
 
-xatlas makes one spot of a chart of such a pair.
+xatlas would collapse the chart of such a pair to a point.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ import numpy as np
 
 from .polygon_mesh import PolygonMesh
 
-#: Corners are the same if they agree to this many parts of the mesh's size.
+#: Corners are equal if they agree on a grid with this many steps along the mesh's extent.
 _STEPS = 1 << 18
 
 
 def coincident_groups(mesh: PolygonMesh) -> np.ndarray:
-    """Return a number for each polygon, (p,) int64: the same for those that have the same corners."""
+    """Return a group index for each polygon, (p,) int64; polygons with the same corners share it."""
     corners = mesh.positions[mesh.corners]
     size = np.ptp(mesh.positions, axis=0).max()
     steps = np.round((corners - mesh.positions.min(axis=0)) / max(size, 1e-30) * _STEPS)
@@ -27,11 +27,13 @@ def coincident_groups(mesh: PolygonMesh) -> np.ndarray:
 
 
 def make_layers(sheet: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return a layer for each polygon, (p,) int64 from 0: no two of a sheet have the same but by chance.
+    """Return a layer for each polygon, (p,) int64 from 0; coincident polygons get different layers.
 
-    sheet  (p,) int64, see `coincident_groups`
-    part   (p,) int64, the smooth part of the surface that each polygon belongs to: large ones come first,
-           and each stays in one layer unless it lies on itself
+    Different layers are not guaranteed for large parts, each of which stays in one layer unless it overlaps
+    itself.
+
+    sheet  (p,) int64, from `coincident_groups`
+    part   (p,) int64, smooth part of the surface of each polygon; larger parts get lower layers
     """
     size = np.bincount(part)
     order = np.lexsort((np.arange(len(part)), part, -size[part], sheet))

@@ -1,7 +1,7 @@
-"""Large bent surfaces in parts that face one way each, which can be projected: xatlas takes long for them.
+"""Normal clustering: splits large curved surfaces into parts that can be projected, since xatlas is slow.
 
-The directions are found by clustering of the normals (spherical k-means, started with the farthest normal);
-polygons take the direction that most of their neighbours have, so that borders are short.
+The directions come from spherical k-means of the normals, started with the farthest normal. Polygons then
+adopt the majority direction of their neighbours, which shortens borders.
 """
 
 from __future__ import annotations
@@ -11,27 +11,28 @@ import numpy as np
 from ..array_ops import segment_sums
 from .adjacency import Adjacency, components
 
-#: Least polygons of a surface that is split, and of a part that is worth a chart.
+#: Minimum number of polygons of a surface to split, and of a part to become a chart.
 _LARGE, _SMALL = 1500, 12
 
-#: Most directions that one surface is split by.
+#: Maximum number of directions per surface.
 _DIRECTIONS = 10
 
-#: Cosine of the angle up to which polygons may be turned from their direction; beyond it more are needed.
+#: Cosine of the maximum angle between a polygon and its direction; beyond it a direction is added.
 _FAR = np.cos(np.radians(55))
 
-#: Rounds of clustering, and of taking the neighbours' direction.
+#: Iterations of k-means, and of the majority filter.
 _ROUNDS, _SMOOTHING = 4, 6
 
 
 def split_by_normal(
     normals: np.ndarray, adjacency: Adjacency, smooth: np.ndarray, part: np.ndarray, bent: np.ndarray
 ) -> np.ndarray:
-    """Return the part of each polygon, (p,) int64, with those that are large and bent in pieces.
+    """Return the part of each polygon, (p,) int64, with large curved parts split.
 
-    normals  (p, 3), of polygons, as long as they are large
+    normals  (p, 3), area-weighted normals of polygons
     smooth   (n,) bool, pairs of polygons without a crease between them
-    part     (p,) int64; bent (c,) bool, parts that cannot be projected
+    part     (p,) int64, smooth part of each polygon
+    bent     (c,) bool, parts that cannot be projected
     """
     size = np.bincount(part)
     large = np.flatnonzero(bent & (size >= _LARGE))
@@ -47,7 +48,7 @@ def split_by_normal(
     for _ in range(_SMOOTHING):
         facing = _with_neighbours(facing, first, second)
 
-    # Pieces too small for a chart join the neighbour that most of their edges are common with.
+    # Merge pieces that are too small for a chart into the neighbour with the longest common border.
     same = facing[first] == facing[second]
     piece = components(len(part), first[same], second[same])
     facing = _without_crumbs(facing, piece, first, second)
@@ -59,7 +60,7 @@ def split_by_normal(
 
 
 def _cluster(normals: np.ndarray) -> np.ndarray:
-    """Return a direction's number for each normal, (n,) int64: as few directions as are near to all."""
+    """Return a direction index for each normal, (n,) int64, with as few directions as suffice."""
     weight = np.linalg.norm(normals, axis=1)
     unit = normals / np.maximum(weight, 1e-300)[:, None]
     centres = _unit(normals.sum(axis=0, keepdims=True))
@@ -79,7 +80,10 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _with_neighbours(facing: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return for each polygon the direction that most of its neighbours and itself, twice, have."""
+    """Return the majority direction of each polygon's neighbours.
+
+    Its own direction counts as 1.5 neighbours.
+    """
     votes = np.zeros((len(facing), facing.max(initial=0) + 1), np.int8)
     np.add.at(votes, (first, facing[second]), 2)
     np.add.at(votes, (second, facing[first]), 2)
@@ -90,7 +94,7 @@ def _with_neighbours(facing: np.ndarray, first: np.ndarray, second: np.ndarray) 
 def _without_crumbs(
     facing: np.ndarray, piece: np.ndarray, first: np.ndarray, second: np.ndarray
 ) -> np.ndarray:
-    """Return the directions with small pieces turned into what surrounds them."""
+    """Return the directions with small pieces merged into their surroundings."""
     small = np.bincount(piece)[piece] < _SMALL
     border = facing[first] != facing[second]
     inner = np.r_[first[border], second[border]]

@@ -1,27 +1,27 @@
-"""Charts turned such that their edges run along the axes, or the box around each is as small as can be."""
+"""Orientation of charts: along their edges, or with the smallest bounding box."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Directions that are tried first, over a quarter turn, and how often the step is halved around the best.
+#: Number of directions tried over a quarter turn, and halvings of the step around the best one.
 _DIRECTIONS = 24
 _HALVINGS = 12
 
-#: A box along the edges is kept unless another one is smaller than this part of it.
+#: A box along the edges is preferred unless another is smaller by this factor.
 _WORTH_TURNING = 0.85
 
 
 def lying(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return the angle, (count,), that each chart is turned by clockwise to have a small box, which lies.
+    """Return the clockwise angle, (count,), that gives each chart a small box, wider than high.
 
-    uvs    (n, 2), points of charts; those on their borders do
-    after  (n, 2), the next point of each one's polygon
-    chart  (n,) int64 below `count`, of each point
+    uvs    (n, 2), points of charts; border points suffice
+    after  (n, 2), next point along each point's polygon
+    chart  (n,) int64 below `count`, chart of each point
 
-    A chart is turned along its edges, if these are at right angles; else the smallest box of a convex hull
-    has a side along one of the hull's (Freeman and Shapira 1975): the search halves its step down to such
-    a direction.
+    A chart is aligned to its edges if these are at right angles. Otherwise the smallest box has a side along
+    an edge of the convex hull (Freeman and Shapira 1975); a search with halved steps converges to such a
+    direction.
     """
     order = np.argsort(chart, kind="stable")
     points, of_point = uvs[order], chart[order]
@@ -51,9 +51,9 @@ def lying(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> 
 
 
 def _edge_direction(edges: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Return the angle, (c,), about which edges, (n, 2), of each chart lie, up to quarter turns.
+    """Return the dominant edge direction of each chart, (c,), modulo quarter turns.
 
-    It is the mean of the edges as complex numbers whose angle is four times as large.
+    It is the mean of the edges as complex numbers with four times the angle.
     """
     length = np.maximum(np.linalg.norm(edges, axis=1), 1e-300)
     fourfold = ((edges[:, 0] + 1j * edges[:, 1]) / length) ** 4 * length
@@ -68,13 +68,13 @@ def _box_areas(points: np.ndarray, chart: np.ndarray, starts: np.ndarray, angle:
 def _boxes(
     points: np.ndarray, chart: np.ndarray, starts: np.ndarray, angle: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return lower left and upper right corner of each chart, (c, 2), turned clockwise by an angle, (c,)."""
+    """Return lower left and upper right corner of each chart, (c, 2), rotated clockwise by an angle, (c,)."""
     lain = turned(points, angle[chart])
     return np.minimum.reduceat(lain, starts), np.maximum.reduceat(lain, starts)
 
 
 def turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return points, (n, 2), turned clockwise."""
+    """Return points, (n, 2), rotated clockwise by an angle, (n,)."""
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y = points.T
     return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=1)

@@ -1,4 +1,4 @@
-"""Charts on one square page, as large as they fit: a search over the scale, with a packing at each."""
+"""Chart packing on one square page: bitmap packing at each step of a search for the largest scale."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from .quarter_turns import may_be_turned, turned_points
 from .row_spans import border_spans
 from .unplaced_charts import UnplacedCharts, orient_charts
 
-#: Least distance of two charts, texels: bilinear filtering reads one beyond each.
+#: Minimum distance between charts, texels, because bilinear filtering reads one texel beyond each.
 PADDING = 2
 
 #: Distance of charts from the border of the page, texels.
 _BORDER = 1
 
-#: Mean area of a chart, texels, below which its light could not be stored.
+#: Minimum mean area of a chart, texels; below it no light could be stored.
 _LEAST_CHART = 0.01
 
-#: Part of a page that charts with half of the gaps around them usually cover.
+#: Fraction of a page that charts usually cover, including half of the gaps around them.
 _USUAL = 0.95
 
-#: Packings to find the scale, and the most of them until the first one that fits.
+#: Number of packings in the search, and maximum number until the first that fits.
 _ATTEMPTS, _MOST_ATTEMPTS = 7, 30
 
-#: A packing is full enough from this part of the page's height on.
+#: Fill height at which a packing is good enough, as a fraction of the page's height.
 _FULL = 0.985
 
-#: The search ends once the least scale that failed is less than this multiple of the largest that did not.
+#: The search ends once the smallest failed scale is below this multiple of the largest successful one.
 _NARROW = 1.005
 
-#: Part of the time of packing in which charts are laid down.
+#: Share of orienting charts in the time of packing.
 _LOOSENING = 0.2
 
-#: Charts whose shapes are found together.
+#: Number of charts whose bitmaps are computed together.
 _TOGETHER = 256
 
-#: While none has fitted, the n-th scale that fails is lowered by the n-th power of this at least.
+#: Before the first success, the n-th failed scale is reduced at least by the n-th power of this factor.
 _CAUTION = 0.99
 
 
@@ -52,13 +52,13 @@ def pack_charts(
     padding: int = PADDING,
     align: bool = True,
 ) -> Generator[float, None, list[np.ndarray] | None]:
-    """Yield the part of the work that is done; return UVs of each mesh's loops, (l, 2) float32.
+    """Pack all charts on one unit square; yield the fraction done.
 
-    All charts lie on one unit square, in proportion to world area; each box has a whole number of texels of
-    a `resolution` x `resolution` image, and begins between two. They do not overlap and keep `padding` texels
-    between them. None if they do not fit; the scale is the largest one found at which they do.
+    Returns the UVs of each mesh's loops, (l, 2) float32, or None if the charts do not fit. Charts are in
+    proportion to world area, at the largest scale found. Each box starts at a texel boundary and has a whole
+    number of texels of a `resolution` x `resolution` image. Charts keep a distance of `padding` texels.
 
-    align: borders along the axes lie between texels, too; see `aligned`
+    align: True to align axis-parallel borders to texel boundaries, see alignment.Alignment
     """
     loose = yield from _loosened(meshes, charts)
     if loose.area.sum() == 0:
@@ -73,7 +73,7 @@ def pack_charts(
 def _loosened(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]
 ) -> Generator[float, None, UnplacedCharts]:
-    """Return the charts of all meshes, lying; yield the part of packing that this is."""
+    """Return the charts of all meshes, oriented; yield the fraction of packing done."""
     work = orient_charts(meshes, charts)
     for done in range(len(meshes)):
         next(work)
@@ -84,7 +84,7 @@ def _loosened(
 def _largest(
     loose: UnplacedCharts, width: int, padding: int, align: bool
 ) -> Generator[float, None, np.ndarray | None]:
-    """Return where the loops are, (l, 2) texels, at the largest scale at which the charts fit a square."""
+    """Return the positions of loops, (l, 2) texels, at the largest scale at which the charts fit a square."""
     least = np.sqrt(_LEAST_CHART * len(loose.size) / loose.area.sum())
     limit = width / loose.size.max()
     low, high, best = 0.0, limit, None
@@ -102,7 +102,7 @@ def _largest(
         if best is not None and (enough or low >= limit or high < _NARROW * low):
             break
 
-        # The part of the page that was covered so far is what the next scale may cover.
+        # Choose the next scale by the fraction of the page that was covered so far.
         scale = _scale_that_covers(loose, packed.part * room, limit, padding)
         if best is None:
             scale = min(scale, high * _CAUTION ** (attempt + 1))
@@ -112,18 +112,18 @@ def _largest(
 
 
 def _boxes(loose: UnplacedCharts, scale: float) -> np.ndarray:
-    """Return columns and rows of each chart, (c, 2) int64: each has at least one."""
+    """Return columns and rows of each chart, (c, 2) int64, at least one each."""
     return np.maximum(np.round(loose.size * scale), 1).astype(np.int64)
 
 
 def _taken(loose: UnplacedCharts, boxes: np.ndarray, padding: int) -> np.ndarray:
-    """Return about how many texels each chart takes with half of the gaps around it, (c,)."""
+    """Return the estimated number of texels of each chart, with half of the gaps around it, (c,)."""
     full = np.clip(loose.area / np.maximum(loose.size.prod(axis=1), 1e-300), 0, 1)
     return full * boxes.prod(axis=1) + padding * boxes.sum(axis=1) + padding**2
 
 
 def _scale_that_covers(loose: UnplacedCharts, texels: float, high: float, padding: int) -> float:
-    """Return the largest scale up to `high` at which charts take no more texels than given; 0 without."""
+    """Return the largest scale up to `high` at which charts take at most `texels` texels; 0 if none."""
     if _taken(loose, _boxes(loose, high), padding).sum() <= texels:
         return high
     low = 0.0
@@ -135,7 +135,7 @@ def _scale_that_covers(loose: UnplacedCharts, texels: float, high: float, paddin
 
 
 class _Packed:
-    """A packing: where the loops are, (l, 2) texels, None if they do not fit; height; covered part."""
+    """Result of a packing: positions of loops, (l, 2) texels, or None; height; covered fraction."""
 
     def __init__(self, texels: np.ndarray | None, height: int, part: float) -> None:
         self.texels, self.height, self.part = texels, height, part
@@ -144,7 +144,7 @@ class _Packed:
 def _pack_at(
     loose: UnplacedCharts, scale: float, width: int, padding: int, align: bool, attempt: int
 ) -> Generator[float, None, _Packed]:
-    """Pack at a scale, until a chart reaches out of the page."""
+    """Pack the charts at a scale, until one exceeds the page; yield the fraction done."""
     boxes = np.minimum(_boxes(loose, scale), [width, np.iinfo(np.int64).max])
     laid = _Laid(loose, boxes, align)
     page, corner = AtlasBitmap(width, padding), np.zeros((len(boxes), 2))
@@ -157,7 +157,7 @@ def _pack_at(
         shape, place, turns[chart] = _lowest(page, shapes[chart])
         corner[chart] = place
         if place[1] + shape.height > width:
-            # What is free below has no room for this one: the smaller ones that follow fill some of it.
+            # Estimate the coverage: smaller charts would fill some of the free space below.
             rest = float(taken[order[done:]].sum())
             part = (room + min(rest / 2, 0.5 * ((width + padding) ** 2 - room))) / (width + padding) ** 2
             return _Packed(None, width + 1, part)
@@ -170,12 +170,12 @@ def _pack_at(
 
 
 def _part_done(attempt: int, fraction: float) -> float:
-    """Return the part of all packing that is done in the middle of an attempt."""
+    """Return the fraction of all packing that is done within an attempt."""
     return _LOOSENING + (1 - _LOOSENING) * min((attempt + fraction) / _ATTEMPTS, 1.0)
 
 
 class _Laid:
-    """Charts at a scale, without places."""
+    """Charts at a given scale, before placement."""
 
     def __init__(self, loose: UnplacedCharts, boxes: np.ndarray, align: bool) -> None:
         self._loose, self._boxes = loose, boxes
@@ -190,7 +190,7 @@ class _Laid:
         self._ends, self._starts = ends[order], np.searchsorted(of_edge[order], np.arange(len(boxes) + 1))
 
     def shapes(self, charts: np.ndarray, width: int) -> dict[int, list[ChartBitmap]]:
-        """Return the texels that charts touch, turned by quarters where that is of use, for a page."""
+        """Return the bitmaps of charts for a page, also rotated by quarter turns where that may help."""
         upright = self._shapes(charts, 0)
         round_ones = np.array([chart for chart in upright if may_be_turned(upright[chart], width)], np.int64)
         turned = [self._shapes(round_ones, turns) for turns in (1, 2, 3)]
@@ -200,7 +200,7 @@ class _Laid:
         }
 
     def texels(self, turns: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        """Return where all loops are, (l, 2), of charts at corners, (c, 2), turned by quarters, (c,)."""
+        """Return the positions of all loops, (l, 2), for chart corners, (c, 2), and quarter turns, (c,)."""
         chart = self._loose.chart
         texels = self._moved(self._loose.uvs * self._stretch[chart], chart)
         moved: np.ndarray = turned_points(texels, self._boxes[chart], turns[chart]) + corner[chart]
@@ -210,7 +210,7 @@ class _Laid:
         return texels if self._alignment is None else self._alignment.moved(texels, chart)
 
     def _shapes(self, charts: np.ndarray, turns: int) -> dict[int, ChartBitmap]:
-        """Return the texels that charts touch that are turned by some quarters."""
+        """Return the bitmaps of charts, rotated by a number of quarter turns."""
         first, count = self._starts[charts], np.diff(self._starts)[charts]
         local = np.repeat(np.arange(len(charts)), count)
         edge = first[local] + np.arange(len(local)) - np.repeat(np.cumsum(count) - count, count)
@@ -228,7 +228,7 @@ class _Laid:
         }
 
     def _shape(self, columns: int, rows: int, spans: tuple[tuple[int, int, int], ...]) -> ChartBitmap:
-        """Return a shape; charts with the same texels share one."""
+        """Return a bitmap; charts with the same texels share one."""
         key = columns, rows, spans
         if key not in self._known:
             self._known[key] = ChartBitmap(*key)
@@ -236,7 +236,7 @@ class _Laid:
 
 
 def _lowest(page: AtlasBitmap, shapes: Sequence[ChartBitmap]) -> tuple[ChartBitmap, tuple[int, int], int]:
-    """Return which of some shapes reaches least high where it is free, its column and row, and its number."""
+    """Return the candidate bitmap with the lowest top edge on a page, its column and row, and its index."""
     places = [page.find(shape) for shape in shapes]
     tops = [(row + shape.height, row, column) for shape, (column, row) in zip(shapes, places, strict=True)]
     best = tops.index(min(tops))

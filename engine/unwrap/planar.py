@@ -1,7 +1,7 @@
-"""Charts of what is flat, or nearly so: they are projected, nothing has to be cut or bent.
+"""Planar charts: smooth parts of a surface that can be projected along their mean normal.
 
-Polygons that touch with like normals form a smooth part of a surface, up to its creases. A part that is bent
-little is a chart; one that is bent more, or lies on itself, is left to xatlas.
+Adjacent polygons form a smooth part up to its creases. A part with little curvature becomes a chart; a curved
+part, or one that overlaps itself, is left to xatlas.
 """
 
 from __future__ import annotations
@@ -17,28 +17,27 @@ from .chart_overlap import doubly_covered
 from .normal_clustering import split_by_normal
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
-#: Smooth parts are projected that keep this fraction of their area, and each of whose triangles keeps that
-#: fraction of its own.
+#: Minimum fraction of its area that a part keeps in projection, and that each triangle keeps.
 _KEPT, _LEAST_KEPT = 0.78, 0.35
 
-#: Triangles that keep less than this fraction of their area are steep.
+#: Fraction of its area below which a triangle counts as steep.
 _STEEP = 0.42
 
-#: Steep polygons are cut out of smooth parts of at least this many polygons, where they are at most that
-#: fraction of the part's area.
+#: Steep polygons are cut out of parts with at least _LARGE polygons if they have at most this fraction of the
+#: part's area.
 _LARGE, _MOST_STEEP = 64, 0.06
 
-#: Triangles with less area than this part of their longest edge squared have no normal to speak of.
+#: Area relative to the squared longest edge below which a triangle has no reliable normal.
 _SLIVER = 1e-5
 
 
 @dataclass(frozen=True)
 class PlanarCharts:
-    """What has been projected.
+    """Result of the projection.
 
-    uvs    (t, 3, 2) float64 metres, of each triangle corner
-    chart  (t,) int64, of each triangle; -1 where it is not flat
-    part   (p,) int64, the smooth part of the surface that each polygon belongs to
+    uvs    (t, 3, 2) float64, metres, UV of each triangle corner
+    chart  (t,) int64, chart of each triangle; -1 where it is not planar
+    part   (p,) int64, smooth part of the surface of each polygon
     """
 
     uvs: np.ndarray
@@ -47,9 +46,9 @@ class PlanarCharts:
 
 
 def project_flat(mesh: PolygonMesh, crease: float = USUAL.crease) -> PlanarCharts:
-    """Return the charts of a mesh that are flat, or bent little. Coordinates have to be finite.
+    """Return the planar charts of a mesh with finite coordinates.
 
-    crease: angle between normals from which on an edge parts surfaces, radians
+    crease: minimum angle between normals at which an edge separates surfaces, radians
     """
     polygons = len(mesh.starts) - 1
     normals = polygon_normals(mesh)
@@ -64,14 +63,14 @@ def project_flat(mesh: PolygonMesh, crease: float = USUAL.crease) -> PlanarChart
     together &= steep[adjacency.first] == steep[adjacency.second]
     part = components(polygons, adjacency.first[together], adjacency.second[together])
 
-    # Each part is laid along its mean normal.
+    # Project each part along its mean normal.
     mean = _mean_normals(normals, part)
     count, of_triangle = len(mean), part[mesh.polygon]
     uvs = _projected(mesh, mean, part)[mesh.triangles]
     flat = _flat_parts(mesh, mean, of_triangle)
     flat &= ~doubly_covered(uvs, np.where(flat[of_triangle], of_triangle, -1), count)
 
-    # Bent ones get the size of their surface.
+    # Scale curved parts to the area of their surface.
     space = areas(mesh.positions[mesh.corners[mesh.triangles]])
     totals = [np.bincount(of_triangle, values, count) for values in (space, np.abs(signed_areas(uvs)))]
     uvs = uvs * np.sqrt(totals[0] / np.maximum(totals[1], 1e-300))[of_triangle, None, None]
@@ -80,15 +79,15 @@ def project_flat(mesh: PolygonMesh, crease: float = USUAL.crease) -> PlanarChart
 
 
 def _mean_normals(normals: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return the mean normal of each part, (c, 3), of the normals of polygons, (p, 3)."""
+    """Return the unit mean normal of each part, (c, 3), from area-weighted normals of polygons, (p, 3)."""
     mean = segment_sums(normals, part, part.max(initial=-1) + 1)
     return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
 
 
 def _steep_polygons(mesh: PolygonMesh, normals: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return the polygons, (p,) bool, that stand in the way of large parts which are flat without them.
+    """Return the steep polygons, (p,) bool, without which large parts are planar.
 
-    normals  (p, 3), of polygons, as long as they are large; part (p,) int64
+    normals: (p, 3), area-weighted normals of polygons; part: (p,) int64
     """
     turned = _turned_away(mesh, _mean_normals(normals, part), part[mesh.polygon], _STEEP)
     steep = np.zeros(len(part), bool)
@@ -100,9 +99,9 @@ def _steep_polygons(mesh: PolygonMesh, normals: np.ndarray, part: np.ndarray) ->
 
 
 def _turned_away(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray, kept: float) -> np.ndarray:
-    """Return the triangles, (t,) bool, that keep less of their area than `kept` along the mean normal.
+    """Return the triangles, (t,) bool, that keep a smaller fraction of their area than `kept` in projection.
 
-    mean  (c, 3), unit normals; part (t,), of each triangle
+    mean: (c, 3), unit normals; part: (t,), part of each triangle
     """
     corners = mesh.positions[mesh.corners[mesh.triangles]]
     longest = (np.diff(corners[:, [0, 1, 2, 0]], axis=1) ** 2).sum(axis=2).max(axis=1)
@@ -113,9 +112,9 @@ def _turned_away(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray, kept: fl
 
 
 def _flat_parts(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return whether each part, (c,) bool, keeps enough of its area along its mean normal, everywhere.
+    """Return True for each part, (c,) bool, that keeps enough of its area in projection, everywhere.
 
-    mean  (c, 3), unit normals; part (t,), of each triangle
+    mean: (c, 3), unit normals; part: (t,), part of each triangle
     """
     normals = triangle_normals(mesh)
     length, along = np.linalg.norm(normals, axis=1), (normals * mean[part]).sum(axis=1)
@@ -127,8 +126,8 @@ def _flat_parts(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray) -> np.nda
 
 
 def _projected(mesh: PolygonMesh, normal: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return where the loops lie, (l, 2) float64 metres, seen against the normal of their part, (c, 3)."""
-    # The axis that is farthest from the normal makes the basis.
+    """Return loops projected along the normal of their part, (l, 2) float64, metres; normal: (c, 3)."""
+    # Build the basis from the coordinate axis that is farthest from the normal.
     helper = np.eye(3)[np.abs(normal).argmin(axis=1)]
     right = np.cross(helper, normal)
     right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-300)

@@ -1,4 +1,4 @@
-"""A mesh to make lightmap UVs for, and its charts."""
+"""Polygon mesh for unwrapping, and its charts."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class PolygonMesh:
-    """A mesh to make charts for.
+    """Mesh to be unwrapped.
 
     positions  (v, 3) float64, world space, metres
     corners    (l,) int32, vertex of each loop; a polygon's loops are consecutive
     starts     (p + 1,) int32, first loop of each polygon, then l
     triangles  (t, 3) int32, loops of each triangle
     polygon    (t,) int32, polygon of each triangle
-    parted     (k,) int64, loops at whose edges smooth surfaces end
-    degenerate (d,) int64, triangles that have no area in the precision of their coordinates
+    parted     (k,) int64, loops whose edges separate charts
+    degenerate (d,) int64, triangles without area in the precision of their coordinates
     """
 
     name: str
@@ -32,7 +32,7 @@ class PolygonMesh:
 
     @cached_property
     def after(self) -> np.ndarray:
-        """The next loop of each one's polygon, (l,) int64."""
+        """Next loop along each loop's polygon, (l,) int64."""
         after = np.arange(1, len(self.corners) + 1)
         filled = np.diff(self.starts) > 0
         after[self.starts[1:][filled] - 1] = self.starts[:-1][filled]
@@ -40,15 +40,15 @@ class PolygonMesh:
 
     @property
     def area(self) -> float:
-        """The surface, m^2."""
+        """Surface area, m^2."""
         return float(areas(self.positions[self.corners[self.triangles]]).sum())
 
 
 @dataclass(frozen=True)
 class MeshCharts:
-    """Flattened polygons, not packed yet.
+    """Charts of a mesh, flattened but not packed.
 
-    uvs    (l, 2) float64, of each loop, metres
+    uvs    (l, 2) float64, metres, UV of each loop
     chart  (t,) int64, chart of each triangle; -1 for polygons without area, which need no texels
     """
 

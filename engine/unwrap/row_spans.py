@@ -1,23 +1,23 @@
-"""Which texels charts touch, as spans of the rows that they cross."""
+"""Conservative rasterisation of charts to spans of texels per row."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: A border that lies this near to a border of texels is on it, texels.
+#: Distance from a texel boundary below which a border counts as on it, texels.
 _ROUNDING = 1e-5
 
 
 def row_spans(
     corners: np.ndarray, chart: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return chart, row, first column and end column of each run of texels that a chart touches, (n,) each.
+    """Return chart, row, first column and end column of each run of texels that charts touch, (n,) each.
 
-    corners  (t, 3, 2) texels from the lower left corner of the triangle's chart
-    chart    (t,) int64, of each triangle
+    corners  (t, 3, 2), texels from the lower left corner of the triangle's chart
+    chart    (t,) int64, chart of each triangle
     size     (c, 2) int64, columns and rows of each chart's box
 
-    The runs of a row have gaps between them; charts, rows and columns ascend.
+    Runs of a row are disjoint; charts, rows and columns ascend.
     """
     triangle, row = _crossed_rows(corners[:, :, 1], size[chart, 1])
     low, high = _extent_in_row(corners[triangle], row)
@@ -27,12 +27,14 @@ def row_spans(
 def border_spans(
     ends: np.ndarray, chart: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return what `row_spans` does, of the edges of charts' borders alone, which are fewer than triangles.
+    """Return the runs of `row_spans` from the border edges of charts only, which are fewer than triangles.
 
-    ends   (e, 2, 2) texels from the lower left corner of the edge's chart, as its polygons go around
-    chart  (e,) int64, of each edge
+    ends   (e, 2, 2), texels from the lower left corner of the edge's chart, in polygon order
+    chart  (e,) int64, chart of each edge
+    size   (c, 2) int64, columns and rows of each chart's box
 
-    A chart touches in a row what its border does, and what is inside of it at the middle of the row.
+    A row of a chart consists of the texels that its border touches, and of its interior along the row's
+    centre line.
     """
     edge, row = _crossed_rows(ends[:, :, 1], size[chart, 1])
     low, high = _extent_in_row(ends[edge], row)
@@ -45,9 +47,9 @@ def border_spans(
 def _touched(
     chart: np.ndarray, row: np.ndarray, low: np.ndarray, high: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the runs of texels that extents in rows touch, as `row_spans` does.
+    """Return the runs of texels that extents in rows touch, as in `row_spans`.
 
-    low, high  (n,) texels, least and greatest x
+    low, high: (n,), texels, minimum and maximum x
     """
     width = size[chart, 0]
     first = np.clip(np.floor(low + _ROUNDING).astype(np.int64), 0, width - 1)
@@ -58,9 +60,9 @@ def _touched(
 def _inside(
     ends: np.ndarray, chart: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return chart, row, least and greatest x, (n,) each, of what borders enclose in the middle of rows.
+    """Return chart, row, minimum and maximum x, (n,) each, of the interior along the centre lines of rows.
 
-    Inside is where borders wind around a point (the nonzero rule): a chart may lie on itself a little.
+    The interior is where the winding number is not zero, because a chart may overlap itself slightly.
     """
     low, high = (np.clip(np.ceil(edge - 0.5).astype(np.int64), 0, size[chart, 1]) for edge in (
         ends[:, :, 1].min(axis=1), ends[:, :, 1].max(axis=1),
@@ -71,7 +73,7 @@ def _inside(
     start, run = ends[edge, 0], (ends[:, 1] - ends[:, 0])[edge]
     x = start[:, 0] + (row + 0.5 - start[:, 1]) / run[:, 1] * run[:, 0]
 
-    # Crossings of a row from left to right, and how often borders wind around what follows each.
+    # Sort the crossings of each row from left to right, and accumulate winding numbers.
     of_edge = chart[edge]
     order = np.lexsort((x, row, of_edge))
     of_edge, row, x = of_edge[order], row[order], x[order]
@@ -82,7 +84,7 @@ def _inside(
 
 
 def _crossed_rows(heights: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangle and row, (n,) each, of all rows of its chart that each polygon, (t, k), touches."""
+    """Return polygon and row, (n,) each, for all rows of its chart that each polygon, (t, k), touches."""
     first = np.floor(heights.min(axis=1) + _ROUNDING).astype(np.int64)
     first = np.clip(first, 0, rows - 1)
     end = np.clip(np.ceil(heights.max(axis=1) - _ROUNDING).astype(np.int64), first + 1, rows)
@@ -92,7 +94,7 @@ def _crossed_rows(heights: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _extent_in_row(corners: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest x, (n,) each, of polygons, (n, k, 2), between row and row + 1."""
+    """Return minimum and maximum x, (n,) each, of polygons, (n, k, 2), between row and row + 1."""
     low, high = np.full(len(row), np.inf), np.full(len(row), -np.inf)
     count = corners.shape[1]
     for corner in range(count if count > 2 else 1):
@@ -102,7 +104,7 @@ def _extent_in_row(corners: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np
         slope = run / np.where(level, 1.0, rise)
         bottom, top = row - _ROUNDING, row + 1 + _ROUNDING
         for point, other in ((start, end), (end, start)):
-            # The edge's end that is nearer to `point`, once it is cut to the row.
+            # Clamp the edge to the row and take its end on the side of `point`.
             y = np.clip(point[:, 1], bottom, top)
             x = np.where(level, point[:, 0], start[:, 0] + (y - start[:, 1]) * slope)
             outside = np.maximum(point[:, 1], other[:, 1]) < bottom
@@ -115,13 +117,13 @@ def _extent_in_row(corners: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np
 def _union(
     chart: np.ndarray, row: np.ndarray, first: np.ndarray, end: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return runs of texels with those joined that meet."""
+    """Return runs of texels with overlapping and adjacent runs merged."""
     rows, columns = row.max(initial=0) + 1, end.max(initial=0) + 1
     line = chart * rows + row
     order = np.argsort(line * columns + first)
     line, first = line[order], first[order]
 
-    # How far the runs of a line reach up to each of them: a run that starts beyond it is a new one.
+    # A run that starts beyond the reach of all earlier runs of its line is a new one.
     reach = np.maximum.accumulate(line * columns + end[order])
     fresh = np.ones(len(line), bool)
     fresh[1:] = (line * columns + first)[1:] > reach[:-1]

@@ -1,8 +1,7 @@
-"""Charts by xatlas, which cuts meshes where they bend and lays the pieces flat.
+"""Segmentation of curved surfaces into charts, and their parametrisation, by xatlas.
 
-An Atlas of xatlas 0.0.11 is never destroyed here but goes with the process: it starts a thread for each core,
-and to end them its destructor sets a flag without the threads' mutex, so that now and then one misses it
-and the destructor waits for ever (seen once in 20,000).
+An Atlas of xatlas 0.0.11 is never destroyed. Its destructor stops worker threads by setting a flag without
+locking their mutex, so a thread may miss it and the destructor waits forever (observed once in 20,000 runs).
 """
 
 from __future__ import annotations
@@ -21,35 +20,35 @@ from .coincident_faces import coincident_groups, make_layers
 from .planar import PlanarCharts, project_flat
 from .polygon_mesh import PolygonMesh, areas, signed_areas
 
-#: UV of each triangle corner, (t, 3, 2) float64 metres, and chart of each triangle, (t,) int64, -1 for none.
+#: UV of each triangle corner, (t, 3, 2) float64, metres, and chart of each triangle, (t,) int64, -1 for none.
 Segments = tuple[np.ndarray, np.ndarray]
 
-#: Width of a square with the texels that charts are laid out on before they are packed.
+#: Side of a square with the number of texels of the draft layout.
 _DRAFT = 887
 
-#: Longest extent of a mesh there, texels.
+#: Maximum extent of a mesh in the draft layout, texels.
 _LONGEST_DRAFT = 1 << 13
 
-#: Most triangles of a piece of a mesh that are cut in one call.
+#: Maximum number of triangles of a piece of a mesh for one call.
 _PIECE = 1 << 12
 
-#: Triangles of meshes that are cut at a time, at least, and the most times.
+#: Minimum number of triangles per batch, and maximum number of batches.
 _BATCH = 1 << 13
 _MOST_BATCHES = 64
 
-#: What xatlas calls the chart of a vertex that is in none.
+#: Chart index that xatlas gives to vertices without a chart.
 _UNPACKED = 0xFFFFFFFF
 
 
 def has_xatlas() -> bool:
-    """Return whether xatlas is there, without importing it: no wheel of it fits every Python."""
+    """Return True if xatlas is installed, without importing it; it has no wheels for some Pythons."""
     return find_spec("xatlas") is not None
 
 
 def segment(
     meshes: Sequence[PolygonMesh], cutting: ChartOptions = USUAL
 ) -> Generator[float, None, list[Segments]]:
-    """Yield the part of the work that is done; return each mesh's segments. Coordinates have to be finite."""
+    """Return the charts of each mesh before packing; yield the fraction done. Coordinates must be finite."""
     planar: list[PlanarCharts] = []
     for mesh in meshes:
         yield len(planar) / len(meshes) / 2
@@ -71,7 +70,7 @@ def segment(
 
 
 def _curved_pieces(mesh: PolygonMesh, planar: PlanarCharts) -> list[np.ndarray]:
-    """Return the triangles of what is not flat, in small pieces that do not lie on themselves."""
+    """Return the triangles of the parts that are not planar, in small pieces without coincident polygons."""
     polygons = np.unique(mesh.polygon[planar.chart < 0])
     layer = make_layers(coincident_groups(mesh)[polygons], planar.part[polygons])
     layers = [polygons[layer == number] for number in range(layer.max(initial=-1) + 1)]
@@ -79,9 +78,9 @@ def _curved_pieces(mesh: PolygonMesh, planar: PlanarCharts) -> list[np.ndarray]:
 
 
 def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
-    """Return the triangles of a mesh's polygons, of pieces that are small enough.
+    """Return the triangles of polygons, in pieces that are small enough.
 
-    A piece is halved across its longest side: the time that xatlas takes grows faster than a piece.
+    A piece is halved across its longest side, since the time of xatlas grows faster than linearly.
     """
     chosen = np.zeros(len(mesh.starts) - 1, bool)
     chosen[polygons] = True
@@ -95,7 +94,7 @@ def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
 
 
 def _joined(planar: PlanarCharts, pieces: Sequence[np.ndarray], segments: Sequence[Segments]) -> Segments:
-    """Return the segments of a mesh: what is flat, and its pieces, numbered on."""
+    """Return the charts of a mesh: the planar ones, then those of its pieces."""
     uvs, chart = planar.uvs.copy(), planar.chart.copy()
     first = planar.chart.max(initial=-1) + 1
     for members, (corners, numbers) in zip(pieces, segments, strict=True):
@@ -106,7 +105,7 @@ def _joined(planar: PlanarCharts, pieces: Sequence[np.ndarray], segments: Sequen
 
 
 def _batches(meshes: Sequence[PolygonMesh]) -> list[list[PolygonMesh]]:
-    """Return consecutive meshes of enough triangles together; a long thin one, with a coarse draft, alone."""
+    """Return batches of consecutive meshes with enough triangles; a long thin mesh has its own batch."""
     enough = max(_BATCH, sum(len(mesh.triangles) for mesh in meshes) // _MOST_BATCHES)
     batches: list[list[PolygonMesh]] = []
     triangles, alone = enough, True
@@ -126,10 +125,10 @@ def _longest(mesh: PolygonMesh) -> float:
 
 
 def _segment_batch(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> list[Segments]:
-    """Return the segments of meshes that are laid out on one page."""
+    """Return the charts of meshes that share one draft page."""
     xatlas = import_module("xatlas")
 
-    # xatlas takes arrays at one address for instances of a mesh, so all have to live until it is done.
+    # xatlas treats arrays at the same address as instances of one mesh, so all must stay alive until the end.
     scales = [_unit_area_scale(mesh) for mesh in meshes]
     inputs = [_input(mesh, scale) for mesh, scale in zip(meshes, scales, strict=True)]
     atlas = _immortal(xatlas.Atlas())
@@ -141,26 +140,26 @@ def _segment_batch(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> list
 
 
 def _immortal(value: Any) -> Any:
-    """Return a value that is never freed."""
+    """Increment the reference count of a value, so that it is never freed."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(value))
     return value
 
 
 def _input(mesh: PolygonMesh, scale: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions, (v, 3) float32, around the origin, and the vertices of triangles, (t, 3) uint32."""
+    """Return positions, (v, 3) float32, centred at the origin, and vertices of triangles, (t, 3) uint32."""
     centre = (mesh.positions.min(axis=0) + mesh.positions.max(axis=0)) / 2
     vertices = mesh.corners[mesh.triangles].astype(np.uint32)
     return ((mesh.positions - centre) * scale).astype(np.float32), vertices
 
 
 def _unit_area_scale(mesh: PolygonMesh) -> float:
-    """Return the factor that gives triangles a mean area of 1: xatlas drops those below 1e-7."""
+    """Return the factor that scales triangles to a mean area of 1; xatlas drops areas below 1e-7."""
     mean = mesh.area / max(len(mesh.triangles), 1)
     return float(1 / np.sqrt(mean)) if mean > 0 else 1.0
 
 
 def _chart_options(cutting: ChartOptions) -> Any:
-    """Return what xatlas weighs as it grows charts."""
+    """Return the cost weights as options of xatlas."""
     options = import_module("xatlas").ChartOptions()
     options.max_cost, options.max_iterations = cutting.largest_cost, cutting.iterations
     options.normal_deviation_weight, options.normal_seam_weight = cutting.flatness, cutting.sharp_edges
@@ -169,9 +168,9 @@ def _chart_options(cutting: ChartOptions) -> Any:
 
 
 def _drafting(meshes: Sequence[PolygonMesh], scales: Sequence[float]) -> Any:
-    """Return options for a layout that only shows the charts of meshes with triangles of a mean area of 1.
+    """Return packing options for a draft layout; triangles have a mean area of 1.
 
-    xatlas would choose a density by the area alone, and lay out a long thin mesh on an immense page.
+    The density of xatlas depends on the area only, so a long thin mesh would get a huge page.
     """
     options = import_module("xatlas").PackOptions()
     triangles = sum(len(mesh.triangles) for mesh in meshes)
@@ -185,7 +184,7 @@ def _drafting(meshes: Sequence[PolygonMesh], scales: Sequence[float]) -> Any:
 
 
 def _segments(atlas: Any, index: int, mesh: PolygonMesh, scale: float) -> Segments:
-    """Return the segments of one mesh from a draft; xatlas was given the mesh times `scale`."""
+    """Return the charts of one mesh from a draft; xatlas received the mesh times `scale`."""
     _, indices, uvs = atlas.get_mesh(index)
     _, charts = atlas.get_mesh_vertex_assignment(index)
     texels = (uvs.astype(np.float64) * [atlas.width, atlas.height])[indices]
@@ -198,14 +197,15 @@ def _segments(atlas: Any, index: int, mesh: PolygonMesh, scale: float) -> Segmen
 
 
 def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, draft: float) -> np.ndarray:
-    """Return how large a texel of a draft is in each triangle's chart, (t, 1, 2).
+    """Return the size of a draft texel in each triangle's chart, metres, (t, 1, 2).
 
-    texels  (t, 3, 2), of each triangle corner; chart (t,), -1 for none
-    draft   metres per texel before xatlas stretched each chart to a whole number of texels, on both axes
+    texels  (t, 3, 2), position of each triangle corner in the draft
+    chart   (t,), chart of each triangle, -1 for none
+    draft   metres per texel before xatlas stretched each chart to a whole number of texels on both axes
 
-    The stretched chart has a known area. Of the texel sizes (a, b) that may be, those are taken whose edges
-    (a u, b v) fit those in space best, by least squares in a^2 and b^2 for the squares of the lengths: on
-    the longer axis as the fit says, on the other one, which may be less than a texel, by the area.
+    The texel size (a, b) is fitted such that edges (a u, b v) match their lengths in space, by least squares
+    in a^2 and b^2. The longer axis uses the fit; the other axis, which may be shorter than a texel, follows
+    from the known area.
     """
     known = np.flatnonzero(chart >= 0)
     number, count = chart[known], chart.max(initial=-1) + 1
@@ -223,7 +223,7 @@ def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, 
     squares = np.stack([vv * ul - uv * vl, uu * vl - uv * ul], axis=1) / safe[:, None]
     fit = np.where(solvable[:, None], np.sqrt(np.maximum(squares, 0)), draft)
 
-    # The stretch is less than a texel of the chart's extent.
+    # The stretch is less than one texel of the chart's extent.
     low, high = np.full((2, count, 2), np.inf)
     np.minimum.at(low, number, texels[known].min(axis=1))
     np.minimum.at(high, number, -texels[known].max(axis=1))

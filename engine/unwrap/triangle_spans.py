@@ -1,4 +1,4 @@
-"""Cells of a grid whose centres lie in triangles, as runs of each row that a triangle crosses."""
+"""Rasterisation of triangles to runs of grid cells per row, by cell centres."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 
 
 def triangle_spans(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return triangle, row, first and end column, (n,) int64 each, of the cells whose centres are inside.
+    """Return triangle, row, first and end column, (n,) int64 each, of cells whose centres are inside.
 
-    A centre on an edge is in one of the two triangles that have it.
+    A centre on a shared edge belongs to exactly one of the two triangles.
 
-    corners  (t, 3, 2) float64, in cells
+    corners: (t, 3, 2) float64, in cells
     """
     order = np.argsort(corners[..., 1], axis=1, kind="stable")
     low, middle, high = np.take_along_axis(corners, order[..., None], axis=1).transpose(1, 0, 2)

@@ -1,4 +1,4 @@
-"""Charts that lie but have no place yet; those that would waste a page are cut apart."""
+"""Oriented charts before placement; charts that would waste space are cut."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from .borders import border_loops
 from .orientation import lying, turned
 from .polygon_mesh import MeshCharts, PolygonMesh, signed_areas
 
-#: A chart is halved if it is longer than this part of the side of a square with the area of all charts,
+#: A chart is halved if it is longer than this fraction of the side of a square with the area of all charts,
 _LONGEST = 0.9
 
 #: or longer than _LONG of that side while it covers less than _SPARSE of its box.
 _LONG, _SPARSE = 0.25, 0.48
 
-#: Most times that a chart is halved.
+#: Maximum number of halvings of a chart.
 _HALVINGS = 8
 
 
 @dataclass(frozen=True)
 class UnplacedCharts:
-    """Charts that lie but have no place yet.
+    """Oriented charts without a position on a page.
 
-    uvs      (l, 2) float64 metres, of each loop, from the lower left corner of its chart
-    chart    (l,) int64, of each loop; 0 for those that are in none
-    borders  (b, 2) int64, loops at the ends of edges on the border of a chart, as its polygons go around
-    size     (c, 2) float64 metres, of each chart's box
-    area     (c,) float64 m^2, of each chart
+    uvs      (l, 2) float64, metres, UV of each loop from the lower left corner of its chart
+    chart    (l,) int64, chart of each loop; 0 for loops in none
+    borders  (b, 2) int64, loops at the ends of border edges, in polygon order
+    size     (c, 2) float64, metres, box of each chart
+    area     (c,) float64, m^2, area of each chart
     """
 
     uvs: np.ndarray
@@ -42,7 +42,7 @@ class UnplacedCharts:
 def orient_charts(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]
 ) -> Generator[None, None, UnplacedCharts]:
-    """Return the charts of all meshes, each turned to lie in a small box; yields after each mesh."""
+    """Return the charts of all meshes, each oriented to a small box; yields after each mesh."""
     side = _side(meshes, charts)
     parts: list[UnplacedCharts] = []
     loops = count = 0
@@ -57,7 +57,7 @@ def orient_charts(
 
 
 def _side(meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]) -> float:
-    """Return the side of a square that has the area of all charts."""
+    """Return the side of a square with the area of all charts."""
     total = 0.0
     for mesh, made in zip(meshes, charts, strict=True):
         flat = made.uvs[mesh.triangles[made.chart >= 0]]
@@ -66,10 +66,10 @@ def _side(meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]) -> float:
 
 
 def _loosened(mesh: PolygonMesh, made: MeshCharts, side: float) -> UnplacedCharts:
-    """Return the charts of one mesh; side: of the square of all areas."""
+    """Return the charts of one mesh; side: from `_side`."""
     triangles, known = mesh.triangles[made.chart >= 0], np.unique(made.chart[made.chart >= 0])
 
-    # Loops of polygons without area, or without triangles, belong to no chart.
+    # Loops of polygons without area or triangles have no chart.
     chart = np.full(len(mesh.corners), -1)
     chart[triangles] = np.searchsorted(known, made.chart[made.chart >= 0])[:, None]
     chart, uvs, border = _laid_down(mesh, made.uvs, chart, side)
@@ -85,7 +85,7 @@ def _loosened(mesh: PolygonMesh, made: MeshCharts, side: float) -> UnplacedChart
 def _laid_down(
     mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray, side: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the chart of each loop, (l,) int64, its UV, (l, 2), in charts that lie, and border loops."""
+    """Return the chart of each loop, (l,) int64, its UV, (l, 2), in oriented charts, and border loops."""
     laid, fresh = uvs.copy(), np.ones(int(chart.max(initial=-1)) + 1, bool)
     for _ in range(_HALVINGS + 1):
         border = border_loops(mesh, uvs, chart)
@@ -103,7 +103,7 @@ def _laid_down(
 def _turn(
     laid: np.ndarray, after: np.ndarray, chart: np.ndarray, border: np.ndarray, fresh: np.ndarray
 ) -> None:
-    """Lay down charts, (c,) bool, of which the border is known."""
+    """Orient the charts selected by `fresh`, (c,) bool, in place."""
     numbers = np.cumsum(fresh) - 1
     edge = border[fresh[chart[border]]]
     count, local = int(fresh.sum()), numbers[chart[edge]]
@@ -120,12 +120,12 @@ def _turn(
 def _halved(
     laid: np.ndarray, mesh: PolygonMesh, chart: np.ndarray, border: np.ndarray, side: float
 ) -> np.ndarray:
-    """Return the chart of each loop, (l,) int64, with those that waste room cut in two across their boxes."""
+    """Return the chart of each loop, (l,) int64, after halving charts that waste space."""
     count = int(chart.max(initial=-1)) + 1
     size = np.zeros((count, 2))
     np.maximum.at(size, chart[border], laid[border])
 
-    # The area of a chart is a sum over the edges of its border.
+    # Compute a chart's area as a sum over its border edges (shoelace formula).
     one, other = laid[border], laid[mesh.after[border]]
     twice = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     area = np.abs(np.bincount(chart[border], twice, count)) / 2
@@ -135,7 +135,7 @@ def _halved(
     if not wasting.any():
         return chart
 
-    # Polygons beyond the middle get a new chart, unless all lie on one side.
+    # Move polygons beyond the middle to a new chart, unless all lie on one side.
     loop = np.flatnonzero((chart >= 0) & wasting[chart])
     sides = np.diff(mesh.starts)
     polygon = np.repeat(np.arange(len(sides)), sides)[loop]

@@ -1,4 +1,4 @@
-"""Lightmap UVs for meshes, from arrays to arrays: the work of the process that unwraps."""
+"""Unwrapping of meshes to lightmap UVs; runs in a separate process, on arrays only."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from .packing import PADDING, pack_charts
 from .polygon_mesh import MeshCharts, PolygonMesh, signed_areas
 from .segmentation import segment
 
-#: Seconds that a triangle takes to be in a chart, and a chart to be packed, before any was measured.
+#: Estimated seconds per triangle for segmentation and per chart for packing, before any measurement.
 _CUTTING, _PACKING = 2e-4, 1e-3
 
-#: Largest resolution that is offered.
+#: Maximum lightmap resolution.
 _LARGEST = 16384
 
 
 @dataclass(frozen=True)
 class PackJob:
-    """Meshes whose charts lie side by side.
+    """Meshes whose charts share one atlas square.
 
-    meshes      their numbers
+    meshes      indices of the meshes
     resolution  texels of an image across the square
-    padding     texels that charts keep between them
-    align       whether borders of charts lie between texels, where they run along the axes
-    pages       squares that the meshes are spread over, as dense as fits them all
-    density     texels per metre that are wanted: there are more squares if they have less; 0 for any
+    padding     minimum distance between charts, texels
+    align       True to align axis-parallel chart borders to texel boundaries
+    pages       number of squares to spread the meshes over, as densely as all fit
+    density     minimum density, texels per metre, reached by adding squares; 0 for any
     """
 
     meshes: tuple[int, ...]
@@ -43,11 +43,11 @@ class PackJob:
 
 @dataclass(frozen=True)
 class PackResult:
-    """A square, or one of those that its meshes were spread over because they did not fit.
+    """One filled square; a job may need several.
 
-    square  number of the one that was asked for
-    meshes  their numbers
-    uvs     of the loops of each mesh, (l, 2) float32
+    square  index of the job
+    meshes  indices of the meshes
+    uvs     UVs of the loops of each mesh, (l, 2) float32
     """
 
     square: int
@@ -57,10 +57,10 @@ class PackResult:
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """The charts of each mesh, and where they lie.
+    """Charts of each mesh, and filled squares.
 
-    too_small  of each mesh that has too many charts for its square: its number, and the resolution of a
-               square that would do, 0 if even the largest would not
+    too_small  for each mesh with too many charts for its square: its index, and the resolution that would
+               suffice, or 0 if even the largest would not
     """
 
     charts: tuple[MeshCharts, ...]
@@ -74,10 +74,10 @@ def unwrap(
     squares: Sequence[PackJob],
     cutting: ChartOptions = USUAL,
 ) -> Generator[Progress, None, Unwrapped]:
-    """Cut meshes into charts, those without, and fill squares with them.
+    """Segment meshes without charts, and pack all squares; yield progress.
 
-    meshes   with finite coordinates
-    charts   of each mesh where they are known, else None
+    meshes  meshes with finite coordinates
+    charts  charts of each mesh if known, else None
     """
     missing = [mesh for mesh, made in zip(meshes, charts, strict=True) if made is None]
     triangles = sum(len(mesh.triangles) for mesh in missing)
@@ -99,7 +99,7 @@ def unwrap(
 
 
 def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Generator[Progress, None, int]:
-    """Return what a search finds once all else is done."""
+    """Return the result of a search that runs after all other work; yield progress."""
     while True:
         try:
             next(search)
@@ -111,7 +111,7 @@ def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Genera
 
 
 def fitting_resolution(mesh: PolygonMesh, charts: MeshCharts, square: PackJob) -> Generator[float, None, int]:
-    """Return the resolution, of those twice as large each, at which a mesh fits; 0 if none does."""
+    """Return the first doubled resolution at which a mesh fits; 0 if none does. Yields the fraction done."""
     resolution = square.resolution
     while 2 * resolution <= _LARGEST:
         resolution *= 2
@@ -124,13 +124,13 @@ def fitting_resolution(mesh: PolygonMesh, charts: MeshCharts, square: PackJob) -
 def cut(
     meshes: Sequence[PolygonMesh], cutting: ChartOptions = USUAL
 ) -> Generator[Progress, None, tuple[MeshCharts, ...]]:
-    """Cut meshes into charts, without packing them."""
+    """Segment meshes into charts, without packing; yield progress."""
     stage = Stage("Unwrapping", pace=_CUTTING * sum(len(mesh.triangles) for mesh in meshes))
     return tuple((yield from Schedule([stage]).run(stage, _cut(meshes, cutting))))
 
 
 def _cut(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> Generator[float, None, list[MeshCharts]]:
-    """Return the charts of meshes."""
+    """Return the charts of meshes; yield the fraction done."""
     segments = yield from segment(meshes, cutting)
     charts = []
     for mesh, parts in zip(meshes, segments, strict=True):
@@ -142,7 +142,7 @@ def _cut(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> Generator[floa
 def _fill_all(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], squares: Sequence[PackJob]
 ) -> Generator[float, None, list[PackResult]]:
-    """Fill all squares."""
+    """Pack all squares; yield the fraction done."""
     filled: list[PackResult] = []
     for number, square in enumerate(squares):
         work = _fill(meshes, charts, square, number)
@@ -153,7 +153,7 @@ def _fill_all(
 def _fill(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], square: PackJob, number: int
 ) -> Generator[float, None, list[PackResult]]:
-    """Fill a square, or as many as are asked for, or more if they have no room for all."""
+    """Pack one job: into the requested number of squares, or more if they have too little space."""
     pages = min(max(square.pages, 1), len(square.meshes))
     while True:
         filled: list[PackResult] = []
@@ -166,7 +166,7 @@ def _fill(
 
 
 def _spread(meshes: Sequence[PolygonMesh], chosen: Sequence[int], pages: int) -> list[tuple[int, ...]]:
-    """Return which meshes each page gets: the largest first, each to the page with the least area."""
+    """Distribute meshes over pages: largest first, each to the page with the least area."""
     areas = {index: meshes[index].area for index in chosen}
     groups: list[list[int]] = [[] for _ in range(pages)]
     total = [0.0] * pages
@@ -189,7 +189,7 @@ def _density(meshes: Sequence[PolygonMesh], page: PackResult, resolution: int) -
 def _fill_one(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], square: PackJob, number: int
 ) -> Generator[float, None, list[PackResult]]:
-    """Fill a square, or several if one has no room for all."""
+    """Pack one square, or several if one has no room for all."""
     chosen = square.meshes
     packed = yield from pack_charts(
         [meshes[index] for index in chosen],

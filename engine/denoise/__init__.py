@@ -1,1 +1,1 @@
-"""Open Image Denoise, as Blender brings it or a Python package does: nothing of it is part of Hemibake."""
+"""Open Image Denoise, loaded from Blender or from a Python package; Hemibake does not ship it."""

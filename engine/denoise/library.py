@@ -1,7 +1,7 @@
-"""The C interface of Open Image Denoise 2 by ctypes: devices, buffers, and the filter for rendered images.
+"""Binding of Open Image Denoise 2 by ctypes: devices, buffers, and the ray tracing filter.
 
-Functions, names of parameters and numbers are those of its header oidn.h. The library is loaded by the
-process that bakes.
+Functions, parameter names and constants are those of its header oidn.h. The process that bakes loads the
+library.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ import numpy as np
 from ..errors import DenoiseError
 from .found import REMEDY
 
-#: Types of devices, by the names of `Settings.denoise_device`.
+#: Device types of oidn.h, by the names of `Settings.denoise_device`.
 DEVICE_TYPES = {"cpu": 1, "sycl": 2, "cuda": 3, "hip": 4, "metal": 5}
 
-#: A pixel of three floats.
+#: Pixel format of three floats, OIDN_FORMAT_FLOAT3.
 _FLOAT3 = 3
 
-#: Versions that have this interface.
+#: Major version of the interface.
 _MAJOR = 2
 
-#: Memory that a filter may take beside its image, MiB; it then works on parts of it.
+#: Memory limit of a filter besides its image, MiB; the filter then works in tiles.
 _MEMORY = 1024
 
-#: Result and arguments of each function that is used.
+#: Result and argument types of each function used.
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "oidnNewDevice": (c_void_p, [c_int]),
     "oidnCommitDevice": (None, [c_void_p]),
@@ -55,11 +55,11 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
 
 
 class DenoiseLibrary:
-    """A loaded library.
+    """Loaded library.
 
     call  its functions, by their names in oidn.h
 
-    Raises DenoiseError if the file is no Open Image Denoise that can be used.
+    Raises DenoiseError if the file is not a usable Open Image Denoise library.
     """
 
     def __init__(self, path: Path) -> None:
@@ -75,7 +75,7 @@ class DenoiseLibrary:
             ) from error
 
     def check(self, device: int | None, doing: str) -> None:
-        """Raise a DenoiseError if the last thing done failed; without a device, the last try to get one."""
+        """Raise a DenoiseError if the last call failed; without a device, the last creation of a device."""
         message = c_char_p()
         if self.call.oidnGetDeviceError(device, byref(message)):
             text = (message.value or b"unknown error").decode(errors="replace")
@@ -83,12 +83,12 @@ class DenoiseLibrary:
 
 
 class DenoiseDevice:
-    """A device that takes noise out of images; `release` frees it.
+    """Device that denoises images; `release` frees it.
 
     kind  one of DEVICE_TYPES
-    name  library, version and kind, as a person reads it
+    name  library, version and kind, for display
 
-    Raises DenoiseError if there is no such device, or the library is of another version than 2.
+    Raises DenoiseError if there is no such device, or the library's major version is not 2.
     """
 
     def __init__(self, library: DenoiseLibrary, kind: str) -> None:
@@ -105,9 +105,9 @@ class DenoiseDevice:
             raise
 
     def filtered(self, image: np.ndarray) -> np.ndarray:
-        """Return an image without noise; both are (h, w, 3) float32, radiance, 1 about as bright as white.
+        """Return a denoised image; both are (h, w, 3) float32, linear, with 1 as about white.
 
-        Raises DenoiseError if the device has not enough memory or fails.
+        Raises DenoiseError if the device fails or has too little memory.
         """
         if self._filter is None or self._filter.shape != image.shape:
             self._release_filter()
@@ -115,7 +115,7 @@ class DenoiseDevice:
         return self._filter.run(image)
 
     def release(self) -> None:
-        """Free everything; may be called again."""
+        """Free all resources; may be called again."""
         self._release_filter()
         if self._handle:
             self._library.call.oidnReleaseDevice(self._handle)
@@ -140,9 +140,9 @@ class DenoiseDevice:
 
 
 class _Filter:
-    """The filter RT, for rendered images of high dynamic range, and its image on a device.
+    """Filter "RT" for high dynamic range images, and its image buffer on a device.
 
-    shape  of the image, (h, w, 3), which is filtered in place
+    shape  shape of the image, (h, w, 3), which is filtered in place
     """
 
     def __init__(self, library: DenoiseLibrary, device: int, shape: tuple[int, ...]) -> None:
@@ -159,7 +159,7 @@ class _Filter:
             raise
 
     def run(self, image: np.ndarray) -> np.ndarray:
-        """Return a filtered image."""
+        """Return the filtered image."""
         call, image = self._library.call, np.ascontiguousarray(image, np.float32)
         filtered = np.empty(self.shape, np.float32)
         call.oidnWriteBuffer(self._buffer, 0, self._size, image.ctypes.data)
@@ -169,7 +169,7 @@ class _Filter:
         return filtered
 
     def release(self) -> None:
-        """Free filter and memory."""
+        """Free filter and buffer."""
         call = self._library.call
         if self._handle:
             call.oidnReleaseFilter(self._handle)

@@ -1,1 +1,1 @@
-"""Lightmaps in the formats that engines read: light to bytes and back, and what gets lost."""
+"""Texel encodings of lightmaps for game engines: encoders, decoders and their limits."""

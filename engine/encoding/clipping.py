@@ -1,4 +1,4 @@
-"""Texels that an encoding cannot hold."""
+"""Clipping: texels beyond the range of an encoding."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .encoding import Limits
 
 @dataclass(frozen=True)
 class Clipping:
-    """Texels of a lightmap beyond the limits of an encoding, (h, w) bool.
+    """Clipped texels of a lightmap, (h, w) bool.
 
-    bright  brighter than it holds
-    dark    not black, and black in it
+    bright  brighter than the encoding's maximum
+    dark    not black, but encoded as black
     """
 
     bright: np.ndarray
@@ -22,9 +22,9 @@ class Clipping:
 
 
 def find_clipping(light: np.ndarray, limits: Limits, counted: np.ndarray) -> Clipping:
-    """Return the texels of a lightmap, (h, w, 3), that an encoding cannot hold.
+    """Return the texels of a lightmap, (h, w, 3) float, that an encoding cannot represent.
 
-    counted  (h, w) bool: no others are looked at
+    counted: (h, w) bool, texels to test
     """
     brightest = np.abs(light).max(axis=-1)
     dark = (brightest > 0) & (brightest < limits.smallest)

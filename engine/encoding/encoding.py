@@ -1,4 +1,4 @@
-"""What all encodings of light have in common."""
+"""Protocol and helpers of texel encodings."""
 
 from __future__ import annotations
 
@@ -6,73 +6,73 @@ from typing import Protocol
 
 import numpy as np
 
-#: Texels that are encoded at a time.
+#: Number of texels that are encoded at a time.
 _BAND = 1 << 18
 
 
 class Limits(Protocol):
-    """What can be held of light."""
+    """Range of values that an encoding can represent."""
 
     @property
     def largest(self) -> float:
-        """The largest value of a channel; what is brighter becomes this."""
+        """Largest value of a channel; larger values are clipped to it."""
         ...
 
     @property
     def smallest(self) -> float:
-        """The least value of the brightest channel that does not become black."""
+        """Smallest value of the brightest channel that is not encoded as black."""
         ...
 
 
 class Encoding(Limits, Protocol):
-    """Light as texels of whole numbers.
+    """Encoding of light to integer texels.
 
-    Light is E/pi, (h, w, 3) floats, scene-linear Rec.709; texels are (h, w, channels) uint8 or uint16.
+    Light is E/pi, (h, w, 3) float, scene-linear Rec.709; texels are (h, w, channels) uint8 or uint16.
     """
 
     @property
     def intensity(self) -> float:
-        """What the formula's light is to be multiplied by."""
+        """Factor for the light that the formula returns."""
         ...
 
     @property
     def formula(self) -> str:
-        """GLSL 3.30 that sets `light` of a texel, `rgb` and `a` in [0, 1], and of `intensity`, as above."""
+        """GLSL 3.30 code that computes `light` from `rgb` and `a`, both in [0, 1], and `intensity`."""
         ...
 
     def encode(self, light: np.ndarray) -> np.ndarray:
-        """Return light as texels."""
+        """Encode light to texels."""
         ...
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels as light, float32."""
+        """Decode texels to light, float32."""
         ...
 
 
 def encode_in_bands(encoding: Encoding, light: np.ndarray) -> np.ndarray:
-    """Return light as texels, some rows at a time: encoders calculate with several doubles a channel."""
+    """Encode light in bands of rows, because encoders need several doubles per channel."""
     rows = max(_BAND // light.shape[1], 1)
     bands = (light[start : start + rows] for start in range(0, len(light), rows))
     return np.concatenate([encoding.encode(band) for band in bands])
 
 
 def brightest_channel(light: np.ndarray) -> np.ndarray:
-    """Return the largest of the three channels, (h, w, 3) -> (h, w, 1)."""
+    """Return the maximum of the three channels, (h, w, 3) -> (h, w, 1)."""
     brightest: np.ndarray = light.max(axis=-1, keepdims=True)
     return brightest
 
 
 def rounded(values: np.ndarray) -> np.ndarray:
-    """Return values as the nearest bytes."""
+    """Round values to the nearest uint8, clipped to 0..255."""
     return np.clip(np.rint(values), 0, 255).astype(np.uint8)
 
 
 def quantised(values: np.ndarray, bits: int) -> np.ndarray:
-    """Return values from 0 to 1 as whole numbers of 8 or 16 bits, of which the largest is 1."""
+    """Quantise values in [0, 1] to integers of 8 or 16 bits; 1 becomes the largest integer."""
     levels = np.rint(largest_level(bits) * np.clip(values.astype(np.float64), 0, 1))
     return levels.astype(np.uint8 if bits == 8 else np.uint16)
 
 
 def largest_level(bits: int) -> int:
-    """Return the largest number of 8 or 16 bits."""
+    """Return the largest unsigned integer of 8 or 16 bits."""
     return (1 << bits) - 1

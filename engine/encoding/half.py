@@ -1,4 +1,4 @@
-"""The limits of 16-bit floats."""
+"""Limits of 16-bit floats."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Half:
-    """What a channel of 16 bits holds (IEEE 754 binary16); OpenEXR files of them hold light as it is."""
+    """Range of a half float (IEEE 754 binary16); half OpenEXR files store light without an encoding."""
 
     @property
     def largest(self) -> float:
-        """The largest finite value."""
+        """Largest finite value."""
         return 65504.0
 
     @property
     def smallest(self) -> float:
-        """Half of the least subnormal value."""
+        """Half of the smallest subnormal value."""
         return 2.0**-25

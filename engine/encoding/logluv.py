@@ -1,4 +1,4 @@
-"""Light as the logarithm of its luminance and a chromaticity: LogLuv."""
+"""LogLuv encoding: logarithm of luminance, and chromaticity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Rec.709 primaries and a white of D65 -> CIE XYZ (ITU-R BT.709).
+#: Matrix from Rec.709 primaries with white D65 to CIE XYZ (ITU-R BT.709).
 _TO_XYZ = np.array(
     [
         [0.4123908, 0.3575843, 0.1804808],
@@ -16,39 +16,39 @@ _TO_XYZ = np.array(
 )
 _FROM_XYZ = np.linalg.inv(_TO_XYZ)
 
-#: Steps of the luminance in a factor of 2, the exponent of its first step, and steps of u' and v' in 1.
+#: Steps per factor of 2 of luminance, exponent of the first step, and steps per unit of u' and v'.
 _STEPS, _FIRST, _SCALE = 256, -64, 410
 
-#: u' and v' of D65, which black has.
+#: u' and v' of D65, used for black.
 _WHITE = (0.19784, 0.46834)
 
 
 @dataclass(frozen=True)
 class LogLuv:
-    """LogLuv with 16 bits of luminance: four channels, its high and low byte, u' and v'.
+    """LogLuv with 16 bits of luminance, in four channels: high byte, low byte, u' and v'.
 
-    Larson 1998, "The LogLuv Encoding for Full-Gamut, High-Dynamic Range Images", section 3.2 (32 bits a
-    pixel, as in TIFF; the sign is always 0 and its bit is the luminance's), with CIE 1976 u' and v'.
+    Larson 1998, "The LogLuv Encoding for Full-Gamut, High-Dynamic Range Images", section 3.2 (32 bits per
+    pixel, as in TIFF), with CIE 1976 u' and v'. The sign bit is used for luminance.
     """
 
     @property
     def largest(self) -> float:
-        """A white of this has a luminance of half of what 15 bits hold; no colour has more."""
+        """A white of this value has half of the largest luminance; no colour exceeds it."""
         return 2.0**63
 
     @property
     def smallest(self) -> float:
-        """The luminance of the first step, which a blue of this is the darkest to reach."""
+        """Value of a pure blue whose luminance reaches the first step; other colours are brighter."""
         return float(2.0**_FIRST * 2 ** (1 / _STEPS) / _TO_XYZ[1].min())
 
     @property
     def intensity(self) -> float:
-        """The luminance is absolute."""
+        """1, because the luminance is absolute."""
         return 1.0
 
     @property
     def formula(self) -> str:
-        """The lines before `light` make the parts of its last one."""
+        """GLSL statements; those before `light` compute its parts."""
         to_rgb = ", ".join(f"{value:.6f}" for value in _FROM_XYZ.T.ravel())
         return (
             "float level = 65280.0 * rgb.r + 255.0 * rgb.g, "
@@ -59,7 +59,7 @@ class LogLuv:
         )
 
     def encode(self, light: np.ndarray) -> np.ndarray:
-        """Return light as texels."""
+        """Encode light to texels."""
         x, y, z = np.moveaxis(np.clip(light, 0, self.largest).astype(np.float64) @ _TO_XYZ.T, -1, 0)
         with np.errstate(divide="ignore"):
             level = np.clip(np.floor(_STEPS * (np.log2(y) - _FIRST)), 0, 0xFFFF).astype(np.uint16)
@@ -72,7 +72,7 @@ class LogLuv:
         return np.stack(bytes_of, axis=-1).astype(np.uint8)
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels as light, float32."""
+        """Decode texels to light, float32."""
         high, low, u, v = np.moveaxis(texels.astype(np.float64), -1, 0)
         level = 256 * high + low
         y = np.where(level > 0, 2.0 ** ((level + 0.5) / _STEPS + _FIRST), 0)

@@ -1,4 +1,4 @@
-"""PNG files (ISO/IEC 15948), as bytes."""
+"""PNG encoder (ISO/IEC 15948)."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
-#: Colour types of three and four channels, without and with alpha.
+#: PNG colour types of three channels and of four with alpha.
 _COLOUR_TYPE = {3: 2, 4: 6}
 
-#: Number of the filter that stores each byte as its difference from the one of the pixel to the left.
+#: Filter type that stores each byte as its difference from the pixel to the left.
 _SUB = 1
 
 
 def png_bytes(texels: np.ndarray, srgb: bool) -> bytes:
     """Return a PNG file of texels, (h, w, 3 or 4) uint8 or uint16, bottom row first.
 
-    srgb  the colours are sRGB; otherwise they are numbers, and the file says nothing of their colours
+    srgb: True to mark the colours as sRGB; otherwise the file has no colour space
     """
     height, width, channels = texels.shape
     bits = 8 * texels.itemsize
@@ -31,12 +31,12 @@ def png_bytes(texels: np.ndarray, srgb: bool) -> bytes:
 
 
 def _bytes(texels: np.ndarray) -> np.ndarray:
-    """Return texels, (h, w, channels) uint8 or uint16, as (h, w, bytes) uint8, high bytes first."""
+    """Return texels, (h, w, channels) uint8 or uint16, as (h, w, bytes) uint8 in big-endian order."""
     return np.ascontiguousarray(texels, texels.dtype.newbyteorder(">")).view(np.uint8)
 
 
 def _filtered(rows: np.ndarray) -> bytes:
-    """Return rows, (h, w, bytes of a texel) uint8, each after the number of its filter."""
+    """Return filtered rows, (h, w, bytes per texel) uint8, each after its filter type."""
     differences = rows.copy()
     differences[:, 1:] -= rows[:, :-1]
     numbers = np.full((len(rows), 1), _SUB, np.uint8)
@@ -44,5 +44,5 @@ def _filtered(rows: np.ndarray) -> bytes:
 
 
 def _chunk(name: bytes, data: bytes) -> bytes:
-    """Return a chunk: length, name, data, check sum of name and data."""
+    """Return a chunk: length, name, data, and CRC-32 of name and data."""
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))

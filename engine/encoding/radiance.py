@@ -1,4 +1,4 @@
-"""Radiance pictures (.hdr), as bytes."""
+"""Radiance HDR encoder (.hdr)."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-#: Widths that may have run lengths in the format of 1991; others are stored plainly.
+#: Image widths for which the format of 1991 allows run-length encoding; others are stored uncompressed.
 _WIDTHS = range(8, 1 << 15)
 
-#: Longest run and longest stretch without runs, bytes; shorter runs than the last do not pay.
+#: Maximum lengths of a run and of a literal stretch, and minimum length of a run, bytes.
 _LONGEST_RUN, _LONGEST_PLAIN, _SHORTEST_RUN = 127, 128, 4
 
 
 def radiance_bytes(texels: np.ndarray) -> bytes:
-    """Return a Radiance picture of RGBE texels, (h, w, 4) uint8, bottom row first.
+    """Return a Radiance HDR file of RGBE texels, (h, w, 4) uint8, bottom row first.
 
-    Format: Ward 1991, "Real Pixels", Graphics Gems II, chapter 5, and Radiance's `color.c`. A row of texels
-    is 2, 2, its width in two bytes, and then the run lengths of each channel in turn.
+    Format: Ward 1991, "Real Pixels", Graphics Gems II, chapter 5, and Radiance's `color.c`. A row consists of
+        the bytes 2, 2, the width in two bytes, and the run-length code of each channel.
     """
     height, width = texels.shape[:2]
     header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
@@ -29,7 +29,7 @@ def radiance_bytes(texels: np.ndarray) -> bytes:
 
 
 def run_lengths(channel: np.ndarray) -> Iterator[bytes]:
-    """Yield (w,) uint8 as runs, 128 + length and the byte, and plain stretches, length and the bytes."""
+    """Yield the run-length code of (w,) uint8: runs (128 + length, byte) and literals (length, bytes)."""
     data, plain_from = channel.tobytes(), 0
     starts = np.flatnonzero(np.diff(channel, prepend=~channel[:1]))
     lengths = np.diff(starts, append=len(channel))
@@ -43,7 +43,7 @@ def run_lengths(channel: np.ndarray) -> Iterator[bytes]:
 
 
 def _channels(row: np.ndarray) -> Iterator[bytes]:
-    """Yield the run lengths of each channel of a row, (w, 4)."""
+    """Yield the run-length code of each channel of a row, (w, 4)."""
     for channel in np.ascontiguousarray(row.T):
         yield from run_lengths(channel)
 

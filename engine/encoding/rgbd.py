@@ -1,4 +1,4 @@
-"""Light as a colour and a divisor: RGBD."""
+"""RGBD encoding: colour and divisor."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from .encoding import brightest_channel, rounded
 
 @dataclass(frozen=True)
 class Rgbd:
-    """RGBD: four channels, light = range / 255 * rgb^gamma / a.
+    """RGBD in four channels: light = range / 255 * rgb^gamma / a.
 
-    The divisor is rounded down, so that colours stay at most 1; light below range / 255 has divisor 1 and is
-    as in a picture. Babylon.js stores its environments so (`toRGBD` of its shaders: range 255, gamma 2.2).
+    The divisor is rounded down, so that colours stay at most 1. Light below range / 255 has divisor 1 and
+    looks like a plain image. Babylon.js stores environments this way (`toRGBD` of its shaders: range 255,
+    gamma 2.2).
 
-    range  the brightest light
+    range  largest light
     """
 
     range: float = 1.0
@@ -24,33 +25,33 @@ class Rgbd:
 
     @property
     def largest(self) -> float:
-        """A colour of 1, divided by the least divisor, 1/255."""
+        """Range: a colour of 1 divided by the smallest divisor, 1/255."""
         return self.range
 
     @property
     def smallest(self) -> float:
-        """Half of the first step of the colour, divided by 1."""
+        """Half of the first step of the colour, with divisor 1."""
         return float(self.intensity * (0.5 / 255) ** self.gamma)
 
     @property
     def intensity(self) -> float:
-        """Light of a white texel whose divisor is 1."""
+        """Light of a white texel with divisor 1."""
         return self.range / 255
 
     @property
     def formula(self) -> str:
-        """The power is of the colour alone."""
+        """GLSL expression; the power applies to the colour only."""
         return f"light = intensity * pow(rgb, vec3({self.gamma:g})) / a"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
-        """Return light as texels."""
+        """Encode light to texels."""
         values = np.clip(light.astype(np.float64) / self.intensity, 0, 255)
         divisor = np.floor(255 / np.maximum(brightest_channel(values), 1))
         colours = 255 * np.minimum(values * divisor / 255, 1) ** (1 / self.gamma)
         return np.concatenate([rounded(colours), divisor.astype(np.uint8)], axis=-1)
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels as light, float32."""
+        """Decode texels to light, float32."""
         values = texels.astype(np.float64) / 255
         light: np.ndarray = self.intensity * values[..., :3] ** self.gamma / values[..., 3:]
         return light.astype(np.float32)

@@ -1,4 +1,4 @@
-"""Light as three mantissas and one exponent: the RGBE of Radiance."""
+"""RGBE encoding of Radiance: three mantissas and a shared exponent."""
 
 from __future__ import annotations
 
@@ -8,51 +8,51 @@ import numpy as np
 
 from .encoding import brightest_channel, rounded
 
-#: Bits of a mantissa, and what is added to the exponent.
+#: Bits of a mantissa, and bias of the exponent.
 _BITS, _BIAS = 8, 128
 
 
 @dataclass(frozen=True)
 class Rgbe:
-    """RGBE: four channels, light = rgb * 2^(e - 136) of the bytes.
+    """RGBE in four channels: light = rgb * 2^(e - 136), with byte values.
 
-    Ward 1991, "Real Pixels", Graphics Gems II, chapter 5. Most readers leave out the half step that he adds
-    to a mantissa, so mantissas are rounded to the nearest, not down.
+    Ward 1991, "Real Pixels", Graphics Gems II, chapter 5. Most decoders omit the half step that Ward adds to
+    a mantissa, so mantissas are rounded to the nearest, not down.
     """
 
     @property
     def largest(self) -> float:
-        """The largest mantissa with the largest exponent."""
+        """Largest mantissa with the largest exponent."""
         return 255 * 2.0 ** (255 - _BIAS - _BITS)
 
     @property
     def smallest(self) -> float:
-        """The least exponent that is not black's, with a mantissa that uses all bits."""
+        """Smallest exponent except that of black, with a mantissa that uses all bits."""
         return 2.0**-(_BIAS)
 
     @property
     def intensity(self) -> float:
-        """The exponent is absolute."""
+        """1, because the exponent is absolute."""
         return 1.0
 
     @property
     def formula(self) -> str:
-        """Readers of .hdr files have done so already."""
+        """GLSL expression; loaders of .hdr files decode already."""
         return "light = intensity * 255.0 * rgb * exp2(255.0 * a - 136.0)"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
-        """Return light as texels."""
+        """Encode light to texels."""
         values = np.clip(light.astype(np.float64), 0, self.largest)
         brightest = brightest_channel(values)
         exponent = np.frexp(brightest)[1]
 
-        # A mantissa that would be rounded to 256 takes the next exponent.
+        # A mantissa that rounds to 256 needs the next exponent.
         exponent += np.rint(np.ldexp(brightest, _BITS - exponent)) > 255
         mantissas = rounded(np.ldexp(values, _BITS - exponent))
         coded = np.concatenate([mantissas, np.clip(exponent + _BIAS, 0, 255).astype(np.uint8)], axis=-1)
         return np.where((exponent + _BIAS > 0) & (brightest > 0), coded, 0).astype(np.uint8)
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels as light, float32."""
+        """Decode texels to light, float32."""
         exponent = texels[..., 3:].astype(np.int32) - (_BIAS + _BITS)
         return np.ldexp(texels[..., :3].astype(np.float64), exponent).astype(np.float32)

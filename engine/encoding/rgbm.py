@@ -1,4 +1,4 @@
-"""Light as a colour and a multiplier: RGBM."""
+"""RGBM encoding: colour and multiplier."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .encoding import brightest_channel, rounded
 
 @dataclass(frozen=True)
 class Rgbm:
-    """RGBM: four channels, light = range (rgb a)^gamma.
+    """RGBM in four channels: light = range (rgb a)^gamma.
 
-    Karis 2009, "RGBM color encoding": the multiplier is rounded up, so that colours stay at most 1. He takes
-    gamma 2 or 2.2, which gives dark texels finer steps; gamma 1 is the cheapest to decode.
+    Karis 2009, "RGBM color encoding": the multiplier is rounded up, so that colours stay at most 1. Gamma 2
+    or 2.2 gives dark texels finer steps; gamma 1 is the cheapest to decode.
 
-    range  the brightest light
+    range  largest light
     """
 
     range: float = 1.0
@@ -24,12 +24,12 @@ class Rgbm:
 
     @property
     def largest(self) -> float:
-        """Colour and multiplier of 1."""
+        """Range: colour and multiplier of 1."""
         return self.range
 
     @property
     def smallest(self) -> float:
-        """The least multiplier, and half of the first step of the colour."""
+        """Smallest multiplier with half of the first step of the colour."""
         return float(self.range * (0.5 / 255**2) ** self.gamma)
 
     @property
@@ -39,17 +39,17 @@ class Rgbm:
 
     @property
     def formula(self) -> str:
-        """Colour and multiplier are both below the power."""
+        """GLSL expression; the power applies to colour and multiplier."""
         return f"light = intensity * pow(rgb * a, vec3({self.gamma:g}))"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
-        """Return light as texels."""
+        """Encode light to texels."""
         values = (np.clip(light.astype(np.float64), 0, self.range) / self.range) ** (1 / self.gamma)
         multiplier = np.clip(np.ceil(255 * brightest_channel(values)), 1, 255)
         return np.concatenate([rounded(255**2 * values / multiplier), multiplier.astype(np.uint8)], axis=-1)
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels as light, float32."""
+        """Decode texels to light, float32."""
         values = texels.astype(np.float64) / 255
         light: np.ndarray = self.range * (values[..., :3] * values[..., 3:]) ** self.gamma
         return light.astype(np.float32)

@@ -1,4 +1,4 @@
-"""Maps of both signs as numbers from 0 to 1."""
+"""Signed normalised encoding: signed maps as integers."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .encoding import largest_level, quantised
 
 @dataclass(frozen=True)
 class SignedNorm:
-    """Three channels, value = range (2 rgb - 1), as normal maps are stored.
+    """Signed normalised values in three channels: value = range (2 rgb - 1), as in normal maps.
 
-    range  the largest value of either sign
-    bits   of a channel, 8 or 16
+    range  largest absolute value
+    bits   per channel, 8 or 16
     """
 
     range: float = 1.0
@@ -27,7 +27,7 @@ class SignedNorm:
 
     @property
     def smallest(self) -> float:
-        """Nothing becomes black, which is -range."""
+        """0, because no value is encoded as black, which stands for -range."""
         return 0.0
 
     @property
@@ -37,14 +37,14 @@ class SignedNorm:
 
     @property
     def formula(self) -> str:
-        """The value of a texel."""
+        """GLSL expression of the value of a texel."""
         return "light = intensity * (2.0 * rgb - 1.0)"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
-        """Return values as texels."""
+        """Encode values to texels."""
         return quantised(0.5 + 0.5 * light.astype(np.float64) / self.range, self.bits)
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels as values, float32."""
+        """Decode texels to values, float32."""
         values: np.ndarray = self.range * (2.0 * texels / largest_level(self.bits) - 1.0)
         return values.astype(np.float32)

@@ -1,4 +1,4 @@
-"""Light as sRGB colours, as any picture viewer shows them."""
+"""sRGB encoding, for display in any image viewer."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .encoding import largest_level, quantised
 
 @dataclass(frozen=True)
 class Srgb:
-    """sRGB (IEC 61966-2-1) of light that is multiplied by 2^exposure first; three channels.
+    """sRGB (IEC 61966-2-1) of light times 2^exposure, in three channels.
 
     exposure  stops
-    bits      of a channel, 8 or 16
+    bits      per channel, 8 or 16
     """
 
     exposure: float = 0.0
@@ -28,26 +28,26 @@ class Srgb:
 
     @property
     def smallest(self) -> float:
-        """Half of the first step, which lies on the straight part of the curve."""
+        """Half of the first step, which lies on the linear part of the curve."""
         return self.intensity * 0.5 / largest_level(self.bits) / 12.92
 
     @property
     def intensity(self) -> float:
-        """What exposure took away."""
+        """Reciprocal of the exposure factor."""
         return float(2.0**-self.exposure)
 
     @property
     def formula(self) -> str:
-        """An image that is loaded as sRGB is decoded already."""
+        """GLSL expression; images loaded as sRGB are decoded already."""
         curve = "pow((rgb + 0.055) / 1.055, vec3(2.4))"
         return f"light = intensity * mix(rgb / 12.92, {curve}, greaterThan(rgb, vec3(0.04045)))"
 
     def encode(self, light: np.ndarray) -> np.ndarray:
-        """Return light as texels."""
+        """Encode light to texels."""
         return quantised(linear_to_srgb(np.clip(light / self.intensity, 0, 1)), self.bits)
 
     def decode(self, texels: np.ndarray) -> np.ndarray:
-        """Return texels as light, float32."""
+        """Decode texels to light, float32."""
         return np.float32(self.intensity) * srgb_to_linear(
             texels.astype(np.float32) / largest_level(self.bits)
         )

@@ -1,1 +1,1 @@
-"""The slow truth the GPU path is measured against: form factors, Gauss-Seidel, hemicubes on the CPU."""
+"""Reference solutions for tests of the GPU path: form factors, Gauss-Seidel, hemicubes on the CPU."""

@@ -1,8 +1,8 @@
-"""Closed forms: form factors and radiosities that are known exactly.
+"""Analytic form factors and radiosities.
 
-Sources: Lambert's polygon formula and the plate form factors as in Howell's catalogue (C-11, C-14),
-Siegel and Howell, Thermal Radiation Heat Transfer; the hemicube corner functions by integration of
-Cohen and Greenberg 1985.
+Sources: Lambert's polygon formula and the plate form factors of Howell's catalogue (C-11, C-14), Siegel and
+    Howell, Thermal Radiation Heat Transfer; the hemicube corner functions by integration of Cohen and
+    Greenberg 1985.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ def parallel_rectangles(width: float, depth: float, distance: float) -> float:
 def perpendicular_rectangles(length: float, width: float, height: float) -> float:
     """Return the form factor from a horizontal to a vertical rectangle on a common edge (Howell C-14).
 
-    length  of the common edge, metres
-    width   of the sending rectangle, height of the receiving one, metres
+    length  length of the common edge, metres
+    width   of the sending rectangle, metres
+    height  of the receiving rectangle, metres
     """
     w, h = width / length, height / length
     w2, h2 = w * w, h * h
@@ -41,16 +42,16 @@ def perpendicular_rectangles(length: float, width: float, height: float) -> floa
 
 
 def coaxial_disk(radius: float, distance: float) -> float:
-    """Return the form factor from a surface element to a disk centred on and facing its normal."""
+    """Return the form factor from a surface element to a disk centred on its normal and facing it."""
     return radius**2 / (radius**2 + distance**2)
 
 
 def polygon(point: np.ndarray, normal: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Return the form factor from surface elements to unoccluded convex quadrilaterals (Lambert).
 
-    F = 1/(2 pi) sum Theta_i (N . Gamma_i) over the edges of the polygon clipped to the horizon, with
-    Theta_i the angle an edge subtends and Gamma_i the unit normal of its plane through the point.
-    Positive if the corners run counter-clockwise seen from the point.
+    F = 1/(2 pi) sum Theta_i (N . Gamma_i) over the edges of the polygon clipped to the horizon. Theta_i is
+    the angle that an edge subtends, and Gamma_i the unit normal of its plane through the point. F is positive
+    if the corners run counter-clockwise as seen from the point.
 
     point    (n, 3) float, world space, metres
     normal   (n, 3) float, world space, unit
@@ -63,7 +64,7 @@ def polygon(point: np.ndarray, normal: np.ndarray, corners: np.ndarray) -> np.nd
     normal = np.asarray(normal, np.float64)[:, None]
     start_height, end_height = (start * normal).sum(2), (end * normal).sum(2)
 
-    # Clip each edge to the horizon: the end below it moves to the crossing point.
+    # Clip each edge to the horizon: an end below it moves to the crossing point.
     crosses = (start_height < 0) != (end_height < 0)
     span = np.where(crosses, start_height - end_height, 1.0)
     crossing = start + (np.where(crosses, start_height, 0.0) / span)[..., None] * (end - start)
@@ -73,7 +74,7 @@ def polygon(point: np.ndarray, normal: np.ndarray, corners: np.ndarray) -> np.nd
     )
     total = np.where((start_height < 0) & (end_height < 0), 0.0, total).sum(axis=1)
 
-    # The clipped polygon closes along the horizon, from where it sets to where it rises.
+    # Close the clipped polygon along the horizon, from the crossing down to the crossing up.
     setting = (crossing * sets[..., None]).sum(axis=1)
     rising = (crossing * rises[..., None]).sum(axis=1)
     factor: np.ndarray = (total + _edge_terms(setting, rising, normal[:, 0])) / (2 * np.pi)
@@ -81,7 +82,7 @@ def polygon(point: np.ndarray, normal: np.ndarray, corners: np.ndarray) -> np.nd
 
 
 def _edge_terms(start: np.ndarray, end: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return Theta (N . Gamma) of the edges from start to end, seen from the origin; 0 for empty edges."""
+    """Return Theta (N . Gamma) of edges from start to end, seen from the origin; 0 for empty edges."""
     cross = np.cross(start, end)
     length = np.linalg.norm(cross, axis=-1)
     angle = np.arctan2(length, (start * end).sum(-1))
@@ -91,14 +92,14 @@ def _edge_terms(start: np.ndarray, end: np.ndarray, normal: np.ndarray) -> np.nd
 
 
 def sphere_irradiance(emission: np.ndarray, reflectance: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Return E/pi inside a closed sphere, which is the same at every point.
+    """Return E/pi inside a closed sphere, which is equal at all points.
 
-    The kernel of a sphere is constant, so E/pi is the area mean of the radiance e + rho E/pi:
-    E/pi = mean(e) / (1 - mean(rho)).
+    The kernel of a sphere is constant, so E/pi is the area mean of the radiance e + rho E/pi: E/pi = mean(e)
+    / (1 - mean(rho)).
 
     emission     (n, 3) float, radiance of each patch
-    reflectance  (n, 3) float, 1
-    area         (n,) float, square metres
+    reflectance  (n, 3) float
+    area         (n,) float, m^2
 
     Returns (3,) float64, radiance.
     """
@@ -108,5 +109,5 @@ def sphere_irradiance(emission: np.ndarray, reflectance: np.ndarray, area: np.nd
 
 
 def furnace_radiance(emission: float, reflectance: float) -> float:
-    """Return the radiance everywhere in a closed room of uniform emission and reflectance: e / (1 - rho)."""
+    """Return the radiance in a closed room of uniform emission and reflectance: e / (1 - rho)."""
     return emission / (1 - reflectance)

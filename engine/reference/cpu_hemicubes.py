@@ -1,4 +1,4 @@
-"""The paper's method on the processor: hemicubes cast ray by ray and integrated one after the other (V.A)."""
+"""CPU version of the paper's method: hemicubes traced ray by ray and integrated one by one (V.A)."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ..visibility.views.viewpoints import viewpoints
 
 @dataclass(frozen=True)
 class View:
-    """What a hemicube sees, texel by texel in the stacked layout.
+    """Item buffer of a hemicube, by texel of the unfolded layout.
 
-    patch   (3n, n) int32, patch + 1, or 0 where the lightmap texel belongs to none
-    facing  (3n, n) int8, 1 front of a surface, -1 back, 0 surroundings
-    above   (3n, n) bool, False behind the plane of the patch's own surface
+    patch   (3n, n) int32, patch + 1, or 0 if the lightmap texel has no patch
+    facing  (3n, n) int8, 1 for a front face, -1 for a back face, 0 for the background
+    above   (3n, n) bool, False below the plane of the patch's own surface
     """
 
     patch: np.ndarray
@@ -30,12 +30,12 @@ class View:
 
 
 class CpuHemicubes:
-    """The hemicubes of a scene's patches, with the directions, rotations and look-ups of the GPU path.
+    """Hemicubes of a scene's patches, with the directions, rotations and look-ups of the GPU path.
 
     texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
-    emission        (n, 3) float32, radiance, seen on back faces
+    emission        (n, 3) float32, radiance of back faces
 
-    Made for small scenes: every ray meets every triangle.
+    For small scenes only: every ray is tested against every triangle.
     """
 
     def __init__(
@@ -56,12 +56,12 @@ class CpuHemicubes:
         self._grid = texel_directions(settings.hemicube)
 
     def view(self, patch: int) -> View:
-        """Cast a ray through the centre of every hemicube texel of a patch."""
+        """Trace a ray through the centre of every hemicube texel of a patch."""
         axes = self._axes[patch]
         directions = np.concatenate([grid @ face for grid, face in zip(self._grid, axes, strict=True)])
         triangle, uv, front = nearest_hits(self._eye[patch], directions, self._triangles)
 
-        # The lightmap texel that was hit, and its patch.
+        # Look up the lightmap texel of each hit, and its patch.
         resolution = self._texel_to_patch.shape[-1]
         x, y = np.clip((uv * resolution).astype(int), 0, resolution - 1).T
         hit = triangle >= 0
@@ -78,7 +78,7 @@ class CpuHemicubes:
     def image(self, view: View, radiance: np.ndarray) -> np.ndarray:
         """Return the hemicube image of a view, (3n, n, 4) float32: radiance, and 0 in a for back faces.
 
-        radiance: (n, 3) float32, of each patch.
+        radiance: (n, 3) float32, radiance of each patch
         """
         image = np.zeros((*view.patch.shape, 4), np.float32)
         image[..., 3] = view.facing >= 0
@@ -89,10 +89,10 @@ class CpuHemicubes:
         return image
 
     def gather(self, views: list[View], radiance: np.ndarray) -> np.ndarray:
-        """Return E/pi and the fraction of front faces of patches, (m, 4) float32, one hemicube at a time.
+        """Return E/pi and the fraction of front faces, (m, 4) float32, one hemicube at a time.
 
         views     of m patches
-        radiance  (n, 3) float32, of each patch
+        radiance  (n, 3) float32, radiance of each patch
         """
         return np.array(
             [integrate(self.image(view, radiance), self._multiplier * view.above) for view in views]
@@ -108,10 +108,10 @@ class CpuHemicubes:
 def integrate(image: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
     """Integrate one hemicube in the order of the three kernels (paper, IV.C): multiply, rows, columns.
 
-    image       (3n, n, 4) float32, stacked layout
+    image       (3n, n, 4) float32, unfolded layout
     multiplier  (3n, n) float32, from `hemicube.multiplier_map`
 
-    Returns (4,) float32, the weighted sum.
+    Returns the weighted sum, (4,) float32.
     """
     workspace = image.astype(np.float32) * multiplier[..., None]
     row: np.ndarray = workspace[0]
@@ -125,7 +125,7 @@ def integrate(image: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
 
 
 def texel_directions(n: int) -> list[np.ndarray]:
-    """Return the centres of each face's texels in the face's axes right, up, forward.
+    """Return the centres of each face's texels along the face's axes right, up, forward.
 
     Returns five (k, 3) float64 arrays, texels row by row; forward is 1.
     """
@@ -141,26 +141,26 @@ def texel_directions(n: int) -> list[np.ndarray]:
 def nearest_hits(
     eye: np.ndarray, directions: np.ndarray, triangles: Triangles
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the nearest triangle along each ray (Moeller and Trumbore 1997).
+    """Return the closest hit of each ray (Moeller and Trumbore 1997).
 
-    eye         (3,) float64, metres from `Triangles.origin`
+    eye         (3,) float64, common origin, metres from `Triangles.origin`
     directions  (m, 3) float64, world space, any length
 
-    Returns the triangle, (m,) int, -1 for none; its lightmap uv there, (m, 2) float64; and whether its
-    front is hit, (m,) bool.
+    Returns the triangle, (m,) int, -1 for none; lightmap UV, (m, 2) float64; and True for front faces, (m,)
+    bool.
     """
     corners = triangles.positions.astype(np.float64)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal, offset = np.cross(first, second), eye - corners[:, 0]
 
-    # Cramer's rule; all rays start at the eye, so that the cross products are the triangles' own.
+    # Cramer's rule. All rays share one origin, so cross products are computed once per triangle.
     determinant = -(directions @ normal.T)
     inverse = np.divide(1, determinant, out=np.full_like(determinant, np.nan), where=determinant != 0)
     b = -(directions @ np.cross(offset, second).T) * inverse
     c = (directions @ np.cross(offset, first).T) * inverse
     distance = (offset * normal).sum(axis=1) * inverse
 
-    # The nearest of the triangles that a ray meets in front of the eye.
+    # Select the closest triangle in front of the origin.
     edge = -1e-9
     inside = (b >= edge) & (c >= edge) & (b + c <= 1 - edge) & (distance > 0)
     distance = np.where(inside, distance, np.inf)

@@ -1,4 +1,4 @@
-"""The patch list made with NumPy: texel centres tested against triangles one triangle at a time."""
+"""Patch list by NumPy: tests texel centres against each triangle."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from ..scene.model import Scene
 
 
 def list_patches(scene: Scene, resolution: int) -> PatchList:
-    """Return the patches of every texel centre that a triangle covers; the first triangle wins.
+    """Return a patch for every texel centre covered by a triangle; the first triangle wins.
 
-    The same as `engine.patches.list_patches`, except that a centre exactly on the edge between two
-    triangles may belong to either.
+    Equal to `engine.patches.list_patches`, except that a centre exactly on a shared edge may belong to either
+    triangle.
     """
     shape = (len(scene.atlases), resolution * resolution)
     triangle = np.full(shape, -1, np.int32)
@@ -31,10 +31,10 @@ def list_patches(scene: Scene, resolution: int) -> PatchList:
 
 
 def map_texels(scene: Scene, patches: PatchList) -> np.ndarray:
-    """Return the index map, (atlases, r, r) uint32: the patch + 1 of a texel, or 0.
+    """Return the index map, (atlases, r, r) uint32: patch + 1 of a texel, or 0.
 
-    Covered texels belong to their own patch, those next to them to a neighbour: a ray can hit the
-    very border of a chart.
+    Covered texels map to their own patch, adjacent texels to a neighbour's, because a ray can hit the border
+    of a chart.
     """
     shape = (len(scene.atlases), patches.resolution, patches.resolution)
     texel_to_patch = np.zeros(shape, np.uint32)
@@ -49,7 +49,7 @@ def map_texels(scene: Scene, patches: PatchList) -> np.ndarray:
 def _covered(corners: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the texels whose centres a triangle covers, (k,), and their barycentrics, (k, 3).
 
-    corners: (3, 2) float64, texels.
+    corners: (3, 2) float64, texels
     """
     low = np.clip(np.floor(corners.min(axis=0) - 0.5), 0, resolution).astype(int)
     high = np.clip(np.ceil(corners.max(axis=0) + 0.5), 0, resolution).astype(int)

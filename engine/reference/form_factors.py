@@ -1,8 +1,7 @@
-"""The full matrix of form factors between patches.
+"""Matrix of form factors between all patches.
 
-The sign of F_ij tells which side of patch j is seen from patch i, because the two differ: the front
-sends out emission and reflected light, the back emission alone. Patch i receives on the side of its
-shading normal.
+The sign of F_ij states which side of patch j is visible from patch i. The sides differ: the front emits and
+reflects, the back only emits. Patch i receives on the side of its shading normal.
 """
 
 from __future__ import annotations
@@ -16,32 +15,32 @@ from ..scene.model import Scene
 from .analytic import polygon
 from .planar_pieces import PlanarPieces, blockers, surfaces
 
-#: Patches nearer than this many edge lengths get Lambert's formula: beyond it, the point formula
-#: A cos cos / (pi r^2) errs by less than edge^2 / (3 r^2) = 0.17 %.
+#: Distance in edge lengths below which Lambert's formula is used. Beyond it the point formula A cos cos / (pi
+#: r^2) errs by less than edge^2 / (3 r^2) = 0.17 %.
 NEAR = 14.0
 
-#: Visible fraction of a near patch: measured on a grid of this many points each way.
+#: Points per axis of the grid that measures the visible fraction of a near patch.
 NEAR_SAMPLES = 4
 
-#: Pairs worked on at once: small enough for the processor's cache.
+#: Number of pairs processed at once, chosen to fit the CPU cache.
 PAIRS = 1 << 17
 
-#: A crossing this close to either end of a line of sight, as a fraction of its length, blocks nothing.
+#: Distance from either end of a line of sight, as a fraction of its length, within which nothing occludes.
 GRAZE = 1e-5
 
 
 def form_factors(geometry: PatchGeometry, scene: Scene) -> np.ndarray:
     """Return the form factors F_ij from the centre of patch i to the parallelogram of patch j.
 
-    Far pairs use A_j cos_i cos_j / (pi r^2) (Cohen and Greenberg 1985), near ones Lambert's polygon
-    formula clipped to the horizon; both are multiplied by the visible fraction of patch j, which is
-    decided by exact intersection with the planar pieces of the scene.
+    Far pairs use A_j cos_i cos_j / (pi r^2) (Cohen and Greenberg 1985), near ones Lambert's polygon formula
+    clipped to the horizon. Both are multiplied by the visible fraction of patch j, from exact intersection
+    with the planar pieces of the scene.
 
-    geometry  of n patches; one patch's texel is taken whole, even where a chart covers part of it
-    scene     whose triangles block the view
+    geometry  of n patches; each is a full texel, even where a chart covers only a part
+    scene     scene whose triangles occlude
 
-    Returns (n, n) float32, 4 n^2 bytes: F_ij where the front of j is seen, -F_ij where its back is.
-    In a closed room the magnitudes of every row sum to 1.
+    Returns (n, n) float32, 4 n^2 bytes: F_ij where the front of j is visible, -F_ij for its back. In a closed
+    room the magnitudes of every row sum to 1.
     """
     pieces = surfaces(scene, geometry.triangles)
     of_patch = pieces.of_triangle[geometry.triangle]
@@ -58,7 +57,7 @@ def form_factors(geometry: PatchGeometry, scene: Scene) -> np.ndarray:
 
 
 def _faces(geometry: PatchGeometry, rows: np.ndarray, pieces: PlanarPieces, target: int) -> bool:
-    """Return whether any of the patches has any part of a piece above its horizon."""
+    """Return True if any part of a piece is above the horizon of any of the patches."""
     normal = geometry.normal[rows]
     height = normal @ pieces.corners()[target].T - (normal * geometry.center[rows]).sum(1)[:, None]
     return bool((height > 0).any())
@@ -82,7 +81,7 @@ def _block(
             visible &= _misses(geometry.center[rows], geometry.center[columns], pieces, wall)
         factor *= visible
 
-    # Near pairs replace the point formula.
+    # Near pairs use the polygon formula.
     reach = NEAR * _edge_lengths(geometry, columns)
     row, column = np.nonzero(square < reach[None, :] ** 2)
     if len(row):
@@ -91,7 +90,7 @@ def _block(
 
 
 def _far(geometry: PatchGeometry, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return +-A_j cos_i cos_j / (pi r^2) without occlusion, and r^2 (square metres), (r, c) float32."""
+    """Return +-A_j cos_i cos_j / (pi r^2) without occlusion, and r^2 (m^2), (r, c) float32."""
     middle = geometry.center[rows].mean(axis=0)
     here, there = geometry.center[rows] - middle, geometry.center[columns] - middle
     normal, facing = geometry.normal[rows], geometry.geometric[columns]
@@ -117,7 +116,7 @@ def _edge_lengths(geometry: PatchGeometry, patches: np.ndarray) -> np.ndarray:
 def _near(
     geometry: PatchGeometry, source: np.ndarray, target: np.ndarray, pieces: PlanarPieces, walls: np.ndarray
 ) -> np.ndarray:
-    """Return the form factors of pairs of close patches, signed as in the matrix, (p,) float64."""
+    """Return the form factors of pairs of near patches, signed as in the matrix, (p,) float64."""
     center = geometry.center[source].astype(np.float64)
     middle = geometry.center[target].astype(np.float64)
     edge_u, edge_v = geometry.edge_u[target], geometry.edge_v[target]
@@ -128,7 +127,7 @@ def _near(
     if not len(walls):
         return factor
 
-    # The visible fraction of each patch, on a grid of points.
+    # Visible fraction of each patch, on a grid of points.
     steps = (np.arange(NEAR_SAMPLES) + 0.5) / NEAR_SAMPLES - 0.5
     visible = np.zeros(len(factor))
     for a in steps:
@@ -144,9 +143,9 @@ def _near(
 def _misses(
     here: np.ndarray, there: np.ndarray, pieces: PlanarPieces, wall: int, paired: bool = False
 ) -> np.ndarray:
-    """Return whether the lines between points miss a piece.
+    """Return True where the line between two points misses a piece.
 
-    here    (r, 3) float, there (c, 3) float, metres from `Triangles.origin`; with `paired`, r = c
+    here, there  (r, 3) and (c, 3) float, metres from `Triangles.origin`; r = c with `paired`
 
     Returns (r, c) bool, or (r,) with `paired`.
     """
@@ -156,7 +155,7 @@ def _misses(
         end = [values[None, :] for values in end]
     (height, u, v), (end_height, end_u, end_v) = start, end
 
-    # A line crosses the plane at the fraction t of its length; parallel ones never do.
+    # A line crosses the plane at the fraction t of its length; parallel lines never do.
     rise = height - end_height
     t = np.divide(height, rise, out=np.full(rise.shape, -1, np.float32), where=rise != 0)
     miss: np.ndarray = (t <= GRAZE) | (t >= 1 - GRAZE)
@@ -169,7 +168,7 @@ def _misses(
 
 
 def _local(points: np.ndarray, pieces: PlanarPieces, wall: int) -> list[np.ndarray]:
-    """Return height above a piece (metres) and its coordinates a, b of points, each (p,) float32."""
+    """Return the height of points above a piece (metres) and their coordinates a, b, each (p,) float32."""
     edges = np.stack([pieces.normal[wall], pieces.edge_u[wall], pieces.edge_v[wall]], axis=1)
     coordinates = np.linalg.solve(edges, (points - pieces.origin[wall]).T)
     return list(coordinates.astype(np.float32))

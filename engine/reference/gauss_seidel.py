@@ -1,4 +1,4 @@
-"""The radiosity equation solved with the full matrix of form factors (paper V.A)."""
+"""Gauss-Seidel solution of the radiosity equation with the full form factor matrix (paper V.A)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ def gauss_seidel(
     tolerance: float = 1e-6,
     sweeps: int = 1000,
 ) -> tuple[np.ndarray, int]:
-    """Solve L = e + rho (F L + F' e) by Gauss-Seidel sweeps, each channel by itself.
+    """Solve L = e + rho (F L + F' e) by Gauss-Seidel iteration, separately per channel.
 
-    F are the form factors to fronts, F' those to backs, which send out emission alone.
+    F are the form factors to front faces, F' those to back faces, which only emit.
 
     factors      (n, n) float32, from `form_factors`: F_ij or -F'_ij, zero on the diagonal
     emission     (n, 3) float32, radiance
-    reflectance  (n, 3) float32, 1
-    tolerance    stop once no patch changes by more than this fraction of the greatest radiance
-    sweeps       stop after this many
+    reflectance  (n, 3) float32
+    tolerance    maximum change of a patch at convergence, as a fraction of the largest radiance
+    sweeps       maximum number of iterations
 
-    Returns the radiance, (n, 3) float32, and the number of sweeps run.
+    Returns the radiance, (n, 3) float32, and the number of iterations.
     """
-    # What backs send out is known beforehand, as emission is.
+    # Light from back faces is constant, like emission.
     source = emission + reflectance * gather(factors, np.zeros_like(emission), emission)
     radiance = np.array(source, np.float32)
     for sweep in range(1, sweeps + 1):
@@ -42,7 +42,7 @@ def gather(factors: np.ndarray, radiance: np.ndarray, emission: np.ndarray) -> n
     """Return E/pi = F L + F' e of every patch, (n, 3) float32.
 
     factors   (n, n) float32, from `form_factors`
-    radiance  (n, 3) float32, L of the fronts
-    emission  (n, 3) float32, e of the backs
+    radiance  (n, 3) float32, L of front faces
+    emission  (n, 3) float32, e of back faces
     """
     return np.stack([np.maximum(row, 0) @ radiance - np.minimum(row, 0) @ emission for row in factors])

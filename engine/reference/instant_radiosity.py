@@ -1,4 +1,4 @@
-"""Instant radiosity (Keller 1997): virtual point lights where quasi-random particles start and land."""
+"""Instant radiosity (Keller 1997): virtual point lights along quasi-random particle paths."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from ..scene.triangles import Triangles
 from ..visibility.views.hemicube import frames
 from .cpu_hemicubes import nearest_hits
 
-#: How far a light stands above its surface, as a fraction of the scene's diagonal.
+#: Height of a virtual light above its surface, as a fraction of the scene's diagonal.
 _LIFT = 1e-5
 
-#: Step of the sequence that the lengths of paths follow, which shares nothing with Halton's (Weyl 1916).
+#: Increment of the Weyl sequence for path lengths, independent of the Halton sequence (Weyl 1916).
 _GOLDEN = (np.sqrt(5) - 1) / 2
 
-#: Bases of the Halton sequence: a triangle, two numbers for a place on it, then two for the direction of each
-#: bounce.
+#: Bases of the Halton sequence: one for the triangle, two for the point on it, then two per bounce for the
+#: direction.
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89, 97)
 
 
 class InstantRadiosity:
-    """Lights that stand for all light of a scene, and what they bring to its patches.
+    """Virtual point lights of a scene, and their irradiance at its patches.
 
-    polygon      (t,) int, the flat polygon that each triangle belongs to
+    polygon      (t,) int, planar polygon of each triangle
     emission     (t, 3) float, radiance of each triangle's front
     reflectance  (t, 3) float
-    nearest      m, lights nearer than this count as so far away: 1 / r^2 has no bound
+    nearest      minimum distance in the irradiance formula, metres, because 1 / r^2 is unbounded
 
-    Made for small scenes: every shadow ray meets every triangle.
+    For small scenes only: every shadow ray is tested against every triangle.
     """
 
     def __init__(
@@ -57,9 +57,9 @@ class InstantRadiosity:
     def estimates(self, particles: int) -> Iterator[tuple[int, np.ndarray]]:
         """Yield the number of lights so far and E/pi of all patches, (n, 3) float64, after each particle.
 
-        A fraction of the particles as large as the mean reflectance goes on after each bounce; what they
-        carry grows in turn. Each goes its whole way before the next one starts: every estimate has all
-        bounces.
+        After each bounce a fraction of the particles equal to the mean reflectance continues, with their flux
+        increased accordingly. Each particle completes its path before the next starts, so every estimate
+        includes all bounces.
         """
         total, lights = np.zeros(self._center.shape), 0
         for index in range(1, particles + 1):
@@ -69,7 +69,7 @@ class InstantRadiosity:
             yield lights, total / index
 
     def _bounces(self, index: int) -> int:
-        """Return the bounces of a particle: survival^k of all particles have k or more (Russian roulette)."""
+        """Return the bounces of a particle: a fraction survival^k has at least k (Russian roulette)."""
         rank = index * _GOLDEN % 1.0
         return min(int(np.log(rank) / np.log(self._survival)), (len(_PRIMES) - 3) // 2)
 
@@ -96,7 +96,7 @@ class InstantRadiosity:
             flux = flux * self._reflectance[triangle] / self._survival
 
     def _land(self, eye: np.ndarray, direction: np.ndarray) -> tuple[int, np.ndarray] | None:
-        """Return the triangle whose front a ray meets, and where; None if there is none."""
+        """Return the triangle whose front face a ray hits, and the hit point; None if there is none."""
         hit, _, front = nearest_hits(eye, direction[None], self._triangles)
         if hit[0] < 0 or not front[0]:
             return None
@@ -104,7 +104,7 @@ class InstantRadiosity:
         return int(hit[0]), eye + direction * ((corner - eye) @ normal) / (direction @ normal)
 
     def _light(self, eye: np.ndarray, normal: np.ndarray, flux: np.ndarray) -> np.ndarray:
-        """Return E/pi that a light brings to the patches: flux cos cos / (pi^2 r^2) where they see it."""
+        """Return E/pi of the patches from one light: flux cos cos / (pi^2 r^2) where it is visible."""
         line = self._center - eye
         square = (line * line).sum(axis=1)
         leaving, arriving = line @ normal, -(line * self._facing).sum(axis=1)
@@ -118,7 +118,7 @@ class InstantRadiosity:
 
 
 def radical_inverse(index: int, base: int) -> float:
-    """Return the digits of an index in a base, mirrored at the point (van der Corput 1935, Halton 1960)."""
+    """Return the radical inverse of an index in a base (van der Corput 1935, Halton 1960)."""
     value, digit = 0.0, 1.0
     while index:
         digit /= base
@@ -128,7 +128,7 @@ def radical_inverse(index: int, base: int) -> float:
 
 
 def _cosine_direction(normal: np.ndarray, u: float, v: float) -> np.ndarray:
-    """Return a direction about a normal, (3,) float64; even numbers u, v in [0, 1) give its cosine."""
+    """Return a cosine-distributed direction about a normal, (3,) float64, from u, v in [0, 1)."""
     radius, angle = np.sqrt(u), 2 * np.pi * v
     local = np.array([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - u)])
     direction: np.ndarray = local @ frames(normal[None], np.zeros(1))[0]

@@ -1,7 +1,7 @@
-"""Irradiance caching: a few patches gather, others take their light along its gradients. A comparison.
+"""Irradiance caching, for comparison: a few patches gather, others interpolate with gradients.
 
 Ward, Rubinstein and Clear, "A Ray Tracing Solution for Diffuse Interreflection" (1988); gradients: Ward and
-Heckbert, "Irradiance Gradients" (1992), here over the texels of hemicubes.
+Heckbert, "Irradiance Gradients" (1992), here computed over the texels of hemicubes.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ import numpy as np
 
 from ..visibility.views.hemicube import FACES, face_axes, face_rows, multiplier_map
 
-#: Of two points one is in front of the other, and sees other things, by more than this part of the reach.
+#: Maximum height difference between two points that share light, as a fraction of a record's radius.
 _IN_FRONT = 0.05
 
 
 @dataclass(frozen=True)
 class Records:
-    """What hemicubes tell of light at n points, and around them.
+    """Irradiance records of n points, from hemicubes.
 
     light        (n,) float64, E/pi
-    translation  (n, 3) float64, 1/m: how it grows as the point moves
-    rotation     (n, 3) float64: how it grows as the tip of the normal moves
-    distance     (n,) float64, metres, harmonic mean of the distances of what is seen
+    translation  (n, 3) float64, 1/m, gradient of E/pi by position
+    rotation     (n, 3) float64, gradient of E/pi by the normal
+    distance     (n,) float64, metres, harmonic mean distance of visible surfaces
     """
 
     light: np.ndarray
@@ -33,11 +33,11 @@ class Records:
 
 
 def records(width: int, frame: np.ndarray, radiance: np.ndarray, distance: np.ndarray) -> Records:
-    """Return what hemicubes of a width tell.
+    """Return the records of hemicubes of a width.
 
     frame     (n, 3, 3) float64, see `hemicube.frames`
-    radiance  (n, 3 width, width) float64, what each texel sees, stacked layout
-    distance  the same, metres along the texel's direction, infinite for nothing
+    radiance  (n, 3 width, width) float64, radiance of each texel, unfolded layout
+    distance  the same shape, metres along the texel's direction, infinite for background
     """
     weight, axes, spacing = multiplier_map(width).astype(np.float64), face_axes(frame), 2.0 / width
     light = np.einsum("nyx,yx->n", radiance, weight)
@@ -54,7 +54,8 @@ def records(width: int, frame: np.ndarray, radiance: np.ndarray, distance: np.nd
         translation += _borders(*columns, u, spacing, axes[:, face, [0, 2]])
         translation += _borders(*rows_first, v, spacing, axes[:, face, [1, 2]])
 
-        # A cosine-weighted texel, over its cosine, is the solid angle that turning the normal weighs anew.
+        # The rotational gradient weighs a texel by its solid angle, which is its multiplier divided by the
+        # cosine.
         cosine = 1 / length if face == 0 else v[:, None] / length
         part = radiance[:, here] * weight[here] / (cosine * length)
         sums = np.stack(
@@ -72,15 +73,15 @@ def _borders(
     spacing: float,
     axes: np.ndarray,
 ) -> np.ndarray:
-    """Return what the borders between columns of texels add to the gradient of translation, (n, 3).
+    """Return the contribution of borders between texel columns to the translational gradient, (n, 3).
 
-    As the eye moves, a border moves over the face as what is nearest beside it does, and one texel grows at
-    the expense of the other (Ward and Heckbert 1992, who have strata of a hemisphere).
+    As the viewpoint moves, a border moves on the face with the nearer of its two surfaces, so one texel grows
+    at the expense of the other (Ward and Heckbert 1992, for strata of a hemisphere).
 
-    radiance, depth  (n, rows, columns); depth: metres along the face's axis
+    radiance, depth  (n, rows, columns); depth in metres along the face's axis
     weight           (rows, columns), multiplier map
-    place, spacing   of the columns on the face, at distance 1
-    axes             (n, 2, 3), across the columns, and the face's axis
+    place, spacing   position and spacing of the columns on the face, at distance 1
+    axes             (n, 2, 3), axis across the columns, and the face's axis
     """
     step = radiance[:, :, :-1] - radiance[:, :, 1:]
     density = (weight[:, :-1] + weight[:, 1:]) / (2 * spacing)
@@ -92,13 +93,13 @@ def _borders(
 
 
 class IrradianceCache:
-    """Records among n points that others take their light from.
+    """Irradiance cache among n points.
 
     points   (n, 3) float64, metres
     normals  (n, 3) float64, unit
-    found    what a hemicube at each of them tells, if it is a record
-    error    largest sum of distance over reach and of turn that a record serves over (Ward's a)
-    reaches  (2,) least and largest reach of a record, metres
+    found    records of all points, used only where a point is chosen as a record
+    error    maximum interpolation error (Ward's a): distance over radius plus change of normal
+    reaches  (2,) minimum and maximum radius of a record, metres
     """
 
     def __init__(
@@ -111,13 +112,13 @@ class IrradianceCache:
     ) -> None:
         self._points, self._normals, self._found, self._error = points, normals, found, error
 
-        # Light must not change by more than itself within the reach (Krivanek et al. 2005).
+        # Irradiance must not change by more than itself within the radius (Krivanek et al. 2005).
         steep = np.linalg.norm(found.translation, axis=1)
         change = np.divide(found.light, steep, out=np.full(len(steep), np.inf), where=steep > 0)
         self._reach = np.clip(np.minimum(found.distance, change), *reaches)
 
     def fill(self, order: np.ndarray) -> np.ndarray:
-        """Return which points are records, (n,) bool: in an order, (n,) int, each that none serves."""
+        """Return which points become records, (n,) bool: in order, (n,) int, each point without a valid one."""
         chosen = np.zeros(len(order), np.int64)
         count = 0
         for point in order:
@@ -129,7 +130,7 @@ class IrradianceCache:
         return recorded
 
     def light(self, recorded: np.ndarray) -> np.ndarray:
-        """Return E/pi of all points, (n,) float64: of records their own."""
+        """Return E/pi of all points, (n,) float64; records keep their own."""
         chosen, light = np.flatnonzero(recorded), self._found.light.copy()
         for some in np.array_split(np.flatnonzero(~recorded), max(1, len(light) // 256)):
             weights = self._weights(some, chosen)
@@ -141,7 +142,10 @@ class IrradianceCache:
         return light
 
     def _weights(self, some: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """Return what records (c,) weigh at points (p,), (p, c) float64; 0 where they do not serve."""
+        """Return the weights of records (c,) at points (p,), (p, c) float64.
+
+        0 where a record is not valid.
+        """
         way = self._points[some][:, None] - self._points[chosen]
         mine, theirs = self._normals[some], self._normals[chosen]
         turn = np.sqrt(np.maximum(1 - mine @ theirs.T, 0))

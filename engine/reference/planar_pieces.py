@@ -1,4 +1,4 @@
-"""Planar pieces of a scene: what blocks the view between two patches."""
+"""Planar pieces of a scene, the occluders in the form factor matrix."""
 
 from __future__ import annotations
 
@@ -9,25 +9,24 @@ import numpy as np
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
 
-#: A corner closer to a plane than this fraction of the scene's extent lies in the plane.
+#: Maximum distance of a corner from a plane in which it lies, as a fraction of the scene's extent.
 PLANE_TOLERANCE = 1e-5
 
-#: Origin, edge_u and edge_v of a planar piece, and whether it is a triangle.
+#: Origin, edge_u and edge_v of a planar piece, and True for a triangle.
 Piece = tuple[np.ndarray, np.ndarray, np.ndarray, bool]
 
 
 @dataclass(frozen=True)
 class PlanarPieces:
-    """Every planar piece: a parallelogram (a quad of two triangles) or a single triangle.
+    """Planar pieces: parallelograms (quads of two triangles) and single triangles.
 
-    A point of piece s is origin + a * edge_u + b * edge_v with a, b in [0, 1], and a + b <= 1 for
-    triangles.
+    A point of piece s is origin + a * edge_u + b * edge_v with a, b in [0, 1], and a + b <= 1 for triangles.
 
-    origin         (s, 3) float64, metres from `Triangles.origin`
-    edge_u, edge_v (s, 3) float64, metres
-    normal         (s, 3) float64, unit, along edge_u x edge_v
-    triangular     (s,) bool
-    of_triangle    (t,) int32, the piece of each triangle of the concatenated meshes
+    origin          (s, 3) float64, metres from `Triangles.origin`
+    edge_u, edge_v  (s, 3) float64, metres
+    normal          (s, 3) float64, unit, along edge_u x edge_v
+    triangular      (s,) bool
+    of_triangle     (t,) int32, piece of each triangle of the concatenated meshes
     """
 
     origin: np.ndarray
@@ -38,13 +37,13 @@ class PlanarPieces:
     of_triangle: np.ndarray
 
     def corners(self) -> np.ndarray:
-        """Return the corners of each piece, (s, 4, 3) float64; a triangle repeats its first one."""
+        """Return the corners of each piece, (s, 4, 3) float64; a triangle repeats its first corner."""
         last = np.where(self.triangular[:, None], self.origin, self.origin + self.edge_u + self.edge_v)
         return np.stack([self.origin, self.origin + self.edge_u, last, self.origin + self.edge_v], axis=1)
 
 
 def surfaces(scene: Scene, triangles: Triangles) -> PlanarPieces:
-    """Return the planar pieces of a scene: two triangles of a face that make a parallelogram are one."""
+    """Return the planar pieces of a scene; two triangles of a face that form a parallelogram are joined."""
     corners = triangles.positions.astype(np.float64)
     face = _global_faces(scene)
     pieces: list[Piece] = []
@@ -63,11 +62,9 @@ def surfaces(scene: Scene, triangles: Triangles) -> PlanarPieces:
 
 
 def blockers(pieces: PlanarPieces) -> np.ndarray:
-    """Return which pieces may block the view between two others.
+    """Return which pieces may occlude the view between two others, (s, s, s) bool [blocker, from, to].
 
-    A piece cannot block if both others lie wholly on one side of its plane, or if it is one of them.
-
-    Returns (s, s, s) bool, [blocker, from, to].
+    A piece cannot occlude if both others lie wholly on one side of its plane, or if it is one of them.
     """
     corners = pieces.corners()
     tolerance = PLANE_TOLERANCE * np.ptp(corners.reshape(-1, 3), axis=0).max()
@@ -82,7 +79,7 @@ def blockers(pieces: PlanarPieces) -> np.ndarray:
 
 
 def _global_faces(scene: Scene) -> np.ndarray:
-    """Number the faces of all meshes without repetition, (t,) int64."""
+    """Number the faces of all meshes consecutively, (t,) int64."""
     numbers, first = [], 0
     for mesh in scene.meshes:
         numbers.append(mesh.face.astype(np.int64) + first)
@@ -96,11 +93,11 @@ def _frame(triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _parallelogram(pair: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return origin, edge_u and edge_v of the parallelogram two triangles make, or None."""
+    """Return origin, edge_u and edge_v of the parallelogram of two triangles, or None."""
     a, b = pair
     size = np.ptp(pair.reshape(-1, 3), axis=0).max()
 
-    # The corner of b that is opposite to corner k of a completes a parallelogram at a[k+1] + a[k+2] - a[k].
+    # The corner of b opposite to corner k of a completes a parallelogram at a[k+1] + a[k+2] - a[k].
     for k in range(3):
         apex, left, right = a[k], a[(k + 1) % 3], a[(k + 2) % 3]
         expected = np.stack([left, right, left + right - apex])

@@ -1,7 +1,7 @@
-"""Progressive refinement: light is shot, the brightest patch first (Cohen et al. 1988), on kept visibility.
+"""Progressive refinement (Cohen et al. 1988) with cached visibility.
 
-All patches ask whether the shooter sees them (Coombe, Harris and Lastra 2004), instead of the shooter's
-hemicube being scattered over them.
+The patch with the most unshot flux shoots first. Each receiving patch looks itself up in the shooter's hemicube (Coombe, Harris and Lastra 2004), instead of scattering
+the hemicube over the patches.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from ..visibility.views.viewpoints import Viewpoints
 
 
 class Shooting:
-    """Radiosity that was shot so far.
+    """State of progressive refinement.
 
-    seen         (n, 3 N N) integers, of each patch's hemicube in the stacked layout the patch + 1, or 0
-    points       where these hemicubes stand
-    polygon      (n,) int, the flat polygon that each patch lies on
+    seen         (n, 3 N N) integers, patch + 1 or 0 for each texel of each patch's hemicube, unfolded layout
+    points       viewpoints of these hemicubes
+    polygon      (n,) int, planar polygon of each patch
     emission     (n, 3) float32, radiance
     reflectance  (n, 3) float32
 
-    irradiance   (n, 3) float64, E/pi that has arrived
-    shots        so far
+    irradiance  (n, 3) float64, E/pi received so far
+    shots       number of shots so far
     """
 
     def __init__(
@@ -46,20 +46,20 @@ class Shooting:
 
     @property
     def unshot(self) -> np.ndarray:
-        """Flux that has not been shot yet, (3,) float64, W."""
+        """Flux not yet shot, (3,) float64, W."""
         flux: np.ndarray = np.pi * (self._area[:, None] * self._unshot).sum(axis=0)
         return flux
 
     @property
     def ambient(self) -> np.ndarray:
-        """E/pi that the unshot light would bring if it were everywhere, (3,) float64 (Cohen et al. 1988)."""
+        """E/pi of the unshot flux if it were distributed evenly, (3,) float64 (Cohen et al. 1988)."""
         area = self._area.sum()
         mean = (self._area[:, None] * self._reflectance).sum(axis=0) / area
         ambient: np.ndarray = self.unshot / np.pi / area / (1 - mean)
         return ambient
 
     def shoot(self) -> None:
-        """Shoot the light of the patch that has most flux left."""
+        """Shoot from the patch with the most unshot flux."""
         shooter = int((self._area * self._unshot.sum(axis=1)).argmax())
         radiance = self._unshot[shooter].copy()
         self._unshot[shooter] = 0
@@ -69,9 +69,9 @@ class Shooting:
         self.shots += 1
 
     def _form_factors(self, shooter: int) -> np.ndarray:
-        """Return how much of a shooter each patch sees, (n,) float64.
+        """Return the form factor from each patch to the shooter, (n,) float64.
 
-        A disk of the shooter's area for a point: A cos cos / (pi r^2 + A) (Wallace et al. 1989).
+        Disk approximation: A cos cos / (pi r^2 + A) (Wallace et al. 1989).
         """
         line = self._center - self._center[shooter]
         square = np.maximum((line * line).sum(axis=1), 1e-30)
@@ -82,7 +82,7 @@ class Shooting:
         area = self._area[shooter]
         factor[faces] = area * (leaving * arriving)[faces] / (square * (np.pi * square + area))[faces]
 
-        # Visible is what lies on the polygon that the hemicube shows in its direction.
+        # A patch is visible if the hemicube shows its polygon in its direction.
         texel = texels_of(line[faces], self._axes[shooter], self._width)
         shown = self._polygon[self._seen[shooter, texel].astype(np.int64)]
         factor[faces] *= shown == self._polygon[1:][faces]
@@ -90,10 +90,10 @@ class Shooting:
 
 
 def texels_of(directions: np.ndarray, axes: np.ndarray, n: int) -> np.ndarray:
-    """Return the texel of a hemicube, n wide, that each direction meets, (m,) int64 into the stacked layout.
+    """Return the texel of an n-wide hemicube that each direction hits, (m,) int64, unfolded layout.
 
     directions  (m, 3) float64, any length, above the hemicube's plane
-    axes        (5, 3, 3) float64, of `hemicube.face_axes`
+    axes        (5, 3, 3) float64, from `hemicube.face_axes`
     """
     local = np.einsum("fad,md->fma", axes, directions)
     face = local[:, :, 2].argmax(axis=0)

@@ -1,1 +1,1 @@
-"""What bakes have found, in files: an interrupted bake goes on from there."""
+"""Checkpoints: intermediate results in files, from which an interrupted bake resumes."""

@@ -1,4 +1,4 @@
-"""Arrays in a file that is whole, or else as good as not there.
+"""Files of named arrays with a checksum; a damaged file counts as missing.
 
 bytes  | checksum of all that follows | length of header | header: JSON       | array 0 | array 1 ...
        '------------- 16 -------------'------- 8 --------'- (name, type, shape) of each array
@@ -22,7 +22,7 @@ _LENGTH = struct.Struct("<Q")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays to a file, which has its name once it is whole; raises OSError."""
+    """Write arrays to a file atomically: a temporary file is renamed once complete. Raises OSError."""
     values = [np.ascontiguousarray(array) for array in arrays.values()]
     layout = [(name, array.dtype.str, array.shape) for name, array in zip(arrays, values, strict=True)]
     header = json.dumps(layout).encode()
@@ -44,7 +44,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
-    """Return the arrays of a file, read-only; None if it is not there, or not as it was written."""
+    """Return the arrays of a file, read-only; None if the file is missing or damaged."""
     try:
         content = memoryview(path.read_bytes())
     except OSError:
@@ -61,7 +61,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
 
 
 def _checksum(parts: Iterable[bytes | memoryview]) -> bytes:
-    """Return a digest of bytes."""
+    """Return the BLAKE2b digest of bytes."""
     digest = hashlib.blake2b(digest_size=_CHECKSUM)
     for part in parts:
         digest.update(part)

@@ -1,4 +1,4 @@
-"""The checkpoint of a bake: what its patches see, as far as it is found, and how far the light has come."""
+"""Checkpoint of a bake: computed visibility samples, and state of the solver."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from .array_file import read_arrays
 from .checkpoint_folder import CheckpointFolder
 from .write_throttle import WriteThrottle
 
-#: Names of files of rows: that of an identity, the first patch, and the one after the last.
+#: Names of files with rows: sampler, first patch, end.
 _ROWS = re.compile(r"([a-z]+)-(\d+)-(\d+)")
 
 Arrays = Mapping[str, np.ndarray]
 
-#: The file of the light, and the array in it that says whose light it is.
+#: File of the solver state, and the array in it with the key of its inputs.
 _LIGHT, _KEY = "light", "key"
 
 
 class Checkpoints:
-    """The checkpoints that a bake writes, and those of interrupted ones that it goes on from.
+    """Checkpoints that a bake writes, and those of interrupted bakes from which it resumes.
 
     cache_dir, limit  see `CheckpointFolder`
-    interval          seconds between two times of writing, and before the first
-    resumed           sentences for the report: what the bake went on from
+    interval          seconds between two writes, and before the first
+    resumed           sentences for the report: restored data
     """
 
     def __init__(self, cache_dir: str | None = None, limit: int = 0, interval: float = 0) -> None:
@@ -36,21 +36,21 @@ class Checkpoints:
         self._used: list[Checkpoint] = []
 
     def of(self, key: Callable[[], str]) -> Checkpoint:
-        """Return the checkpoint of what has a key: a digest, made once it is needed."""
+        """Return the checkpoint of a key, a digest that is computed on first use."""
         self._used.append(Checkpoint(self, key))
         return self._used[-1]
 
     def finish(self) -> None:
-        """Remove what a bake has written that is done."""
+        """Remove the checkpoints of a completed bake."""
         for checkpoint in self._used:
             checkpoint.remove()
 
 
 class Checkpoint:
-    """What is known of the patches of one key.
+    """Checkpoint of the patches of one key.
 
-    Rows are samples of what patches see, as a `VisibilitySampler` of a name finds them. A file that is
-    damaged, or cannot be read or written, is as good as none.
+    Rows are visibility samples of patches, by name of the `VisibilitySampler`. A file that is damaged, or
+    cannot be read or written, counts as missing.
     """
 
     def __init__(self, shared: Checkpoints, key: Callable[[], str]) -> None:
@@ -64,21 +64,21 @@ class Checkpoint:
 
     @property
     def due(self) -> bool:
-        """True if it is time to write."""
+        """True if a write is due."""
         return self._shared.folder.keeps and self._shared.time.due
 
     @property
     def begun(self) -> bool:
-        """True if something was written, or read."""
+        """True if a checkpoint was written or found."""
         return self._looks or self._wrote
 
     @property
     def room(self) -> int:
-        """Bytes that may be written now; see `WriteThrottle.room`."""
+        """Maximum number of bytes to write now; see `WriteThrottle.room`."""
         return self._shared.time.room
 
     def rows_from_the_first(self, identity: str) -> int:
-        """Return of how many patches in a row, from the first one on, rows seem to be kept."""
+        """Return the number of consecutive patches, from the first on, for which rows are stored."""
         runs = [(first, last) for name, first, last in self._rows() if name == identity]
         end = 0
         for first, last in sorted(runs):
@@ -86,9 +86,9 @@ class Checkpoint:
         return end
 
     def rows(self, identity: str, first: int, end: int) -> tuple[int, Arrays] | None:
-        """Return the longest run of rows of the patches first ... end, and before it the patch after it.
+        """Return the longest run of rows that starts at `first` and ends by `end`, as (end of run, arrays).
 
-        None if no run begins with the first patch.
+        None if no run starts there.
         """
         lasts = [last for name, begin, last in self._rows() if (name, begin) == (identity, first)]
         for last in sorted((last for last in lasts if first < last <= end), reverse=True):
@@ -98,16 +98,16 @@ class Checkpoint:
         return None
 
     def write_rows(self, identity: str, first: int, last: int, arrays: Arrays) -> bool:
-        """Keep the rows of the patches first ... last; return whether that was possible."""
+        """Store the rows of the patches first <= i < last; return True if that succeeded."""
         return self._write(_rows_name(identity, first, last), arrays)
 
     def light(self, key: Callable[[], str]) -> Arrays | None:
-        """Return the light that was kept under a key, None if there is none."""
+        """Return the solver state stored under a key; None if there is none."""
         arrays = self._read(_LIGHT) if self._looks else None
         return arrays if arrays is not None and bytes(arrays[_KEY]).decode() == key() else None
 
     def write_light(self, key: Callable[[], str], arrays: Arrays) -> None:
-        """Keep light under a key, in place of what was kept before."""
+        """Store the solver state under a key, replacing any earlier state."""
         self._write(_LIGHT, {_KEY: np.frombuffer(key().encode(), np.uint8), **arrays})
 
     def tell(self, sentence: str) -> None:
@@ -115,12 +115,12 @@ class Checkpoint:
         self._shared.resumed.append(sentence)
 
     def remove(self) -> None:
-        """Remove it."""
+        """Remove the checkpoint."""
         if self.begun:
             self._shared.folder.remove(self._key)
 
     def _rows(self) -> list[tuple[str, int, int]]:
-        """Return identities, first patches and the ones after the last of all rows."""
+        """Return sampler, first patch and end of all stored rows."""
         if not self._looks:
             return []
         names = (_ROWS.fullmatch(path.name) for path in self._shared.folder.files(self._key))

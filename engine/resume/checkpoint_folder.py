@@ -1,4 +1,4 @@
-"""The checkpoints of all interrupted bakes: a folder of each, the oldest of which give way."""
+"""Folder of all checkpoints, one subfolder each; the oldest are removed to stay within a size limit."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 
 from .array_file import write_arrays
 
-#: Of the cache folder.
+#: Name of the subfolder of the cache folder.
 _NAME = "resume"
 
 
 class CheckpointFolder:
-    """Keeps checkpoints within a limit.
+    """Storage of checkpoints within a size limit.
 
-    cache_dir  folder that holds it; None keeps nothing
-    limit      bytes of all checkpoints together
+    cache_dir  parent folder; None to store nothing
+    limit      maximum size of all checkpoints, bytes
     """
 
     def __init__(self, cache_dir: str | None, limit: int) -> None:
@@ -28,7 +28,7 @@ class CheckpointFolder:
 
     @property
     def keeps(self) -> bool:
-        """True if checkpoints are kept."""
+        """True if checkpoints are stored."""
         return self._path is not None
 
     @property
@@ -37,11 +37,11 @@ class CheckpointFolder:
         return not self._entries()
 
     def written_since(self, time: float) -> bool:
-        """Return whether a checkpoint was written at or after a time, as of `time.time`."""
+        """Return True if a checkpoint was written at or after a time, as from `time.time`."""
         return any(_age(entry) >= time for entry in self._entries())
 
     def files(self, key: str) -> list[Path]:
-        """Return the files of a checkpoint, those that are being written left out."""
+        """Return the complete files of a checkpoint."""
         if self._path is None:
             return []
         with suppress(OSError):
@@ -49,7 +49,7 @@ class CheckpointFolder:
         return []
 
     def write(self, key: str, name: str, arrays: Mapping[str, np.ndarray]) -> bool:
-        """Write a file of a checkpoint; return whether there was space."""
+        """Write a file of a checkpoint; return True if there was space."""
         if self._path is None:
             return False
         folder = self._path / key
@@ -68,7 +68,10 @@ class CheckpointFolder:
             shutil.rmtree(self._path / key, ignore_errors=True)
 
     def _make_room(self, key: str, size: int) -> bool:
-        """Remove the oldest checkpoints but one until `size` bytes more are within the limit."""
+        """Remove the oldest other checkpoints until `size` more bytes fit the limit.
+
+        Return True if they fit.
+        """
         entries = sorted(self._entries(), key=_age)
         sizes = {entry: _size(entry) for entry in entries}
         while sizes and sum(sizes.values()) + size > self._limit:
@@ -89,14 +92,14 @@ class CheckpointFolder:
 
 
 def _age(entry: Path) -> float:
-    """Return when something was last written to a folder; 0 if it is gone."""
+    """Return the time of the last write to a folder, as from `time.time`; 0 if it is gone."""
     with suppress(OSError):
         return entry.stat().st_mtime
     return 0.0
 
 
 def _size(entry: Path) -> int:
-    """Return the bytes of the files of a folder."""
+    """Return the size of the files of a folder, bytes."""
     size = 0
     with suppress(OSError):
         for path in entry.iterdir():

@@ -1,20 +1,20 @@
-"""When a bake writes what it has found, so that writing takes little of its time."""
+"""Throttle of checkpoint writes, so that they take little of a bake's time."""
 
 from __future__ import annotations
 
 import time
 
-#: Writing takes at most this part of a bake's time.
+#: Maximum share of writing in a bake's time.
 _PART = 0.1
 
-#: Bytes that a disk writes in a second before it is known, and the least that are written at once.
+#: Initial estimate of the disk's rate, bytes per second, and minimum number of bytes per write.
 _RATE, _LEAST = 200e6, 1 << 24
 
 
 class WriteThrottle:
-    """Tells when to write, and how much.
+    """Throttle of checkpoint writes by time and size.
 
-    interval  seconds between two times, and before the first
+    interval  seconds between two writes, and before the first
     """
 
     def __init__(self, interval: float) -> None:
@@ -24,18 +24,18 @@ class WriteThrottle:
 
     @property
     def due(self) -> bool:
-        """True if it is time to write."""
+        """True if a write is due."""
         now = time.monotonic()
         return now - self._last >= self._interval and self._spent <= _PART * (now - self._begun)
 
     @property
     def room(self) -> int:
-        """Bytes that may be written now."""
+        """Maximum number of bytes to write now."""
         seconds = _PART * (time.monotonic() - self._begun) - self._spent
         return max(_LEAST, int(self._rate * seconds))
 
     def wrote(self, size: int, began: float) -> None:
-        """Note that bytes were written from a time on, as of `time.monotonic`."""
+        """Record a write of `size` bytes that started at `began`, as from `time.monotonic`."""
         self._last = time.monotonic()
         seconds = self._last - began
         self._spent += seconds

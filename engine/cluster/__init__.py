@@ -1,4 +1,4 @@
-"""One bake on many devices: Dask workers find and keep what blocks of patches see, and gather for them.
+"""Distributed bakes: Dask workers compute the visibility of blocks of patches, and gather for them.
 
-Nothing else of the engine imports Dask; `session` imports this package where the settings name a scheduler.
+Only this package imports Dask; `session` imports it if the settings name a scheduler.
 """

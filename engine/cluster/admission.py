@@ -1,4 +1,4 @@
-"""Which workers may take part: those of the same Hemibake that have a device."""
+"""Admission of Dask workers: same Hemibake version, and an OpenCL device."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ..device.source import source_digest
 from ..errors import DeviceError
 from .prepared_scene import DEVICE
 
-#: What refused workers tell, as an event of the scheduler.
+#: Topic of the scheduler event that reports refused workers.
 REFUSED = "hemibake-refused"
 
-#: Seconds that a refused worker has to report why.
+#: Seconds before a refused worker closes, so that its report arrives.
 _FAREWELL = 0.1
 
 
 class Admission(WorkerPlugin):
-    """Closes workers that join with another Hemibake, or without a device; each reports name and reason.
+    """Worker plugin that closes workers with another Hemibake or without a device; each reports the reason.
 
-    digest  of the source that they need
+    digest  required digest of the source files
     """
 
     name = "hemibake-admission"
@@ -32,7 +32,7 @@ class Admission(WorkerPlugin):
         self.digest = source_digest()
 
     def setup(self, worker: Worker) -> None:
-        """Look at a worker that is there or joins."""
+        """Check a worker that is present or joins."""
         why = refusal(self.digest)
         if why:
             worker.log_event(REFUSED, f"Worker '{worker.name}' at {worker.address} is not used: {why}")
@@ -41,9 +41,9 @@ class Admission(WorkerPlugin):
 
 @cache
 def refusal(digest: str) -> str:
-    """Return why the worker of this process may not take part in bakes of a source, empty if it may.
+    """Return why the worker of this process cannot take part in bakes; empty if it can.
 
-    digest: see `source_digest`
+    digest: required `source_digest`
     """
     if source_digest() != digest:
         return "its Hemibake is another version. Start it from the same checkout or package."

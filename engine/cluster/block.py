@@ -1,4 +1,4 @@
-"""A block of patches on a worker: what they see is found once and stays in the memory of its device."""
+"""Block of patches on a worker, with its visibility samples in device memory."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from .patch_table import PatchTable
 from .radiance_exchange import MappedRadiance
 from .scene_payload import ScenePayload
 
-#: Bytes that Dask expects to travel in a second.
+#: Bandwidth that Dask assumes, bytes per second.
 _BANDWIDTH = parse_bytes(get("distributed.scheduler.bandwidth", config=config))
 
-#: Blocks that a worker still has to find for which Dask shall not move another block of it.
+#: Number of pending blocks of a worker up to which Dask should not move another of its blocks.
 _WAITING = 8
 
 
-#: What is told of a block of which nothing is found yet, bytes.
+#: Size reported for a block without samples, bytes.
 _LEAST = 1 << 10
 
 
 class Block:
-    """Some patches of a scene, or groups of them, and what they see.
+    """Patches or patch groups of a scene, with their visibility samples.
 
-    Sent to another worker, this is found anew by the first task that needs it there: it is on the device and
-    does not travel, and tasks alone read files of another machine.
+    The samples stay on the device and are not transferred. On another worker they are computed again by the
+    first task that needs them, because only tasks can read files of another machine.
     """
 
     def __init__(self, shipment: ScenePayload, table: PatchTable, rows: SentRows) -> None:
@@ -41,11 +41,11 @@ class Block:
 
     @cached_property
     def found(self) -> BlockVisibility:
-        """What the patches see; found when it is first asked for."""
+        """Visibility samples of the patches, computed on first access."""
         began, found = time.perf_counter(), BlockVisibility(*self._made_of)
 
-        # Dask weighs sending bytes against waiting for who has them. Here sending is finding anew elsewhere,
-        # and waiting is better.
+        # Dask weighs the transfer time of a block against waiting for its worker. A transfer means computing
+        # the samples again, so the reported size makes waiting preferable.
         self._bytes = max(found.bytes, int(_WAITING * _BANDWIDTH * (time.perf_counter() - began)))
         return found
 
@@ -57,30 +57,30 @@ class Block:
 
 
 def find(shipment: ScenePayload, table: PatchTable, rows: SentRows) -> Block:
-    """Find what a block of patches sees: the task that those of sweeps depend on."""
+    """Compute the visibility of a block: the task on which gather tasks depend."""
     block = Block(shipment, table, rows)
     _ = block.found
     return block
 
 
 def views(block: Block) -> np.ndarray:
-    """Return how much a block's patches see of patches and backs."""
+    """Return the fractions of each patch's hemisphere without back faces and covered by patches, (m, 2)."""
     return block.found.views
 
 
 def gather(block: Block, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-    """Gather for a block: a task of a sweep, which runs where the block is."""
+    """Gather for a block, in a task that runs on the block's worker."""
     return block.found.gather(light)
 
 
 def gather_to(block: Block, light: bytes, path: str) -> None:
-    """Gather for a block to the file of a `RadianceExchange`, as a task of a sweep within a machine.
+    """Gather for a block into the file of a `RadianceExchange`, within one machine.
 
-    light: a MappedRadiance's `portable_bytes`, which come with the task: another one for it would take longer
+    light: `portable_bytes` of a MappedRadiance, passed with the task, which is faster than a task of its own
     """
     block.found.gather_to(pickle.loads(light), path)
 
 
 def gather_l1(block: Block, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-    """Gather the L1 of light for a block."""
+    """Gather L1 for a block."""
     return block.found.gather_l1(light)

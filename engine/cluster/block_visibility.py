@@ -1,4 +1,4 @@
-"""What a block of patches sees: found once, in the memory of a worker's device from then on."""
+"""Visibility samples of a block of patches, in the memory of a worker's device."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from .scene_payload import ScenePayload
 
 
 class BlockVisibility:
-    """Some patches of a scene, or groups of them, which gather from all of them.
+    """Patches or patch groups of a block, which gather from all sources.
 
     views  (m, 2) float32, see `RemoteDevices.views`
-    bytes  of the device that what they see takes
+    bytes  device memory of the samples
     """
 
     def __init__(self, shipment: ScenePayload, table: PatchTable, rows: SentRows) -> None:
@@ -35,25 +35,25 @@ class BlockVisibility:
             sweep, compute = caching_gather(lookers, identity), lookers.opencl
             self._gather = GatherPass(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
-            # The samples go with the block, not with the job that they were found for.
+            # The samples belong to the block, not to the job's session cache.
             lookers.kept.clear()
 
-            # The first gather finds what is seen.
+            # The first gather computes the visibility.
             gathered = self._gathered(self._sources.darkness)
             seen = download(compute, self._gather.patches_seen, (lookers.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
 
     def gather(self, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-        """Gather from the light of all patches; return E/pi, (m, 3) float32."""
+        """Gather from the radiance of all sources; return E/pi, (m, 3) float32."""
         with self._sources.working():
             return colors_of(self._gathered(self._sources.table(light)))
 
     def gather_to(self, light: MappedRadiance, path: str) -> None:
-        """Gather as `gather` does, to the file of a `RadianceExchange`."""
+        """Gather into the file of a `RadianceExchange`; see `gather`."""
         write_rows(path, self._first, self.gather(light), light.count)
 
     def gather_l1(self, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-        """Return the L1 of the same light, (m, 3, 3) float32."""
+        """Return L1 of the same light, (m, 3, 3) float32."""
         with self._sources.working():
             self._gathered(self._sources.table(light))
             return np.asarray(finished(self._gather.gather_l1()))

@@ -1,24 +1,23 @@
-"""Blocks of patches: what a worker finds, keeps and gathers for at once."""
+"""Division of patches into blocks, the unit of work of a worker."""
 
 from __future__ import annotations
 
-#: Most patches of a block, and fewest blocks of that size together: enough of them for a slow device to take
-#: fewer than a fast one.
+#: Maximum number of patches of a block, and minimum number of blocks, so that fast devices can take more.
 _LARGEST, _FEWEST = 1 << 18, 16
 
-#: So many blocks' patches are cut into halves at last, and then so many into quarters: workers end together.
+#: Numbers of final blocks that are halved, and then quartered, so that all workers finish together.
 _HALVED, _QUARTERED = 2, 2
 
-#: The first patch of a block, and the one after its last.
+#: First patch of a block, and its end.
 Span = tuple[int, int]
 
 
 def cut(count: int, least: int = 1) -> list[Span]:
-    """Return the blocks of patches, by the number of these alone.
+    """Return the blocks of patches; they depend only on the number of patches.
 
-    So the blocks, and the bits of a bake, are the same for any number of workers.
+    So blocks, and the bits of a bake, are equal for any number of workers.
 
-    least: patches of a block but the last, where there are as many
+    least: minimum number of patches of each block except the last
     """
     size = max(least, min(_LARGEST, -(-count // _FEWEST)))
     spans, first = list[Span](), 0

@@ -1,4 +1,4 @@
-"""The devices of a Dask scheduler's workers: a task for each block of patches, where the block is."""
+"""Devices of Dask workers: one task per block of patches, on the worker that holds the block."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from .radiance_exchange_pair import RadianceExchangePair
 from .shipped_patches import ShippedPatches
 from .tasks import EARLY, Tasks
 
-#: Columns of light without directions.
+#: Columns of light without L1.
 _COLORS = 3
 
-#: Points of texels in a task, at least: fewer take as long.
+#: Minimum number of texel samples per task; fewer take the same time.
 _FEWEST_POINTS = 2048
 
 
 class ClusterDevices:
-    """See `RemoteDevices`: the workers that are there, or join, work for the patches of a scene.
+    """`RemoteDevices` by Dask workers, those present and those that join later.
 
-    A worker that is lost takes its blocks along; Dask has others find these anew, with the same bits.
+    If a worker is lost, Dask computes its blocks again on other workers, with the same bits.
     """
 
     def __init__(
@@ -52,11 +52,11 @@ class ClusterDevices:
         rays: RayScene,
         bright: SampledTriangles,
     ) -> None:
-        """Send the patches of a scene that workers have, or are given.
+        """Send the patches of a scene to the workers.
 
-        folder  in the memory of all workers; empty if there is none
-        rays    from the patches
-        bright  what of their light is sampled
+        folder  folder in the shared memory of all workers; empty if there is none
+        rays    rays from the patches
+        bright  sampled emissive triangles
         """
         self._tasks, self._shipped, self._folder = tasks, shipped, folder
         self._memories = RadianceExchangePair(folder)
@@ -67,24 +67,24 @@ class ClusterDevices:
         self._blocks: dict[Span, Future] = {}
 
     def describe(self) -> str:
-        """Return a sentence for the report: how many workers there are, and where to watch their scheduler.
+        """Return a sentence for the report: number of workers, and the scheduler's dashboard.
 
-        That of this machine's devices ends with the bake.
+        The scheduler of this machine's own workers ends with the bake, so it has no dashboard.
         """
         count = len(self._tasks.workers())
         who = (
-            "1 Dask worker finds what patches see and gathers"
+            "1 Dask worker computes visibility and gathers"
             if count == 1
-            else (f"{count} Dask workers find what patches see and gather")
+            else f"{count} Dask workers compute visibility and gather"
         )
         watched = "" if self._settings.scheduler == LOCAL else f"; dashboard: {self._tasks.dashboard}"
         return f"{who} for them{watched}."
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-        """Return the light that shadow rays sample, and its L1; see `ShadowCaster.sampled`."""
+        """Return the light sampled by shadow rays, and its L1; see `ShadowCaster.sampled`."""
         tasks = self._tasks_of_patches(shadow_tasks.sampled)
 
-        # Those that are done find what patches see meanwhile. Squares are made of the light first.
+        # Workers that finish early start on visibility, unless patch groups depend on this light.
         if shared_width(self._settings, self._patches.count) == 1:
             self._find()
         yield 0.0
@@ -94,20 +94,20 @@ class ClusterDevices:
         return colors_of(light), light[:, _COLORS:].reshape(-1, 3, 3)
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return how much of a lamp patches see; see `ShadowCaster.shadow_mask`."""
+        """Return the visible fraction of a light for each patch; see `ShadowCaster.shadow_mask`."""
         return (yield from self._of_patches(shadow_tasks.shadow_mask, lamp))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return how open patches are; see `ShadowCaster.ambient_occlusion`."""
+        """Return the unoccluded fraction of patches' hemispheres; see `ShadowCaster.ambient_occlusion`."""
         return (yield from self._of_patches(shadow_tasks.ambient_occlusion))
 
     def views(self) -> Generator[float, None, np.ndarray]:
-        """Return how much patches see of patches and backs; see `RemoteGather.views`."""
+        """Return fractions of patches' hemispheres; see `RemoteGather.views`."""
         self._find_once()
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `RemoteGather.gather`. The rows are overwritten by the next time but one."""
+        """Gather once; see `RemoteGather.gather`. The rows are overwritten by the call after the next."""
         self._find_once()
         memory = self._memories.next(len(light.parts), self._tasks.workers())
         if memory is None:
@@ -123,17 +123,17 @@ class ClusterDevices:
         return (yield from self._of_blocks(block.gather_l1, self._light_sent(light)))
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
-        """Let the workers solve groups of patches; see `RemoteGather.of_groups`."""
+        """Switch the workers to patch groups; see `RemoteGather.of_groups`."""
         table = PatchTable.of(texel_to_group, SparseRadiance.of(emission), self._back_to_back, self._folder)
         self._solved = ShippedPatches(self._tasks, self._parts.patches.part(leader), table, self._folder)
         self._find()
 
-        # As one value: Dask holds tasks back for who is done with others only where they need few.
+        # Combine both tables in one value: Dask schedules tasks well only if they need few values.
         tables = self._patches.table, self._solved.table
         (self._both,) = self._tasks.begin(final_tasks.both, [tables])
 
     def final(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather for every patch; see `RemoteGather.final`."""
+        """Run the final gather for every patch; see `RemoteGather.final`."""
         self._blocks = {}
         return (yield from self._final(final_tasks.final, light))
 
@@ -144,7 +144,7 @@ class ClusterDevices:
     def gather_at(
         self, samples: TexelSamples, light: HalfRadiance, choice: SolverChoice, settings: Settings
     ) -> Generator[float, None, list[GatheredSamples]]:
-        """Return the light at points of texels; see `RemoteDevices.gather_at`."""
+        """Return the light at texel samples; see `RemoteDevices.gather_at`."""
         self._blocks = {}
         spans, scene = cut(len(samples), _FEWEST_POINTS), (self._shipped.shipment, self._patches.table)
         how, seen = self._tasks.sent((choice, settings), "how"), (self._solved.table, self._light_sent(light))
@@ -156,23 +156,23 @@ class ClusterDevices:
         return [lit[span] for span in spans]
 
     def _light_sent(self, light: HalfRadiance) -> Future:
-        """Return light as the result of a task."""
+        """Send radiance to the workers; return it as the result of a task."""
         return self._tasks.sent(light, "light")
 
     def _find_once(self) -> None:
-        """Have what patches, or groups of them, see found unless that has begun."""
+        """Start to compute visibility, unless that has begun."""
         if not self._blocks:
             self._find()
 
     def _find(self) -> None:
-        """Have what patches, or groups of them, see found, by tasks that any worker can do again."""
+        """Start to compute the visibility of patches or groups, by tasks that any worker can repeat."""
         solved, scene = self._solved, self._shipped.shipment
         spans = cut(solved.count)
         tasks = [(scene, solved.table, solved.rows(span)) for span in spans]
         self._blocks = dict(zip(spans, self._tasks.begin(block.find, tasks, EARLY), strict=True))
 
     def _final(self, function: Callable, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather for each block of patches from the light of groups, on any worker; return all rows."""
+        """Gather for each block of patches from the radiance of groups, on any worker; return all rows."""
         spans, sent = cut(self._patches.count), self._light_sent(light)
         rows = map(self._patches.rows, spans)
         tasks = [(self._shipped.shipment, self._both, row, sent) for row in rows]
@@ -180,22 +180,25 @@ class ClusterDevices:
         return (yield from self._tasks.rows(dict(zip(begun, spans, strict=True))))
 
     def _of_patches(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
-        """Do a task for each block of patches, on any worker; return the rows of all patches."""
+        """Run a task for each block of patches, on any worker; return the rows of all patches."""
         return (yield from self._tasks.rows(self._tasks_of_patches(function, *arguments)))
 
     def _tasks_of_patches(self, function: Callable, *arguments: object) -> dict[Future, Span]:
-        """Begin a task for each block of patches, on any worker."""
+        """Start a task for each block of patches, on any worker."""
         patches, scene = self._patches, self._shipped.shipment
         spans = cut(patches.count)
         tasks = [(scene, patches.table, patches.rows(span), *arguments) for span in spans]
         return dict(zip(self._tasks.begin(function, tasks), spans, strict=True))
 
     def _of_blocks(self, function: Callable, *arguments: object) -> Generator[float, None, np.ndarray]:
-        """Do a task for each block whose views are found, where it is; return the rows of all."""
+        """Run a task for each block on the worker that holds its samples; return the rows of all blocks."""
         begun = self._tasks.begin(function, [(found, *arguments) for found in self._blocks.values()])
         return (yield from self._tasks.rows(dict(zip(begun, self._blocks, strict=True))))
 
 
 def _lies_back_to_back(rays: RayScene, settings: Settings) -> bool:
-    """Return whether faces lie on one another that look apart, where hemicubes are drawn; rays do not ask."""
+    """Return True if the scene has back-to-back faces and uses rasterised hemicubes.
+
+    Rays do not need to know.
+    """
     return untried_visibility(settings) == "raster" and bool(find_contacts(rays, rays.count)[1].any())

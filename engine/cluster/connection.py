@@ -1,4 +1,4 @@
-"""The connection to a scheduler: whether one is there, and who else can listen."""
+"""Connection to a Dask scheduler: availability and encryption."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tornado.ioloop import IOLoop
 from ..errors import DeviceError
 from .local_workers import ANSWER
 
-#: Seconds in which a machine has to answer whether a scheduler is there.
+#: Timeout for a machine to accept a connection, seconds.
 _LISTEN = 10
 
-#: Where certificates are named.
+#: Instructions for TLS certificates.
 _CERTIFICATES = (
     "Name their files in Dask's configuration, distributed.comm.tls: ca-file, client.cert and client.key, or "
     "in the environment, as DASK_DISTRIBUTED__COMM__TLS__CA_FILE (docs/user/several_devices.md)."
@@ -26,7 +26,7 @@ _CERTIFICATES = (
 
 
 def connected(scheduler: str, loop: IOLoop) -> Client:
-    """Return a client of a scheduler; raises DeviceError if none answers, or TLS has no certificates."""
+    """Return a client of a scheduler; raises DeviceError if none answers, or TLS lacks certificates."""
     if scheduler.startswith("tls://") and not Security().get_connection_args("client")["ssl_context"]:
         raise DeviceError(f"The scheduler at '{scheduler}' needs certificates. {_CERTIFICATES}")
     try:
@@ -42,17 +42,17 @@ def connected(scheduler: str, loop: IOLoop) -> Client:
 
 
 async def _greet(scheduler: str) -> None:
-    """Exchange greetings with a scheduler. A client would wait without end for those of another program."""
+    """Exchange handshakes with a scheduler; a client would wait forever for another kind of server."""
     comm = await connect(scheduler, ANSWER, **Security().get_connection_args("client"))
     await comm.close()
 
 
 def is_private(address: str) -> bool:
-    """True if nobody else can listen: TLS, or what does not leave this machine."""
+    """True if the connection is encrypted or local to this machine."""
     return urlsplit(address).scheme in ("tls", "wss") or is_of_this_machine(address)
 
 
 def is_of_this_machine(address: str) -> bool:
-    """True for the memory of this process, and for addresses that nobody else can reach."""
+    """True for the memory of this process, and for loopback addresses."""
     parts = urlsplit(address)
     return parts.scheme == "inproc" or parts.hostname in ("127.0.0.1", "::1", "localhost")

@@ -1,4 +1,4 @@
-"""A scene on its way to workers."""
+"""Scene sent to Dask workers."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .tasks import Tasks
 
 @dataclass(frozen=True)
 class DistributedScene:
-    """A scene that workers have, or are given.
+    """Scene on the workers.
 
-    shipment  a task whose result workers fetch from each other
-    ready     of each worker a task that makes what casts rays through it
+    shipment  task whose result is the scene; workers fetch it from each other
+    ready     one task per worker that builds the BVH
     """
 
     shipment: Future
@@ -24,7 +24,7 @@ class DistributedScene:
 
     @classmethod
     def to_workers(cls, tasks: Tasks, shipment: ScenePayload) -> DistributedScene:
-        """Send a scene to all workers that are there, which make what casts rays through it."""
+        """Send a scene to all present workers, which build their BVH."""
         sent = tasks.sent(shipment, "scene")
         ready = [tasks.begin(prepare, [(sent,)], worker=address) for address in tasks.workers()]
         return cls(sent, [task for (task,) in ready])

@@ -1,4 +1,4 @@
-"""The event loop of this process's end of a cluster, in a thread of its own."""
+"""Event loop of the Dask client, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from tornado.ioloop import IOLoop
 
 from ..errors import DeviceError
 
-#: Dask waits 10 s for its thread, and asserts that it is there; so often it is waited for here.
+#: Number of attempts; Dask waits 10 s for its thread and raises an AssertionError otherwise.
 _TRIES = 6
 
 
 @contextmanager
 def event_loop() -> Iterator[IOLoop]:
-    """Run a loop. Raises DeviceError if the machine is too busy to start its thread within a minute."""
+    """Run an event loop. Raises DeviceError if its thread does not start within a minute."""
     runner = _started()
     try:
         yield runner.loop

@@ -1,4 +1,4 @@
-"""Tasks that gather once from light that has settled: for a block of patches, and at points of texels."""
+"""Final gather tasks: from a converged solution, for a block of patches or for texel samples."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from .patch_table import PatchTable, SceneTable
 from .prepared_scene import prepared
 from .scene_payload import ScenePayload
 
-#: The patches of a scene, and groups of them.
+#: Table of the scene's patches, and table of the solved patches or groups.
 Both = tuple[SceneTable, PatchTable]
 
 
 def both(table: SceneTable, groups: PatchTable) -> Both:
-    """Return patches and groups as one value."""
+    """Return both tables as one value."""
     return table, groups
 
 
 def final(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance) -> np.ndarray:
-    """Gather for patches from the light of groups; see `RemoteGather.final`."""
+    """Gather for patches from the radiance of groups; see `RemoteGather.final`."""
     with prepared(shipment).patches(tables[0]).working():
         return _gathered(shipment, tables, rows, light)[1]
 
 
 def final_l1(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance) -> np.ndarray:
-    """Return the L1 of the same light; see `RemoteGather.final_l1`."""
+    """Return L1 of the same light; see `RemoteGather.final_l1`."""
     with prepared(shipment).patches(tables[0]).working():
         gather, _ = _gathered(shipment, tables, rows, light)
         return np.asarray(finished(gather.gather_l1()))
@@ -44,7 +44,7 @@ def final_l1(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRa
 def _gathered(
     shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance
 ) -> tuple[GatherPass, np.ndarray]:
-    """Return what has gathered for patches, and what."""
+    """Return the gather pass of a block, and the light that it gathered."""
     scene, (table, seen) = prepared(shipment), tables
     lookers, groups = scene.patches(table).part(rows), scene.sources(seen)
     receivers = Receivers(lookers.parts, lookers.rays, np.zeros((lookers.count, 3), np.float32))
@@ -61,10 +61,10 @@ def light_at_samples(
     light: HalfRadiance,
     how: tuple[SolverChoice, Settings],
 ) -> GatheredSamples:
-    """Return what samples gather from the light of all sources; see `texel_sample_gather.gather_at`.
+    """Return the light that texel samples gather from all sources; see `texel_sample_gather.gather_at`.
 
-    solved  the patches, or the groups of them, that send light out
-    how     the way that was chosen for patches, and the settings of samples
+    solved  table of the sources: patches or patch groups
+    how     solver choice of the patches, and settings of the samples
     """
     (choice, settings), scene = how, prepared(shipment)
     patches, sources = scene.patches(table), scene.sources(solved)

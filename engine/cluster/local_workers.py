@@ -1,4 +1,4 @@
-"""Workers on this machine: a scheduler, and a process for each OpenCL device."""
+"""Local Dask cluster: a scheduler, and one worker process per OpenCL device of this machine."""
 
 from __future__ import annotations
 
@@ -19,36 +19,35 @@ from ..errors import DeviceError
 from .event_loop import event_loop
 from .prepared_scene import DEVICE
 
-#: What stands for a worker on each device of this machine, instead of a scheduler's address.
+#: Value of the scheduler setting that stands for one worker per local device.
 LOCAL = "all"
 
-#: Where scheduler, workers and their pages about tasks listen: other machines do not reach them.
+#: Address of scheduler, workers and dashboards, not reachable from other machines.
 _HERE = "127.0.0.1"
 
-#: What NVIDIA's driver calls its vendor.
+#: Vendor name of NVIDIA's OpenCL driver.
 _NVIDIA = "NVIDIA"
 
-#: Folder that holds the package `engine`.
+#: Folder that contains the package `engine`.
 _HOME = Path(__file__).resolve().parents[2]
 
-#: Seconds in which a scheduler has to answer, and a worker before it counts as gone.
+#: Seconds in which a scheduler must answer, and after which a silent worker counts as lost.
 ANSWER, _GONE = 60, 10
 
-#: Seconds in which a worker has to answer who asks it for results: one that has just died does not. If it is
-#: only late they are asked for again, by way of the scheduler.
+#: Seconds in which a worker must answer a request for results; later, the scheduler is asked instead.
 RESULTS = 3
 
-#: Seconds that workers have to start, and to end.
+#: Seconds allowed for workers to start, and to end.
 _START, _FAREWELL = 60.0, 3.0
 
 
 class LocalWorkers:
-    """A scheduler of this process and a worker process for each environment, which `close` ends."""
+    """Scheduler in this process with one worker process per environment; `close` ends both."""
 
     def __init__(self, environments: Sequence[Mapping[str, str]]) -> None:
-        """Start workers, each with environment variables of its own.
+        """Start workers, each with its own environment variables.
 
-        Raises DeviceError if one does not come.
+        Raises DeviceError if one does not start.
         """
         self._workers: list[subprocess.Popen[bytes]] = []
         with ExitStack() as opened:
@@ -65,7 +64,7 @@ class LocalWorkers:
             raise
 
     def _start(self, environments: Sequence[Mapping[str, str]]) -> None:
-        """Start workers and wait for them."""
+        """Start the workers and wait for them."""
         for environment in environments:
             self.add(environment)
         try:
@@ -81,7 +80,7 @@ class LocalWorkers:
         self._workers.append(start_worker(self._cluster.scheduler_address, environment, *listening))
 
     def kill(self, number: int) -> None:
-        """End a worker at once, as a crash of its driver would."""
+        """Kill a worker at once, like a driver crash; for tests."""
         self._workers[number].kill()
 
     def close(self) -> None:
@@ -95,7 +94,7 @@ class LocalWorkers:
 
 
 def end_worker(worker: subprocess.Popen[bytes], seconds: float = _FAREWELL) -> None:
-    """Wait for a worker that was asked to end; one whose driver does not in time is killed."""
+    """Wait for a worker that was asked to end; kill it after a timeout."""
     try:
         worker.wait(max(seconds, 0))
     except subprocess.TimeoutExpired:
@@ -104,13 +103,12 @@ def end_worker(worker: subprocess.Popen[bytes], seconds: float = _FAREWELL) -> N
 
 
 def local_environments() -> list[dict[str, str]]:
-    """Return the environment of each worker of this machine, which names its device.
+    """Return the environment variables of each worker of this machine, which select its device.
 
-    There is one worker for each graphics card, or a single one without any.
+    There is one worker per GPU, or a single worker if there is none.
 
-    CUDA_VISIBLE_DEVICES hides the other cards of NVIDIA's driver from OpenCL, but not from OpenGL, which
-    takes the device of EGL that GLCONTEXT_DEVICE_INDEX numbers. Other cards are told apart by their OpenCL
-    names, as far as these differ.
+    CUDA_VISIBLE_DEVICES hides other NVIDIA GPUs from OpenCL, but not from OpenGL, whose EGL device
+    GLCONTEXT_DEVICE_INDEX selects. Other GPUs are selected by OpenCL device name, as far as names differ.
     """
     cards = [device for device in found_devices() if device.type & cl.device_type.GPU]
     if not cards:
@@ -122,9 +120,9 @@ def local_environments() -> list[dict[str, str]]:
 
 
 def _nvidia_environment(number: int, drawing: Mapping[int, int]) -> dict[str, str]:
-    """Return the environment of a worker that computes and draws on a card of NVIDIA's, by its number.
+    """Return the environment of a worker that computes and draws on NVIDIA GPU `number`.
 
-    drawing: see `egl_devices`
+    drawing: EGL device of each GPU, see `egl_devices`
     """
     environment = {"CUDA_VISIBLE_DEVICES": str(number)}
     if number in drawing:
@@ -135,10 +133,10 @@ def _nvidia_environment(number: int, drawing: Mapping[int, int]) -> dict[str, st
 def start_worker(
     address: str, environment: Mapping[str, str], *options: str, printed: bool = False
 ) -> subprocess.Popen[bytes]:
-    """Start a worker of a scheduler: a process with one thread, and so one block at a time.
+    """Start a worker process of a scheduler, with one thread, so one block at a time.
 
-    options  further ones of `dask worker`
-    printed  True to leave its output to that of this process
+    options  further options of `dask worker`
+    printed  True to show its output on this process's output
     """
     command = [sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
     command += ["--no-dashboard", "--no-nanny", "--memory-limit", "0", *options]

@@ -1,7 +1,7 @@
-"""Files in the memory of the client's machine, for workers that have other memory: others read and write.
+"""Access to files in the client's memory from workers without that memory, through other workers.
 
-A worker in a container may join a bake that began with files: it has their contents through Dask, from a
-worker that sees them.
+A worker in a container may join a bake that uses shared files. It receives their contents through Dask, from
+a worker that can read them.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from .memory_folder import is_at_hand
 
 
 def file_bytes(path: str, first: int = 0, size: int = -1) -> bytes:
-    """Return bytes of a file, from another worker unless this one sees it.
+    """Return bytes of a file, read by another worker if this one has no access.
 
-    Called in tasks alone; raises DeviceError if no worker sees the file.
+    Call only in tasks. Raises DeviceError if no worker has access.
 
-    size: how many from the first one on; -1 for all
+    size: number of bytes from `first` on; -1 for all
     """
     if is_at_hand(str(Path(path).parent)):
         return _read(path, first, size)
@@ -29,11 +29,11 @@ def file_bytes(path: str, first: int = 0, size: int = -1) -> bytes:
 
 
 def by_other(path: str, function: Callable[..., Any], *arguments: object) -> Any:
-    """Have another worker, which sees a file, call a function; return the result.
+    """Call a function on another worker that has access to a file; return the result.
 
-    Called in tasks alone; raises DeviceError if no worker sees the file.
+    Call only in tasks. Raises DeviceError if no worker has access.
 
-    arguments: of Python itself
+    arguments: built-in Python types only
     """
     worker, client = get_worker(), get_client()
     seen = client.run(is_at_hand, str(Path(path).parent), on_error="ignore")

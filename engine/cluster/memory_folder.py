@@ -1,4 +1,4 @@
-"""A folder of files in the memory of this machine, in which processes have arrays in common."""
+"""Folder in the shared memory of this machine, for arrays that several processes map."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: Where Linux has files in memory; None on other systems.
+#: Memory-backed file system of Linux; None on other systems.
 _MEMORY = Path("/dev/shm") if sys.platform == "linux" else None
 
-#: What folders are called; two numbers follow: of the process that has made them, and of the namespace in
-#: which it has that. A container may have the same memory, but numbers of its own.
+#: Prefix of folder names, followed by the creator's process ID and PID namespace. A container may share the
+#: memory, but has process IDs of its own.
 _NAME = "hemibake-"
 
 
 @contextmanager
 def memory_folder() -> Iterator[str]:
-    """Make a folder in the memory of this machine, which ends with the context; empty where there is none."""
+    """Create a temporary folder in shared memory; yields an empty string where there is none."""
     if _MEMORY is None or not os.access(_MEMORY, os.W_OK):
         yield ""
         return
@@ -33,14 +33,14 @@ def memory_folder() -> Iterator[str]:
 
 
 def is_at_hand(folder: str) -> bool:
-    """Return whether this process can read and write files of a folder."""
+    """Return True if this process can read and write files of a folder."""
     return os.access(folder, os.R_OK | os.W_OK | os.X_OK)
 
 
 def new_file(folder: str, size: int) -> str:
-    """Return the path of a new file in a folder, with room for so many bytes; raises OSError without room.
+    """Return the path of a new file of `size` bytes in a folder; raises OSError without space.
 
-    Linux ends a process that finds no room once it writes; other systems have no such folder.
+    The space is reserved at once, because Linux kills a process that writes beyond the available memory.
     """
     if sys.platform != "linux":
         raise OSError("no files in memory")
@@ -56,7 +56,7 @@ def new_file(folder: str, size: int) -> str:
 
 
 def file_with(folder: str, data: bytes | memoryview) -> str:
-    """Return the path of a new file with the bytes of data; empty without a folder, or without room in it."""
+    """Return the path of a new file with the given data; empty without a folder, or without space."""
     if not folder:
         return ""
     try:
@@ -69,7 +69,7 @@ def file_with(folder: str, data: bytes | memoryview) -> str:
 
 
 def _remove_orphans(memory: Path) -> None:
-    """Remove the folders of processes that were killed; those of other users and of containers stay."""
+    """Remove folders of killed processes; those of other users and of containers stay."""
     for folder in memory.glob(f"{_NAME}*-{_namespace()}-*"):
         process = folder.name.removeprefix(_NAME).split("-")[0]
         if process.isdecimal() and not _is_alive(int(process)):
@@ -77,7 +77,7 @@ def _remove_orphans(memory: Path) -> None:
 
 
 def _namespace() -> int:
-    """Return the number of the namespace that numbers of processes belong to; 0 where that is not told."""
+    """Return the inode of this process's PID namespace; 0 if unknown."""
     if sys.platform != "linux":
         return 0
     try:
@@ -87,7 +87,7 @@ def _namespace() -> int:
 
 
 def _is_alive(process: int) -> bool:
-    """Return whether a process runs, by a signal that does nothing; on Linux alone."""
+    """Return True if a process runs, tested by signal 0; always True except on Linux."""
     if sys.platform != "linux":
         return True
     try:

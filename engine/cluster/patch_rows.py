@@ -1,4 +1,4 @@
-"""The patches of a block on their way to the worker that works for them."""
+"""Patches of a block, packed for transfer to a worker."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .stored_array import StoredArray
 
 @dataclass(frozen=True)
 class PatchRows(NumpyPickle):
-    """Some patches, or groups of them, one after another; see `PatchList`.
+    """Consecutive patches or patch groups; see `PatchList`.
 
-    first        the first one's number
+    first        index of the first patch
     texel        (m,) int32
     triangle     (m,) int32
     barycentric  (m, 3) float32
@@ -30,38 +30,38 @@ class PatchRows(NumpyPickle):
 
     @classmethod
     def of(cls, patches: PatchList, folder: str) -> PatchRows:
-        """Pack all patches; folder: in the memory of all workers, empty if there is none."""
+        """Pack all patches. folder: in the shared memory of all workers, empty if there is none."""
         columns = (patches.texel, patches.triangle, patches.barycentric)
         with ThreadPoolExecutor(len(columns), "rows") as threads:
             stored = threads.map(lambda column: StoredArray.of(column, folder), columns)
             return cls(0, *stored)
 
     def part(self, first: int, last: int) -> PatchRows:
-        """Return some of them."""
+        """Return the patches first <= i < last of these."""
         columns = (self.texel, self.triangle, self.barycentric)
         return PatchRows(self.first + first, *(column.rows(first, last) for column in columns))
 
     @property
     def in_files(self) -> bool:
-        """Whether nothing of it travels but where it is."""
+        """True if all columns are in files, so that only paths are transferred."""
         return all(column.path for column in (self.texel, self.triangle, self.barycentric))
 
     def opened(
         self, triangles: Triangles, steps: TexelSteps, resolution: int
     ) -> tuple[PatchList, PatchGeometry]:
-        """Return the patches and where they are; called in tasks alone."""
+        """Return the patch list and geometry; call only in tasks."""
         texel, triangle = self.texel.opened(), self.triangle.opened()
         geometry = PatchGeometry(triangles, steps, triangle, self.barycentric.opened())
         atlas = triangles.atlas.take(triangle)
         return PatchList(resolution, atlas, texel, triangle, geometry.barycentric), geometry
 
 
-#: Rows as tasks take them: pickled if they are in files, which takes fewer tasks than sending them.
+#: Rows as a task argument; pickled if they are in files, which needs fewer tasks.
 SentRows = PatchRows | bytes
 
 
 def unpacked(rows: SentRows) -> PatchRows:
-    """Return rows that came as the argument of a task."""
+    """Unpickle rows if necessary."""
     if isinstance(rows, PatchRows):
         return rows
     opened: PatchRows = pickle.loads(rows)

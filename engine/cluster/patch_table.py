@@ -1,4 +1,4 @@
-"""Patches, or groups of them, on their way to workers: what all workers need of all of them."""
+"""Tables of patches or patch groups, packed for transfer: data of all patches that each worker needs."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .stored_array import StoredArray
 
 @dataclass(frozen=True)
 class SparseRadiance(NumpyPickle):
-    """Radiance of patches, most of which are dark.
+    """Radiance of patches, most of which are black.
 
-    count   patches
-    patch   (k,) uint32, those that are not dark
-    values  (k, 3) float32
+    count   number of patches
+    patch   (k,) uint32, patches that are not black
+    values  (k, 3) float32, their radiance
     """
 
     count: int
@@ -30,18 +30,18 @@ class SparseRadiance(NumpyPickle):
 
     @classmethod
     def of(cls, radiance: np.ndarray) -> SparseRadiance:
-        """Take the radiance of all patches, (n, 3) float32."""
+        """Pack the radiance of all patches, (n, 3) float32."""
         return cls.among(radiance, nonzero_rows(radiance))
 
     @classmethod
     def among(cls, radiance: np.ndarray, patches: np.ndarray) -> SparseRadiance:
-        """Take the radiance of all patches, of which all but some, (k,) int64, are dark."""
+        """Pack the radiance of all patches, of which only some, (k,) int64, may be non-zero."""
         values = radiance[patches]
         shines = any_in_rows(values)
         return cls(len(radiance), patches[shines].astype(np.uint32), values[shines])
 
     def of_all(self) -> np.ndarray:
-        """Return the radiance of all patches, (n, 3) float32: where all are dark, it takes no memory."""
+        """Return the radiance of all patches, (n, 3) float32; untouched pages take no memory."""
         pages = mmap.mmap(-1, max(12 * self.count, 1))
         radiance = np.frombuffer(pages, np.float32, 3 * self.count).reshape(-1, 3)
         radiance[self.patch] = self.values
@@ -50,11 +50,11 @@ class SparseRadiance(NumpyPickle):
 
 @dataclass(frozen=True)
 class PatchTable(NumpyPickle):
-    """Patches, or groups of them, as all workers need them: how they are found, and what they emit.
+    """Patches or patch groups as sources for all workers: index map and emission.
 
-    name            tells them from all others
+    name            unique name
     texel_to_patch  (atlases, r, r) uint32, see `PatchScene`
-    emission        of backs that is seen, see `SolveJob.back_emission`
+    emission        radiance of visible back faces, see `SolveJob.back_emission`
     back_to_back    see `PatchScene`
     """
 
@@ -67,20 +67,20 @@ class PatchTable(NumpyPickle):
     def of(
         cls, texel_to_patch: np.ndarray, emission: SparseRadiance, back_to_back: bool, folder: str
     ) -> PatchTable:
-        """Pack groups of patches; folder: in the memory of all workers, empty if there is none."""
+        """Pack patches or groups. folder: in the shared memory of all workers, empty if there is none."""
         return cls(uuid.uuid4().hex, StoredArray.of(texel_to_patch, folder), emission, back_to_back)
 
 
 @dataclass(frozen=True)
 class SceneTable(PatchTable):
-    """The patches of a scene, and what shines as shadow rays need it.
+    """Patches of a scene, and all emission that shadow rays sample.
 
-    glow      what their fronts emit
-    backs     what their backs emit; None if it is the same
-    shining   (s,) int64, triangles with a patch that emits
-    sampled   (b,) int64, those that are sampled as lights
-    radiance, back_radiance  (b, 3) float32, of these
-    uniform   (b,) bool, it is the same all over the triangle
+    glow                     emission of front faces
+    backs                    emission of back faces; None if equal
+    shining                  (s,) int64, triangles with an emissive patch
+    sampled                  (b,) int64, triangles sampled as lights
+    radiance, back_radiance  (b, 3) float32, radiance of these
+    uniform                  (b,) bool, True if radiance is constant over the triangle
     """
 
     glow: SparseRadiance
@@ -95,7 +95,7 @@ class SceneTable(PatchTable):
     def of_scene(
         cls, parts: PatchScene, bright: SampledTriangles, back_to_back: bool, folder: str
     ) -> SceneTable:
-        """Pack the patches of a scene, and what of it is sampled as lights; folder: as of `of`."""
+        """Pack the patches of a scene and its sampled triangles. folder: see `PatchTable.of`."""
         surfaces, stored = parts.surfaces, StoredArray.of(parts.texel_to_patch, folder)
         glow, left = (
             SparseRadiance.among(radiance, surfaces.shining)
@@ -108,10 +108,10 @@ class SceneTable(PatchTable):
         return cls(*table, glow, backs, np.flatnonzero(bright.shining), *sampled)
 
     def bright(self, triangles: int, left: np.ndarray) -> SampledTriangles:
-        """Return what is sampled.
+        """Return the sampled triangles.
 
-        triangles  how many there are
-        left       (n, 3) float32, see `SampledTriangles.back_left`; fronts are not needed
+        triangles  number of triangles of the scene
+        left       (n, 3) float32, see `SampledTriangles.back_left`; front faces are not needed
         """
         shining = np.zeros(triangles, bool)
         shining[self.shining] = True

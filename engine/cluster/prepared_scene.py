@@ -1,4 +1,4 @@
-"""A scene on the device of a worker: its triangles, and what blocks of patches are solved with."""
+"""Scene on a worker's device: triangles, BVH, and jobs for blocks of patches."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .scene_payload import ScenePayload
 from .source_patches import ScenePatches, SourcePatches
 from .triangle_scene import TriangleCache
 
-#: Environment variable that names the OpenCL device of a worker.
+#: Environment variable with the name of a worker's OpenCL device.
 DEVICE = "HEMIBAKE_OPENCL_DEVICE"
 
 
@@ -28,11 +28,11 @@ def worker_devices() -> Devices:
 
 
 class PreparedScene:
-    """The scene of a shipment; its triangles are those that are kept of the last bake, if they serve.
+    """Scene of a payload on this worker's devices; triangles of the last bake are reused if unchanged.
 
-    scene  occluders have their places in it
+    scene  the scene, including objects without lightmap
 
-    Raises DeviceError if the worker has no OpenGL, or no OpenCL.
+    Raises DeviceError if the worker has no OpenGL or no OpenCL.
     """
 
     def __init__(self, shipment: ScenePayload, kept: TriangleCache) -> None:
@@ -50,13 +50,13 @@ class PreparedScene:
         self._display: TexelGatherJob | None = None
 
     def patches(self, table: SceneTable) -> ScenePatches:
-        """Return the patches of a table; the last ones are kept."""
+        """Return the patches of a table; the last ones are cached."""
         if self._patches is None or self._patches.name != table.name:
             self._patches = ScenePatches(*self._common, table, self.scene)
         return self._patches
 
     def sources(self, table: PatchTable) -> SourcePatches:
-        """Return the patches, or groups of them, of a table; the last ones are kept."""
+        """Return the sources of a table, patches or patch groups; the last ones are cached."""
         if isinstance(table, SceneTable):
             return self.patches(table)
         if self._groups is None or self._groups.name != table.name:
@@ -64,7 +64,7 @@ class PreparedScene:
         return self._groups
 
     def display(self, patches: ScenePatches, solved: SourcePatches, choice: SolverChoice) -> TexelGatherJob:
-        """Return what light at points of texels is gathered for; the last one is kept."""
+        """Return the job that gathers light at texel samples; the last one is cached."""
         last = self._display
         if last is None or last.job is not patches.job or last.solved is not solved.job:
             self._display = last = TexelGatherJob(
@@ -73,7 +73,7 @@ class PreparedScene:
         return last
 
     def clear(self) -> None:
-        """Free what the devices hold of the scene."""
+        """Free the scene's device memory."""
         self._devices.clear()
 
 
@@ -82,13 +82,13 @@ _kept = TriangleCache()
 
 
 def prepared(shipment: ScenePayload) -> PreparedScene:
-    """Return the scene of a shipment; a process keeps the last one."""
+    """Return the prepared scene of a payload; the process caches the last one."""
     global _prepared
     if _prepared is None or _prepared.digest != shipment.digest:
         if _prepared is not None:
             _prepared.clear()
 
-        # The memory of the last scene and its blocks is free for this one, also where they refer in circles.
+        # Free the memory of the last scene first; garbage collection breaks its reference cycles.
         _prepared = None
         gc.collect()
         _prepared = PreparedScene(shipment, _kept)
@@ -96,5 +96,5 @@ def prepared(shipment: ScenePayload) -> PreparedScene:
 
 
 def prepare(shipment: ScenePayload) -> None:
-    """Make what casts rays through a scene: a task for each worker, while the client makes the patches."""
+    """Build the BVH of a scene: one task per worker, while the client creates the patches."""
     prepared(shipment)

@@ -1,4 +1,4 @@
-"""Memory of one machine in which the light of sweeps goes to workers and comes back, past Dask."""
+"""Exchange of radiance and irradiance in shared memory of one machine, without Dask."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ..numpy_pickle import NumpyPickle
 from .machine_files import by_other, file_bytes
 from .memory_folder import new_file
 
-#: Numbers of a patch in light, and in what is gathered of it.
+#: Values per patch, in radiance and in irradiance.
 _CHANNELS = 3
 
 
 @dataclass(frozen=True)
 class MappedRadiance(NumpyPickle):
-    """A HalfRadiance in a file that the workers of a machine map.
+    """HalfRadiance in a file that all workers of the machine map.
 
-    path    of the file
-    count   patches
+    path    path of the file
+    count   number of patches
     unit    W/(m^2 sr)
-    number  of the light in this file: the file is written over
+    number  version of the content, since the file is reused
     """
 
     path: str
@@ -35,7 +35,7 @@ class MappedRadiance(NumpyPickle):
     number: int
 
     def opened(self) -> HalfRadiance:
-        """Return the light; its parts are the file's where it can be mapped. Raises as `file_bytes`."""
+        """Return the radiance, mapped from the file if possible. Raises as `file_bytes`."""
         try:
             parts = _mapped(self.path, np.float16, self.count)
         except OSError:
@@ -44,14 +44,14 @@ class MappedRadiance(NumpyPickle):
 
 
 class RadianceExchange:
-    """Two files that the client and workers of its machine map, for many sweeps: what is there is quick.
+    """Two files that the client and the workers of its machine map and reuse for many iterations.
 
-    rows  (count, 3) float32, what is gathered
-    path  of the file of the rows
+    rows  (count, 3) float32, gathered irradiance
+    path  path of the file of the rows
     """
 
     def __init__(self, folder: str, count: int) -> None:
-        """Take the number of patches; raises OSError if there is no room in the folder."""
+        """Create the files for `count` patches; raises OSError without space in the folder."""
         sizes = (np.dtype(kind).itemsize * _CHANNELS * count for kind in (np.float16, np.float32))
         self._files = [new_file(folder, size) for size in sizes]
         self._count, self.path, self._number = count, self._files[1], 0
@@ -59,22 +59,22 @@ class RadianceExchange:
         self.rows = _opened(self.path, np.float32, count)
 
     def put(self, light: HalfRadiance) -> MappedRadiance:
-        """Let workers have light."""
+        """Write radiance for the workers."""
         np.copyto(self._parts, light.parts)
         self._number += 1
         return MappedRadiance(self._files[0], self._count, light.unit, self._number)
 
     def close(self) -> None:
-        """Remove the files; who still writes to them disturbs nobody."""
+        """Remove the files; late writers do no harm."""
         for path in self._files:
             with suppress(OSError):
                 Path(path).unlink()
 
 
 def write_rows(path: str, first: int, rows: np.ndarray, count: int) -> None:
-    """Write rows from the first one on to the file of `RadianceExchange.path`, of `count` patches.
+    """Write rows from `first` on to the file `RadianceExchange.path` of `count` patches.
 
-    Another worker does so if this one cannot map the file; raises as `by_other` does.
+    Another worker writes them if this one cannot map the file; raises as `by_other`.
     """
     try:
         _put(path, first, rows, count)
@@ -87,17 +87,17 @@ def _put(path: str, first: int, rows: np.ndarray, count: int) -> None:
 
 
 def _put_bytes(path: str, first: int, data: bytes, count: int) -> None:
-    """Write rows that come as bytes, which every version of NumPy reads."""
+    """Write rows given as bytes, which are independent of the NumPy version."""
     _put(path, first, np.frombuffer(data, np.float32).reshape(-1, _CHANNELS), count)
 
 
-#: A worker keeps the files of two sweeps open: pages that it knows are not looked up again.
+#: A worker keeps the files of two iterations mapped, which saves page faults.
 @lru_cache(maxsize=4)
 def _mapped(path: str, kind: type, count: int) -> np.ndarray:
     return _opened(path, kind, count)
 
 
 def _opened(path: str, kind: type, count: int) -> np.ndarray:
-    """Return the array, (count, 3), in a file."""
+    """Map the array, (count, 3), of a file."""
     with Path(path).open("r+b") as file:
         return np.frombuffer(mmap.mmap(file.fileno(), 0), kind).reshape(count, _CHANNELS)

@@ -1,4 +1,4 @@
-"""The memories in which light of one sweep after the other travels within a machine."""
+"""Alternating radiance exchanges for successive iterations within a machine."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from .radiance_exchange import RadianceExchange
 
 
 class RadianceExchangePair:
-    """Two memories that sweeps take turns with.
+    """Two radiance exchanges used in turn.
 
-    Once a worker is lost, others may repeat tasks of the last sweep. It may itself still write: those that
-    are left get other memories.
+    After a worker is lost, others may repeat tasks of the last iteration while it still writes. The remaining
+    workers then get new files.
     """
 
     def __init__(self, folder: str) -> None:
-        """Take a folder in the memory of all workers; empty if there is none."""
+        """Store a folder in the shared memory of all workers; empty if there is none."""
         self._folder, self._workers = folder, set[str]()
         self._both: list[RadianceExchange] = []
 
     def next(self, count: int, workers: set[str]) -> RadianceExchange | None:
-        """Return the memory for a sweep of `count` patches; None without a folder, or without room in it.
+        """Return the exchange for an iteration of `count` patches; None without a folder or space.
 
-        workers: addresses of those that are there
+        workers: addresses of the present workers
         """
         if not self._folder:
             return None

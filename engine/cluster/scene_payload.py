@@ -1,4 +1,4 @@
-"""A scene and settings on their way to workers: once a bake, compressed, or in a file within a machine."""
+"""Scene and settings, packed for transfer to workers: once per bake, compressed or in a shared file."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ..settings import Settings
 from .machine_files import file_bytes
 from .memory_folder import file_with
 
-#: Fast compression: coordinates and textures shrink little more at higher levels. Within a machine there is
-#: none, which takes longer than the way.
+#: zlib levels: fast for a network, since coordinates and textures hardly shrink further; none within a
+#: machine.
 _LEVEL, _NONE = 1, 0
 
 
 @dataclass(frozen=True)
 class ScenePayload:
-    """A scene and settings as bytes.
+    """Scene and settings as bytes.
 
-    data    compressed, see zlib; empty if they are in a file
-    path    of a file in the memory of the client's machine; empty without one
-    digest  of the bytes, hexadecimal: names the scene on workers
+    data    zlib-compressed bytes; empty if they are in a file
+    path    path of a file in the client's shared memory; empty without one
+    digest  SHA-256 of the bytes, hexadecimal; identifies the scene on workers
     """
 
     data: bytes
@@ -35,10 +35,10 @@ class ScenePayload:
 
     @classmethod
     def of(cls, scene: Scene, settings: Settings, local: bool, folder: str = "") -> ScenePayload:
-        """Pack a scene that occluders have their places in, without what patches alone are made of.
+        """Pack a scene that includes objects without lightmap; data that only patches need is removed.
 
-        local   whether it does not leave this machine
-        folder  in the memory of all workers; empty if there is none
+        local   True if the data does not leave this machine
+        folder  in the shared memory of all workers; empty if there is none
         """
         data = portable_bytes((_for_rays(scene), settings_for_tints(scene, settings, True)[0]))
         digest = hashlib.sha256(data).hexdigest()
@@ -53,7 +53,7 @@ class ScenePayload:
 
 
 def _for_rays(scene: Scene) -> Scene:
-    """Return a scene without textures but those that light passes through."""
+    """Return a scene without textures except those of transparency."""
     materials = tuple(
         replace(material, reflectance_map=None, emission_map=None, back=None) for material in scene.materials
     )

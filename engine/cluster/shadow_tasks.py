@@ -1,4 +1,4 @@
-"""Tasks that cast rays to light, or to what is near, from a block of patches."""
+"""Shadow ray tasks for a block of patches: direct light, ambient occlusion and shadow masks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .scene_payload import ScenePayload
 
 
 def sampled(shipment: ScenePayload, table: SceneTable, rows: SentRows) -> np.ndarray:
-    """Return E/pi of the light that shadow rays sample, then its L1, (m, 3 or 12) float32."""
+    """Return E/pi of the light sampled by shadow rays, then its L1, (m, 3 or 12) float32."""
 
     def light(lighting: DirectLighting) -> Generator[float, None, np.ndarray]:
         rgb = yield from lighting.gather()
@@ -25,12 +25,12 @@ def sampled(shipment: ScenePayload, table: SceneTable, rows: SentRows) -> np.nda
 
 
 def ambient_occlusion(shipment: ScenePayload, table: SceneTable, rows: SentRows) -> np.ndarray:
-    """Return the open fraction of each patch's hemisphere, (m,) float32."""
+    """Return the unoccluded fraction of each patch's hemisphere, (m,) float32."""
     return _cast(shipment, table, rows, DirectLighting.ambient_occlusion)
 
 
 def shadow_mask(shipment: ScenePayload, table: SceneTable, rows: SentRows, lamp: int) -> np.ndarray:
-    """Return how much of a shining lamp each patch sees, (m,) float32."""
+    """Return the visible fraction of a light for each patch, (m,) float32."""
     return _cast(shipment, table, rows, lambda lighting: lighting.shadow_mask(lamp))
 
 

@@ -1,4 +1,4 @@
-"""Patches that workers have, or groups of them: each worker what its blocks need."""
+"""Patches or patch groups sent to workers; each worker receives the rows of its blocks."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from .tasks import Tasks
 
 
 class ShippedPatches:
-    """Patches, or groups of them, on workers.
+    """Patches or patch groups on workers.
 
-    table  a task whose result workers fetch from each other
-    count  patches
+    table  task whose result is the table; workers fetch it from each other
+    count  number of patches
     """
 
     def __init__(self, tasks: Tasks, patches: PatchList, table: PatchTable, folder: str) -> None:
-        """Send a table to workers; rows follow with the tasks that need them.
+        """Send a table to the workers; rows follow with the tasks that need them.
 
-        folder: in the memory of all workers; empty if there is none
+        folder: in the shared memory of all workers; empty if there is none
         """
         self._tasks, self.count = tasks, len(patches)
         self.table = tasks.sent(table, "patches" if isinstance(table, SceneTable) else "groups")
@@ -30,7 +30,7 @@ class ShippedPatches:
         self._sent: dict[Span, Future] = {}
 
     def rows(self, span: Span) -> Future | bytes:
-        """Return some rows as the argument of a task."""
+        """Return the rows of a span as a task argument."""
         if self._all.in_files:
             return portable_bytes(self._all.part(*span))
         if span not in self._sent:

@@ -1,4 +1,4 @@
-"""Patches, or groups of them, on the device of a worker: what blocks of them gather from."""
+"""Sources on a worker's device: patches or patch groups from which blocks gather."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from .triangle_scene import TriangleScene
 
 
 class SourcePatches:
-    """Patches, or groups of them, that send light out, on the device of a worker.
+    """Patches or patch groups as sources of radiance, on the device of a worker.
 
-    name  of their table
-    job   the radiosity equation of all of them, as those that see them need it: it has no patches of its own
+    name  name of their table
+    job   radiosity problem of the sources, without receiving patches
     """
 
     def __init__(
         self, devices: Devices, triangles: TriangleScene, settings: Settings, sky: Sky, table: PatchTable
     ) -> None:
-        """Take a table of patches, and the light of the world."""
+        """Create the sources of a table, and the background."""
         self._devices, self._triangles, self.name = devices, triangles, table.name
         self._light: HalfRadiance | MappedRadiance | None = None
         compute, emission = devices.compute, table.emission
@@ -48,20 +48,20 @@ class SourcePatches:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """Work on the devices of this worker, and tell how they fail."""
+        """Use the devices of this worker, and report their failures."""
         self._devices.graphics.use()
         with self._devices.failures_told():
             yield
 
     def part(self, rows: SentRows) -> SolveJob:
-        """Return some of them, which see all."""
+        """Return a job whose receivers are the patches of these rows."""
         triangles, job = self._triangles, self.job
         opened = unpacked(rows).opened(triangles.triangles, triangles.steps, job.settings.resolution)
         parts = job.parts.seen_from(*opened)
         return replace(job, parts=parts, rays=job.rays.of(parts), kept=SessionCache())
 
     def table(self, light: HalfRadiance | MappedRadiance) -> cl.Buffer:
-        """Return the light of all on the device: once for all blocks of a sweep."""
+        """Upload the radiance of all sources, once for all blocks of an iteration."""
         if light != self._light:
             opened = light.opened() if isinstance(light, MappedRadiance) else light
             self._light, self._table = light, opened.table(self.job.opencl)
@@ -69,14 +69,14 @@ class SourcePatches:
 
     @cached_property
     def darkness(self) -> cl.Buffer:
-        """No light of all on the device."""
+        """Zero radiance of all sources, on the device."""
         return zeros(self.job.opencl, 16 * (self._count + 2))
 
 
 class ScenePatches(SourcePatches):
-    """The patches of a scene.
+    """Patches of a scene as sources.
 
-    lighting  what shadow rays sample
+    lighting  direct lighting by shadow rays
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class ScenePatches(SourcePatches):
         table: SceneTable,
         scene: Scene,
     ) -> None:
-        """Take a table of patches, the light of the world, and all other light of the scene."""
+        """Create the sources of a table, the background, and direct lighting."""
         super().__init__(devices, triangles, settings, sky, table)
         job = self.job = replace(self.job, settings=settings)
         backs = None if table.backs is None else table.backs.of_all()

@@ -1,4 +1,4 @@
-"""Arrays on their way to workers: in files within a machine, of which each worker reads what it needs."""
+"""Arrays for transfer to workers: in shared files within a machine, of which workers map what they need."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .memory_folder import file_with
 
 @dataclass(frozen=True)
 class StoredArray(NumpyPickle):
-    """An array that goes to workers, or some of its rows.
+    """Array, or a range of its rows, for transfer to workers.
 
     data   the rows; empty if they are in a file
-    path   of a file in the memory of the client's machine; empty without one
-    kind   type of the values, as `numpy.dtype.str` has it
-    shape  of the rows
-    first  the first of them in the file
+    path   path of a file in the client's shared memory; empty without one
+    kind   dtype, as `numpy.dtype.str`
+    shape  shape of the rows
+    first  index of the first row in the file
     """
 
     data: np.ndarray
@@ -33,20 +33,20 @@ class StoredArray(NumpyPickle):
 
     @classmethod
     def of(cls, array: np.ndarray, folder: str) -> StoredArray:
-        """Put an array into a file of a folder in the memory of all workers; empty if there is none."""
+        """Store an array in a file of a folder in shared memory, or in the object if the folder is empty."""
         array = np.ascontiguousarray(array)
         path = file_with(folder, array.reshape(-1).view(np.uint8).data) if array.size else ""
         return cls(array[:0] if path else array, path, array.dtype.str, array.shape)
 
     def rows(self, first: int, last: int) -> StoredArray:
-        """Return some of the rows."""
+        """Return the rows first <= i < last."""
         data = self.data if self.path else self.data[first:last]
         return replace(self, data=data, shape=(last - first, *self.shape[1:]), first=self.first + first)
 
     def opened(self) -> np.ndarray:
-        """Return the rows, which nobody changes; pages of a file are read where they are looked at.
+        """Return the rows, read-only; pages of a file are read on access.
 
-        Called in tasks alone; raises DeviceError as `file_bytes` does.
+        Call only in tasks; raises DeviceError as `file_bytes`.
         """
         if not self.path:
             return self.data

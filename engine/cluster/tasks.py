@@ -1,7 +1,7 @@
-"""Tasks for the workers of a scheduler: how they begin, how their results come back, how they fail.
+"""Dask tasks: submission, results and failures.
 
-The scheduler unpickles what it is sent, and has no Hemibake: functions and values are bytes to it, which a
-worker unpickles in tasks of their own.
+The scheduler unpickles what it receives, but has no Hemibake. Functions and values are therefore sent as
+bytes, which workers unpickle in separate tasks.
 """
 
 from __future__ import annotations
@@ -24,23 +24,24 @@ from ..errors import DeviceError
 from ..numpy_pickle import portable_bytes
 from .blocks import Span
 
-#: A bake that waits for workers can be cancelled this often, s.
+#: Polling interval while waiting for workers, s; a bake can be cancelled at this rate.
 _PAUSE = 0.2
 
-#: It ends with an error once there have been none for this time, s.
+#: Seconds without any worker after which a bake ends with an error.
 _PATIENCE = 20.0
 
-#: Dask warns of tasks with large arguments; here the scheduler shall keep them, to repeat the tasks.
+#: Limit above which Dask warns of tasks with large arguments. Here the scheduler must keep them, to repeat
+#: tasks.
 _LARGE_GRAPH = "distributed.admin.large-graph-warning-threshold"
 
-#: Tasks that the client waits for are done before those that only begin early.
+#: Priorities of tasks that the client waits for, and of tasks started early.
 URGENT, EARLY = 1, 0
 
 
 class Tasks:
-    """Begins tasks and takes their results, which nobody makes again once they are taken.
+    """Starts tasks and takes their results, which are released once taken.
 
-    All methods raise DeviceError if the scheduler is gone, or a task ends every worker that takes it.
+    All methods raise DeviceError if the scheduler is lost, or a task kills every worker that runs it.
     """
 
     def __init__(self, client: Client) -> None:
@@ -49,11 +50,11 @@ class Tasks:
 
     @property
     def dashboard(self) -> str:
-        """Address of the page on which the tasks can be watched."""
+        """Address of the scheduler's dashboard."""
         return str(self._client.dashboard_link)
 
     def workers(self) -> set[str]:
-        """Return the addresses of the workers that are there."""
+        """Return the addresses of the present workers."""
         with self._losses_told():
             return set(self._client.scheduler_info(n_workers=-1)["workers"])
 
@@ -64,10 +65,10 @@ class Tasks:
         priority: int = URGENT,
         worker: str | None = None,
     ) -> list[Future]:
-        """Have workers call a function with each of some arguments; begun again, these are other tasks.
+        """Start a task for each tuple of arguments; repeated calls create new tasks.
 
-        arguments  futures, whose results are taken, and what is small and of Python itself
-        worker     address of the one that calls it unless it is lost; None for any
+        arguments  futures, whose results are passed, and small built-in values
+        worker     address of the preferred worker; None for any
         """
         calls = [list(values) for values in arguments]
         called = [self._function(function)] * len(calls)
@@ -77,21 +78,21 @@ class Tasks:
             return list(self._client.map(apply, called, calls, **options))
 
     def sent(self, value: object, name: str) -> Future:
-        """Return a value as the result of a task, which workers fetch from each other.
+        """Send a value; return it as the result of a task, which workers fetch from each other.
 
-        The scheduler keeps it as the argument of the task, so that it can give it to a worker again.
+        The scheduler keeps the value as the task's argument, so it can send it again.
 
-        name: of values of this kind. A worker gets tasks as it has done others, not all of its part at once,
-        where these need few values; Dask counts all of a name.
+        name: kind of the value. Dask assigns tasks in steps, as workers finish others, only if the tasks
+            depend on few kinds of values; it counts kinds by name.
         """
         options = {"key": name, "pure": False, "priority": URGENT}
         with self._losses_told(), dask.config.set({_LARGE_GRAPH: "1 PiB"}):
             return self._client.map(pickle.loads, [portable_bytes(value)], **options)[0]
 
     def rows(self, tasks: dict[Future, Span]) -> Generator[float, None, np.ndarray]:
-        """Return the rows that tasks make, one after another; yield the fraction done.
+        """Return the concatenated rows of tasks; yield the fraction done.
 
-        tasks: with the first row of each and the one after its last
+        tasks: span of each task, its first row and its end
         """
         count = max(last for _, last in tasks.values())
         rows: list[np.ndarray] = []
@@ -107,7 +108,7 @@ class Tasks:
     def take(
         self, tasks: dict[Future, Span], put: Callable[[Span, Any], None]
     ) -> Generator[float, None, None]:
-        """Put away the result of each task as it ends, with its span; yield the fraction done.
+        """Pass the result of each finished task to `put`, with its span; yield the fraction done.
 
         Raises DeviceError without workers.
         """
@@ -122,7 +123,7 @@ class Tasks:
             yield done / len(tasks)
 
     def finish(self, tasks: Sequence[Future]) -> Generator[float, None, None]:
-        """Wait for tasks whose results nobody needs; yield the fraction done. Errors as of `take`."""
+        """Wait for tasks without results; yield the fraction done. Errors as in `take`."""
         done = 0
         for ended in self._ended(tasks, "ALL_COMPLETED"):
             for task in ended:
@@ -134,9 +135,9 @@ class Tasks:
             yield done / len(tasks)
 
     def _ended(self, tasks: Iterable[Future], until: str) -> Iterator[list[Future]]:
-        """Yield the tasks that have ended since the last time, perhaps none, until there are no others.
+        """Yield the tasks that have finished since the last time, perhaps none, until all are done.
 
-        until: what is waited for each time, if it does not take too long
+        until: condition for an early return from each wait
         """
         left, lost = set(tasks), 0.0
         while left:
@@ -152,26 +153,26 @@ class Tasks:
             yield ended
 
     def _function(self, function: Callable) -> Future:
-        """Return a function as the result of a task."""
+        """Send a function; return it as the result of a task."""
         if function not in self._functions:
             self._functions[function] = self.sent(function, f"{function.__name__}_function")
         return self._functions[function]
 
     def _has_workers(self) -> bool:
-        """Return whether any worker is there; raises OSError if the scheduler is gone."""
+        """Return True if any worker is present; raises OSError if the scheduler is lost."""
         if self._client.status != "running":
             raise OSError("the connection is lost")
         return bool(self._client.scheduler_info(n_workers=1)["workers"])
 
     @contextmanager
     def _losses_told(self) -> Iterator[None]:
-        """Turn what Dask raises if something is lost into a DeviceError."""
+        """Convert errors of Dask about lost connections and workers to DeviceError."""
         try:
             yield
         except KilledWorker as error:
             raise DeviceError(
-                f"Workers died again and again while they found what a block of patches sees ({error}). "
-                "Their logs tell why; less memory is needed with Texel Groups or fewer samples."
+                f"Workers died repeatedly while they computed the visibility of a block of texels ({error}). "
+                "Read their logs. To use less memory, enable Texel Groups or lower the number of samples."
             ) from error
         except (ClosedClientError, CommClosedError, CancelledError, TimeoutError, OSError) as error:
             why = "the connection was lost" if isinstance(error, CancelledError) else error
@@ -182,7 +183,7 @@ class Tasks:
 
 
 def _wait(tasks: set[Future], until: str) -> list[Future]:
-    """Wait a moment for tasks to end; return those that have."""
+    """Wait briefly for tasks to finish; return those that have."""
     try:
         return list(wait(tasks, timeout=_PAUSE, return_when=until).done)
     except TimeoutError as error:
@@ -191,9 +192,9 @@ def _wait(tasks: set[Future], until: str) -> list[Future]:
 
 
 def _forget_traceback(error: BaseException | None) -> None:
-    """Forget which functions an error and its causes came through.
+    """Remove tracebacks from an error and its causes.
 
-    They hold the tasks and, in a cycle, the error: the tasks would live until garbage is collected.
+    Tracebacks refer to the tasks and, in a cycle, to the error, so tasks would live until garbage collection.
     """
     while error:
         error.__traceback__ = None

@@ -1,4 +1,4 @@
-"""The triangles of a scene on the device of a worker, without patches: these come from the client."""
+"""Triangles of a scene on a worker's device; its patches come from the client."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from ..visibility.rays.ray_scene import RayScene
 
 @dataclass(frozen=True)
 class TriangleScene:
-    """Triangles, and what casts rays through them.
+    """Triangles and their ray tracer, without patches.
 
-    steps    of texels
-    cutouts  what light passes through
-    rays     from no patch
+    steps    texel steps of each triangle
+    cutouts  transparency of the surfaces
+    rays     ray scene without receivers
     """
 
     triangles: Triangles
@@ -35,7 +35,7 @@ class TriangleScene:
 
     @classmethod
     def of(cls, compute: ComputeDevice | None, scene: Scene, resolution: int) -> TriangleScene:
-        """Join the meshes of a scene whose occluders have places, and make their hierarchy."""
+        """Join the meshes of a scene, including objects without lightmap, and build the BVH."""
         triangles, cutouts = join_meshes(scene), read_cutouts(scene)
         steps = texel_steps(triangles, resolution)
         parts = _without_patches(triangles, steps, cutouts, resolution)
@@ -44,7 +44,7 @@ class TriangleScene:
     def seen(
         self, resolution: int, emission: np.ndarray, texel_to_patch: np.ndarray, back_to_back: bool
     ) -> PatchScene:
-        """Return patches as others see them: itself it has none, and what they reflect is not known.
+        """Return a scene with patches as sources only: no receivers and no reflectance.
 
         emission: (n, 3) float32, radiance
         """
@@ -59,7 +59,7 @@ class TriangleScene:
 def _without_patches(
     triangles: Triangles, steps: TexelSteps, cutouts: Cutouts, resolution: int
 ) -> PatchScene:
-    """Return a subdivision without patches."""
+    """Return a patch scene without patches."""
     none, nowhere = np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
     patches, geometry = (
         PatchList(resolution, none, none, none, nowhere),
@@ -70,13 +70,13 @@ def _without_patches(
 
 
 class TriangleCache:
-    """The triangles of the last scene: they serve any scene of the same geometry, UVs and transparency."""
+    """Cache of the last scene's triangles, valid for equal geometry, UVs and transparency."""
 
     def __init__(self) -> None:
         self._last: tuple[tuple[bytes, int], TriangleScene] | None = None
 
     def of(self, compute: ComputeDevice | None, scene: Scene, settings: Settings) -> TriangleScene:
-        """Return the triangles of a scene."""
+        """Return the triangles of a scene, cached if unchanged."""
         key = geometry_digest(scene), settings.resolution
         if self._last is None or self._last[0] != key:
             self._last = None

@@ -1,4 +1,4 @@
-"""The workers of a bake: those of a scheduler that runs already, or of one for this machine alone."""
+"""Workers of a bake: of a running scheduler, or of a local cluster."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from .memory_folder import is_at_hand, memory_folder
 from .scene_payload import ScenePayload
 from .tasks import Tasks
 
-#: Seconds in which a first worker has to join.
+#: Seconds in which the first worker must join.
 _JOIN = 30
 
-#: Seconds that refused workers have to tell why and to leave, and that others then have to join.
+#: Seconds for refused workers to report and leave, and for others to join after that.
 _REFUSAL, _OTHERS = 0.25, 2
 
-#: What is told of a connection that others can listen to.
+#: Warning about an unencrypted connection.
 _UNSAFE = (
-    "The scene travels unencrypted to the scheduler at {}: use tls:// and certificates "
-    "(docs/user/several_devices.md), or a network that nobody else is on."
+    "Scheduler {}: the connection is not encrypted. Use tls:// and certificates "
+    "(docs/user/several_devices.md), or a private network."
 )
 
 
 class Workers:
     """Workers that may take part in a bake.
 
-    client    of their scheduler
-    address   of the scheduler
-    warnings  sentences for the user: refused workers, and a connection that others can listen to
+    client    client of their scheduler
+    address   address of the scheduler
+    warnings  sentences for the user: refused workers, and an unencrypted connection
 
-    folder: in the memory of this machine; empty where there is none
+    folder: in the shared memory of this machine; empty if there is none
     """
 
     def __init__(self, client: Client, folder: str) -> None:
@@ -59,7 +59,7 @@ class Workers:
             self.warnings.append(_UNSAFE.format(self.address))
 
     def wait(self) -> None:
-        """Wait for a first worker; raises DeviceError if none comes, which names refused ones."""
+        """Wait for the first worker; raises DeviceError if none joins, with the reasons of refused ones."""
         asked = len(self.client.scheduler_info(n_workers=-1)["workers"])
         answers = self.client.run(refusal, self._admission.digest, on_error="ignore")
         if len(answers) < asked or any(answers.values()):
@@ -75,9 +75,9 @@ class Workers:
     def ship(
         self, settings: Settings, scene: Scene
     ) -> Callable[[PatchScene, RayScene, SampledTriangles], ClusterDevices]:
-        """Send a scene in which occluders have their places; workers make what casts rays through it.
+        """Send a scene, including objects without lightmap, to the workers, which build the BVH.
 
-        Returns what sends its patches and makes the devices for them.
+        Returns a function that sends the patches and creates the remote devices.
         """
         local = is_of_this_machine(self.address)
         tasks = Tasks(self.client)
@@ -86,13 +86,13 @@ class Workers:
         return partial(ClusterDevices, tasks, shipped, settings, folder)
 
     def _share_folder(self) -> bool:
-        """Return whether all workers see the folder: in a container one has its own memory."""
+        """Return True if all workers have access to the folder; a container may have memory of its own."""
         return all(self.client.run(is_at_hand, self._folder, on_error="ignore").values())
 
 
 @contextmanager
 def workers(scheduler: str) -> Iterator[Workers]:
-    """Use the workers of a scheduler, by its address, or one for each device of this machine.
+    """Use the workers of a scheduler, by address, or one worker per device of this machine.
 
     Raises DeviceError if there is no scheduler at the address, or it has no workers.
     """

@@ -118,7 +118,10 @@ class IrradianceCache:
         self._reach = np.clip(np.minimum(found.distance, change), *reaches)
 
     def fill(self, order: np.ndarray) -> np.ndarray:
-        """Return which points become records, (n,) bool: in order, (n,) int, each point without a valid one."""
+        """Return which points become records, (n,) bool.
+
+        In order, (n,) int, each point becomes a record unless an earlier record is valid there.
+        """
         chosen = np.zeros(len(order), np.int64)
         count = 0
         for point in order:

@@ -1,7 +1,7 @@
 """Progressive refinement (Cohen et al. 1988) with cached visibility.
 
-The patch with the most unshot flux shoots first. Each receiving patch looks itself up in the shooter's hemicube (Coombe, Harris and Lastra 2004), instead of scattering
-the hemicube over the patches.
+The patch with the most unshot flux shoots first. Each receiver looks itself up in the shooter's hemicube
+(Coombe, Harris and Lastra 2004), instead of scattering the hemicube over the patches.
 """
 
 from __future__ import annotations

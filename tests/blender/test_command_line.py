@@ -153,7 +153,7 @@ def test_all_devices_of_the_machine_share_a_bake(tmp_path):
     done = command(tmp_path / "scene.obj", "--out", tmp_path / "out", *sizes, "--devices", "all", "--json")
     assert done.returncode == 0, done.stderr
     reasons = json.loads(done.stdout)["reasons"]
-    assert any(re.match(r"\d+ Dask workers? finds? what patches see", reason) for reason in reasons)
+    assert any(re.match(r"\d+ Dask workers? computes? visibility", reason) for reason in reasons)
 
 
 @pytest.mark.parametrize("option", ["method", "visibility"])

@@ -396,7 +396,7 @@ def test_the_report_names_who_is_refused_while_others_work(by_two):
         lightmap = baked(made)
     (told,) = lightmap.report.warnings
     assert told.startswith("Worker 'tcp://") and "There is no OpenCL device 'Platform: Voodoo 2'" in told
-    assert any("1 Dask worker finds" in reason for reason in lightmap.report.reasons)
+    assert any("1 Dask worker computes" in reason for reason in lightmap.report.reasons)
     assert np.array_equal(lightmap.image, by_two.image)
 
 
@@ -404,8 +404,8 @@ def test_a_scene_that_leaves_the_machine_in_the_clear_is_told(monkeypatch, two, 
     monkeypatch.setattr("engine.cluster.connection.is_of_this_machine", lambda _: False)
     lightmap = baked(two)
     (told,) = lightmap.report.warnings
-    assert told.startswith("The scene travels unencrypted to the scheduler at tcp://") and "tls://" in told
-    assert not any("unencrypted" in warning for warning in by_two.report.warnings)
+    assert told.startswith("Scheduler tcp://") and "not encrypted" in told and "tls://" in told
+    assert not any("not encrypted" in warning for warning in by_two.report.warnings)
     assert np.array_equal(lightmap.image, by_two.image)
 
 

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from .bake_result import BakeResult, Report
+from .bake_state import BakeState, Inspect, ignore
 from .device.device_array import Values
 from .device.devices import Devices
 from .direct.contact import Contacts
@@ -59,12 +60,14 @@ def bake(
     stages: BakeStages,
     kept: SessionCache,
     ship: Ship | None = None,
+    inspect: Inspect = ignore,
 ) -> Generator[Progress, None, BakeResult]:
     """Bake a validated scene; see `engine.bake`. The devices and the session cache stay open.
 
-    ship  sends the scene to other processes; None to use only the given devices
+    ship     sends the scene to other processes; None to use only the given devices
+    inspect  called with the intermediate results before they are released
     """
-    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship)))
+    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect)))
 
 
 def _current(
@@ -89,6 +92,7 @@ def _bake(
     stages: BakeStages,
     kept: SessionCache,
     ship: Ship | None,
+    inspect: Inspect,
 ) -> Generator[Progress, None, BakeResult]:
     """Run the stages of the bake."""
     graphics, compute = devices.graphics, devices.compute
@@ -153,11 +157,14 @@ def _bake(
     # Final images: denoised, equal across seams, dilated (VI.B).
     finishing = Finishing(store, texels, solution, made, lit)
     passes = yield from finishing.images(stages, seams)
-    warnings = (*notes, *parts.warnings, *lighting.warnings, *finishing.warnings)
+    inspect(
+        BakeState(scene, len(atlases), settings, parts, rays, near, solution, front, made, lit, store, passes)
+    )
     choice = replace(choice, reasons=(*choice.reasons, *finishing.reasons))
     report = _summary(
         solution, solved.parts.surfaces.emission,
-        settings, choice, len(parts.patches), stages.seconds, devices, warnings,
+        settings, choice, len(parts.patches), stages.seconds, devices,
+        (*notes, *parts.warnings, *lighting.warnings, *finishing.warnings),
     )  # fmt: skip
     return BakeResult(
         atlases,

@@ -27,6 +27,7 @@ from .scene.scene_changes import SceneChanges
 from .settings import Settings, check_settings
 
 if TYPE_CHECKING:
+    from .bake_state import Inspect
     from .cluster.workers import Workers
     from .device.devices import Devices
     from .plan.session_cache import SessionCache
@@ -45,7 +46,11 @@ class Session:
         self._paces: dict[str, float] = {}
 
     def bake(
-        self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE
+        self,
+        scene: Scene,
+        settings: Settings,
+        paces: Mapping[str, float] = _NONE,
+        inspect: Inspect | None = None,
     ) -> Generator[Progress, None, BakeResult]:
         """Bake a scene; see `engine.bake`.
 
@@ -53,25 +58,30 @@ class Session:
         device runs out of memory, the reused data is dropped and the bake starts again. After an error or a
         cancel the next bake opens new devices, except after a cancelled warm start.
 
-        paces  timings of another session, for stages that this one has not run yet; see `BakeStages`
+        paces    timings of another session, for stages that this one has not run yet; see `BakeStages`
+        inspect  called with the intermediate results before they are released
         """
         check_settings(settings)
         check_scene(scene)
-        return (yield from self._bake_checked(scene, settings, paces))
+        return (yield from self._bake_checked(scene, settings, paces, inspect))
 
     def _bake_checked(
-        self, scene: Scene, settings: Settings, paces: Mapping[str, float]
+        self,
+        scene: Scene,
+        settings: Settings,
+        paces: Mapping[str, float],
+        inspect: Inspect | None = None,
     ) -> Generator[Progress, None, BakeResult]:
         """Bake a scene and settings that have been checked; see `bake`."""
         self._paces = {**paces, **self._paces}
         require_packages()
         begins_with_kept = self._kept is not None
         try:
-            return (yield from self._bake(scene, settings))
+            return (yield from self._bake(scene, settings, inspect))
         except DeviceMemoryError:
             if not begins_with_kept:
                 raise
-        return (yield from self._bake(scene, settings))
+        return (yield from self._bake(scene, settings, inspect))
 
     def live(self, scene: Scene, settings: Settings, paces: Mapping[str, float] = _NONE) -> Live:
         """Return a bake that follows its scene, one at a time; parameters as for `bake`.
@@ -98,11 +108,14 @@ class Session:
             self._devices.release()
             self._devices = None
 
-    def _bake(self, scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
+    def _bake(
+        self, scene: Scene, settings: Settings, inspect: Inspect | None
+    ) -> Generator[Progress, None, BakeResult]:
         """Bake a validated scene with the devices and data of the last bake."""
         stages = BakeStages(Extent.of(scene), settings, self._paces)
         devices = self._take(scene, settings)
 
+        from .bake_state import ignore
         from .pipeline import bake
         from .plan.session_cache import SessionCache
 
@@ -112,7 +125,7 @@ class Session:
         try:
             with _workers(settings) as workers:
                 ship = partial(workers.ship, settings) if workers else None
-                lightmap = yield from bake(devices, scene, settings, stages, kept, ship)
+                lightmap = yield from bake(devices, scene, settings, stages, kept, ship, inspect or ignore)
         except GeneratorExit:
             if settings.warm_start:
                 self._keep(devices, kept, settings)

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDERS = {
     "engine": [
         "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "pipeline",
-        "texel_gather", "plan",
+        "texel_trace", "bake_state", "texel_gather", "plan",
         "postprocess", "solve", "gather", "direct", "reference", "validity", "visibility", "patches",
         "denoise",
         "device", "unwrap", "encoding", "scene", "resume", "settings", "setting_types", "quality",

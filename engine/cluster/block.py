@@ -82,5 +82,5 @@ def gather_to(block: Block, light: bytes, path: str) -> None:
 
 
 def gather_l1(block: Block, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-    """Gather L1 for a block."""
+    """Gather the irradiance gradients (L1) for a block."""
     return block.found.gather_l1(light)

@@ -53,7 +53,7 @@ class BlockVisibility:
         write_rows(path, self._first, self.gather(light), light.count)
 
     def gather_l1(self, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-        """Return L1 of the same light, (m, 3, 3) float32."""
+        """Return the irradiance gradients (L1) of the same light, (m, 3, 3) float32."""
         with self._sources.working():
             self._gathered(self._sources.table(light))
             return np.asarray(finished(self._gather.gather_l1()))

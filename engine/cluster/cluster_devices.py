@@ -107,7 +107,7 @@ class ClusterDevices:
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `RemoteGather.gather`. The rows are overwritten by the call after the next."""
+        """Run one gather iteration; see `RemoteGather.gather`. The next call but one overwrites the rows."""
         self._find_once()
         memory = self._memories.next(len(light.parts), self._tasks.workers())
         if memory is None:
@@ -119,7 +119,7 @@ class ClusterDevices:
         return memory.rows
 
     def gather_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather L1; see `RemoteGather.gather_l1`."""
+        """Gather the irradiance gradients (L1); see `RemoteGather.gather_l1`."""
         return (yield from self._of_blocks(block.gather_l1, self._light_sent(light)))
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
@@ -138,7 +138,7 @@ class ClusterDevices:
         return (yield from self._final(final_tasks.final, light))
 
     def final_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather L1 for every patch; see `RemoteGather.final_l1`."""
+        """Gather the irradiance gradients (L1) for every patch; see `RemoteGather.final_l1`."""
         return (yield from self._final(final_tasks.final_l1, light))
 
     def gather_at(
@@ -199,6 +199,6 @@ class ClusterDevices:
 def _lies_back_to_back(rays: RayScene, settings: Settings) -> bool:
     """Return True if the scene has back-to-back faces and uses rasterised hemicubes.
 
-    Rays do not need to know.
+    Ray tracing needs no flag.
     """
     return untried_visibility(settings) == "raster" and bool(find_contacts(rays, rays.count)[1].any())

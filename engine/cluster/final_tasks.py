@@ -35,7 +35,7 @@ def final(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadia
 
 
 def final_l1(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance) -> np.ndarray:
-    """Return L1 of the same light; see `RemoteGather.final_l1`."""
+    """Return the irradiance gradients (L1) of the same light; see `RemoteGather.final_l1`."""
     with prepared(shipment).patches(tables[0]).working():
         gather, _ = _gathered(shipment, tables, rows, light)
         return np.asarray(finished(gather.gather_l1()))

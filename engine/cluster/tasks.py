@@ -90,7 +90,7 @@ class Tasks:
             return self._client.map(pickle.loads, [portable_bytes(value)], **options)[0]
 
     def rows(self, tasks: dict[Future, Span]) -> Generator[float, None, np.ndarray]:
-        """Return the concatenated rows of tasks; yield the fraction done.
+        """Return the concatenated rows of tasks; yield progress 0..1.
 
         tasks: span of each task, its first row and its end
         """
@@ -108,7 +108,7 @@ class Tasks:
     def take(
         self, tasks: dict[Future, Span], put: Callable[[Span, Any], None]
     ) -> Generator[float, None, None]:
-        """Pass the result of each finished task to `put`, with its span; yield the fraction done.
+        """Pass the result of each finished task to `put`, with its span; yield progress 0..1.
 
         Raises DeviceError without workers.
         """
@@ -123,7 +123,7 @@ class Tasks:
             yield done / len(tasks)
 
     def finish(self, tasks: Sequence[Future]) -> Generator[float, None, None]:
-        """Wait for tasks without results; yield the fraction done. Errors as in `take`."""
+        """Wait for tasks without results; yield progress 0..1. Errors as in `take`."""
         done = 0
         for ended in self._ended(tasks, "ALL_COMPLETED"):
             for task in ended:
@@ -153,7 +153,7 @@ class Tasks:
             yield ended
 
     def _function(self, function: Callable) -> Future:
-        """Send a function; return it as the result of a task."""
+        """Send a function to the workers; return it as the result of a Dask task, for other tasks to call."""
         if function not in self._functions:
             self._functions[function] = self.sent(function, f"{function.__name__}_function")
         return self._functions[function]

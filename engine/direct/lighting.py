@@ -94,7 +94,7 @@ class DirectLighting:
         return DirectLightCache(casting.lights, self._parts, self._ray_scene.receivers, light, self.l1)
 
     def gather(self) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of the sampled light, (n, 3) float32; yield the fraction done."""
+        """Return E/pi of the sampled light, (n, 3) float32; yield progress 0..1."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         if self._elsewhere is not None:
@@ -117,7 +117,7 @@ class DirectLighting:
         return light
 
     def preview_gather(self) -> Generator[float, None, np.ndarray]:
-        """Return a noisy version of `gather` from a few rays; yield the fraction done."""
+        """Return a noisy version of `gather` from a few rays; yield progress 0..1."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         few = replace(self._settings, light_samples=min(self._settings.light_samples, _FEW))
@@ -156,13 +156,13 @@ class DirectLighting:
         return self.emission_left * mine[:, None], sky, backs
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return the visible fraction of a light for each patch, (n,) float32; yield the fraction done."""
+        """Return the visible fraction of a light for each patch, (n,) float32; yield progress 0..1."""
         return (yield from self._casting().shadow_mask(lamp))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
         """Return the unoccluded fraction of each patch's hemisphere, (n,) float32.
 
-        Yield the fraction done.
+        Yield progress 0..1.
         """
         return (yield from self._casting().ambient_occlusion())
 

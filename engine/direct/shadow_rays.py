@@ -104,7 +104,7 @@ class ShadowRays:
     def sampled(
         self, chosen: np.ndarray | None = None
     ) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-        """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield the fraction done.
+        """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield progress 0..1.
 
         L1 (irradiance_l1.cl) is (n, 3, 3) float32: patch, world axis, rgb; (0, 3, 3) without directional
         maps.
@@ -118,7 +118,7 @@ class ShadowRays:
         return download_colors_once(self._compute, light, items), self._read_l1(items)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of each light group, (groups, n, 3) float32; yield the fraction done.
+        """Return E/pi of each light group, (groups, n, 3) float32; yield progress 0..1.
 
         Each group has as many samples as if it were alone, so the sum of the groups differs from `sampled` by
         noise.
@@ -147,7 +147,7 @@ class ShadowRays:
         return (yield from self._light(EMITTER.joined(shining), budget, chosen))
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return the visible fraction of a light for each patch, (n,) float32; yield the fraction done.
+        """Return the visible fraction of a light for each patch, (n,) float32; yield progress 0..1.
 
         1 is unshadowed; 0 is full shadow, or no irradiance from the light.
         """
@@ -158,7 +158,7 @@ class ShadowRays:
         return np.minimum(mask, 1).astype(np.float32)
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the unoccluded fraction of each patch's hemisphere, (n,) float32; yield the fraction done.
+        """Return the unoccluded fraction of each patch's hemisphere, (n,) float32; yield progress 0..1.
 
         The fraction is cosine-weighted; only surfaces within `Settings.ao_distance` occlude.
         """
@@ -188,7 +188,7 @@ class ShadowRays:
         return (yield from self._sliced(self._direct, budget, arguments, items))
 
     def _read_l1(self, items: int) -> np.ndarray:
-        """Return L1 of the last computed light, (items, 3, 3) float32; (0, 3, 3) without directional maps."""
+        """Return L1 of the last light, (items, 3, 3) float32; (0, 3, 3) without directional maps."""
         if self._l1 is None or not items:
             return np.zeros((0, 3, 3), np.float32)
         return download_colors(self._compute, self._l1, items, 3).transpose(1, 0, 2)

@@ -56,7 +56,7 @@ class CachedGather:
         return self._kept.sampling.even and self._kept.sampling.samples >= _MANY
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather once; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
         if not self._begun:
             yield from self._begin(light)
         self._l1.keep_radiance(light.radiance)
@@ -66,14 +66,14 @@ class CachedGather:
         yield 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Gather L1; see `device_gather.DeviceGather.gather_l1`."""
+        """Gather the irradiance gradients (L1); see `device_gather.DeviceGather.gather_l1`."""
         for rows in self._kept.pieces:
             for done in self._l1.gather(rows, self._static.l1):
                 yield (rows.first + done * (rows.last - rows.first)) / self._kept.count
         return self._l1.values()
 
     def _begin(self, light: GatherBuffers) -> Generator[float, None, None]:
-        """Fill the visibility cache and sum the background light; yield the fraction done."""
+        """Fill the visibility cache and sum the background light; yield progress 0..1."""
         found = 0.0
         if self._identity is not None:
             found = 1 - _SUMMING
@@ -86,7 +86,7 @@ class CachedGather:
         self._begun = True
 
     def _sum_up(self) -> Generator[float, None, None]:
-        """Sum the background light of all patches; yield the fraction done."""
+        """Sum the background light of all patches; yield progress 0..1."""
         count = self._kept.count
         for rows in self._kept.pieces:
             done = rows.first / count, rows.last / count
@@ -117,7 +117,7 @@ class StreamGather:
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather once; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
         self._l1.keep_radiance(light.radiance)
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
@@ -131,7 +131,7 @@ class StreamGather:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, self._backs.patches_seen)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last iteration; see `device_gather.DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration; see `DeviceGather.gather_l1`."""
         yield 1.0
         return self._l1.values()
 
@@ -153,12 +153,12 @@ class RayStreamGather:
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather once; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
         yield from self._identity.gather(self._count, light.radiance, seen)
         self._kernels.take(self._gathered, light, column)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last iteration; see `device_gather.DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration; see `DeviceGather.gather_l1`."""
         yield 1.0
         return self._l1.values()

@@ -31,10 +31,11 @@ class DeviceGather(Protocol):
     """Method by which all patches gather irradiance on the device; the room's docstring compares them."""
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather from `light.radiance` into a column of the ring of iterates; yield the fraction done."""
+        """Gather from `light.radiance` into a column of the ring of iterates; yield progress 0..1."""
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the light of the last `gather`, (n, 3, 3) float32; yield the fraction done.
+        """Return the gradients by the normal (L1) of the irradiance of the last `gather`.
 
-        The axes are patch, world axis, and rgb; see irradiance_l1.cl. Sampled direct light is not included.
+        (n, 3, 3) float32: patch, world axis, rgb; see irradiance_l1.cl. Light sampled by shadow rays is not
+        included. Yields progress 0..1.
         """

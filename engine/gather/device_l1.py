@@ -1,4 +1,4 @@
-"""L1 of gathered irradiance, stored on the OpenCL device; see kernels/gather/irradiance_l1.cl."""
+"""Gradients of gathered irradiance by the normal (L1), on the OpenCL device; see irradiance_l1.cl."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..device.opencl import cl
 
 
 class DeviceL1:
-    """L1 of n patches on the device; NumPy converts it to an array.
+    """Irradiance gradients (L1) of n patches on the device; NumPy converts the object to an array.
 
     buffer     3 float4 of each patch, axes x, y and z
     receivers  records of the patches, see `RayScene.receivers`
@@ -33,5 +33,5 @@ class DeviceL1:
         return values if dtype is None else values.astype(dtype, copy=False)
 
 
-#: L1 in host memory, (n, 3, 3) float32, or on the device.
+#: Irradiance gradients (L1) in host memory, (n, 3, 3) float32: patch, world axis, rgb; or on the device.
 L1: TypeAlias = np.ndarray | DeviceL1

@@ -26,7 +26,7 @@ class PointGather(Protocol):
         ...
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last gather; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last gather; see `DeviceGather.gather_l1`."""
         ...
 
 
@@ -55,7 +55,7 @@ class GatherPass:
         )  # fmt: skip
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance, (m, 3) float32; yield the fraction done.
+        """Gather from radiance, (m, 3) float32; yield progress 0..1.
 
         Returns (n, 4) float32: E/pi with sampled light, and the fraction of the hemisphere without back
         faces.
@@ -69,5 +69,5 @@ class GatherPass:
         return download(self._compute, self._gathered, (self.count, 4))
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last gather; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last gather; see `DeviceGather.gather_l1`."""
         return (yield from self._sweep.gather_l1())

@@ -27,7 +27,7 @@ class HostGather(Protocol):
     """Gather from radiance in host memory."""
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once from (n, 3) float32 radiance; yield the fraction done after each slice.
+        """Gather once from (n, 3) float32 radiance; yield progress 0..1 after each slice.
 
         Returns (n, 4) float32: rgb is E/pi, a the fraction of the hemisphere without back faces.
         """
@@ -69,7 +69,7 @@ class PaperGather:
         self.integrator = self._integrator.name
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `HostGather.iteration`."""
+        """Run one gather iteration; see `HostGather.iteration`."""
         self._target.set_radiance(radiance)
         result = np.empty((self._hemicubes.count, 4), np.float32)
 
@@ -98,7 +98,7 @@ class GlslGather:
         self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
 
     def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `HostGather.iteration`. The first iteration draws the hemicubes."""
+        """Run one gather iteration; see `HostGather.iteration`. The first iteration draws the hemicubes."""
         self._integrator.set_radiance(radiance)
         gathered: list[np.ndarray] = []
 

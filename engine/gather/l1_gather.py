@@ -62,14 +62,14 @@ class L1Gather:
         cl.enqueue_copy(self._compute.queue, self._radiance, radiance)
 
     def gather(self, rows: SampleRows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
-        """Gather L1 for the patches of these rows; yield the fraction done.
+        """Gather the irradiance gradients (L1) for the patches of these rows; yield progress 0..1.
 
         static_l1: L1 of the background light, see `BackgroundLight.l1`
         """
         yield from self._gather.run(rows, self._radiance, static_l1, self.result)
 
     def values(self) -> DeviceL1:
-        """Return L1 of all patches."""
+        """Return the irradiance gradients (L1) of all patches."""
         return DeviceL1(self._compute, self.result, self._receivers, self._count)
 
 

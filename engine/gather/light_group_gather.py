@@ -63,7 +63,7 @@ class LightGroupGather:
         self._static: cl.Buffer | None = None
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather once; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
         if self._static is None:
             seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
             cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
@@ -74,7 +74,7 @@ class LightGroupGather:
         yield 1.0
 
     def _static_light(self) -> Generator[float, None, cl.Buffer]:
-        """Return the background light of all groups, interleaved per patch; yield the fraction done."""
+        """Return the background light of all groups, interleaved per patch; yield progress 0..1."""
         beside = []
         for number, light in enumerate(self._lights):
             for rows in self._kept.pieces:
@@ -116,7 +116,7 @@ class LightGroupLook:
         self._radiances = [_Radiance(compute, len(static[run]), sources) for run in self._runs]
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of each group, (n, g, 3) float32; yield the fraction done.
+        """Return E/pi of each group, (n, g, 3) float32; yield progress 0..1.
 
         radiance: (m, g, 3) float32, W/(m^2 sr)
         """

@@ -19,7 +19,7 @@ from .half_radiance import HalfRadiance
 class RemoteGather(Protocol):
     """Devices of other processes that hold the visibility samples of n patches.
 
-    All arrays are float32 in host memory; generators yield the fraction done.
+    All arrays are float32 in host memory; generators yield progress 0..1.
     """
 
     def views(self) -> Generator[float, None, np.ndarray]:
@@ -34,7 +34,7 @@ class RemoteGather(Protocol):
         ...
 
     def gather_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return L1 of the same light, (n, 3, 3); see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the same light, (n, 3, 3); see `DeviceGather.gather_l1`."""
         ...
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
@@ -54,7 +54,7 @@ class RemoteGather(Protocol):
         ...
 
     def final_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return L1 of the same light, (n, 3, 3)."""
+        """Return the irradiance gradients (L1) of the same light, (n, 3, 3)."""
         ...
 
 
@@ -70,7 +70,7 @@ class RemoteIteration:
         self._views: list[cl.Buffer] = []
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Gather once; see `device_gather.DeviceGather.gather`.
+        """Run one gather iteration; see `device_gather.DeviceGather.gather`.
 
         The first call waits until the remote devices have computed visibility.
         """
@@ -88,7 +88,7 @@ class RemoteIteration:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, patches_seen)
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Gather L1; see `device_gather.DeviceGather.gather_l1`."""
+        """Gather the irradiance gradients (L1); see `device_gather.DeviceGather.gather_l1`."""
         return (yield from self._remote.gather_l1(self._light))
 
 
@@ -113,5 +113,5 @@ class RemoteGatherPass:
         return gathered
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Gather L1; see `PointGather.gather_l1`."""
+        """Gather the irradiance gradients (L1); see `PointGather.gather_l1`."""
         return (yield from self._remote.final_l1(self._light))

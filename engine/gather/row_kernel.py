@@ -53,7 +53,7 @@ class RowKernel:
         )  # fmt: skip
 
     def run(self, rows: SampleRows, *arguments: object) -> Generator[float, None, None]:
-        """Run the kernel over rows with further arguments; yield the fraction done."""
+        """Run the kernel over rows with further arguments; yield progress 0..1."""
         queue, (group,) = self._compute.queue, self._kernel.group(*self._compute.work_sizes.gather)
 
         def launch(start: int, end: int) -> None:

@@ -104,9 +104,9 @@ class VisibilityCache:
         return sum(rows.cache.size for rows in self.pieces) + self.backs.light.size
 
     def find(self, identity: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
-        """Compute the samples of all patches, continuing where a cancelled bake stopped.
+        """Compute the visibility samples of all patches, continuing where a cancelled bake stopped.
 
-        Yields the fraction done of the samples that no checkpoint holds.
+        Yields progress 0..1 of the samples that no checkpoint holds.
         """
         if self._moved is not None and isinstance(identity, RaySampler):
             yield from self._find_again(identity, self._moved)
@@ -130,7 +130,7 @@ class VisibilityCache:
             )
 
     def _find_again(self, identity: RaySampler, moved: StaleSamples) -> Generator[float, None, None]:
-        """Update stale samples after geometry moved; yield the fraction done."""
+        """Update stale samples after geometry moved; yield progress 0..1."""
         moved.begun = True
         for rows in self.pieces:
             last = min(rows.last, self._found)

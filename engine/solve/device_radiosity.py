@@ -33,16 +33,16 @@ _LEAST_AREA = 1e-30
 
 
 class DeviceRadiosity:
-    """See `solve.Radiosity`; parameters as in `host_radiosity.HostRadiosity`, except for these.
+    """Radiosity state (`radiosity_state.Radiosity`) on the OpenCL device.
+
+    Parameters are as in `host_radiosity.HostRadiosity`, except for these:
 
     emission      float4 by patch + 1 on the device, radiance visible to the patches; entry 0 is black
     radiance      float4 by patch + 1; entry 0 and the last (background) are black
     patches_seen  float of each patch: fraction of its hemisphere covered by other patches
-    sparse        True for gathers that support sparse iterations; see `solve.Radiosity`
+    sparse        True for gathers that support sparse iterations
     sides         pairs of patches of translucent surfaces, whose `sampled_light` is blended already; None if
                   none
-    fronts        number of patches on front faces, which come first; the relative change averages over them;
-                  None for all
     """
 
     def __init__(
@@ -109,13 +109,13 @@ class DeviceRadiosity:
         return (self._sampled_light, self._irradiance, *ring)
 
     def sweep(self, column: int) -> Generator[float, None, None]:
-        """Gather from the current radiance into a column of the ring; yield the fraction done."""
+        """Gather from the current radiance into a column of the ring; yield progress 0..1."""
         yield from self._sweep.gather(self, column)
         if self._sides is not None:
             self._sides.blend(self.outputs(column))
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after an iteration; see `solve.Radiosity.sums`."""
+        """Return sums over all patches after an iteration; see `Radiosity.sums`."""
         self._compute.run(
             self._products, self._items,
             self._gathered, self._defects, np.int32(newest), self._reflectance, self._area,
@@ -127,7 +127,7 @@ class DeviceRadiosity:
         return IterationSums(products, sums[-3] * self.area, sums[-2] * self.area, sums[-1, 0] / self.count)
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Compute the next irradiance; see `solve.Radiosity.mix`."""
+        """Compute the next irradiance; see `Radiosity.mix`."""
         self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
         self._mixture[:-1, 3] = weights[:, 0]
         cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
@@ -142,12 +142,12 @@ class DeviceRadiosity:
         return IterationStep(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
     def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Set substitute patches; see `solve.Radiosity.set_substitutes`."""
+        """Set substitute patches; see `Radiosity.set_substitutes`."""
         self._stand_in = upload(self._compute, stand_in.astype(np.uint32))
         self._make_radiance()
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums:
-        """Return the flux balance; see `solve.Radiosity.balance`."""
+        """Return the flux balance; see `Radiosity.balance`."""
         emitted = upload_float4_once(self._compute, emission, first=1)
         first = (
             float4_on_device(self._compute, direct)
@@ -162,18 +162,18 @@ class DeviceRadiosity:
         return FluxSums(*(self._read_sums(len(fields(FluxSums))) * self.area))
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last iteration; see `solve.Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration; see `Radiosity.gather_l1`."""
         return (yield from self._sweep.gather_l1())
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return the state of the light; see `solve.Radiosity.state`."""
+        """Return the state of the light; see `Radiosity.state`."""
         return {
             name: download(self._compute, buffer, (buffer.size // 4,))
             for name, buffer in self._state_buffers().items()
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the result of `state`."""
+        """Restore the arrays that `state` returned."""
         for name, buffer in self._state_buffers().items():
             cl.enqueue_copy(self._queue, buffer, state[name])
 
@@ -182,7 +182,7 @@ class DeviceRadiosity:
         return self._light(self._gathered, 16 * self.count * column)
 
     def mixed(self, column: int) -> Values:
-        """Return the next irradiance and the fraction without back faces; see `solve.Radiosity.mixed`."""
+        """Return the next irradiance and the fraction without back faces; see `Radiosity.mixed`."""
         return self._light(self._irradiance, 0)
 
     def _light(self, buffer: cl.Buffer, first: int) -> Values:

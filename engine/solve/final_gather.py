@@ -43,7 +43,7 @@ class FinalGather:
     def gather(
         self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
     ) -> Generator[float, None, None]:
-        """Gather from sources with E/pi `irradiance`, (m, 3) float32; yield the fraction done.
+        """Gather from sources with E/pi `irradiance`, (m, 3) float32; yield progress 0..1.
 
         stand_in: (m,) int64, see `reflected_light`
         """
@@ -66,7 +66,7 @@ class FinalGather:
         self.done = True
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of all light except the sampled, (n, 3, 3) float32; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) without sampled light; see `DeviceGather.gather_l1`."""
         return (yield from self._final.gather_l1())
 
     @property

@@ -66,7 +66,7 @@ class GroupedSolution:
     def iteration(self) -> Generator[float, None, None]:
         """Run one iteration of the groups, or the final gather once they are done.
 
-        Yield the fraction done.
+        Yield progress 0..1.
         """
         if not self._solver.done:
             yield from self._solver.iteration()
@@ -78,7 +78,7 @@ class GroupedSolution:
         return self._solver.energy(emission)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the final gather; see `radiosity_state.Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the final gather; see `Radiosity.gather_l1`."""
         return (yield from self.last.gather_l1())
 
     @property

@@ -15,18 +15,18 @@ from .reflected_radiance import reflected_light
 
 
 class HostRadiosity:
-    """See `solve.Radiosity`; its iterations are never sparse.
+    """Radiosity state (`radiosity_state.Radiosity`) in host memory; iterations are never sparse.
 
     reflectance     (n, 3) float32
     emission        (n, 3) float32, emitted radiance visible to the patches, W/(m^2 sr)
     area            (n,) float32, m^2
     sampled_light   (n, 3) float32, E/pi of light sampled by shadow rays; None for none
-    gathers_direct  see `solve.Solver`
-    columns         see `solve.Radiosity`
+    gathers_direct  True if patches gather direct light, see `solver.Solver`
+    columns         number of iterates kept
     indirect        (n, 3) float32, E/pi of reflected light to start from; None for none
     direct          (n, 3) float32, E/pi of all other light to start from, if known
     sides           pairs of patches of translucent surfaces; None if none
-    fronts          see `DeviceRadiosity`
+    fronts          number of patches on front faces, which come first; None for all
     """
 
     sparse = False
@@ -65,11 +65,11 @@ class HostRadiosity:
         return self._emission + reflected_light(self._reflectance, self._irradiance, self._stand_in)
 
     def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Set substitute patches; see `solve.Radiosity.set_substitutes`."""
+        """Set substitute patches; see `Radiosity.set_substitutes`."""
         self._stand_in = stand_in
 
     def sweep(self, column: int) -> Generator[float, None, None]:
-        """Gather from the current radiance into a column of the ring; yield the fraction done."""
+        """Gather from the current radiance into a column of the ring; yield progress 0..1."""
         gathered = yield from self._gather.iteration(self.radiance)
         self._gathered[column] = gathered
         if self._sides is not None:
@@ -78,7 +78,7 @@ class HostRadiosity:
         self._defects[column] = self._gathered[column, :, :3] - self._irradiance
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after an iteration; see `solve.Radiosity.sums`."""
+        """Return sums over all patches after an iteration; see `Radiosity.sums`."""
         total = self._gathered[newest, :, :3].sum(axis=1, dtype=np.float64)
         weight = 1 / np.maximum(total, least) ** 2
         differences = self._defects.astype(np.float64) - self._defects[newest]
@@ -92,7 +92,7 @@ class HostRadiosity:
         )
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Compute the next irradiance; see `solve.Radiosity.mix`."""
+        """Compute the next irradiance; see `Radiosity.mix`."""
         used = np.flatnonzero(weights.any(axis=1))
         following = sum(self._gathered[column, :, :3] * weights[column].astype(np.float32) for column in used)
         following = np.maximum(following + ambient.astype(np.float32), 0)
@@ -111,12 +111,12 @@ class HostRadiosity:
         raise DeviceError("Directional maps need OpenCL, and method auto, cached or stream.")
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return the state of the light; see `solve.Radiosity.state`."""
+        """Return the state of the light; see `Radiosity.state`."""
         arrays = {"gathered": self._gathered, "defects": self._defects, "irradiance": self._irradiance}
         return {name: array.copy() for name, array in arrays.items()}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the result of `state`."""
+        """Restore the arrays that `state` returned."""
         self._gathered, self._defects = state["gathered"].copy(), state["defects"].copy()
         self._irradiance = state["irradiance"].copy()
 
@@ -125,5 +125,5 @@ class HostRadiosity:
         return self._gathered[column].copy()
 
     def mixed(self, column: int) -> np.ndarray:
-        """Return the next irradiance and the fraction without back faces; see `solve.Radiosity.mixed`."""
+        """Return the next irradiance and the fraction without back faces; see `Radiosity.mixed`."""
         return np.concatenate([self._irradiance, self._gathered[column, :, 3:]], axis=1)

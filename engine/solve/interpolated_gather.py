@@ -92,7 +92,7 @@ class InterpolatedGather:
     ) -> Generator[float, None, np.ndarray]:
         """Return E/pi of light groups, (g, n, 3) float32, after all light was gathered.
 
-        Yields the fraction done.
+        Yields progress 0..1.
 
         gathered        (m, 4) float32 of each light group, by patch group, without sampled light
         sampled_light   (g, n, 3) float32
@@ -120,7 +120,7 @@ class InterpolatedGather:
     ) -> Generator[float, None, list[np.ndarray]]:
         """Return the light of patches, (n, 4) float32 of each layer, from that of the groups, (m, 4).
 
-        Yields the fraction done.
+        Yields progress 0..1.
 
         fit         fits planes to the light of squares; see `Interpolation.fit`
         gather_for  replaces the light of patches, by index, in layers of all patches
@@ -166,7 +166,7 @@ class InterpolatedGather:
         return values, own | left
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Return L1 of the gathered light, (n, 3, 3) float32; see `DeviceGather.gather_l1`.
+        """Return the irradiance gradients (L1), (n, 3, 3) float32; see `DeviceGather.gather_l1`.
 
         L1 is interpolated with the same weights as the light of each patch.
         """

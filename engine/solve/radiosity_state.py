@@ -96,7 +96,7 @@ class Radiosity(Protocol):
     sparse: bool
 
     def sweep(self, column: int) -> Generator[float, None, None]:
-        """Gather from the current radiance into a column of the ring; yield the fraction done."""
+        """Gather from the current radiance into a column of the ring; yield progress 0..1."""
 
     def sums(self, newest: int, least: float) -> IterationSums:
         """Return the sums after an iteration; patches have the weight 1 / max(E/pi, least)^2."""
@@ -128,13 +128,13 @@ class Radiosity(Protocol):
         """
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last iteration, (n, 3, 3) float32, see `DeviceGather.gather_l1`.
+        """Return the irradiance gradients (L1) of the last iteration; see `DeviceGather.gather_l1`.
 
-        Yields the fraction done. Raises DeviceError if samples have no directions.
+        Yields progress 0..1. Raises DeviceError if samples have no directions.
         """
 
     def state(self) -> dict[str, np.ndarray]:
         """Return a copy of all arrays that iterations have changed, by name."""
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the result of `state`."""
+        """Restore the arrays that `state` returned."""

@@ -44,7 +44,7 @@ class ResumedSolver(Solver):
             checkpoint.tell(f"Light was restored from iteration {self.iterations} of an interrupted bake.")
 
     def iteration(self) -> Generator[float, None, None]:
-        """Run one iteration; yield the fraction done."""
+        """Run one iteration; yield progress 0..1."""
         yield from super().iteration()
         if self._checkpoint.due and not self.done:
             self._checkpoint.write_light(self._key, self._state())
@@ -65,7 +65,7 @@ class ResumedSolver(Solver):
         return state
 
     def _restore(self, state: Arrays) -> None:
-        """Restore the result of `_state`."""
+        """Restore the arrays that `_state` returned."""
         self._radiosity.restore(state)
         self._let_stand_in(state.get("stand_in"))
         self._newest, self._total = int(state["ring"][0]), float(state["total"][0])

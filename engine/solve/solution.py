@@ -16,10 +16,10 @@ class Solution(Protocol):
     """Solution of a bake: `Solver`, `GroupedSolution` or `BlackSolution`."""
 
     def iteration(self) -> Generator[float, None, None]:
-        """Run one iteration; yield the fraction done."""
+        """Run one iteration; yield progress 0..1."""
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the light of the last iteration; see `Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration; see `Radiosity.gather_l1`."""
         ...
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:

@@ -184,7 +184,7 @@ class Solver:
         return self.light
 
     def iteration(self) -> Generator[float, None, None]:
-        """Run one iteration; yield the fraction done.
+        """Run one iteration; yield progress 0..1.
 
         A warm start runs an iteration for direct light alone before the first one, if direct light is
         unknown.
@@ -237,7 +237,7 @@ class Solver:
         return _DARK if self._anderson is None else 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last iteration; see `Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration; see `Radiosity.gather_l1`."""
         return (yield from self._radiosity.gather_l1())
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:

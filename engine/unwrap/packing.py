@@ -52,7 +52,7 @@ def pack_charts(
     padding: int = PADDING,
     align: bool = True,
 ) -> Generator[float, None, list[np.ndarray] | None]:
-    """Pack all charts on one unit square; yield the fraction done.
+    """Pack all charts on one unit square; yield progress 0..1.
 
     Returns the UVs of each mesh's loops, (l, 2) float32, or None if the charts do not fit. Charts are in
     proportion to world area, at the largest scale found. Each box starts at a texel boundary and has a whole
@@ -144,7 +144,7 @@ class _Packed:
 def _pack_at(
     loose: UnplacedCharts, scale: float, width: int, padding: int, align: bool, attempt: int
 ) -> Generator[float, None, _Packed]:
-    """Pack the charts at a scale, until one exceeds the page; yield the fraction done."""
+    """Pack the charts at a scale, until one exceeds the page; yield progress 0..1."""
     boxes = np.minimum(_boxes(loose, scale), [width, np.iinfo(np.int64).max])
     laid = _Laid(loose, boxes, align)
     page, corner = AtlasBitmap(width, padding), np.zeros((len(boxes), 2))

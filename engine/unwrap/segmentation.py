@@ -48,7 +48,7 @@ def has_xatlas() -> bool:
 def segment(
     meshes: Sequence[PolygonMesh], cutting: ChartOptions = USUAL
 ) -> Generator[float, None, list[Segments]]:
-    """Return the charts of each mesh before packing; yield the fraction done. Coordinates must be finite."""
+    """Return the charts of each mesh before packing; yield progress 0..1. Coordinates must be finite."""
     planar: list[PlanarCharts] = []
     for mesh in meshes:
         yield len(planar) / len(meshes) / 2

@@ -111,7 +111,7 @@ def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Genera
 
 
 def fitting_resolution(mesh: PolygonMesh, charts: MeshCharts, square: PackJob) -> Generator[float, None, int]:
-    """Return the first doubled resolution at which a mesh fits; 0 if none does. Yields the fraction done."""
+    """Return the first doubled resolution at which a mesh fits; 0 if none does. Yields progress 0..1."""
     resolution = square.resolution
     while 2 * resolution <= _LARGEST:
         resolution *= 2
@@ -130,7 +130,7 @@ def cut(
 
 
 def _cut(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> Generator[float, None, list[MeshCharts]]:
-    """Return the charts of meshes; yield the fraction done."""
+    """Return the charts of meshes; yield progress 0..1."""
     segments = yield from segment(meshes, cutting)
     charts = []
     for mesh, parts in zip(meshes, segments, strict=True):
@@ -142,7 +142,7 @@ def _cut(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> Generator[floa
 def _fill_all(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], squares: Sequence[PackJob]
 ) -> Generator[float, None, list[PackResult]]:
-    """Pack all squares; yield the fraction done."""
+    """Pack all squares; yield progress 0..1."""
     filled: list[PackResult] = []
     for number, square in enumerate(squares):
         work = _fill(meshes, charts, square, number)

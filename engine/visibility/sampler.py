@@ -68,7 +68,7 @@ class VisibilitySampler(Protocol):
     tints: np.ndarray | None
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
-        """Compute the samples of the patches first <= i < last; yield the fraction done."""
+        """Compute the visibility samples of the patches first <= i < last; yield progress 0..1."""
 
 
 @dataclass(frozen=True)

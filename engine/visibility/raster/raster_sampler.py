@@ -54,7 +54,7 @@ class RasterSampler:
         self._weights = upload(compute, multiplier)
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
-        """Compute the samples of the patches first <= i < last; yield the fraction done."""
+        """Compute the visibility samples of the patches first <= i < last; yield progress 0..1."""
 
         def keep(start: int, end: int, frames: np.ndarray) -> None:
             self._keep(start, end, frames, seen)

@@ -12,8 +12,8 @@ _SIZE = 64
 #: Minimum number of triangles for clusters; in smaller scenes culling costs more than drawing.
 _WORTHWHILE = 192
 
-#: Slack of the tests, relative to the scene's diagonal, because float32 clipping must not see more than they
-#: do.
+#: Tolerance of the culling tests, relative to the scene's diagonal: clipping by the GPU in float32 must not
+#: keep a triangle that they cull.
 _SLACK = 4e-6
 
 #: Planes between faces, along right, up and normal; the last is the patch's own plane.

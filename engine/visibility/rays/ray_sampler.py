@@ -101,22 +101,22 @@ class RaySampler:
         self._size = int(triangles.mesh.size).bit_length()
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
-        """Compute the samples of the patches first <= i < last; yield the fraction done."""
+        """Compute the visibility samples of the patches first <= i < last; yield progress 0..1."""
         yield from self._run(self._look, first, last, _outputs(seen))
 
     def update_moved(
         self, first: int, last: int, seen: VisibilityBuffers, moved: MovedBuffers
     ) -> Generator[float, None, None]:
-        """Update the samples of the patches first <= i < last after geometry moved.
+        """Update the visibility samples of the patches first <= i < last after geometry moved.
 
-        Yields the fraction done.
+        Yields progress 0..1.
         """
         (look_again,) = self._kernels("retrace_visibility.cl", "retrace_visibility")
         more = (moved.nodes, moved.triangles, moved.ball, moved.views)
         yield from self._run(look_again, first, last, _outputs(seen), more)
 
     def gather(self, count: int, radiance: cl.Buffer, seen: GatheredBuffers) -> Generator[float, None, None]:
-        """Gather for the first `count` patches without a cache; yield the fraction done.
+        """Gather for the first `count` patches without a cache; yield progress 0..1.
 
         radiance: float4 by source + 1, W/(m^2 sr)
         """

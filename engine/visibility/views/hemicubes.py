@@ -71,7 +71,7 @@ class Hemicubes:
         return self._raster.depth
 
     def draw(self, first: int, last: int, take: Take) -> Generator[float, None, None]:
-        """Draw the hemicubes of patches first <= i < last, batch by batch; yield the fraction done.
+        """Draw the hemicubes of patches first <= i < last, batch by batch; yield progress 0..1.
 
         take  called after each batch with its first patch, its end, and `Viewpoints.frames`
         """

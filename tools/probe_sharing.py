@@ -35,9 +35,9 @@ from engine.errors import EngineError
 from engine.gather.glsl_integrator import GlslIntegrator
 from engine.gather.opencl_integrator import HemicubeIntegrator
 from engine.patches.patch_scene import make_patch_scene
+from engine.visibility.raster.hemicubes import Hemicubes
 from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import COPIED_RADIANCE_BYTES, plan_tiles
-from engine.visibility.views.hemicubes import Hemicubes
 from tests.analytic.scenes import nine_quad_room
 from tools.vulkan_memory import VulkanMemory
 

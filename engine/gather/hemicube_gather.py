@@ -11,9 +11,9 @@ from ..device.cl_device import ComputeDevice
 from ..device.gl_context import GraphicsContext
 from ..patches.patch_scene import PatchScene
 from ..settings import Settings
+from ..visibility.raster.hemicubes import Hemicubes
 from ..visibility.raster.targets import ItemBufferTarget, RadianceTarget
 from ..visibility.raster.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, plan_tiles
-from ..visibility.views.hemicubes import Hemicubes
 from .glsl_cached import GlslCachedIntegrator
 from .glsl_integrator import GlslIntegrator
 from .integrator import Integrator

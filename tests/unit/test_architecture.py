@@ -20,6 +20,9 @@ ORDERS = {
         "bake_result",
         "object_message", "progress", "errors", "array_ops", "numpy_pickle",
     ],
+    "engine/visibility": [
+        "__init__", "raster", "rays", "sampler", "unoccluded_sky", "sample_counts", "views",
+    ],
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
         "read_lights",

@@ -16,8 +16,8 @@ from ...settings import Settings
 from ..sample_counts import sample_bytes
 from ..sampler import Background, VisibilityBuffers, directional_options, identity_options
 from ..views.hemicube import multiplier_map
-from ..views.hemicubes import Hemicubes
 from ..views.viewpoints import FRAME, frame_records
+from .hemicubes import Hemicubes
 from .targets import ItemBufferTarget
 from .tiles import IDENTITY_BYTES, plan_tiles
 

@@ -13,11 +13,11 @@ from ...device.slice_limits import drawing_limits
 from ...device.time_slicer import TimeSlicer
 from ...patches.patch_scene import PatchScene
 from ...settings import Settings
-from ..raster.raster import HemicubeRaster
-from ..raster.targets import RasterTarget
-from ..raster.tiles import Tiles
-from .hemicube import matrices
-from .viewpoints import viewpoints
+from ..views.hemicube import matrices
+from ..views.viewpoints import viewpoints
+from .raster import HemicubeRaster
+from .targets import RasterTarget
+from .tiles import Tiles
 
 #: Maximum number of patches whose view matrices are cached between iterations.
 _KEPT = 1 << 17

@@ -13,13 +13,11 @@ __all__ = ["cl", "load_opencl"]
 
 
 class _LazyModule:
-    """Stand-in for PyOpenCL; attributes are taken from it once and kept."""
+    """Stand-in for PyOpenCL. It forwards attributes and keeps none, so that tests can replace them."""
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the package; raises DeviceError if that cannot be imported."""
-        value = getattr(load_opencl(), name)
-        setattr(self, name, value)
-        return value
+        return getattr(load_opencl(), name)
 
 
 def load_opencl() -> ModuleType:

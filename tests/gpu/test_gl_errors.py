@@ -36,7 +36,7 @@ def refused(monkeypatch, program):
     [
         ("patches", QUICK, "drawing lightmap UVs"),
         ("overlap", QUICK, "drawing lightmap UVs"),
-        ("touched", QUICK, "drawing lightmap UVs"),
+        ("conservative_coverage", QUICK, "drawing lightmap UVs"),
         ("hemicube", QUICK, "making room for hemicubes"),
         ("hemicube", PAPER, "making room for hemicubes"),
         ("integrate", PAPER, "drawing hemicubes"),

@@ -35,18 +35,18 @@ def test_a_log_has_every_command_with_its_bytes():
         buffer = upload(compute, np.arange(37, dtype=np.float32))
         filled = zeros(compute, 44)
         cl.enqueue_copy(compute.queue, filled, buffer, byte_count=40)
-        (widen,) = compute.kernels("float4_rows.cl", "to_float4")
+        (to_float4,) = compute.kernels("float4_rows.cl", "to_float4")
         wide = zeros(compute, 16 * 12)
-        compute.run(widen, 12, buffer, wide, np.int32(0), np.int32(12), np.int32(12))
+        compute.run(to_float4, 12, buffer, wide, np.int32(0), np.int32(12), np.int32(12))
         assert download(compute, wide, (12, 4))[3, 1] == 10
         log.end()
     kinds = [(entry.kind, entry.size) for entry in log.entries]
     assert kinds == [(UPLOAD, 148), (FILL, 44), (COPY, 40), (FILL, 192), (LAUNCH, 0), (DOWNLOAD, 192)]
-    assert log.entries[4].name == "widen" and log.entries[4].device_seconds > 0
+    assert log.entries[4].name == "to_float4" and log.entries[4].device_seconds > 0
     assert sum(log.seconds.values()) > 0
     table = by_stage(log.entries, log.seconds)
     assert table.splitlines()[-1].split("|")[3].strip() == "1"
-    assert "widen" in by_kernel(log.entries) and "test_launches" in by_caller(log.entries)
+    assert "to_float4" in by_kernel(log.entries) and "test_launches" in by_caller(log.entries)
 
 
 def test_nothing_is_logged_afterwards():

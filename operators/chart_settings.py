@@ -1,4 +1,4 @@
-"""How new lightmap UVs are cut into charts, as Blender properties."""
+"""Options of chart segmentation for new lightmap UVs, as Blender properties."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..engine.unwrap.chart_options import USUAL, ChartOptions
 
-#: Properties of a `ChartOptions`, by its fields.
+#: Property of each field of `ChartOptions`.
 _FIELDS = {
     "crease": "chart_crease",
     "largest_cost": "chart_cost",
@@ -20,31 +20,29 @@ _FIELDS = {
     "sharp_edges": "chart_sharp_edges",
 }
 
-#: Those of new charts, in the order of the interface.
+#: Properties of new charts, in the order of the interface.
 CHART_PROPERTIES = ("align_charts", *_FIELDS.values())
 
 
 def chart_properties() -> dict:
-    """Return the annotations of a group of properties for how charts are cut and laid."""
+    """Return the annotations of a property group for segmentation and alignment of charts."""
     return {
         "align_charts": BoolProperty(
             name="Align to Texels",
-            description="Borders of new charts that run along rows or columns lie between texels, moved by "
-            "half a texel at most: no texel there is covered in part",
+            description="Move straight chart borders by up to half a texel, onto borders of texels",
             default=True,
         ),
         "chart_crease": FloatProperty(
             name="Crease",
-            description="Angle between faces from which on an edge ends charts of smooth surfaces",
+            description="End charts of smooth surfaces at edges with at least this angle between faces",
             default=USUAL.crease,
             min=math.radians(1),
             max=math.radians(180),
             subtype="ANGLE",
         ),
         "chart_cost": FloatProperty(
-            name="Largest Cost",
-            description="Charts of bent surfaces grow until the next face costs more: higher makes fewer "
-            "charts, which are more distorted",
+            name="Max Cost",
+            description="Grow charts of curved surfaces up to this cost. More gives fewer, distorted charts",
             default=USUAL.largest_cost,
             min=0.01,
             soft_max=16,
@@ -52,31 +50,30 @@ def chart_properties() -> dict:
         ),
         "chart_iterations": IntProperty(
             name="Iterations",
-            description="How often charts of bent surfaces grow anew from their middles: more are more even, "
-            "and take longer",
+            description="Grow charts of curved surfaces this number of times. More gives even sizes",
             default=USUAL.iterations,
             min=1,
             soft_max=8,
             max=64,
         ),
-        "chart_flatness": _weight("Flatness", "that is turned away from its chart", USUAL.flatness),
+        "chart_flatness": _weight("Flatness", "faces that point away from the chart", USUAL.flatness),
         "chart_roundness": _weight(
-            "Roundness", "that makes the border of its chart long for its area", USUAL.roundness
+            "Roundness", "faces that make the border long for its area", USUAL.roundness
         ),
         "chart_straightness": _weight(
-            "Straightness", "that makes the border of its chart jagged", USUAL.straightness
+            "Straightness", "faces that make the border jagged", USUAL.straightness
         ),
         "chart_sharp_edges": _weight(
-            "Sharp Edges", "beyond an edge that is not flat; from 1000 on charts end there", USUAL.sharp_edges
+            "Sharp Edges", "faces beyond a sharp edge; from 1000 on charts end there", USUAL.sharp_edges
         ),
     }
 
 
-def _weight(name: str, of: str, default: float) -> FloatProperty:
-    """Return the property of a weight."""
+def _weight(name: str, faces: str, default: float) -> FloatProperty:
+    """Return the property of the cost of certain faces in charts of curved surfaces."""
     return FloatProperty(
         name=name,
-        description=f"What a face of a bent surface costs {of}",
+        description=f"Set the cost of {faces}",
         default=default,
         min=0,
         soft_max=16,
@@ -85,5 +82,5 @@ def _weight(name: str, of: str, default: float) -> FloatProperty:
 
 
 def read_cutting(properties: bpy.types.PropertyGroup) -> ChartOptions:
-    """Return how meshes are cut into charts."""
+    """Return the options of chart segmentation that are set in a scene's properties."""
     return ChartOptions(**{name: getattr(properties, kept) for name, kept in _FIELDS.items()})

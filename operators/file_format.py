@@ -1,4 +1,4 @@
-"""In which format lightmaps are written, and after what their files are called."""
+"""Format and name of image files of lightmaps, as Blender properties and as a record."""
 
 from __future__ import annotations
 
@@ -18,85 +18,86 @@ from ..engine.encoding.srgb import Srgb
 from ..engine.postprocess.outputs import PROJECTED_MAPS, SIGNED_MAPS
 from .translations import CONTEXT
 
-#: By name: label and description.
+#: Label and tool-tip of each format, by name.
 FORMATS = {
-    "exr": ("OpenEXR", "Floats, as they are: exact in 32 bits"),
-    "hdr": ("Radiance HDR", "Three mantissas and an exponent: off by at most 0.4% of the brightest channel"),
-    "png": ("PNG", "sRGB, as pictures have it: light above white is clipped, see Exposure"),
-    "rgbm": ("PNG, RGBM", "8-bit colour and multiplier, see Range: for shaders that decode it"),
-    "rgbd": ("PNG, RGBD", "8-bit colour and divisor, see Range: for shaders that decode it"),
-    "logluv": ("PNG, LogLuv", "Logarithm of the luminance, and chromaticity: for shaders that decode it"),
+    "exr": ("OpenEXR", "Write floats, exact with 32 bits"),
+    "hdr": ("Radiance HDR", "Write RGBE. The error is at most 0.4% of the brightest channel"),
+    "png": ("PNG", "Write sRGB pictures. Light above white is clipped, see Exposure"),
+    "rgbm": ("PNG, RGBM", "Write an 8-bit color and a multiplier, for shaders that decode RGBM"),
+    "rgbd": ("PNG, RGBD", "Write an 8-bit color and a divisor, for shaders that decode RGBD"),
+    "logluv": ("PNG, LogLuv", "Write log luminance and chromaticity, for shaders that decode LogLuv"),
 }
 
-#: Formats that Blender does not show as light: it gets an exact copy, an OpenEXR file beside.
+#: Formats that Blender cannot display as light. An OpenEXR file beside them is displayed instead.
 ENCODED = ("png", "rgbm", "rgbd", "logluv")
 
-#: Formats that take a range and a gamma.
+#: Formats with the settings Range and Gamma.
 RANGED = ("rgbm", "rgbd")
 
-_DEPTHS = {"32": ("Float (Full)", "32 bits a channel"), "16": ("Float (Half)", "16 bits a channel, to 65504")}
+_DEPTHS = {
+    "32": ("Float (Full)", "Use 32 bits per channel"),
+    "16": ("Float (Half)", "Use 16 bits per channel, at most 65504"),
+}
 
 _PNG_DEPTHS = {
-    "8": ("8", "What every program reads: dark light has visible steps"),
-    "16": ("16", "16 bits a channel: no visible steps in light of four decades"),
+    "8": ("8", "Use 8 bits per channel, which all programs read. Dark light has visible steps"),
+    "16": ("16", "Use 16 bits per channel, without visible steps over four decades of light"),
 }
 
 _CODECS = {
-    "zip": ("ZIP", "Without loss, 16 rows at a time"),
-    "piz": ("PIZ", "Without loss, by wavelets: small where there is noise"),
-    "dwaa": ("DWAA", "With loss, by cosines, 32 rows at a time: half floats and the smallest files"),
-    "dwab": ("DWAB", "With loss, by cosines, 256 rows at a time: half floats and the smallest files"),
-    "none": ("None", "Not compressed"),
+    "zip": ("ZIP", "Compress 16 rows at a time, lossless"),
+    "piz": ("PIZ", "Compress by wavelets, lossless. Small files for noisy images"),
+    "dwaa": ("DWAA", "Compress half floats with loss, 32 rows at a time. Smallest files"),
+    "dwab": ("DWAB", "Compress half floats with loss, 256 rows at a time. Smallest files"),
+    "none": ("None", "Write uncompressed data"),
 }
 
 #: Codecs that store half floats.
 _LOSSY = ("dwaa", "dwab")
 
-#: Outputs that are no light: 1 is the most they can be, whatever the exposure.
+#: Outputs that are fractions from 0 to 1, so that exposure does not apply.
 _FRACTIONS = ("ambient_occlusion", "shadow_mask")
 
-#: Bits of a channel of PNG files of signed maps, whose dark parts share a range with the brightest.
+#: Bits per channel of PNG files of signed maps: 8 bits would show steps in dark parts.
 _SIGNED_DEPTH = 16
 
 
 def format_properties() -> dict:
-    """Return the annotations of a group of properties for the files of lightmaps."""
+    """Return the annotations of a property group for the files of lightmaps."""
     return {
         "file_name": StringProperty(
             name="Name",
-            description="Name of the files, without ending: {file}, {scene}, {lightmap}, {output}, {format} "
-            "and {resolution} are replaced. Empty for the .blend's name and the lightmap's, with a number "
-            "where that is taken",
+            description="File name with {file}, {scene}, {lightmap}, {output}, {format}, {resolution}; empty "
+            "is automatic",
         ),
         "file_format": EnumProperty(
             name="Format",
-            description="How light is written for engines and other programs",
+            description="Choose the file format for engines and other programs",
             translation_context=CONTEXT,
             items=_items(FORMATS),
             default="exr",
         ),
         "exr_depth": EnumProperty(
             name="Color Depth",
-            description="Bits of a channel of OpenEXR files",
+            description="Choose the bits per channel of OpenEXR files",
             items=_items(_DEPTHS),
             default="32",
         ),
         "exr_codec": EnumProperty(
             name="Codec",
-            description="How OpenEXR files are compressed",
+            description="Choose the compression of OpenEXR files",
             items=_items(_CODECS),
             default="zip",
         ),
         "png_depth": EnumProperty(
             name="Color Depth",
-            description="Bits of a channel of PNG files",
+            description="Choose the bits per channel of PNG files",
             items=_items(_PNG_DEPTHS),
             default="8",
         ),
         "exposure": FloatProperty(
             name="Exposure",
-            description="Stops that light is raised by before it is written as a picture; white is the most "
-            "it can be. Ambient occlusion and shadow masks stay as they are",
+            description="Brighten light by this number of stops before it is written. White clips",
             soft_min=-10.0,
             soft_max=10.0,
             min=-60.0,
@@ -104,9 +105,8 @@ def format_properties() -> dict:
         ),
         "light_range": FloatProperty(
             name="Range",
-            description="The brightest light that can be written; 0 for that of the brightest texel. An "
-            "engine that decodes with a fixed range demands it here: 34.4932 of Unity, 64 of PlayCanvas "
-            "(with a Gamma of 2), 255 of Babylon.js (RGBD)",
+            description="Set the brightest value; 0 uses the brightest texel. Unity 34.4932, PlayCanvas 64, "
+            "Babylon.js 255",
             default=0.0,
             min=0.0,
             soft_max=255.0,
@@ -114,7 +114,7 @@ def format_properties() -> dict:
         ),
         "light_gamma": FloatProperty(
             name="Gamma",
-            description="Power of the decoder: more makes dark light finer; 1 is the cheapest to decode",
+            description="Set the exponent of the decoder. More gives finer dark light, PlayCanvas uses 2",
             default=2.2,
             min=1.0,
             max=4.0,
@@ -129,15 +129,15 @@ def _items(choices: dict[str, tuple[str, str]]) -> list[tuple[str, str, str]]:
 
 @dataclass(frozen=True)
 class FileFormat:
-    """How lightmaps are written.
+    """Format of the image files of lightmaps.
 
     name       key of FORMATS
-    depth      bits of a channel of OpenEXR
-    codec      compression of OpenEXR
-    exposure   of PNG, stops
-    range      of RGBM and RGBD; 0 for that of the brightest texel
-    gamma      of RGBM and RGBD
-    png_depth  bits of a channel of PNG
+    depth      bits per channel of OpenEXR
+    codec      compression of OpenEXR, a key of _CODECS
+    exposure   exposure of PNG, stops
+    range      brightest value of RGBM and RGBD; 0 for the value of the brightest texel
+    gamma      exponent of the decoder of RGBM and RGBD
+    png_depth  bits per channel of PNG
     """
 
     name: str = "exr"
@@ -149,9 +149,10 @@ class FileFormat:
     png_depth: int = 8
 
     def of(self, output: str) -> FileFormat:
-        """Return the format of a map of an output: signed maps need one that holds both signs.
+        """Return the format for maps of an output.
 
-        Radiance HDR has none: it is OpenEXR then. What is PNG is biased, see `SignedNorm`.
+        Signed maps (directional ones) are written as 16-bit PNG with a bias, see `SignedNorm`, or as OpenEXR
+        instead of Radiance HDR, which stores no negative values.
         """
         if output not in SIGNED_MAPS or self.name == "exr":
             return self
@@ -159,30 +160,30 @@ class FileFormat:
 
     @property
     def label(self) -> str:
-        """Its name in the interface."""
+        """Name of the format in the interface."""
         return FORMATS[self.name][0]
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """Endings of a lightmap's files: of the one that Blender shows, then of the one for engines."""
+        """File endings of a lightmap: of the displayed file, then of the file for engines if it differs."""
         if self.name in ENCODED:
             return ".exr", ".png"
         return (f".{self.name}",)
 
     @property
     def shown(self) -> FileFormat:
-        """The format of the file that Blender shows."""
+        """Format of the file that Blender displays."""
         return PLAIN if self.name in ENCODED else self
 
     @property
     def stores_half(self) -> bool:
-        """True for OpenEXR files of 16 bits a channel."""
+        """True if the format writes OpenEXR files of 16 bits per channel."""
         return self.name == "exr" and (self.depth == 16 or self.codec in _LOSSY)
 
     def encoding(self, output: str, brightest: float) -> Encoding | None:
-        """Return what makes bytes of the light of an output; None for OpenEXR.
+        """Return the encoder of pixels of an output; None for OpenEXR, which Blender writes.
 
-        brightest  of all lightmaps of the output; the largest value of either sign of a signed one
+        brightest  largest absolute value of all lightmaps of the output
         """
         fraction = output.startswith(_FRACTIONS)
         match self.name:
@@ -200,16 +201,16 @@ class FileFormat:
         return None
 
     def limits(self, encoding: Encoding | None) -> Limits | None:
-        """Return what an encoding of it holds; None if that is all that there is."""
+        """Return the value range of files with this encoding; None if it is unlimited."""
         return Half() if self.stores_half else encoding
 
 
-#: Every bit of the light.
+#: Lossless format: OpenEXR with 32 bits per channel.
 PLAIN = FileFormat()
 
 
 def chosen_format(settings: bpy.types.PropertyGroup) -> FileFormat:
-    """Return the format that a scene's properties choose."""
+    """Return the format that is set in a scene's properties."""
     return FileFormat(
         settings.file_format,
         int(settings.exr_depth),

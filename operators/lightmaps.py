@@ -1,4 +1,4 @@
-"""Operators on the lightmaps of a scene: which there are, which objects they hold, how they are packed."""
+"""Operators on the list of lightmaps: add, remove, assign and select objects, pack and unwrap."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NAME = "Lightmap"
 
 
 class _OfActiveLightmap:
-    """What operators on the chosen lightmap have in common."""
+    """Base class of operators on the chosen lightmap of the list."""
 
     bl_options = {"REGISTER", "UNDO"}
 
@@ -25,12 +25,12 @@ class _OfActiveLightmap:
     def poll(cls, context: bpy.types.Context) -> bool:
         chosen = active_lightmap(context.scene) is not None
         if not chosen:
-            cls.poll_message_set("There is no lightmap in the list: add one, or bake")
+            cls.poll_message_set("The list has no lightmap. Add one, or bake")
         return chosen and poll_idle(cls)
 
 
 class HEMIBAKE_OT_lightmap_add(bpy.types.Operator):
-    """Add a lightmap to the list, without objects and not baked yet"""
+    """Add an empty lightmap to the list"""
 
     bl_idname = "hemibake.lightmap_add"
     bl_label = "Add Lightmap"
@@ -61,7 +61,7 @@ class HEMIBAKE_OT_lightmap_remove(_OfActiveLightmap, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         entry = active_lightmap(context.scene)
         if entry is not None and members(context.scene, entry.name):
-            cls.poll_message_set("The lightmap holds objects: assign them to another one first")
+            cls.poll_message_set("The lightmap has objects. Assign them to another lightmap first")
             return False
         return super().poll(context)
 
@@ -73,7 +73,7 @@ class HEMIBAKE_OT_lightmap_remove(_OfActiveLightmap, bpy.types.Operator):
 
 
 class HEMIBAKE_OT_lightmap_assign(_OfActiveLightmap, bpy.types.Operator):
-    """Assign the selected objects to the lightmap; the next bake finds room for them there"""
+    """Assign the selected objects to the lightmap. The next bake packs their charts into it"""
 
     bl_idname = "hemibake.lightmap_assign"
     bl_label = "Assign to Lightmap"
@@ -82,7 +82,7 @@ class HEMIBAKE_OT_lightmap_assign(_OfActiveLightmap, bpy.types.Operator):
         name = active_lightmap(context.scene).name
         objects = [obj for obj in context.selected_objects if obj.type == "MESH" and obj.is_editable]
         if not objects:
-            self.report({"ERROR"}, "No mesh object of this file is selected")
+            self.report({"ERROR"}, "No mesh object of this file is selected. Select some first")
             return {"CANCELLED"}
         for obj in objects:
             obj.hemibake.atlas = name
@@ -104,7 +104,7 @@ class HEMIBAKE_OT_lightmap_select(_OfActiveLightmap, bpy.types.Operator):
 
 
 class _PackOperator(_OfActiveLightmap, UnwrapOperator):
-    """What operators that pack the chosen lightmap again have in common."""
+    """Base class of operators that pack the chosen lightmap again."""
 
     _anew: UvAction
 
@@ -113,10 +113,12 @@ class _PackOperator(_OfActiveLightmap, UnwrapOperator):
         objects = [obj for obj in members(context.scene, self._name) if obj.hemibake.atlas == self._name]
         objects = [obj for obj in objects if obj.is_editable]
         if not objects:
-            raise EngineError("The lightmap holds no objects. Assign some to it.")
+            raise EngineError(f"{self._name}: the lightmap has no objects. Assign some to it.")
         chosen = [obj.name for obj in objects if obj.hemibake.own_uv_layer]
         if chosen:
-            sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to repack them."
+            sentence = (
+                "{}: a UV layer of their own is chosen. Clear UV Layer under Active Object to repack them."
+            )
             raise EngineError(object_message(sentence, chosen))
         return Unwrapping(context, objects, self._anew)
 
@@ -124,15 +126,15 @@ class _PackOperator(_OfActiveLightmap, UnwrapOperator):
         for note in made.notes:
             report_message(self, "WARNING", note)
         if not made.objects:
-            self.report({"INFO"}, f"'{self._name}' is packed already: nothing has changed")
+            self.report({"INFO"}, f"'{self._name}' is already packed: nothing has changed")
             return {"CANCELLED"}
         done = counted(len(made.objects), "object")
-        self.report({"INFO"}, f"{done} packed into '{self._name}': bake again")
+        self.report({"INFO"}, f"{done} packed into '{self._name}'. Bake again")
         return {"FINISHED"}
 
 
 class HEMIBAKE_OT_lightmap_repack(_PackOperator, bpy.types.Operator):
-    """Pack the charts of all objects of the lightmap again; each chart keeps its shape"""
+    """Pack the existing charts of all objects of the lightmap again. Needs a new bake"""
 
     bl_idname = "hemibake.lightmap_repack"
     bl_label = "Repack Lightmap"
@@ -140,10 +142,10 @@ class HEMIBAKE_OT_lightmap_repack(_PackOperator, bpy.types.Operator):
 
 
 class HEMIBAKE_OT_lightmap_unwrap(_PackOperator, bpy.types.Operator):
-    """Make new lightmap UVs for all objects of the lightmap, packed together, in place of those they have"""
+    """Replace the lightmap UVs of all objects of the lightmap by new charts. Needs a new bake"""
 
     bl_idname = "hemibake.lightmap_unwrap"
-    bl_label = "Re-unwrap Lightmap"
+    bl_label = "Unwrap Lightmap Again"
     _anew = UvAction.CHARTS
 
 

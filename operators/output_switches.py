@@ -1,7 +1,7 @@
-"""The outputs of a scene's bakes as switches: views of the setting, of which each turns one output on or off.
+"""Switches of the outputs: Boolean properties that each turn one output of the setting on or off.
 
-A click on Blender's own row of flags takes all others away unless Shift is held. The last output that is on
-stays on.
+Blender's own buttons of a flag enumeration turn all other flags off unless Shift is held. The last output
+that is on stays on.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from ..engine.settings import descriptions, with_output, without_output
 
 
 def output_switches() -> dict[str, Any]:
-    """Return the annotations of a group that has the setting `outputs`, by the switches' names."""
+    """Return the annotations of a property group that has the setting `outputs`, by name of the switch."""
     options = descriptions()["outputs"].values.options
     return {f"makes_{output}": _switch(output, option) for output, option in options.items()}
 
 
 def _switch(output: str, option: Option) -> Any:
-    """Return the switch of an output: Blender takes nothing but plain functions."""
+    """Return the switch of an output; its accessors are closures, since Blender accepts only functions."""
 
     def is_on(properties: bpy.types.bpy_struct) -> bool:
         return output in properties.outputs

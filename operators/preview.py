@@ -1,4 +1,4 @@
-"""The Preview operator: show baked objects lit by nothing but their lightmaps."""
+"""Show Lightmaps operator: toggles between lightmaps and original materials."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .viewports import show_materials, show_solid_again
 
 
 class HEMIBAKE_OT_preview(bpy.types.Operator):
-    """Show the baked objects lit by their lightmaps, or give them their own materials back"""
+    """Show baked objects with their lightmaps, or with their original materials again"""
 
     bl_idname = "hemibake.preview"
-    bl_label = "Lightmap Preview"
+    bl_label = "Show Lightmaps"
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -22,7 +22,7 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
         if shown:
             hide_preview(shown)
             show_solid_again()
-            self.report({"INFO"}, f"{len(shown)} objects have their own materials again")
+            self.report({"INFO"}, f"{len(shown)} objects have their original materials again")
             return {"FINISHED"}
         count, notes = show_preview(context.scene, context.evaluated_depsgraph_get())
         if not count:

@@ -1,4 +1,4 @@
-"""What Hemibake keeps on scenes and objects, as Blender properties."""
+"""Property groups of scenes and objects: settings of bakes, and data of the last bake."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from .translations import CONTEXT
 
 
 class HemibakeLightmapProperties(bpy.types.PropertyGroup):
-    """The image of an atlas, which is `name`."""
+    """A lightmap of a scene, or a map of another output beside one; `name` is unique in the scene."""
 
-    name: StringProperty(name="Atlas")
+    name: StringProperty(name="Lightmap")
     image: PointerProperty(type=bpy.types.Image, name="Image")
     directional: EnumProperty(
         name="Directional",
-        description="Which directional maps the last bake of the lightmap wrote, too",
+        description="Directional maps that the last bake of the lightmap wrote",
         items=[
-            ("NONE", "None", "No maps that shade normal maps"),
+            ("NONE", "None", "No maps for normal maps"),
             ("DIRECTIONAL", "Directional", "L0 and L1"),
             ("SPHERICAL_HARMONICS", "Spherical Harmonics", "SH L0 and SH L1"),
         ],
@@ -45,27 +45,27 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
     )
     has_dominant_direction: BoolProperty(
         name="Dominant Direction",
-        description="The last bake of the lightmap wrote its dominant direction, too",
+        description="True if the last bake of the lightmap wrote its dominant direction",
         options={"HIDDEN"},
     )
     light_groups: StringProperty(
         name="Light Groups",
-        description="Light groups that the last bake of the lightmap wrote maps of, as a JSON list",
+        description="Light groups whose maps the last bake of the lightmap wrote, as a JSON list",
         options={"HIDDEN"},
     )
     companion_of: StringProperty(
         name="Companion Of",
-        description="Lightmap that this is a map beside, of another output; empty for a lightmap itself",
+        description="Lightmap that this map of another output belongs to; empty for a lightmap",
         options={"HIDDEN"},
     )
     packing: StringProperty(
         name="Packing",
-        description="Digest of how the charts of the lightmap were packed last",
+        description="Digest of the last packing of the charts",
         options={"HIDDEN"},
     )
     used: FloatProperty(
         name="Used",
-        description="Part of the lightmap that the charts of its objects cover, as they were baked last",
+        description="Fraction of the lightmap that charts covered in the last bake",
         subtype="PERCENTAGE",
         min=0,
         max=100,
@@ -75,83 +75,80 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
 def _layers_of_scene(
     scene: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
 ) -> list[tuple[str, str]]:
-    """Return the UV layers that are offered for a scene."""
+    """Return the UV layers to suggest for a scene, with their notes."""
     return offered_layers(scene.id_data.objects)
 
 
 def _layers_of_object(
     obj: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
 ) -> list[tuple[str, str]]:
-    """Return the UV layers that are offered for an object."""
+    """Return the UV layers to suggest for an object, with their notes."""
     return offered_layers([obj.id_data])
 
 
 class HemibakeSceneProperties(bpy.types.PropertyGroup):
-    """How the scene is baked, with the engine's settings that are the scene's; the last bake's report."""
+    """Settings of the bakes of a scene, including settings of the engine, and the last report."""
 
     uv_layer: StringProperty(
         name="UV Layer",
-        description="UV layer with the lightmap UVs; made where an object has none. The list shows those "
-        "that exist, the likeliest lightmap UVs first",
+        description="Name of the UV layer of lightmap UVs. Objects without one get one",
         default="Lightmap",
         search=_layers_of_scene,
     )
     target: EnumProperty(
-        name="Target",
-        description="Which objects are baked",
+        name="Objects",
+        description="Choose the objects to bake; all others keep their lightmaps, and still cast shadows",
         translation_context=CONTEXT,
         items=[
-            ("ALL", "All", "Every object with a lightmap that renders show"),
+            ("ALL", "All", "Bake all objects that renders show"),
             (
                 "SELECTED",
                 "Selected",
-                "Selected objects: all others keep the light of their lightmaps, and still shade and reflect",
+                "Bake the selected objects",
             ),
             (
                 "CHANGED",
                 "Changed",
-                "Objects that are new, whose shape, place or materials have changed since they were baked, "
-                "or whose light can have changed by more than the tolerance: quick bakes, of the scene "
-                "of the last bake and of now, tell. All others keep the texels of their lightmaps",
+                "Bake objects that are new or changed, or whose light changed by more than Tolerance",
             ),
         ],
     )
     meshes: EnumProperty(
         name="Meshes",
-        description="Which meshes are baked. The objects are always those that renders show",
+        description="Choose the meshes to bake; the objects are always those that renders show",
         translation_context=CONTEXT,
         items=[
-            ("RENDER", "Render", "Modifiers, particles and subdivision as in renders"),
-            ("VIEWPORT", "Viewport", "Meshes as in the viewport; of objects hidden there as in renders"),
+            ("RENDER", "Render", "Use modifiers, particles and subdivision as in renders"),
+            ("VIEWPORT", "Viewport", "Use meshes as in the viewport; hidden objects as in renders"),
         ],
     )
     show_when_done: BoolProperty(
         name="Show When Done",
-        description="Show the lightmaps on the objects once a bake in a window has ended",
+        description="Show the lightmaps on the objects when a bake ends",
         default=True,
     )
     directory: StringProperty(
         name="Folder",
-        description="Where lightmaps are written; packed into the .blend while that has not been saved",
+        description="Folder of the image files. An unsaved .blend gets packed images instead",
         default="//lightmaps/",
         subtype="DIR_PATH",
         options=PATH_OPTIONS,
     )
     lightmaps: CollectionProperty(
         type=HemibakeLightmapProperties,
-        description="Image of each atlas that has been baked in the scene",
+        description="Lightmaps of the scene, and maps of other outputs",
     )
     light_mixer: PointerProperty(
         type=bpy.types.NodeTree,
         name="Light Mixer",
-        description="Node group with color and strength of each light group, which the preview shows",
+        description="Node group with color and strength of each light group, for shown lightmaps",
         options={"HIDDEN"},
     )
     baked_scene: StringProperty(
-        description="Name of the scene as it was last baked, while Blender remembers it", options={"HIDDEN"}
+        description="Key of the scene of the last bake in the memory of this session", options={"HIDDEN"}
     )
     active_lightmap: IntProperty(
-        name="Active Lightmap", description="Lightmap that is chosen in the list", options={"HIDDEN"}
+        name="Active Lightmap", description="Number of the chosen entry of the list", options={"HIDDEN"}
     )
     report: StringProperty(
         name="Report",
@@ -160,12 +157,12 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
     findings: StringProperty(
         name="Findings",
-        description="What the last check has found, as JSON",
+        description="Findings of the last check, as JSON",
         options={"HIDDEN"},
     )
 
 
-#: Settings of a new scene: the first lightmap comes soon.
+#: Settings of a new scene: a fast bake.
 _NEW = Settings(**QUALITIES["preview"].values)
 
 HemibakeSceneProperties.__annotations__.update(
@@ -178,45 +175,45 @@ HemibakeSceneProperties.__annotations__.update(chart_properties())
 HemibakeSceneProperties.__annotations__.update(format_properties())
 
 
-#: An object that overrides one of another file keeps what is chosen for it, and what was baked.
+#: Options that let a library override store its own settings and bake data.
 _OVERRIDABLE, _INSERTABLE = {"LIBRARY_OVERRIDABLE"}, {"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
 
 
 class HemibakeSlotProperties(bpy.types.PropertyGroup):
-    """What a material slot held before the preview."""
+    """Content of a material slot before the lightmap was shown."""
 
-    link: StringProperty(
-        description="Where the slot's material was linked: DATA or OBJECT", override=_OVERRIDABLE
-    )
+    link: StringProperty(description="Link of the slot: DATA or OBJECT", override=_OVERRIDABLE)
     material: PointerProperty(
-        type=bpy.types.Material, description="Material linked to the object", override=_OVERRIDABLE
+        type=bpy.types.Material,
+        description="Material of a slot that is linked to the object",
+        override=_OVERRIDABLE,
     )
 
 
 def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
-    """Return the lightmaps that a field offers: Blender itself looks which of them fit the text."""
+    """Return the names of all lightmaps to suggest; Blender filters them by the text."""
     listed = [entry.name for entry in context.scene.hemibake.lightmaps if not entry.companion_of]
     return [*listed, *unlisted(context.scene)]
 
 
 class HemibakeObjectProperties(bpy.types.PropertyGroup):
-    """What a bake does with an object, and which lightmap it belongs to."""
+    """Settings of an object for bakes, and data of its last bake."""
 
     role: EnumProperty(
         name="Role",
-        description="What a bake does with the object",
+        description="Choose what a bake does with the object",
         translation_context=CONTEXT,
         items=[
-            ("BAKED", "Baked", "The object gets a place in a lightmap"),
-            ("NO_LIGHTMAP", "Occluder", "The object stops, reflects and emits light, but gets no lightmap"),
-            ("IGNORED", "Ignored", "The bake does not see the object"),
+            ("BAKED", "Baked", "Gets a lightmap"),
+            ("NO_LIGHTMAP", "No Lightmap", "Blocks, reflects and emits light, but gets no lightmap"),
+            ("IGNORED", "Ignored", "Has no effect on the bake"),
         ],
         default="BAKED",
         override=_OVERRIDABLE,
     )
     atlas: StringProperty(
-        name="Atlas",
-        description="Lightmap that holds the object's charts; objects with the same name here are in one",
+        name="Lightmap",
+        description="Name of the object's lightmap; objects with the same name share it",
         search=_known_atlases,
         search_options={"SUGGESTION"},
         default="Lightmap",
@@ -224,14 +221,13 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     )
     own_uv_layer: StringProperty(
         name="UV Layer",
-        description="UV layer with the lightmap UVs of this object; empty for that of the scene",
+        description="UV layer of lightmap UVs of this object; empty uses the scene's",
         search=_layers_of_object,
         override=_OVERRIDABLE,
     )
     lightmap_scale: FloatProperty(
         name="Scale in Lightmap",
-        description="Factor on the texels per metre of the object; used when its lightmap UVs are made, "
-        "repacked or moved",
+        description="Multiply the texel density of the object in its lightmap. Unwrap or repack to apply",
         default=1.0,
         min=0.001,
         soft_min=0.1,
@@ -240,19 +236,18 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     )
     cut_along_walls: BoolProperty(
         name="Cut Along Walls",
-        description="New lightmap charts of the object end at its edges that run under or beside walls of "
-        "other objects: what is lit on one side of a thin wall then does not show on the other",
+        description="End new charts at edges along walls of other objects, so that light does not leak",
         override=_OVERRIDABLE,
     )
     generated_uvs: StringProperty(
-        name="Made UVs",
-        description="Digest of the lightmap UVs that Hemibake made: those that differ are the user's",
+        name="Generated UVs",
+        description="Digest of the lightmap UVs that Hemibake made; edited UVs differ from it",
         options={"HIDDEN"},
     )
     image: PointerProperty(
         type=bpy.types.Image,
         name="Image",
-        description="Image that the last bake of the object wrote",
+        description="Image of the last bake of the object",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
@@ -264,51 +259,50 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
     )
     uv_scale: FloatProperty(
         name="UV Scale",
-        description="Lightmap UV = UV of the mesh * scale + offset: objects of one mesh differ in it",
+        description="Lightmap UV = UV of the mesh * scale + offset. Objects that share a mesh differ",
         default=1.0,
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
     uv_offset: FloatVectorProperty(
         name="UV Offset",
-        description="See UV Scale",
+        description="Offset of lightmap UVs, see UV Scale",
         size=2,
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
     baked_uvs: StringProperty(
         name="Baked UVs",
-        description="Digest of the lightmap UVs that the last bake of the object used",
+        description="Digest of the lightmap UVs of the last bake of the object",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
     fingerprint: StringProperty(
         name="Fingerprint",
-        description="Digest of what the last bake saw of the object",
+        description="Digest of the object in its last bake",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
     light_change: FloatProperty(
         name="Light Change",
-        description="How much the light of the object may have changed since it was baked, as a fraction, at "
-        "bakes that left it as it was",
+        description="Relative change of light that bakes of other objects have left since the last bake",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
     instances: StringProperty(
         name="Instances",
-        description="Where the charts of the instances are that the object makes, as JSON: object, "
-        "persistent_id, image, atlas, scale, offset",
+        description="UV transforms of the object's instances, as JSON: object, persistent_id, image, atlas, "
+        "scale, offset",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
     slots: CollectionProperty(
         type=HemibakeSlotProperties,
-        description="Material slots as they were before the preview, empty without one",
+        description="Material slots before the lightmap was shown, else empty",
         override=_INSERTABLE,
     )
     slot_added: BoolProperty(
-        description="The preview added a material slot to the object's mesh",
+        description="True if showing the lightmap added a material slot to the mesh",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
@@ -323,12 +317,12 @@ CLASSES = (
 
 
 def bind() -> None:
-    """Attach the groups to scenes and objects."""
+    """Add the property groups to scenes and objects."""
     bpy.types.Scene.hemibake = PointerProperty(type=HemibakeSceneProperties)
     bpy.types.Object.hemibake = PointerProperty(type=HemibakeObjectProperties, override=_OVERRIDABLE)
 
 
 def unbind() -> None:
-    """Detach the groups."""
+    """Remove the property groups."""
     del bpy.types.Object.hemibake
     del bpy.types.Scene.hemibake

@@ -1,4 +1,4 @@
-"""The quality of a scene's bakes as a Blender property: a view of the settings that it stands for."""
+"""Quality of a scene's bakes as a Blender property, which reads and writes several settings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .translations import CONTEXT
 
 _NAMES = (*QUALITIES, "custom")
 
-#: Items of the enumeration: Blender keeps no reference to their texts.
+#: Items of the enumeration, stored here because Blender keeps no reference to their texts.
 _ITEMS = [
     (name, f"{quality.label} ({100 * quality.error:g}%)", quality.text, "NONE", number)
     for number, (name, quality) in enumerate(QUALITIES.items())
@@ -21,18 +21,17 @@ _ITEMS = [
 _CUSTOM = (
     "custom",
     "Custom",
-    "Hemicube, samples, light samples and adaptive are those under Advanced",
+    "Use the samples set under Advanced",
     "NONE",
     len(_ITEMS),
 )
 
 
 def quality_property() -> Any:
-    """Return the property of a group that has the settings of `QUALITY_SETTINGS`."""
+    """Return the property for a group that has all settings of `QUALITY_SETTINGS`."""
     return EnumProperty(
         name="Quality",
-        description="How exact the light is, and how long a bake takes: the largest error of a lightmap as "
-        "a fraction of its mean",
+        description="Choose the largest error of a lightmap, relative to its mean. Less error takes longer",
         translation_context=CONTEXT,
         items=_items,
         get=_get,
@@ -41,12 +40,12 @@ def quality_property() -> Any:
 
 
 def follow_hemicube(properties: bpy.types.bpy_struct, context: bpy.types.Context) -> None:
-    """Let as many rays be cast as give the error of a hemicube that has just been chosen."""
+    """Reset Samples to 0, so that the number of rays follows the hemicube that was just chosen."""
     properties.samples = 0
 
 
 def _items(properties: bpy.types.bpy_struct, context: bpy.types.Context) -> list[tuple]:
-    """Return what can be chosen; "custom" only says that the settings are of no quality."""
+    """Return the choices; "custom" is added only while the settings match no quality."""
     return [*_ITEMS, _CUSTOM] if _get(properties) == _CUSTOM[-1] else _ITEMS
 
 
@@ -55,7 +54,7 @@ def _get(properties: bpy.types.bpy_struct) -> int:
 
 
 def _set(properties: bpy.types.bpy_struct, number: int) -> None:
-    """Give the settings the values of a quality."""
+    """Set the settings to the values of a quality."""
     quality = QUALITIES.get(_NAMES[number])
     for name, value in quality.values.items() if quality else ():
         setattr(properties, name, str(value) if name == "hemicube" else value)

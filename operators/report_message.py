@@ -1,4 +1,4 @@
-"""Messages of operators: a short one where a person looks, its details in the Info editor."""
+"""Messages of operators: the first line in the status bar or a pop-up, details in the Info editor."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import bpy
 from ..engine.object_message import first_line
 from ..engine.progress import Progress, format_seconds_left
 
-#: Mean width of a letter, and of a window whose width is unknown, pixels of an unscaled interface.
+#: Mean width of a letter, and assumed width of an unknown window, pixels of an unscaled interface.
 _LETTER, _UNKNOWN = 6.5, 1200
 
-#: Part of the window's width that a pop-up takes, and letters of its shortest line.
+#: Fraction of the window's width that a pop-up takes, and minimum number of letters of a line.
 _POPUP, _SHORTEST = 0.5, 40
 
 
 def report_message(operator: bpy.types.Operator, kind: str, message: str) -> None:
-    """Report the first line of a message as a `kind` such as WARNING, all others before it as INFO.
+    """Report the first line of a message as `kind`, such as WARNING, after its other lines as INFO.
 
-    Without a window the message stays whole: who reads it is a script or a shell.
+    Without a window the message is reported as a whole, for scripts and shells.
     """
     if _without_window():
         operator.report({kind}, message.strip())
@@ -32,17 +32,17 @@ def report_message(operator: bpy.types.Operator, kind: str, message: str) -> Non
 
 
 def progress_line(progress: Progress) -> str:
-    """Return one line on how far a bake is, such as "Hemibake: 42%, Bounce 3, 12 s left"."""
+    """Return the progress of a bake in one line, such as "Hemibake: 42%, Bounce 3, 12 s left"."""
     parts = [f"{math.floor(100 * progress.overall)}%", progress.stage]
     if math.isfinite(progress.residual):
-        parts.append(f"remaining error {progress.residual:.2%}")
+        parts.append(f"convergence error {progress.residual:.2%}")
     return "Hemibake: " + ", ".join(filter(None, (*parts, format_seconds_left(progress.seconds_left))))
 
 
 def _wrapped(line: str) -> str:
-    """Return a line in as many as fit the window: Blender shows errors in a pop-up that does not wrap.
+    """Return a line broken to fit the window, since Blender's error pop-up does not wrap.
 
-    A space ends each, since the status bar has them in one line again.
+    Each line ends with a space, because the status bar joins them again.
     """
     scale = bpy.context.preferences.system.ui_scale
     width = bpy.context.window.width / scale if bpy.context.window and scale else _UNKNOWN

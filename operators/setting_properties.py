@@ -1,6 +1,6 @@
-"""Blender properties of the engine's settings, made from their descriptions.
+"""Blender properties of the engine's settings, generated from their descriptions.
 
-The limits of numbers are soft: a script that leaves them gets the engine's message, not a silent clamp.
+Limits of numbers are soft: a script that exceeds them gets the engine's error instead of a clamped value.
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ from .devices import finder
 _LARGEST = (1 << 31) - 1
 
 
-#: Called with the group of properties and the context after a property has changed.
+#: Callback with the property group and the context, called after a property has changed.
 Update = Callable[[bpy.types.bpy_struct, bpy.types.Context], None]
 
 
 def setting_properties(
     names: Sequence[str], defaults: Settings, updates: Mapping[str, Update] | None = None
 ) -> dict[str, Any]:
-    """Return the annotations of a group of properties for settings of these names.
+    """Return the annotations of a property group for the named settings.
 
-    defaults  the values that they start with
-    updates   what follows from a change, by name
+    defaults  initial values
+    updates   callbacks after a change, by name of the setting
     """
     known, follows = descriptions(), updates or {}
     return {name: _property(known[name], getattr(defaults, name), follows.get(name)) for name in names}
 
 
 def setting_values(properties: bpy.types.bpy_struct, names: Sequence[str]) -> dict[str, Any]:
-    """Return the settings that a group with `setting_properties` holds, as the engine takes them."""
+    """Return the values of the named settings of a property group, in the units and types of the engine."""
     return {name: _value(descriptions()[name], getattr(properties, name)) for name in names}
 
 
@@ -82,7 +82,7 @@ def _property(description: Description, default: Any, update: Update | None) -> 
 
 
 def _number(span: Span, default: float, labels: dict[str, Any]) -> Any:
-    """Return the property of a number, in the unit that people read."""
+    """Return the property of a number, in the unit of the interface."""
     unit, scale = span.shown or (span.unit, 1)
     low = span.low if span.automatic is None else span.automatic
     limits = {"soft_min": -(-low // scale), "soft_max": min(span.high // scale, _LARGEST)}
@@ -93,16 +93,15 @@ def _number(span: Span, default: float, labels: dict[str, Any]) -> Any:
         return FloatProperty(default=default, subtype="TIME_ABSOLUTE", **limits, **labels)
     if isinstance(default, float):
         return FloatProperty(default=default, precision=4, step=0.1, **limits, **labels)
-    if unit:
-        labels["description"] += f", in {unit}"
     if unit == "MiB":
         labels["name"] += " (MiB)"
+    subtype = "PIXEL" if unit == "texels" else "NONE"
     limits = {name: int(value) for name, value in limits.items()}
-    return IntProperty(default=default // scale, **limits, **labels)
+    return IntProperty(default=default // scale, subtype=subtype, **limits, **labels)
 
 
 def _device_names(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
-    """Return the devices that a field offers: Blender itself looks which of them fit the text."""
+    """Return the names of OpenCL devices to suggest; Blender filters them by the text."""
     return finder.names
 
 
@@ -112,7 +111,7 @@ def _items(options: dict[Any, Option]) -> list[tuple[str, str, str]]:
 
 
 def _value(description: Description, value: Any) -> Any:
-    """Return what a property holds as the engine takes it."""
+    """Return the value of a property, converted to the engine's unit and type."""
     match description.values:
         case Span(shown=(_, scale)):
             return value * scale

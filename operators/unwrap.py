@@ -1,4 +1,4 @@
-"""The Unwrap operator: lightmap UVs on request, modal in a window, blocking elsewhere."""
+"""Unwrap operator: creates missing lightmap UVs, modal in a window and blocking elsewhere."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from .worker_manager import poll_idle
 
 
 class Unwrapping:
-    """An unwrapping of objects; it can be taken back until it ends.
+    """Run that creates lightmap UVs of objects; `cancel` undoes it.
 
     Raises EngineError, with nothing changed, if a setting is out of its range.
 
-    count  objects that are looked at
+    count  number of objects that were passed
     """
 
     def __init__(
@@ -57,11 +57,11 @@ class Unwrapping:
         return next(self._work)
 
     def run_to_end(self) -> UnwrapSummary:
-        """Do all the work and return what was done."""
+        """Do all the work and return its result."""
         return finished(self._work)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """Stop it and leave everything as it was; there is nothing to keep."""
+        """Stop and undo all changes; return False, since nothing is kept."""
         try:
             self._work.close()
         finally:
@@ -70,20 +70,20 @@ class Unwrapping:
 
 
 class UnwrapOperator(ModalOperator):
-    """What operators that make lightmap UVs have in common: modal in a window, blocking elsewhere."""
+    """Base class of operators that make lightmap UVs: modal in a window, blocking elsewhere."""
 
     cancelled = "Unwrapping cancelled"
 
     def _start(self, context: bpy.types.Context) -> Unwrapping:
-        """Return the work; raises EngineError."""
+        """Return the run to step; raises EngineError."""
         raise NotImplementedError
 
     def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
-        """Report what was done."""
+        """Report the result to the user and return the operator's status; `count` objects were passed."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Unwrap and return when it is done."""
+        """Unwrap and return after the end."""
         try:
             run = self._start(context)
         except EngineError as error:
@@ -98,7 +98,7 @@ class UnwrapOperator(ModalOperator):
             raise
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start unwrapping; `modal` follows it."""
+        """Start unwrapping; `modal` continues it."""
         try:
             self._window = WindowBake(context, self._start(context))
         except EngineError as error:
@@ -111,7 +111,7 @@ class UnwrapOperator(ModalOperator):
         return self._end(self._window.run, value)
 
     def _end(self, run: Unwrapping, made: UnwrapSummary) -> set[str]:
-        """Report what was done; without a result the charts of others go back to where they were, too."""
+        """Report the result; if no object was unwrapped, undo everything, also moved charts of others."""
         if not made.objects:
             run.cancel()
             made.moved = []
@@ -127,10 +127,10 @@ class UnwrapOperator(ModalOperator):
 
 
 class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
-    """Make lightmap UVs for the selected objects, or for all visible ones, that have none"""
+    """Create lightmap UVs for selected objects without them; without a selection, for all visible ones"""
 
     bl_idname = "hemibake.unwrap"
-    bl_label = "Unwrap Lightmap UVs"
+    bl_label = "Unwrap Missing Lightmap UVs"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -142,13 +142,13 @@ class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
         return Unwrapping(context, [obj for obj in visible if obj.select_get()] or visible)
 
     def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
-        """Report what was done."""
+        """Report how many objects were unwrapped, kept their UVs, or moved."""
         for note in made.notes:
             report_message(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
         kept = count - len(made.objects) - len(made.skipped)
         done = counted(len(made.objects), "object")
         others = counted(len(made.moved), "other")
-        moved = f"; {others} moved to make room: bake again" if made.moved else ""
+        moved = f"; {others} moved to make room. Bake again" if made.moved else ""
         self.report({"INFO"}, f"{done} unwrapped, {kept} had lightmap UVs or no faces{moved}")
         return {"FINISHED"} if made.objects else {"CANCELLED"}
 

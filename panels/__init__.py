@@ -1,4 +1,4 @@
-"""What a person sees; draws, decides nothing."""
+"""Panels and menus: they draw the state of the add-on and contain no other logic."""
 
 import bpy
 
@@ -11,26 +11,26 @@ from . import (
     light_groups,
     lightmaps,
     menus,
-    original_materials,
+    original_material,
     outputs,
     preferences,
     presets,
 )  # fmt: skip
 
-#: In the order of the sidebar.
+#: Modules of panels, in the order of the sidebar.
 _PANELS = (
     bake,
-    original_materials,
-    light_groups,
+    original_material,
     check,
-    lightmaps,
-    active_object,
-    outputs,
-    advanced,
     last_bake,
+    active_object,
+    lightmaps,
+    outputs,
+    light_groups,
+    advanced,
 )
 
-#: Every class that Blender has to know.
+#: All classes to register with Blender.
 CLASSES = tuple(cls for module in (preferences, presets, menus, *_PANELS) for cls in module.CLASSES)
 
 

@@ -1,4 +1,4 @@
-"""What a bake does with the active object, and which lightmap it belongs to."""
+"""Active Object panel: its role in a bake, its lightmap and its light group."""
 
 from __future__ import annotations
 
@@ -6,30 +6,45 @@ import bpy
 
 from .sidebar import SubPanel, split_properties
 
-#: Objects that a bake sees, and those that make instances.
+#: Types of objects that a bake reads as geometry, and of those that make instances.
 _WITH_FACES = {"MESH", "CURVE", "FONT", "SURFACE", "META", "EMPTY"}
 
 
 class HEMIBAKE_PT_object(SubPanel, bpy.types.Panel):
-    """Role and lightmap of the active object."""
+    """Role, lightmap and light group of the active object."""
 
     bl_label = "Active Object"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.object is not None and context.object.type in _WITH_FACES
+        return context.object is not None and (
+            context.object.type in _WITH_FACES or _may_have_group(context.object, context.scene)
+        )
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, obj = self.layout, context.object
         split_properties(layout)
-        layout.prop(obj.hemibake, "role")
-        if obj.type == "MESH" and obj.hemibake.role == "BAKED":
-            layout.prop(obj.hemibake, "atlas")
-            layout.prop(obj.hemibake, "lightmap_scale", text="Scale")
-            layout.prop(obj.hemibake, "cut_along_walls")
-            layout.prop(obj.hemibake, "own_uv_layer", placeholder=context.scene.hemibake.uv_layer)
+        if obj.type in _WITH_FACES:
+            _draw_role(layout, obj, context.scene)
+        if _may_have_group(obj, context.scene):
+            layout.prop_search(obj, "lightgroup", context.view_layer, "lightgroups", text="Light Group")
         if obj.hemibake.image is not None:
             layout.label(text=f"Baked into '{obj.hemibake.image.name}'", icon="IMAGE_DATA")
+
+
+def _may_have_group(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Return True if bakes write light groups and the object can emit light."""
+    return "light_groups" in scene.hemibake.outputs and obj.type in _WITH_FACES | {"LIGHT"} - {"EMPTY"}
+
+
+def _draw_role(layout: bpy.types.UILayout, obj: bpy.types.Object, scene: bpy.types.Scene) -> None:
+    """Draw the role of an object with faces, and the lightmap of a mesh that has one."""
+    layout.prop(obj.hemibake, "role")
+    if obj.type == "MESH" and obj.hemibake.role == "BAKED":
+        layout.prop(obj.hemibake, "atlas")
+        layout.prop(obj.hemibake, "lightmap_scale", text="Scale")
+        layout.prop(obj.hemibake, "cut_along_walls")
+        layout.prop(obj.hemibake, "own_uv_layer", placeholder=scene.hemibake.uv_layer)
 
 
 CLASSES = (HEMIBAKE_PT_object,)

@@ -1,4 +1,4 @@
-"""Settings of the bake and the button that starts it."""
+"""Bake panel: the settings that most bakes need, the Bake button and the view of lightmaps."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from ..operators.warm_up import warm_up_soon
 from .presets import draw_presets
 from .progress import draw_bake_button
 from .sidebar import Sidebar, split_properties
-from .wrapped_text import draw_text, line_width
 
 #: Fraction of a row that Blender gives to the label of a property.
 _LABEL = 0.4
 
 
 class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
-    """Settings of the bake and the button that starts it."""
+    """Main panel; the other panels of the tab are its sub-panels."""
 
     bl_label = "Bake"
 
@@ -28,17 +27,17 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         layout, settings = self.layout, context.scene.hemibake
         warm_up_soon()
         draw_presets(layout, settings)
-        layout.row().prop(settings, "target", expand=True)
         split_properties(layout)
+        layout.row().prop(settings, "target", expand=True)
         _draw_size(layout.column(), settings)
         layout.prop(settings, "quality")
-        _draw_denoise(layout, settings, line_width(context))
+        _draw_denoise(layout.column(), settings)
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
         layout.prop(settings, "show_when_done")
         shown, row = shows_preview(context.scene), layout.row(align=True)
-        text = "Hide Preview" if shown else "Preview"
+        text = "Hide Lightmaps" if shown else "Show Lightmaps"
         row.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
         row.operator("hemibake.live", depress=is_live(), icon="PLAY")
 
@@ -62,14 +61,11 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
         values.operator("hemibake.choose_resolution", text="", icon="FILE_REFRESH")
 
 
-def _draw_denoise(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, width: float) -> None:
-    """Show what is done about noise, greyed with the reason where there is no Open Image Denoise."""
-    column = layout.column()
-    column.active = denoise_library() is not None
+def _draw_denoise(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """Draw the settings of the denoiser, greyed out if Open Image Denoise is missing."""
+    layout.active = denoise_library() is not None
     for name in shown_in("quality"):
-        column.prop(settings, name)
-    if not column.active:
-        draw_text(column, "No Open Image Denoise in this Blender", width, "INFO")
+        layout.prop(settings, name)
 
 
 CLASSES = (HEMIBAKE_PT_bake,)

@@ -1,4 +1,4 @@
-"""What the last check has found, and what the bake is expected to take."""
+"""Check panel: the findings of the last check, and the expected cost of a bake."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _ICONS = {"ERROR": "CANCEL", "WARNING": "ERROR", "INFO": "INFO"}
 
 
 class HEMIBAKE_PT_check(SubPanel, bpy.types.Panel):
-    """Findings, each with buttons that select its objects and mend it, and the estimate."""
+    """Estimate of the bake, and findings with buttons that select their objects or fix them."""
 
     bl_label = "Check"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, width = self.layout, line_width(context)
-        layout.operator("hemibake.check", text="Check", icon="VIEWZOOM")
+        layout.operator("hemibake.check", text="Check Scene", icon="VIEWZOOM")
         checked = last_check(context.scene)
         if checked is None:
             return
@@ -32,36 +32,32 @@ class HEMIBAKE_PT_check(SubPanel, bpy.types.Panel):
         for finding in checked.findings:
             _draw_finding(layout.box(), finding, context, width)
         if not checked.findings:
-            layout.label(text="Nothing found", icon="CHECKMARK")
+            layout.label(text="No problems found", icon="CHECKMARK")
 
 
 def estimate_text(expected: Estimate) -> str:
-    """Return what a bake is expected to take, in one line."""
-    about = f"about {_duration(expected.seconds)}"
-    known = about if expected.measured else f"{about} on a processor, less on a graphics card"
-    memory = f"at most {_size(expected.sample_bytes)} for what they see"
-    return f"{expected.patches:,} patches, {memory}, {known}"
+    """Return texels, memory and time that a bake is expected to need, in one line."""
+    device = "on this device" if expected.measured else "on a CPU, less on a GPU"
+    memory = f"up to {_size(expected.sample_bytes)} of visibility data"
+    return f"{expected.patches:,} texels, {memory}, about {_duration(expected.seconds)} {device}"
 
 
 def _size(count: int) -> str:
-    """Return bytes in the unit that people count them in."""
+    """Return a number of bytes in MiB or GiB."""
     return f"{count / 2**30:,.1f} GiB" if count >= 2**30 else f"{count / 2**20:,.0f} MiB"
 
 
 def _duration(seconds: float) -> str:
-    return (
-        f"{seconds:.1f} s"
-        if seconds < 10
-        else f"{seconds:.0f} s"
-        if seconds < 120
-        else f"{seconds / 60:.0f} min"
-    )
+    """Return a time in seconds or minutes."""
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
 
 
 def _draw_finding(
     layout: bpy.types.UILayout, finding: Finding, context: bpy.types.Context, width: float
 ) -> None:
-    """Show a finding, with its buttons."""
+    """Draw a finding with its buttons."""
     draw_text(layout, finding.text.partition("\n")[0], width, _ICONS[finding.severity])
     names = [name for name in finding.objects if name in context.view_layer.objects]
     row = layout.row(align=True)

@@ -1,4 +1,4 @@
-"""What the last bake did, and what it had to say."""
+"""Last Bake panel: summary, energy balance and warnings of the last bake, or its error."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import bpy
 
 from ..operators.check.fixes import FIXES
-from ..operators.last_bake import energy_balance, last_failure, last_report, summary, warnings_with_objects
+from ..operators.last_bake import energy_balance, last_failure, last_report, report_warnings, summary
 from .sidebar import SubPanel
 from .wrapped_text import draw_text, line_width
 
 
 class HEMIBAKE_PT_last_bake(SubPanel, bpy.types.Panel):
-    """Summary and warnings of the last bake, or why it failed."""
+    """Report of the last bake of the scene; hidden before the first one."""
 
     bl_label = "Last Bake"
 
@@ -31,18 +31,19 @@ class HEMIBAKE_PT_last_bake(SubPanel, bpy.types.Panel):
             draw_text(layout, summary(report), width)
             draw_text(layout, energy_balance(report), width)
             draw_text(layout, " ".join(report.get("resumed", ())), width)
-            for warning, names, fix in warnings_with_objects(report):
-                _draw_warning(layout.box(), warning, _present(context, names), fix, width)
+            for warning in report_warnings(report):
+                names = _present(context, warning.objects)
+                _draw_warning(layout.box(), warning.text, names, warning.fix, width)
         layout.operator("hemibake.copy_report", text="Copy Report", icon="COPYDOWN")
 
 
 def _present(context: bpy.types.Context, names: Sequence[str]) -> list[str]:
-    """Return the names whose objects are there still."""
+    """Return the names of objects that still exist in the view layer."""
     return [name for name in names if name in context.view_layer.objects]
 
 
 def _draw_warning(layout: bpy.types.UILayout, warning: str, names: list[str], fix: str, width: float) -> None:
-    """Show a warning, with buttons that select the objects that it is about, and mend it."""
+    """Draw a warning, with buttons that select its objects and fix it."""
     draw_text(layout, warning, width, "ERROR")
     if names:
         text = f"Select '{names[0]}'" if len(names) == 1 else f"Select {len(names)} Objects"

@@ -1,4 +1,4 @@
-"""The lightmaps of the scene, and the objects that each holds."""
+"""Lightmaps panel: the lightmaps of the scene, their objects, and operators on their UVs."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ..operators.lightmap_list import active_lightmap, counts, unlisted
 from .sidebar import SubPanel
 from .wrapped_text import draw_text, line_width
 
-#: Part of a row that the name of a lightmap takes.
+#: Fraction of a row that the name of a lightmap takes.
 _NAME = 0.5
 
 
 class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
-    """Lightmaps: name, width in texels, objects, and how much of each is used."""
+    """List of lightmaps: name, width in texels, number of objects, and fraction used by charts."""
 
     def draw_item(
         self,
@@ -37,7 +37,7 @@ class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
     def filter_items(
         self, context: bpy.types.Context, data: bpy.types.PropertyGroup, name: str
     ) -> tuple[list[int], list[int]]:
-        """Return which entries are shown: lightmaps, not the maps of other outputs beside them."""
+        """Return the filter flags of the entries: maps of other outputs than Combined are hidden."""
         entries, shown = getattr(data, name), self.bitflag_filter_item
         found = [shown] * len(entries)
         if self.filter_name:
@@ -46,7 +46,7 @@ class HEMIBAKE_UL_lightmaps(bpy.types.UIList):
 
 
 class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
-    """List of the lightmaps, with what assigns objects to them."""
+    """List of lightmaps, with operators that assign objects and make lightmap UVs."""
 
     bl_label = "Lightmaps"
     bl_options = {"DEFAULT_CLOSED"}
@@ -69,30 +69,30 @@ class HEMIBAKE_PT_lightmaps(SubPanel, bpy.types.Panel):
         row.operator("hemibake.lightmap_select", text="Select")
         row = layout.row(align=True)
         row.operator("hemibake.lightmap_repack", text="Repack")
-        row.operator("hemibake.lightmap_unwrap", text="Re-unwrap")
-        layout.operator("hemibake.unwrap", icon="UV")
+        row.operator("hemibake.lightmap_unwrap", text="Unwrap Again")
+        layout.operator("hemibake.unwrap", text="Unwrap Missing UVs", icon="UV")
         layout.operator("hemibake.export_for_engine", icon="EXPORT")
 
 
 def _figures(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> tuple[str, str, str]:
-    """Return width, objects and used part of a lightmap, as a row of the list has them."""
+    """Return width, number of objects and used fraction of a lightmap, as columns of the list."""
     width = str(entry.image.size[0]) if entry.image else "–"
     return width, str(sum(counts(scene, entry.name))), f"{entry.used:.0f}%" if entry.image else "–"
 
 
 def _facts(scene: bpy.types.Scene, entry: bpy.types.PropertyGroup) -> str:
-    """Return the same in words, with the image and the maps beside it."""
+    """Return the image, size, objects, used fraction and further maps of a lightmap, in one line."""
     known = _counted(scene, entry.name)
     if entry.image is None:
         return f"{known}, not baked yet"
     width, height = entry.image.size
     facts = f"'{entry.image.name}': {width} x {height} texels, {known}, {entry.used:.0f}% used"
     beside = sum(other.companion_of == entry.name for other in scene.hemibake.lightmaps)
-    return f"{facts}, and {counted(beside, 'map')} of other outputs" if beside else facts
+    return f"{facts}, with {counted(beside, 'map')} of other outputs" if beside else facts
 
 
 def _counted(scene: bpy.types.Scene, name: str) -> str:
-    """Return how many objects and instances a lightmap holds, in words."""
+    """Return the numbers of objects and instances of a lightmap, such as "3 objects, 1 instance"."""
     objects, instances = counts(scene, name)
     parts = [counted(objects, "object")] if objects or not instances else []
     return ", ".join([*parts, counted(instances, "instance")] if instances else parts)

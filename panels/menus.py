@@ -1,4 +1,4 @@
-"""Hemibake's operators in Blender's menus, where the search finds them."""
+"""Entries of Hemibake's operators in Blender's menus, so that the menu search finds them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import bpy
 
 
 class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
-    """What can be done with the lightmaps of the scene."""
+    """Operators on the lightmaps of the scene."""
 
     bl_label = "Lightmaps"
 
@@ -17,7 +17,7 @@ class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
             self.layout.separator()
 
 
-#: Operators of the menu, with a line between two groups.
+#: Operators of the menu; a separator follows each group.
 _GROUPS = (
     ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview", "hemibake.live"),
     ("hemibake.export_for_engine",),
@@ -34,7 +34,7 @@ _GROUPS = (
 
 
 def _draw_object_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """Add the lightmaps to the Object menu of the 3D view."""
+    """Add the Lightmaps menu to the Object menu of the 3D view."""
     menu.layout.separator()
     menu.layout.menu("HEMIBAKE_MT_lightmaps")
 
@@ -56,6 +56,6 @@ def bind() -> None:
 
 
 def unbind() -> None:
-    """Remove them."""
+    """Remove the entries."""
     for menu, entry in _ENTRIES:
         getattr(bpy.types, menu).remove(entry)

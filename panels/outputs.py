@@ -1,4 +1,4 @@
-"""What a bake gives, and in which files."""
+"""Outputs panel: the maps that a bake writes, and the format of their files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import bpy
 from ..operators.output_switches import output_switches
 from .sidebar import SubPanel, split_properties
 
-#: Settings that only some formats have.
+#: Settings of each file format.
 _OF_FORMAT = {
     "exr": ("exr_depth", "exr_codec"),
     "hdr": (),
@@ -19,7 +19,7 @@ _OF_FORMAT = {
 
 
 class HEMIBAKE_PT_outputs(SubPanel, bpy.types.Panel):
-    """Outputs of the bake, how ambient occlusion is sampled, and the files."""
+    """Switches of the maps, settings of ambient occlusion, folder, name and format of the files."""
 
     bl_label = "Outputs"
     bl_options = {"DEFAULT_CLOSED"}

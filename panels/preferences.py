@@ -1,4 +1,4 @@
-"""Hemibake in Blender's preferences: devices, self-test, files."""
+"""Preferences panel of the add-on: devices, denoiser, settings of the machine, self-test and files."""
 
 from __future__ import annotations
 
@@ -9,26 +9,34 @@ import bpy
 from ..engine.device.device_info import DeviceInfo
 from ..engine.setting_types import PREFERENCES
 from ..engine.settings import shown_in
+from ..operators.denoise_library import denoise_library
 from ..operators.preferences import HemibakePreferences, guide, known_devices
 from ..operators.self_test import last_test
 from ..operators.user_files import cache_folder, cache_size, log_file
 from .sidebar import split_properties
 from .wrapped_text import draw_text, line_width
 
-#: What empty texts stand for, and why there is no scheduler.
+#: Placeholders of empty text fields, and of the scheduler if Dask is missing.
 _EMPTY = {"opencl_device": "Automatic", "scheduler": "One device"}
 _NO_DASK = "Needs Hemibake's package with Dask"
 
-#: Part of a row that a path has, beside a button.
+_NO_DENOISE = (
+    "Denoise has no effect: this Blender contains no Open Image Denoise. Use a Blender from blender.org, or "
+    "raise Quality instead."
+)
+
+#: Fraction of a row that a path takes, beside a button.
 _BESIDE = 0.8
 
 
 class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
-    """What describes the machine, and whether it works."""
+    """Settings that belong to the machine and not to a .blend file."""
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, width = self.layout, line_width(context)
         _draw_devices(layout.box(), width)
+        if denoise_library() is None:
+            draw_text(layout.box(), _NO_DENOISE, width, "INFO")
         settings = layout.column()
         split_properties(settings)
         for name in shown_in(PREFERENCES):
@@ -38,7 +46,7 @@ class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
 
 
 def _draw_setting(row: bpy.types.UILayout, owner: HemibakePreferences, name: str) -> None:
-    """Show a setting, with what is used where a text is empty; greyed with the reason where nothing can."""
+    """Draw a setting with its placeholder; the scheduler is greyed out with the reason if Dask is missing."""
     row.enabled = name != "scheduler" or find_spec("distributed") is not None
     if name in _EMPTY:
         row.prop(owner, name, placeholder=_EMPTY[name] if row.enabled else _NO_DASK)
@@ -47,13 +55,13 @@ def _draw_setting(row: bpy.types.UILayout, owner: HemibakePreferences, name: str
 
 
 def _draw_devices(layout: bpy.types.UILayout, width: float) -> None:
-    """Show every device, and what is missing."""
+    """Draw all devices, and sentences on missing software."""
     head = layout.row()
     head.label(text="Devices")
     head.operator("hemibake.find_devices", text="", icon="FILE_REFRESH")
     survey = known_devices()
     if survey is None:
-        layout.label(text="Looking for devices …", icon="SORTTIME")
+        layout.label(text="Searching for devices …", icon="SORTTIME")
         return
     for device in survey.devices:
         _draw_device(layout.column(align=True), device, width)
@@ -62,7 +70,7 @@ def _draw_devices(layout: bpy.types.UILayout, width: float) -> None:
 
 
 def _draw_device(layout: bpy.types.UILayout, device: DeviceInfo, width: float) -> None:
-    """Show a device: name, driver, memory, use."""
+    """Draw name, memory, use, problem and driver of a device."""
     icon = "ERROR" if device.trouble else "CHECKMARK" if device.use else "DOT"
     draw_text(layout, f"{device.api}: {device.name}", width, icon)
     memory = f"{device.memory / 2**30:.1f} GiB" if device.memory else ""
@@ -72,7 +80,7 @@ def _draw_device(layout: bpy.types.UILayout, device: DeviceInfo, width: float) -
 
 
 def _draw_test(layout: bpy.types.UILayout, width: float) -> None:
-    """Show the button of the test, and what the last one told."""
+    """Draw the Self-Test button and the result of the last test."""
     layout.operator("hemibake.self_test", text="Self-Test", icon="VIEWZOOM")
     first = {None: "SORTTIME", True: "CHECKMARK", False: "ERROR"}[last_test.right]
     for number, line in enumerate(last_test.text.splitlines()):
@@ -80,7 +88,7 @@ def _draw_test(layout: bpy.types.UILayout, width: float) -> None:
 
 
 def _draw_files(layout: bpy.types.UILayout) -> None:
-    """Show where the cache and the log are, and where Hemibake is explained."""
+    """Draw the paths of the cache, the log and the guide."""
     row = layout.split(factor=_BESIDE)
     row.label(text=f"Cache: {cache_size() / 2**20:.1f} MiB in {cache_folder() or 'no folder'}")
     row.operator("hemibake.clear_cache", text="Clear", icon="TRASH")
@@ -89,7 +97,7 @@ def _draw_files(layout: bpy.types.UILayout) -> None:
 
 
 def _draw_path(layout: bpy.types.UILayout, name: str, path: object) -> None:
-    """Show a file, with a button that opens it."""
+    """Draw the path of a file, with a button that opens the file."""
     if path is None:
         return
     row = layout.split(factor=_BESIDE)

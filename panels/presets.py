@@ -1,4 +1,4 @@
-"""The choice of a preset."""
+"""Menu of presets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class HEMIBAKE_MT_presets(bpy.types.Menu):
 
 
 def draw_presets(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """Show which preset the settings are, with what adds and removes one of the user's."""
+    """Draw the menu with the preset that the settings match, and buttons that add and remove presets."""
     current = current_preset(settings)
     row = layout.row(align=True)
     row.menu("HEMIBAKE_MT_presets", text=current.name if current else "Custom")

@@ -1,4 +1,4 @@
-"""The bake button; while a bake runs its progress and a Cancel button instead."""
+"""Bake button, replaced by progress and a Cancel button while a bake runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..operators.worker_manager import owner
 
 
 def draw_bake_button(layout: bpy.types.UILayout) -> None:
-    """Draw what starts a bake, or how far the running one is."""
+    """Draw the Bake button, or the progress of the running bake with a Cancel button."""
     if owner.running is None:
         layout.operator("hemibake.bake", icon="RENDER_STILL")
         return

@@ -1,4 +1,4 @@
-"""The Hemibake tab in the sidebar of the 3D view."""
+"""Base classes of panels in the Hemibake tab of the 3D view's sidebar."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import bpy
 
 
 class Sidebar:
-    """Where a panel of the tab is."""
+    """Location of a panel in the Hemibake tab."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -14,12 +14,12 @@ class Sidebar:
 
 
 class SubPanel(Sidebar):
-    """Where a panel below the panel Bake is."""
+    """Location of a sub-panel of the Bake panel."""
 
     bl_parent_id = "HEMIBAKE_PT_bake"
 
 
 def split_properties(layout: bpy.types.UILayout) -> None:
-    """Lay out properties as Blender's own panels do: names to the left, no buttons for keyframes."""
+    """Draw labels of properties on the left and no keyframe buttons, as in Blender's own panels."""
     layout.use_property_split = True
     layout.use_property_decorate = False

@@ -1,4 +1,4 @@
-"""Sentences in a layout, whose labels do not wrap by themselves."""
+"""Word wrap of texts in a layout, since Blender's labels have a single line."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Iterator
 import blf
 import bpy
 
-#: Blender's font of the interface.
+#: Identifier of the interface font in `blf`.
 _FONT = 0
 
-#: What tabs and margins take from the width of a region, and an icon in a box from a line; the least that is
-#: left for words; the width of a region where it is unknown. Pixels of an unscaled interface.
+#: Widths in pixels of an unscaled interface: tabs and margins of a region, an icon in a box, the smallest
+#: width left for words, and a region of unknown width.
 _MARGIN, _ICON, _LEAST, _UNKNOWN = 66, 38, 80, 600
 
 
 def draw_text(layout: bpy.types.UILayout, text: str, width: float, icon: str = "NONE") -> None:
-    """Show a text in as many lines of `width` pixels as it takes, below each other beside the icon."""
+    """Draw a text as lines of at most `width` pixels, with an icon before the first line."""
     column, scale = layout.column(align=True), _scale()
     room = width if icon == "NONE" else max(_LEAST * scale, width - _ICON * scale)
     for number, line in enumerate(_wrapped(text, room)):
@@ -24,14 +24,14 @@ def draw_text(layout: bpy.types.UILayout, text: str, width: float, icon: str = "
 
 
 def line_width(context: bpy.types.Context) -> float:
-    """Return the pixels that a line may take in the region that is drawn, its icon included."""
+    """Return the width of a line in the region that is drawn, including its icon, pixels."""
     scale, region = _scale(), context.region
     width = _UNKNOWN * scale if region is None else region.width
     return max(_LEAST * scale, width - _MARGIN * scale)
 
 
 def _wrapped(text: str, width: float) -> Iterator[str]:
-    """Yield the lines of a text: as many words in each as fit, at least one."""
+    """Yield the lines of a text; each holds as many words as fit into `width` pixels, at least one."""
     blf.size(_FONT, bpy.context.preferences.ui_styles[0].widget.points * _scale())
     for paragraph in text.splitlines():
         line = ""
@@ -45,5 +45,5 @@ def _wrapped(text: str, width: float) -> Iterator[str]:
 
 
 def _scale() -> float:
-    """Return how many pixels one of an unscaled interface is; Blender has 0 where there is no window."""
+    """Return the scale of the interface; 1 without a window, where Blender reports 0."""
     return bpy.context.preferences.system.ui_scale or 1.0

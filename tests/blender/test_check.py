@@ -715,4 +715,4 @@ def test_memory_is_told_in_a_unit_that_people_count_it_in(size, text):
     from engine.plan.estimate import Estimate
 
     told = part("panels.check").estimate_text(Estimate(5, size, 200.0, True))
-    assert told == f"5 patches, at most {text} for what they see, about 3 min"
+    assert told == f"5 texels, up to {text} of visibility data, about 3 min on this device"

@@ -82,7 +82,7 @@ def test_summary_counts_what_got_light(objects, instances, told):
     facts = {"patches": 1021, "iterations": 1, "convergence_error": None, "seconds": {"total": 1.25}}
     summary = part("operators.last_bake").summary
     assert summary({"objects": objects, "instances": instances, **facts}) == (
-        f"{told}1,021 patches, 1 bounce, 1.2 s"
+        f"{told}1,021 texels, 1 bounce, 1.2 s"
     )
 
 

@@ -75,7 +75,8 @@ def draw(name):
     if hasattr(panel, "poll") and not panel.poll(bpy.context):
         return None
     shown = []
-    holder = type("Holder", (), {"layout": Layout(shown), "bl_rna": panel.bl_rna})()
+    known = {"layout": Layout(shown), "bl_rna": panel.bl_rna, "_names": getattr(panel, "_names", ())}
+    holder = type("Holder", (), known)()
     panel.draw(holder, bpy.context)
     return shown
 
@@ -83,8 +84,8 @@ def draw(name):
 def test_panels_show_every_setting_once(devices):
     import bpy
 
-    shown = [*draw("HEMIBAKE_PT_bake"), *draw("HEMIBAKE_PT_outputs"), *draw("HEMIBAKE_PT_advanced")]
-    shown += draw("HEMIBAKE_PT_charts")
+    panels = ("bake", "outputs", "advanced", "light", "texels", "uvs", "charts", "memory", "paper")
+    shown = [text for name in panels for text in draw(f"HEMIBAKE_PT_{name}")]
     shown += draw("HEMIBAKE_AP_preferences")
     groups = (bpy.context.scene.hemibake, part("operators.preferences").machine_properties())
     settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
@@ -164,7 +165,7 @@ def test_preferences_look_for_devices_by_themselves_without_waiting(monkeypatch)
     monkeypatch.setattr(finder, "found", None)
     monkeypatch.setattr(bpy.app.timers, "register", lambda step, **options: steps.append(step))
     try:
-        assert "Looking for devices …" in preferences() and "Looking for devices …" in preferences()
+        assert "Searching for devices …" in preferences() and "Searching for devices …" in preferences()
         (step,) = steps
         while step() is not None:
             time.sleep(0.02)
@@ -289,7 +290,7 @@ def test_last_bake_is_summed_up_and_has_each_warning_whole_with_what_it_is_about
     square()
     bpy.context.scene.hemibake.report = json.dumps(REPORT)
     shown = draw("HEMIBAKE_PT_last_bake")
-    assert shown[0] == "3 objects, 1,021 patches, 1 bounce, 1.2 s"
+    assert shown[0] == "3 objects, 1,021 texels, 1 bounce, 1.2 s"
     words = " ".join(shown).split()
     assert words.count("about") == 9 and "All." in words and "Second." in words
     assert max(map(len, shown)) < 150
@@ -303,10 +304,15 @@ def test_where_the_light_went_is_told_if_it_is_known():
     import bpy
 
     for energy, line in (
-        (ENERGY, "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.1% not bounced, off by 0.08%"),
+        (
+            ENERGY,
+            "Light: 12.3 W emitted, 97.1% absorbed, 2.8% left the scene, 0.1% not bounced "
+            "yet (balance error 0.08%)",
+        ),
         (
             {**ENERGY, "not_bounced": -1e-5},
-            "Energy: 12.3 W = 97.1% absorbed + 2.8% escaped + 0.0% not bounced, off by 0.08%",
+            "Light: 12.3 W emitted, 97.1% absorbed, 2.8% left the scene, 0.0% not bounced "
+            "yet (balance error 0.08%)",
         ),
         (None, ""),
         ({**dict.fromkeys(ENERGY, 0.0)}, ""),
@@ -314,7 +320,7 @@ def test_where_the_light_went_is_told_if_it_is_known():
     ):
         bpy.context.scene.hemibake.report = json.dumps({**REPORT, "energy": energy})
         shown = " ".join(draw("HEMIBAKE_PT_last_bake"))
-        assert line in shown and ("Energy" in shown) == bool(line)
+        assert line in shown and ("emitted" in shown) == bool(line)
 
 
 def test_energy_of_a_furnace_is_absorbed():
@@ -384,15 +390,17 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     bpy.context.view_layer.objects.active = square()
     scene.world = bpy.data.worlds.new("Sky")
     shown = draw("HEMIBAKE_PT_light_groups")
-    assert shown.count("name") == 1 and shown.count("lightgroup") == 2 and "Mixer" not in shown
-    assert "A bake gives a map for each group" in shown
+    assert shown.count("name") == 1 and shown.count("lightgroup") == 1 and "Mixer" not in shown
+    assert "lightgroup" in draw("HEMIBAKE_PT_object")
+    assert any("Choose a group" in text for text in shown)
     part("operators.result.light_mixer").light_mixer(scene, ["Day", "Ungrouped"])
     scene.hemibake.lightmaps.add().light_groups = '["Day", "Ungrouped"]'
     scene.world, scene.hemibake.outputs = None, {"combined"}
     shown = draw("HEMIBAKE_PT_light_groups")
-    assert shown.count("lightgroup") == 1 and shown.count("default_value") == 4
+    assert "lightgroup" not in draw("HEMIBAKE_PT_object")
+    assert shown.count("lightgroup") == 0 and shown.count("default_value") == 4
     assert shown[-7:-1] == ["Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
-    assert shown[-1] == "The preview mixes the maps of the groups"
+    assert shown[-1] == "Show Lightmaps to see the mix"
     scene.hemibake.lightmaps[0].light_groups = "[]"
     assert draw("HEMIBAKE_PT_light_groups") is None
 
@@ -411,21 +419,44 @@ def test_maps_beside_lightmaps_are_no_lightmaps_in_the_list():
         holder, bpy.context, scene.hemibake, "lightmaps"
     )
     assert flags == [1 << 30] + [0] * 5 and order == []
-    assert "and 5 maps of other outputs" in " ".join(draw("HEMIBAKE_PT_lightmaps"))
+    assert "with 5 maps of other outputs" in " ".join(draw("HEMIBAKE_PT_lightmaps"))
     known = part("operators.properties")._known_atlases
     assert known(bpy.context.active_object, bpy.context, "") == ["Lightmap"]
 
 
-def test_own_materials_are_shown_while_the_preview_is_in_their_place():
+def test_original_material_is_offered_while_the_lightmap_is_shown():
     import bpy
 
     room = furnace()
     bpy.context.view_layer.objects.active = room
-    assert draw("HEMIBAKE_PT_own_materials") is None
+    assert draw("HEMIBAKE_PT_original_material") is None and draw("HEMIBAKE_PT_material_tab") is None
     bpy.ops.hemibake.bake()
     bpy.ops.hemibake.preview()
-    shown = draw("HEMIBAKE_PT_own_materials")
+    shown, tab = draw("HEMIBAKE_PT_original_material"), draw("HEMIBAKE_PT_material_tab")
     assert shown[0] == "name" and len(shown) == 2 and "lightmap" not in shown[1]
+    assert "copy" in tab[0] and tab[1] == "hemibake.preview" and tab[2:] == shown
     room.data.materials.append(None)
     room.active_material_index = 1
-    assert draw("HEMIBAKE_PT_own_materials") == ["active_material_index", "No material"]
+    assert draw("HEMIBAKE_PT_original_material") == ["active_material_index", "No material"]
+
+
+def test_tooltips_of_controls_have_at_most_110_characters():
+    import bpy
+
+    groups = [
+        bpy.context.scene.hemibake,
+        square().hemibake,
+        part("operators.preferences").machine_properties(),
+    ]
+    shown = [prop for group in groups if group for prop in group.bl_rna.properties if not prop.is_hidden]
+    texts = [prop.description for prop in shown]
+    texts += [item.description for prop in shown if prop.type == "ENUM" for item in prop.enum_items]
+    texts += [rna(f"hemibake.{name}").bl_rna.description for name in dir(bpy.ops.hemibake)]
+    assert [text for text in texts if len(text) > 110] == []
+
+
+def test_a_missing_denoiser_is_told_in_the_preferences_alone(devices, monkeypatch):
+    for module in ("panels.bake", "panels.preferences"):
+        monkeypatch.setattr(part(module), "denoise_library", lambda: None)
+    assert not any("Open Image Denoise" in text for text in draw("HEMIBAKE_PT_bake"))
+    assert any("Open Image Denoise" in text for text in preferences())

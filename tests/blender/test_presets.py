@@ -41,11 +41,11 @@ def add(name):
 
 
 def test_a_new_scene_is_a_preview(settings):
-    assert current(settings) == "Preview" and settings.quality == "preview"
+    assert current(settings) == "Standard" and settings.quality == "preview"
 
 
 @pytest.mark.parametrize(
-    ("name", "quality"), [("Draft", "draft"), ("Preview", "preview"), ("Production", "high")]
+    ("name", "quality"), [("Draft", "draft"), ("Standard", "preview"), ("Production", "high")]
 )
 def test_own_presets_are_applied_and_recognised(settings, name, quality):
     settings.resolution, settings.samples = 97, 5

@@ -78,7 +78,7 @@ def test_a_terminal_is_told_the_percentage_once_in_a_while(monkeypatch, capfd):
         ({"residual": math.inf}, "Hemibake: 41%, Bounce 3"),
         (
             {"residual": 0.0123, "seconds_left": 61},
-            "Hemibake: 41%, Bounce 3, remaining error 1.23%, 1 min 1 s left",
+            "Hemibake: 41%, Bounce 3, convergence error 1.23%, 1 min 1 s left",
         ),
     ],
 )

@@ -478,7 +478,7 @@ def test_panel_shows_findings_with_their_buttons_and_the_estimate():
     shown = draw("HEMIBAKE_PT_check")
     assert shown.count("hemibake.select_objects") == shown.count("hemibake.fix") == 1
     told = " ".join(shown)
-    assert "'Folded'" in told and "patches" in told and "on a processor" in told
+    assert "'Folded'" in told and "texels" in told and "on a CPU" in told
 
 
 def test_bake_in_a_window_checks_the_scene_while_the_worker_works():

@@ -28,14 +28,14 @@ from engine.direct.sky import unsampled_sky
 from engine.gather.hemicube_gather import PaperGather
 from engine.patches.patch_materials import PatchMaterials
 from engine.patches.patch_scene import PatchScene
-from engine.reference.cpu_patches import map_texels
-from engine.reference.form_factors import form_factors
-from engine.reference.gauss_seidel import gather, gauss_seidel
 from engine.scene.cutouts import read_cutouts
 from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import Solver
 from tests.analytic.drive import Prepared, prepare
 from tests.analytic.scenes import nine_quad_room
+from tests.reference.cpu_patches import map_texels
+from tests.reference.form_factors import form_factors
+from tests.reference.gauss_seidel import gather, gauss_seidel
 
 RESOLUTION = 128
 

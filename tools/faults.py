@@ -52,7 +52,7 @@ _START = 120
 
 #: The checkout, and what is needed of it.
 _ROOT = Path(__file__).resolve().parents[1]
-_NEEDED = ("benchmarks", "engine", "kernels", "shaders", "tests/analytic", "tools")
+_NEEDED = ("benchmarks", "engine", "kernels", "shaders", "tests/analytic", "tests/reference", "tools")
 
 
 @dataclass

@@ -2,7 +2,7 @@
 
 A hemicube for every fourth texel of a chart; where the corners of a square differ by more than a tolerance,
 its middle and the middles of its sides get hemicubes, and so on down to every texel; all others are
-interpolated. Beside it irradiance caching with gradients (engine/reference/irradiance_caching.py), of
+interpolated. Beside it irradiance caching with gradients (tests/reference/irradiance_caching.py), of
 hemicubes of 768 texels, and Elias' interpolation of the same hemicubes. What they have to beat is what saves
 as much without any code: fewer samples in every hemicube. Errors are of bakes of three rooms, against a bake
 with many more samples. Writes the picture and, beside it, the figures as JSON.
@@ -28,11 +28,11 @@ from benchmarks.rooms import cornell_box, hilly_room
 from engine import Scene, Session, Settings, finished
 from engine.device.cl_device import ComputeDevice
 from engine.patches.patch_scene import PatchScene
-from engine.reference.irradiance_caching import IrradianceCache, Records, records
 from engine.visibility.sampler import SampleLayout
 from engine.visibility.views.hemicube import frames, rotations
 from tests.analytic.drive import drive
 from tests.analytic.scenes import nine_quad_room
+from tests.reference.irradiance_caching import IrradianceCache, Records, records
 
 #: Scenes, and the width of their lightmaps.
 SCENES: dict[str, tuple[Callable[[], Scene], int]] = {

@@ -29,13 +29,13 @@ from engine.direct.sky import unsampled_sky
 from engine.patches.patch_scene import PatchScene, make_patch_scene
 from engine.plan.choose_solver import choose_solver
 from engine.plan.solve_job import SolveJob
-from engine.reference.instant_radiosity import InstantRadiosity
-from engine.reference.shooting import Shooting
 from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.sampler import VisibilityBuffers
 from engine.visibility.views.viewpoints import viewpoints
 from tests.analytic.drive import drive, irradiance
+from tests.reference.instant_radiosity import InstantRadiosity
+from tests.reference.shooting import Shooting
 
 
 @dataclass

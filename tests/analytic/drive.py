@@ -10,11 +10,11 @@ from engine import BakeResult, Progress, Scene, Settings, bake
 from engine.gather.hemicube_gather import HostGather
 from engine.patches.geometry import PatchGeometry, patch_geometry
 from engine.patches.patch_list import PatchList
-from engine.reference.cpu_hemicubes import CpuHemicubes
-from engine.reference.cpu_patches import list_patches, map_texels
 from engine.scene.triangles import Triangles, join_meshes
 from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import Solver
+from tests.reference.cpu_hemicubes import CpuHemicubes
+from tests.reference.cpu_patches import list_patches, map_texels
 
 
 def drive(scene: Scene, settings: Settings) -> BakeResult:

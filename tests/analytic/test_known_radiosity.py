@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Settings
-from engine.reference import analytic
 from engine.scene.checks import LARGEST, SMALLEST
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, drive_with_progress, irradiance, prepare
+from tests.reference import analytic
 from tests.rows import long
 
 #: Relative rms error of E by hemicube width with random rotation, as simulated in double precision.

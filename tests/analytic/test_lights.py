@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from engine import Light, Material, Scene, Settings, Texture
-from engine.reference.analytic import polygon
 from engine.scene.profile import Profile
 from engine.scene.transmission import CLEAR, Transmission
 from tests.analytic.drive import drive, drive_with_progress
 from tests.analytic.scenes import quads, rectangle
+from tests.reference.analytic import polygon
 from tests.transparency import transparent
 
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))

@@ -10,9 +10,9 @@ from engine.device.cl_device import ComputeDevice
 from engine.device.gl_context import GraphicsContext
 from engine.direct.lighting import DirectLighting
 from engine.patches.patch_scene import PatchScene, make_patch_scene
-from engine.reference.analytic import polygon
 from engine.visibility.rays.ray_scene import RayScene
 from tests.analytic.scenes import quads, rectangle
+from tests.reference.analytic import polygon
 
 X, Y, Z = np.eye(3)
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))

@@ -13,10 +13,6 @@ from engine.device.slice_limits import drawing_limits
 from engine.device.time_slicer import TimeSlicer
 from engine.gather.opencl_integrator import HemicubeIntegrator
 from engine.patches.patch_list import list_patches
-from engine.reference import cpu_hemicubes
-from engine.reference.cpu_patches import map_texels
-from engine.reference.form_factors import form_factors
-from engine.reference.gauss_seidel import gather, gauss_seidel
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import BackSide
 from engine.visibility.raster.raster import HemicubeRaster
@@ -26,6 +22,10 @@ from engine.visibility.views.hemicube import matrices, multiplier_map
 from engine.visibility.views.viewpoints import viewpoints
 from tests.analytic import scenes
 from tests.analytic.drive import Prepared, drive, irradiance, prepare
+from tests.reference import cpu_hemicubes
+from tests.reference.cpu_patches import map_texels
+from tests.reference.form_factors import form_factors
+from tests.reference.gauss_seidel import gather, gauss_seidel
 from tests.rows import long
 
 N = 32

@@ -10,12 +10,12 @@ from engine import Light, Material, Mesh, Scene, Settings
 from engine.device.cl_device import ComputeDevice
 from engine.patches.patch_materials import PatchMaterials
 from engine.patches.patch_scene import PatchScene
-from engine.reference.cpu_patches import map_texels
 from engine.scene.cutouts import read_cutouts
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.receiver_records import RECEIVER
 from tests.analytic.drive import drive, prepare
 from tests.analytic.scenes import quads, rectangle
+from tests.reference.cpu_patches import map_texels
 from tests.rows import long
 
 BLACK = Material("Black", np.zeros(3, np.float32), np.zeros(3, np.float32))

@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from engine.device import cl_library
-from engine.device.gl_interop import texture_bytes
+from tools.gl_interop import texture_bytes
 
 
 class FakeLibrary:

@@ -4,12 +4,11 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from engine.device import gl_interop
 from engine.device.cl_device import ComputeDevice
 from engine.device.cl_library import ClLibrary
 from engine.errors import DeviceError
 from tests.gpu.fake_sharing import FakeLibrary
-from tools import probe_sharing
+from tools import gl_interop, probe_sharing
 
 ACQUIRE, RELEASE = "clEnqueueAcquireGLObjects", "clEnqueueReleaseGLObjects"
 

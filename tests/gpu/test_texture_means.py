@@ -10,9 +10,9 @@ from engine import Material, Mesh, Scene, Texture
 from engine.patches import texture_means
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_materials import patch_surfaces
-from engine.reference.cpu_patches import list_patches
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import quads, rectangle
+from tests.reference.cpu_patches import list_patches
 
 RESOLUTION = 37
 NONE = np.zeros(3, np.float32)

@@ -3,10 +3,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from engine.patches.geometry import patch_geometry
-from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Scene
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import material, quads, rectangle
+from tests.reference.cpu_patches import list_patches
 from tools.verification.doubled import doubled_texels
 
 

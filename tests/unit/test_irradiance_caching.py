@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.reference.irradiance_caching import IrradianceCache, Records, records
 from engine.visibility.views.hemicube import face_axes, face_rows, frames
+from tests.reference.irradiance_caching import IrradianceCache, Records, records
 
 WIDTH = 64
 

@@ -9,8 +9,8 @@ import pytest
 
 from engine.errors import PatchFileError
 from engine.patches.patch_file import read_patches, write_patches
-from engine.reference.cpu_patches import list_patches
 from tests.analytic.scenes import furnace, quads, rectangle
+from tests.reference.cpu_patches import list_patches
 
 SIZE = 61
 HEADER = 32

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.reference import analytic
 from tests.analytic.scenes import rectangle, room_walls
+from tests.reference import analytic
 
 UP = np.array([[0.0, 0.0, 1.0]])
 ORIGIN = np.zeros((1, 3))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from engine import Scene
-from engine.reference import analytic
-from engine.reference.form_factors import form_factors
-from engine.reference.gauss_seidel import gauss_seidel
 from tests.analytic import scenes
 from tests.analytic.drive import prepare
+from tests.reference import analytic
+from tests.reference.form_factors import form_factors
+from tests.reference.gauss_seidel import gauss_seidel
 
 
 def matrix(scene: Scene, resolution: int):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from engine import Scene, Settings
-from engine.reference import analytic
-from engine.reference.cpu_hemicubes import integrate, nearest_hits, texel_directions
 from engine.scene.triangles import join_meshes
 from engine.visibility.views.hemicube import multiplier_map
 from tests.analytic import scenes
 from tests.analytic.drive import prepare
+from tests.reference import analytic
+from tests.reference.cpu_hemicubes import integrate, nearest_hits, texel_directions
 
 SETTINGS = Settings(resolution=32, hemicube=16)
 

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from engine import Scene
-from engine.reference.cpu_hemicubes import texel_directions
-from engine.reference.form_factors import form_factors
-from engine.reference.gauss_seidel import gather, gauss_seidel
-from engine.reference.instant_radiosity import InstantRadiosity, radical_inverse
-from engine.reference.shooting import Shooting, texels_of
 from engine.settings import Settings
 from engine.visibility.views.hemicube import face_axes, frames
 from engine.visibility.views.viewpoints import viewpoints
 from tests.analytic.drive import prepare
 from tests.analytic.scenes import furnace, light_room, material, quads, rectangle, room_walls
+from tests.reference.cpu_hemicubes import texel_directions
+from tests.reference.form_factors import form_factors
+from tests.reference.gauss_seidel import gather, gauss_seidel
+from tests.reference.instant_radiosity import InstantRadiosity, radical_inverse
+from tests.reference.shooting import Shooting, texels_of
 
 
 def split_room():

@@ -6,10 +6,10 @@ import pytest
 from engine.patches import patch_materials as surfaces_module
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_materials import KnownSurfaces, patch_surfaces
-from engine.reference.cpu_patches import list_patches
 from engine.scene.model import Material, Mesh, Scene, Texture
 from engine.scene.textures import sample
 from engine.scene.triangles import join_meshes
+from tests.reference.cpu_patches import list_patches
 
 BLACK = np.zeros(3, np.float32)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patches.patch_list import PatchList
-from ..scene.model import Scene
+from engine.patches.patch_list import PatchList
+from engine.scene.model import Scene
 
 
 def list_patches(scene: Scene, resolution: int) -> PatchList:

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..patches.geometry import PatchGeometry
-from ..scene.triangles import Triangles
-from ..visibility.views.hemicube import frames
+from engine.patches.geometry import PatchGeometry
+from engine.scene.triangles import Triangles
+from engine.visibility.views.hemicube import frames
+
 from .cpu_hemicubes import nearest_hits
 
 #: Height of a virtual light above its surface, as a fraction of the scene's diagonal.

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..patches.geometry import PatchGeometry
-from ..scene.model import Scene
-from ..scene.triangles import Triangles
-from ..settings import Settings
-from ..visibility.views.hemicube import face_axes, face_rows, multiplier_map
-from ..visibility.views.viewpoints import viewpoints
+from engine.patches.geometry import PatchGeometry
+from engine.scene.model import Scene
+from engine.scene.triangles import Triangles
+from engine.settings import Settings
+from engine.visibility.views.hemicube import face_axes, face_rows, multiplier_map
+from engine.visibility.views.viewpoints import viewpoints
 
 
 @dataclass(frozen=True)

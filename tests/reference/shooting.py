@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..patches.geometry import PatchGeometry
-from ..visibility.views.hemicube import face_axes, face_rows
-from ..visibility.views.viewpoints import Viewpoints
+from engine.patches.geometry import PatchGeometry
+from engine.visibility.views.hemicube import face_axes, face_rows
+from engine.visibility.views.viewpoints import Viewpoints
 
 
 class Shooting:

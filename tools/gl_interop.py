@@ -19,12 +19,12 @@ from typing import Any, Protocol
 import moderngl
 import numpy as np
 
-from ..errors import DeviceError
-from .cl_device import ComputeDevice
-from .cl_library import ClLibrary
-from .gl_context import GraphicsContext
-from .opencl import cl
-from .raw_gl import TEXTURE_2D_ARRAY
+from engine.device.cl_device import ComputeDevice
+from engine.device.cl_library import ClLibrary
+from engine.device.gl_context import GraphicsContext
+from engine.device.opencl import cl
+from engine.device.raw_gl import TEXTURE_2D_ARRAY
+from engine.errors import DeviceError
 
 #: What each rung asks of OpenCL and of OpenGL, from the top down.
 RUNGS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene.model import Scene
-from ..scene.triangles import Triangles
+from engine.scene.model import Scene
+from engine.scene.triangles import Triangles
 
 #: Maximum distance of a corner from a plane in which it lies, as a fraction of the scene's extent.
 PLANE_TOLERANCE = 1e-5

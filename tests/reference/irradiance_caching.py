@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..visibility.views.hemicube import FACES, face_axes, face_rows, multiplier_map
+from engine.visibility.views.hemicube import FACES, face_axes, face_rows, multiplier_map
 
 #: Maximum height difference between two points that share light, as a fraction of a record's radius.
 _IN_FRONT = 0.05

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..patches.geometry import PatchGeometry
-from ..scene.model import Scene
+from engine.patches.geometry import PatchGeometry
+from engine.scene.model import Scene
+
 from .analytic import polygon
 from .planar_pieces import PlanarPieces, blockers, surfaces
 

@@ -8,13 +8,14 @@ def register() -> None:
     """Register the properties, the operators and the command."""
     import bpy
 
-    from . import command_line, file_handlers, properties, translations
+    from . import command_line, file_handlers, preview_switch, properties, translations
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     properties.bind()
     translations.bind()
     file_handlers.bind()
+    preview_switch.bind()
     command_line.register()
 
 
@@ -22,7 +23,7 @@ def unregister() -> None:
     """Stop all that bakes, then unregister the command, the operators and the properties."""
     import bpy
 
-    from . import command_line, file_handlers, properties, translations, warm_up
+    from . import command_line, file_handlers, preview_switch, properties, translations, warm_up
     from .devices import finder
     from .worker_manager import owner
 
@@ -30,6 +31,7 @@ def unregister() -> None:
     finder.stop()
     owner.stop()
     command_line.unregister()
+    preview_switch.unbind()
     file_handlers.unbind()
     translations.unbind()
     properties.unbind()

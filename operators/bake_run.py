@@ -190,9 +190,8 @@ class BakeRun:
         """Decide which of the objects that may be baked are; raises SceneError if none is."""
         self._whole, self._changed = self._read, None
         if self._target == "CHANGED":
-            known = self._context.scene.hemibake.baked_scene
             self._changed = yield from find_changed_objects(
-                self._read, wanted, self._settings, self._bake, self._stages, known
+                self._read, wanted, self._settings, self._bake, self._stages, self._context.scene
             )
             wanted = self._changed.uids
             self._read = replace(self._read, notes=(*self._read.notes, *self._changed.notes))
@@ -304,7 +303,7 @@ class BakeRun:
         entries = self._context.scene.hemibake.lightmaps
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
         lost = self._uvs.lost()
-        mark_objects(self._read, targets, self._uv_layer, lost)
+        mark_objects(self._context.scene, self._read, targets, self._uv_layer, lost)
         forget_moved_charts(self._context.scene, self._baked_names(lost))
         self._read_findings()
         self._remember_light(lost)
@@ -348,7 +347,8 @@ class BakeRun:
     ) -> tuple[list[str], list[str]]:
         """Store lightmaps; return their files, and what these cannot hold."""
         try:
-            contents = lightmap_contents(self._read, self._settings, self._uv_layer, self._kept)
+            scene = self._context.scene
+            contents = lightmap_contents(scene, self._read, self._settings, self._uv_layer, self._kept)
             files = images.store(targets, pixels, self._destination, contents)
         except EngineError as error:
             self.failure = str(error)
@@ -365,9 +365,11 @@ class BakeRun:
         """Write down what the next bake of changed objects compares with."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         baked = set(self._read.fingerprints) - set(lost)
+        if scene is None:
+            return
         if self._target == "SELECTED":
-            forget_light(baked)
-        elif scene is not None:
+            forget_light(scene, baked)
+        else:
             remember_light(scene, self._whole, baked, self._changed)
 
     def _deleted(self) -> list[str]:

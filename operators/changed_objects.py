@@ -15,6 +15,7 @@ from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 from .run_stages import RunStages
 from .scene import ReadScene
+from .scene.bake_records import bake_record, writable_record
 from .scene.bake_targets import NothingChangedError, changed_themselves, changed_uids
 from .scene.light_changes import (
     ALL_LIGHT,
@@ -60,21 +61,21 @@ def find_changed_objects(
     settings: Settings,
     bake: Callable[[Scene, Settings], Bake],
     stages: RunStages,
-    known: str,
+    scene: bpy.types.Scene,
 ) -> Generator[Progress | None, None, ChangedObjects]:
     """Return which of the wanted objects, by session uid, are other than when they were baked, or are lit so.
 
-    known  name of the scene as it was last baked
+    scene  Blender's, which knows its name as it was last baked
 
     Raises NothingChangedError if none is.
     """
-    changes = yield from _changes(read, settings, bake, stages, known)
-    uids, own = changed_uids(read, wanted), changed_themselves(read, wanted)
+    changes = yield from _changes(read, settings, bake, stages, scene.hemibake.baked_scene)
+    uids, own = changed_uids(read, wanted, scene), changed_themselves(read, wanted, scene)
     if changes is None:
         notes = _named(_LIGHTS_DIFFER, uids - own)
         notes += [_OTHERS_STAY] if 0 < len(uids) < len(read.fingerprints) else []
     else:
-        earlier = {obj.session_uid: obj.hemibake.light_change for obj in bpy.data.objects}
+        earlier = {obj.session_uid: bake_record(obj, scene).light_change for obj in bpy.data.objects}
         changes = {uid: change + earlier.get(uid, 0.0) for uid, change in changes.items()}
         lit = {uid for uid in wanted - own if changes.get(uid, 0.0) > settings.tolerance}
         uids, notes = own | lit, _notes(lit, set(changes) - own - lit, settings.tolerance)
@@ -96,12 +97,12 @@ def remember_light(
         return
     scene.hemibake.baked_scene = baked_scenes.keep(read)
     changes = {} if changed is None or changed.changes is None else changed.changes
-    _write({**changes, **dict.fromkeys(baked, 0.0)})
+    _write(scene, {**changes, **dict.fromkeys(baked, 0.0)})
 
 
-def forget_light(baked: set[int]) -> None:
+def forget_light(scene: bpy.types.Scene, baked: set[int]) -> None:
     """Have the next bake of changed objects bake those that were baked in another scene than is known."""
-    _write(dict.fromkeys(baked, ALL_LIGHT))
+    _write(scene, dict.fromkeys(baked, ALL_LIGHT))
 
 
 def _changes(
@@ -144,8 +145,8 @@ def _named(sentence: str, uids: set[int]) -> list[str]:
     return [object_message(sentence, names)] if names else []
 
 
-def _write(changes: dict[int, float]) -> None:
+def _write(scene: bpy.types.Scene, changes: dict[int, float]) -> None:
     """Write on objects how much their light may have changed since they were baked."""
     for obj in bpy.data.objects:
         if obj.session_uid in changes and obj.is_editable:
-            obj.hemibake.light_change = min(changes[obj.session_uid], ALL_LIGHT)
+            writable_record(obj, scene).light_change = min(changes[obj.session_uid], ALL_LIGHT)

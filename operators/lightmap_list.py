@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .result.instance_uv_table import baked_instances, instance_image
+from .scene.bake_records import bake_record
 from .scene.uv_layout import is_page
 
 
@@ -17,7 +18,7 @@ def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:
         for obj in scene.objects
         if obj.type == "MESH"
         and obj.hemibake.role == "BAKED"
-        and (obj.hemibake.atlas == atlas or (image is not None and obj.hemibake.image == image))
+        and (obj.hemibake.atlas == atlas or (image is not None and bake_record(obj, scene).image == image))
     ]
 
 
@@ -51,7 +52,7 @@ def counts(scene: bpy.types.Scene, atlas: str) -> tuple[int, int]:
 def _tiled(scene: bpy.types.Scene) -> dict[bpy.types.Object, str]:
     """Return the lightmap of each object that was baked into a tile, apart from the atlas it names."""
     lightmaps = {entry.image: entry.name for entry in scene.hemibake.lightmaps if entry.image is not None}
-    homes = ((obj, lightmaps.get(obj.hemibake.image)) for obj in scene.objects)
+    homes = ((obj, lightmaps.get(bake_record(obj, scene).image)) for obj in scene.objects)
     return {obj: name for obj, name in homes if name is not None and is_page(name, obj.hemibake.atlas)}
 
 

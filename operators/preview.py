@@ -28,8 +28,7 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
         if not count:
             self.report({"ERROR"}, " ".join(notes) or "No object has a lightmap to show. Bake first.")
             return {"CANCELLED"}
-        where, uv_layer = SceneContext(context), context.scene.hemibake.uv_layer
-        for note in (*notes, *warn_changed_uvs(list(previewed(context.scene)), where, uv_layer)):
+        for note in (*notes, *warn_changed_uvs(list(previewed(context.scene)), SceneContext(context))):
             self.report({"WARNING"}, note)
         show_materials(context)
         self.report({"INFO"}, f"{count} objects show their lightmaps")

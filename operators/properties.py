@@ -147,6 +147,11 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     baked_scene: StringProperty(
         description="Key of the scene of the last bake in the memory of this session", options={"HIDDEN"}
     )
+    bake_id: StringProperty(
+        name="Bake ID",
+        description="ID of the scene in the bake records of objects, which several scenes may share",
+        options={"HIDDEN"},
+    )
     active_lightmap: IntProperty(
         name="Active Lightmap", description="Number of the chosen entry of the list", options={"HIDDEN"}
     )
@@ -190,59 +195,14 @@ class HemibakeSlotProperties(bpy.types.PropertyGroup):
     )
 
 
-def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
-    """Return the names of all lightmaps to suggest; Blender filters them by the text."""
-    listed = [entry.name for entry in context.scene.hemibake.lightmaps if not entry.companion_of]
-    return [*listed, *unlisted(context.scene)]
+class _BakeRecord:
+    """Properties that a bake writes on an object, for one scene; see `scene.bake_records`."""
 
-
-class HemibakeObjectProperties(bpy.types.PropertyGroup):
-    """Settings of an object for bakes, and data of its last bake."""
-
-    role: EnumProperty(
-        name="Role",
-        description="Choose what a bake does with the object",
-        translation_context=CONTEXT,
-        items=[
-            ("BAKED", "Baked", "Gets a lightmap"),
-            ("NO_LIGHTMAP", "No Lightmap", "Blocks, reflects and emits light, but gets no lightmap"),
-            ("IGNORED", "Ignored", "Has no effect on the bake"),
-        ],
-        default="BAKED",
-        override=_OVERRIDABLE,
-    )
-    atlas: StringProperty(
-        name="Lightmap",
-        description="Name of the object's lightmap; objects with the same name share it",
-        search=_known_atlases,
-        search_options={"SUGGESTION"},
-        default="Lightmap",
-        override=_OVERRIDABLE,
-    )
-    own_uv_layer: StringProperty(
-        name="UV Layer",
-        description="UV layer of lightmap UVs of this object; empty uses the scene's",
-        search=_layers_of_object,
-        override=_OVERRIDABLE,
-    )
-    lightmap_scale: FloatProperty(
-        name="Scale in Lightmap",
-        description="Multiply the texel density of the object in its lightmap. Unwrap or repack to apply",
-        default=1.0,
-        min=0.001,
-        soft_min=0.1,
-        soft_max=10.0,
-        override=_OVERRIDABLE,
-    )
-    cut_along_walls: BoolProperty(
-        name="Cut Along Walls",
-        description="End new charts at edges along walls of other objects, so that light does not leak",
-        override=_OVERRIDABLE,
-    )
-    generated_uvs: StringProperty(
-        name="Generated UVs",
-        description="Digest of the lightmap UVs that Hemibake made; edited UVs differ from it",
+    scene_id: StringProperty(
+        name="Scene ID",
+        description="ID of the scene that was baked; empty before a bake",
         options={"HIDDEN"},
+        override=_OVERRIDABLE,
     )
     image: PointerProperty(
         type=bpy.types.Image,
@@ -296,6 +256,71 @@ class HemibakeObjectProperties(bpy.types.PropertyGroup):
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
+
+
+class HemibakeBakeRecord(_BakeRecord, bpy.types.PropertyGroup):
+    """Record of the last bake of an object in one of several scenes."""
+
+
+def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
+    """Return the names of all lightmaps to suggest; Blender filters them by the text."""
+    listed = [entry.name for entry in context.scene.hemibake.lightmaps if not entry.companion_of]
+    return [*listed, *unlisted(context.scene)]
+
+
+class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
+    """Settings of an object for bakes, and data of its last bake."""
+
+    role: EnumProperty(
+        name="Role",
+        description="Choose what a bake does with the object",
+        translation_context=CONTEXT,
+        items=[
+            ("BAKED", "Baked", "Gets a lightmap"),
+            ("NO_LIGHTMAP", "No Lightmap", "Blocks, reflects and emits light, but gets no lightmap"),
+            ("IGNORED", "Ignored", "Has no effect on the bake"),
+        ],
+        default="BAKED",
+        override=_OVERRIDABLE,
+    )
+    atlas: StringProperty(
+        name="Lightmap",
+        description="Name of the object's lightmap; objects with the same name share it",
+        search=_known_atlases,
+        search_options={"SUGGESTION"},
+        default="Lightmap",
+        override=_OVERRIDABLE,
+    )
+    own_uv_layer: StringProperty(
+        name="UV Layer",
+        description="UV layer of lightmap UVs of this object; empty uses the scene's",
+        search=_layers_of_object,
+        override=_OVERRIDABLE,
+    )
+    lightmap_scale: FloatProperty(
+        name="Scale in Lightmap",
+        description="Multiply the texel density of the object in its lightmap. Unwrap or repack to apply",
+        default=1.0,
+        min=0.001,
+        soft_min=0.1,
+        soft_max=10.0,
+        override=_OVERRIDABLE,
+    )
+    cut_along_walls: BoolProperty(
+        name="Cut Along Walls",
+        description="End new charts at edges along walls of other objects, so that light does not leak",
+        override=_OVERRIDABLE,
+    )
+    generated_uvs: StringProperty(
+        name="Generated UVs",
+        description="Digest of the lightmap UVs that Hemibake made; edited UVs differ from it",
+        options={"HIDDEN"},
+    )
+    other_bakes: CollectionProperty(
+        type=HemibakeBakeRecord,
+        description="Records of bakes in other scenes",
+        override=_INSERTABLE,
+    )
     slots: CollectionProperty(
         type=HemibakeSlotProperties,
         description="Material slots before the lightmap was shown, else empty",
@@ -312,6 +337,7 @@ CLASSES = (
     HemibakeLightmapProperties,
     HemibakeSceneProperties,
     HemibakeSlotProperties,
+    HemibakeBakeRecord,
     HemibakeObjectProperties,
 )
 

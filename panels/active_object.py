@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators.scene.bake_records import bake_record
 from .sidebar import SubPanel, split_properties
 
 #: Types of objects that a bake reads as geometry, and of those that make instances.
@@ -28,8 +29,9 @@ class HEMIBAKE_PT_object(SubPanel, bpy.types.Panel):
             _draw_role(layout, obj, context.scene)
         if _may_have_group(obj, context.scene):
             layout.prop_search(obj, "lightgroup", context.view_layer, "lightgroups", text="Light Group")
-        if obj.hemibake.image is not None:
-            layout.label(text=f"Baked into '{obj.hemibake.image.name}'", icon="IMAGE_DATA")
+        image = bake_record(obj, context.scene).image
+        if image is not None:
+            layout.label(text=f"Baked into '{image.name}'", icon="IMAGE_DATA")
 
 
 def _may_have_group(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:

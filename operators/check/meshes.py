@@ -14,6 +14,7 @@ from ..lookup import find_all
 from ..result.instance_uv_table import baked_instances
 from ..result.moved_charts import has_moved_charts
 from ..scene import SceneContext
+from ..scene.bake_records import bake_record
 from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.objects.meshes import read_array, read_positions, read_topology, read_uvs
 from ..scene.objects.render_differences import Geometry, uses_render
@@ -96,7 +97,7 @@ def read_meshes(
     geometry = Geometry(context.scene)
 
     def read(obj: bpy.types.Object, evaluation: Evaluation) -> CheckedMesh | None:
-        return _read(obj, evaluation, uv_layer, several, instanced, geometry)
+        return _read(obj, evaluation, context.scene, several, instanced, geometry)
 
     if uses_render(context):
         # All at once, since each evaluation as in a render takes long.
@@ -124,7 +125,7 @@ def read_meshes(
 def _read(
     obj: bpy.types.Object,
     evaluation: Evaluation,
-    uv_layer: str,
+    scene: bpy.types.Scene,
     several: set[int],
     instanced: set[str],
     geometry: Geometry,
@@ -133,7 +134,8 @@ def _read(
 
     instanced: names of the objects whose instances have a lightmap
     """
-    is_lit = obj.hemibake.image is not None or obj.name in instanced
+    uv_layer = scene.hemibake.uv_layer
+    is_lit = bake_record(obj, scene).image is not None or obj.name in instanced
     layer, keeper = lightmap_layer(obj, uv_layer), uv_modifier(obj, uv_layer)
     with evaluated_mesh(obj, evaluation) as mesh:
         if mesh is None or not len(mesh.polygons):
@@ -152,7 +154,7 @@ def _read(
             copies=changed and not obj.data.is_editmode and keeper is None,
             outdated=outdated,
             unlike=keeper is not None and not outdated and geometry.differs(obj),
-            moved=is_lit and has_moved_charts(obj, mesh, uv_layer),
+            moved=is_lit and has_moved_charts(obj, mesh, scene),
             matrix=np.array(obj.matrix_world, np.float64),
             scale=obj.hemibake.lightmap_scale,
             positions=read_positions(mesh),

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ..result.instance_uv_table import baked_instances, instance_image
+from ..scene.bake_records import bake_record
 from ..scene.objects.items import SceneItem, scene_items
 from ..scene.objects.visible import visible_objects
 from ..scene.uvs.lightmap_layer import lightmap_layer
@@ -105,13 +106,13 @@ def _read(context: bpy.types.Context) -> Iterator[ExportItem]:
         if item.source.type == "MESH":
             entry = baked.get((item.instancer, item.source.name, item.persistent_id))
             instancer = None if item.instancer is None else item.instancer.name
-            place = _own_place(item.source) if instancer is None else _place(item, entry, scene)
+            place = _own_place(item.source, scene) if instancer is None else _place(item, entry, scene)
             mesh, number = item.object.data.name, item.persistent_id
             yield ExportItem(item.source, mesh, item.matrix, instancer, number, place)
 
 
-def _own_place(obj: bpy.types.Object) -> GltfUvTransform | None:
-    known = obj.hemibake
+def _own_place(obj: bpy.types.Object, scene: bpy.types.Scene) -> GltfUvTransform | None:
+    known = bake_record(obj, scene)
     if known.image is None:
         return None
     return GltfUvTransform(known.image, known.uv_layer, known.uv_scale, tuple(known.uv_offset))
@@ -122,5 +123,5 @@ def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> GltfU
     image = entry and instance_image(scene, entry)
     if not image:
         return None
-    layer = item.source.hemibake.uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)
+    layer = bake_record(item.source, scene).uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)
     return GltfUvTransform(image, layer, entry["scale"], tuple(entry["offset"]))

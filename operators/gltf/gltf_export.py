@@ -78,7 +78,7 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
     notes = [_missing(image, surfaces) for image in missing]
     lit = dict.fromkeys(surface.source for surface in surfaces.all if surface.place is not None)
     where, uv_layer = SceneContext(context), context.scene.hemibake.uv_layer
-    notes += warn_changed_uvs(lit, where, uv_layer)
+    notes += warn_changed_uvs(lit, where)
     notes += note_other_meshes(where, surfaces.all, uv_layer)
     if not usable:
         raise EngineError("\n".join(notes) or _NOTHING_BAKED)

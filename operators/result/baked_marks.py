@@ -12,6 +12,7 @@ from ...engine.postprocess.outputs import DOMINANT_DIRECTION
 from ...engine.scene.light_groups import light_group_names
 from ...engine.settings import Settings
 from ..scene import ReadScene
+from ..scene.bake_records import claim_bake_id, writable_record
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import directional_kind
 from .preserved_texels import PreservedTexels
@@ -40,13 +41,18 @@ def mark_lightmaps(
 
 
 def mark_objects(
-    read: ReadScene, images: Sequence[bpy.types.Image], uv_layer: str, lost: Mapping[int, str]
+    scene: bpy.types.Scene,
+    read: ReadScene,
+    images: Sequence[bpy.types.Image],
+    uv_layer: str,
+    lost: Mapping[int, str],
 ) -> None:
     """Write on each baked object which image, of the first output, and which UV layer and UVs belong to it.
 
     images  atlas after atlas, of the first output first
     lost    session uids and names of objects without lightmap UVs, which stay as they are
     """
+    claim_bake_id(scene)
     image_of = dict(zip(read.scene.atlases, images, strict=False))
     editable = {obj.session_uid: obj for obj in bpy.data.objects if obj.is_editable}
     instances: dict[int, list[dict]] = {}
@@ -56,14 +62,14 @@ def mark_objects(
             known = {"object": name, "persistent_id": number, **where}
             instances.setdefault(uid, []).append({**known, "scale": place.scale, "offset": place.offset})
     for uid, entries in instances.items():
-        editable[uid].hemibake.instances = json.dumps(entries)
+        writable_record(editable[uid], scene).instances = json.dumps(entries)
     for uid, place in read.objects:
         if uid in editable and uid not in lost:
-            properties = editable[uid].hemibake
+            properties = writable_record(editable[uid], scene)
             properties.image = image_of[place.atlas]
             properties.uv_layer = lightmap_layer(editable[uid], uv_layer)
             properties.uv_scale, properties.uv_offset = place.scale, place.offset
     for uid, fingerprint in read.fingerprints.items():
         if uid in editable and uid not in lost:
-            editable[uid].hemibake.fingerprint = fingerprint
-            editable[uid].hemibake.baked_uvs = read.uv_digests.get(uid, "")
+            record = writable_record(editable[uid], scene)
+            record.fingerprint, record.baked_uvs = fingerprint, read.uv_digests.get(uid, "")

@@ -11,6 +11,7 @@ from ...engine.postprocess.outputs import DECODING, output_names
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene
+from ..scene.bake_records import Record, bake_record
 from ..scene.uv_transform import UvTransform
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .file_names import names_by_template
@@ -18,12 +19,12 @@ from .preserved_texels import PreservedTexels
 
 
 def lightmap_contents(
-    read: ReadScene, settings: Settings, uv_layer: str, kept: PreservedTexels
+    scene: bpy.types.Scene, read: ReadScene, settings: Settings, uv_layer: str, kept: PreservedTexels
 ) -> list[dict]:
     """Return "atlas", "output" and "objects" of each lightmap, output after output as they are baked."""
     objects = _objects_by_atlas(read, uv_layer)
     for atlas, obj in kept.objects():
-        objects.setdefault(atlas, []).append({**named(obj), **_as_before(obj)})
+        objects.setdefault(atlas, []).append({**named(obj), **_as_before(bake_record(obj, scene))})
     return [
         {"atlas": atlas, "output": output, **decoding(output), "objects": objects.get(atlas, [])}
         for output in output_names(read.scene, settings)
@@ -87,9 +88,8 @@ def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
     return found
 
 
-def _as_before(obj: bpy.types.Object) -> dict:
+def _as_before(known: Record) -> dict:
     """Return where the last bake of an object has put its charts, JSON-ready."""
-    known = obj.hemibake
     return {
         "uv_layer": known.uv_layer,
         "scale": float(known.uv_scale),

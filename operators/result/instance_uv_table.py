@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..scene.bake_records import bake_record
 from ..scene.objects.items import name_hash
 
 #: Width of a table, texels, and the most slots of a bucket: numbers have 24 bits.
@@ -51,8 +52,8 @@ def baked_instances(scene: bpy.types.Scene) -> dict[tuple[bpy.types.Object, str,
     return {
         (obj, entry["object"], tuple(entry["persistent_id"])): entry
         for obj in scene.objects
-        if obj.hemibake.instances
-        for entry in json.loads(obj.hemibake.instances)
+        if (known := bake_record(obj, scene).instances)
+        for entry in json.loads(known)
     }
 
 
@@ -73,7 +74,7 @@ def instance_places(
             place = InstanceUvTransform(bits, image, entry["scale"], tuple(entry["offset"]))
             places.setdefault(source, []).append(place)
     for source, others in places.items():
-        own = source.hemibake
+        own = bake_record(source, scene)
         if own.image is not None:
             place = InstanceUvTransform(name_hash(source.name), own.image, own.uv_scale, tuple(own.uv_offset))
             others.append(place)

@@ -12,6 +12,7 @@ from ...engine.object_message import object_message
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene, SceneContext
+from ..scene.bake_records import Record, bake_record
 from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.uvs.lightmap_layer import layer_triangles
 from ..scene.uvs.uv_faults import covered_texels, is_finite, is_inside
@@ -71,10 +72,11 @@ class PreservedTexels:
         image, baked = self._image(atlas), {uid for uid, _ in self._read.objects}
         if image is None:
             return []
+        scene = self._context.scene
         others = [
             obj
-            for obj in self._context.scene.objects
-            if obj.type == "MESH" and obj.hemibake.image == image and obj.session_uid not in baked
+            for obj in scene.objects
+            if obj.type == "MESH" and bake_record(obj, scene).image == image and obj.session_uid not in baked
         ]
         if others and tuple(image.size) != (self._settings.resolution,) * 2:
             sentence = (
@@ -91,7 +93,12 @@ class PreservedTexels:
         for mesh in self._read.scene.meshes:
             if mesh.atlas == atlas:
                 _claim(owner, mesh.uvs, _BAKED)
-        for uvs in evaluate(self._context, lambda each: [_lightmap_uvs(obj, each) for obj in others], others):
+        records = [(obj, bake_record(obj, self._context.scene)) for obj in others]
+
+        def read(evaluation: Evaluation) -> list[np.ndarray | None]:
+            return [_lightmap_uvs(obj, record, evaluation) for obj, record in records]
+
+        for uvs in evaluate(self._context, read, others):
             if uvs is not None:
                 _claim(owner, uvs, _KEPT)
 
@@ -101,9 +108,8 @@ class PreservedTexels:
         return owner == _KEPT
 
 
-def _lightmap_uvs(obj: bpy.types.Object, evaluation: Evaluation) -> np.ndarray | None:
+def _lightmap_uvs(obj: bpy.types.Object, known: Record, evaluation: Evaluation) -> np.ndarray | None:
     """Return the UVs of an object's triangles in its lightmap, (t, 3, 2); None without usable ones."""
-    known = obj.hemibake
     with evaluated_mesh(obj, evaluation) as mesh:
         shown = mesh if mesh is not None else obj.data
         if known.uv_layer not in shown.uv_layers:

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..original_slots import is_filled, own_slots
+from ..scene.bake_records import bake_record
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .directional_images import images_beside
@@ -53,7 +54,7 @@ def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tupl
     Returns how many objects do, and sentences for the user.
     """
     instances = instance_places(scene, depsgraph)
-    baked = [obj for obj in scene.objects if obj.type == "MESH" and obj.hemibake.image is not None]
+    baked = [obj for obj in scene.objects if obj.type == "MESH" and bake_record(obj, scene).image]
     made: dict[tuple[bpy.types.Material | None, ShownLightmap], bpy.types.Material] = {}
     shown, notes = 0, []
     for obj in dict.fromkeys([*baked, *instances]):
@@ -95,6 +96,20 @@ def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Non
     if shown:
         show_preview(scene, depsgraph)
     hide_preview([obj for obj in shown if not has_preview(obj)])
+
+
+def switch_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Let objects that show the lightmaps of another scene show those of this one; return True if any did.
+
+    Objects without a lightmap in this scene show their own materials until a scene with one is shown.
+    """
+    shown = list(previewed(scene))
+    for obj in shown:
+        _give_back(obj)
+    remove_unused_previews()
+    if shown:
+        show_preview(scene, depsgraph)
+    return bool(shown)
 
 
 def set_preview_aside(scene: bpy.types.Scene) -> None:
@@ -181,7 +196,7 @@ def _shown_lightmap(
     obj: bpy.types.Object, instances: list[InstanceUvTransform] | None, scene: bpy.types.Scene
 ) -> ShownLightmap:
     """Return where the light of an object, or of all its instances, is; the layer where it was not baked."""
-    own = obj.hemibake
+    own = bake_record(obj, scene)
     if instances is None:
         place = own.uv_layer, own.uv_scale, tuple(own.uv_offset)
         return _with_groups(ShownLightmap((own.image,), images_beside(scene, [own.image]), *place), scene)

@@ -15,6 +15,7 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.scene.model import NO_LIGHTMAP
 from ..lookup import find
+from .bake_records import Record, bake_record
 from .fingerprints import own_part
 from .objects.instancing import instance_pairs, visible_meshes
 from .read import Entry, ReadScene
@@ -48,24 +49,24 @@ def target_uids(context: SceneContext, target: str) -> set[int]:
     return meshes & (selected | shown)
 
 
-def changed_uids(read: ReadScene, uids: set[int]) -> set[int]:
+def changed_uids(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> set[int]:
     """Return which objects, by session uid, are other than when they were baked, or have never been.
 
     They are, too, once anything else shines in another way.
     """
-    return _differing(read, uids, lambda fingerprint: fingerprint)
+    return _differing(read, uids, scene, lambda fingerprint: fingerprint)
 
 
-def changed_themselves(read: ReadScene, uids: set[int]) -> set[int]:
+def changed_themselves(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> set[int]:
     """Return which objects, by session uid, have changed themselves, or have never been baked."""
-    return _differing(read, uids, own_part)
+    return _differing(read, uids, scene, own_part)
 
 
-def _differing(read: ReadScene, uids: set[int], part: Callable[[str], str]) -> set[int]:
+def _differing(
+    read: ReadScene, uids: set[int], scene: bpy.types.Scene, part: Callable[[str], str]
+) -> set[int]:
     """Return the objects of which a part of the fingerprint is not that of their last bake."""
-    known = {
-        obj.session_uid: obj.hemibake.fingerprint for obj in bpy.data.objects if obj.hemibake.fingerprint
-    }
+    known = {obj.session_uid: bake_record(obj, scene).fingerprint for obj in bpy.data.objects}
     return {
         uid
         for uid, digest in read.fingerprints.items()
@@ -119,11 +120,12 @@ def _is_kept(entry: Entry, scene: bpy.types.Scene) -> bool:
     if len(entry) != 2 or obj is None:
         return False
     known = scene.hemibake.lightmaps.get(place.atlas)
-    if known is None or known.image is None or obj.hemibake.image != known.image:
+    record = bake_record(obj, scene)
+    if known is None or known.image is None or record.image != known.image:
         return True
-    return _same_place(place, obj)
+    return _same_place(place, record)
 
 
-def _same_place(place: UvTransform, obj: bpy.types.Object) -> bool:
-    before = (obj.hemibake.uv_scale, *obj.hemibake.uv_offset)
+def _same_place(place: UvTransform, record: Record) -> bool:
+    before = (record.uv_scale, *record.uv_offset)
     return bool(np.allclose(before, (place.scale, *place.offset), rtol=0, atol=1e-5))

@@ -29,7 +29,7 @@ ORDERS = {
         "read_stages", "fingerprints", "invalid_values", "world_mesh", "uv_layout", "overlap_layout",
         "uv_transform", "skyline_packing",
         "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context",
-        "slice_timer", "units",
+        "slice_timer", "units", "bake_records",
     ],
 }  # fmt: skip
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...lookup import find
 from ...rollback import Rollback
+from ..bake_records import forget_bakes
 from ..objects.meshes import read_array, read_corner_vertices
 from .lightmap_layer import lightmap_layer
 from .uv_node_group import NAME, is_uv_group, new_uv_group, stores_layer, topology_of
@@ -84,8 +85,7 @@ def remove_uv_modifiers(obj: bpy.types.Object) -> None:
         return
     for modifier in modifiers:
         obj.modifiers.remove(modifier)
-    for name in ("image", "uv_layer", "uv_scale", "uv_offset", "baked_uvs", "fingerprint"):
-        obj.hemibake.property_unset(name)
+    forget_bakes(obj)
 
 
 def _attach(obj: bpy.types.Object, group: bpy.types.NodeTree) -> None:

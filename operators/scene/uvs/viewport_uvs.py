@@ -10,6 +10,7 @@ import numpy as np
 
 from ...lookup import find
 from ...rollback import Rollback
+from ..bake_records import bake_record
 from ..objects.evaluation import Evaluation, evaluate
 from ..objects.render_differences import uses_render
 from ..scene_context import SceneContext
@@ -49,17 +50,19 @@ def read_pairs(context: SceneContext, objects: Sequence[bpy.types.Object], uv_la
 
     Objects without faces in one of them are left out, and those in modes that leave modifiers out.
     """
-    present = [obj for obj in objects if obj.mode == "OBJECT"]
-    shown = _read(Evaluation(context.evaluated_depsgraph_get()), present, uv_layer)
-    baked = evaluate(context, lambda evaluation: _read(evaluation, present, uv_layer))
+    scene, present = context.scene, [obj for obj in objects if obj.mode == "OBJECT"]
+    shown = _read(Evaluation(context.evaluated_depsgraph_get()), present, scene, uv_layer)
+    baked = evaluate(context, lambda evaluation: _read(evaluation, present, scene, uv_layer))
     return {uid: (baked[uid], shown[uid]) for uid in baked if uid in shown and baked[uid].uvs is not None}
 
 
-def _read(evaluation: Evaluation, objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, UvMesh]:
+def _read(
+    evaluation: Evaluation, objects: Sequence[bpy.types.Object], scene: bpy.types.Scene, uv_layer: str
+) -> dict[int, UvMesh]:
     """Return the meshes of objects that have faces, by session uid."""
     meshes = {}
     for obj in objects:
-        layer = obj.hemibake.uv_layer or lightmap_layer(obj, uv_layer)
+        layer = bake_record(obj, scene).uv_layer or lightmap_layer(obj, uv_layer)
         with evaluated_mesh(obj, evaluation) as mesh:
             if mesh is not None and len(mesh.polygons):
                 meshes[obj.session_uid] = read_uv_mesh(mesh, layer)

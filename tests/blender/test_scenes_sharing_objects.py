@@ -1,0 +1,179 @@
+"""Scenes that share objects keep lightmaps of their own, and the preview follows the scene of the window."""
+
+import numpy as np
+import pytest
+
+from tests.blender.things import material, part, pixels, square
+
+
+def sun(scene, strength):
+    import bpy
+
+    light = bpy.data.lights.new(f"Sun {scene.name}", "SUN")
+    light.energy = strength
+    scene.collection.objects.link(bpy.data.objects.new(light.name, light))
+
+
+def show_scene(scene):
+    import bpy
+
+    bpy.context.window.scene = scene
+    scene.objects["Floor"].location = scene.objects["Floor"].location
+    bpy.context.view_layer.update()
+
+
+def bake(scene):
+    import bpy
+
+    bpy.context.window.scene = scene
+    settings = scene.hemibake
+    settings.resolution, settings.samples, settings.target = 16, 16, "ALL"
+    bpy.ops.hemibake.bake()
+
+
+def light_shown(obj):
+    """Return the mean light of the image that an object's preview material shows; None without one."""
+    (slot,) = obj.material_slots
+    tree = slot.material.node_tree
+    images = [node.image for node in tree.nodes if node.type == "TEX_IMAGE"]
+    return shown_mean(images[0]) if images else None
+
+
+def image_of(scene):
+    """Return the lightmap of a scene."""
+    return scene.hemibake.lightmaps["Lightmap"].image
+
+
+def shown_mean(image):
+    texels = pixels(image)[..., 0]
+    return float(texels[texels > 0].mean())
+
+
+@pytest.fixture
+def scenes():
+    """Return two scenes that share a floor, and the floor: suns of pi and 3 pi give light of 1 and 3."""
+    import bpy
+
+    first, second = bpy.context.scene, bpy.data.scenes.new("Evening")
+    floor = square("Floor", surface=material("Grey"))
+    lone = square("Lone", surface=material("Lone"))
+    lone.location.x = 40
+    second.collection.objects.link(floor)
+    sun(first, np.pi)
+    sun(second, 3 * np.pi)
+    return first, second, floor
+
+
+def test_preview_follows_the_scene_of_the_window(scenes):
+    import bpy
+
+    first, second, floor = scenes
+    bake(first)
+    bake(second)
+    bpy.context.window.scene = first
+    bpy.ops.hemibake.preview()
+    assert light_shown(floor) == pytest.approx(1, rel=0.02)
+    show_scene(second)
+    assert light_shown(floor) == pytest.approx(3, rel=0.02)
+    show_scene(first)
+    assert light_shown(floor) == pytest.approx(1, rel=0.02)
+    bpy.ops.hemibake.preview()
+    assert floor.material_slots[0].material == bpy.data.materials["Grey"]
+
+
+def test_scene_without_a_bake_shows_materials_until_it_is_left(scenes):
+    import bpy
+
+    first, second, floor = scenes
+    bake(first)
+    bpy.ops.hemibake.preview()
+    show_scene(second)
+    second.hemibake.show_when_done = False
+    assert floor.material_slots[0].material == bpy.data.materials["Grey"]
+    bake(second)
+    show_scene(first)
+    assert light_shown(floor) == pytest.approx(1, rel=0.02)
+
+
+def test_scenes_keep_what_they_know_of_an_object(scenes):
+    first, second, floor = scenes
+    records = part("operators.scene.bake_records")
+    bake(first)
+    assert records.bake_record(floor, second).image is None
+    bake(second)
+    images = [records.bake_record(floor, scene).image for scene in (first, second)]
+    assert images == [image_of(first), image_of(second)]
+    assert images[0] != images[1]
+    first.name = "Noon"
+    assert records.bake_record(floor, first).image == images[0]
+
+
+def test_changed_objects_are_those_of_the_scene(scenes):
+    import bpy
+
+    first, second, _ = scenes
+    bake(first)
+    bake(second)
+    bpy.context.window.scene, first.hemibake.target = first, "CHANGED"
+    with pytest.raises(RuntimeError, match="Nothing has changed"):
+        bpy.ops.hemibake.bake()
+
+
+def test_export_takes_lightmaps_of_the_active_scene(scenes, tmp_path):
+    import bpy
+
+    first, second, _ = scenes
+    bake(first)
+    bake(second)
+    for scene, light in ((first, 1), (second, 3)):
+        show_scene(scene)
+        path = tmp_path / f"{light}.glb"
+        bpy.ops.hemibake.export_for_engine(filepath=str(path))
+        (name,) = {item.name for item in tmp_path.iterdir()} & {f"{light}.{image_of(scene).name}.exr"}
+        loaded = bpy.data.images.load(str(tmp_path / name))
+        assert shown_mean(loaded) == pytest.approx(light, rel=0.02)
+
+
+def test_copy_of_a_scene_shows_its_lightmaps_until_it_is_baked(scenes):
+    first, _, floor = scenes
+    records = part("operators.scene.bake_records")
+    bake(first)
+    copy = first.copy()
+    image = records.bake_record(floor, first).image
+    assert image is not None and records.bake_record(floor, copy).image == image
+    sun(copy, 4 * np.pi)
+    bake(copy)
+    assert records.bake_record(floor, first).image == image
+    assert shown_mean(image) == pytest.approx(1, rel=0.02)
+    assert shown_mean(records.bake_record(floor, copy).image) == pytest.approx(5, rel=0.02)
+    lone = first.objects["Lone"]
+    assert records.bake_record(lone, first).image == image
+
+
+def test_records_of_a_deleted_scene_are_removed(scenes):
+    import bpy
+
+    first, second, floor = scenes
+    bake(first)
+    bake(second)
+    assert len(floor.hemibake.other_bakes) == 1
+    bpy.data.scenes.remove(second)
+    bake(first)
+    assert not floor.hemibake.other_bakes
+
+
+def test_an_appended_object_brings_its_lightmap_and_no_scene(scenes, tmp_path):
+    import bpy
+
+    first, second, _ = scenes
+    bake(first)
+    bake(second)
+    path = str(tmp_path / "scenes.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(path) as (_, into):
+        into.objects = ["Floor"]
+    (appended,) = into.objects
+    bpy.context.scene.collection.objects.link(appended)
+    record = part("operators.scene.bake_records").bake_record(appended, bpy.context.scene)
+    assert len(bpy.data.scenes) == 1 and shown_mean(record.image) == pytest.approx(1, rel=0.02)

@@ -15,6 +15,7 @@ import numpy as np
 
 from .bake_result import BakeResult, Report
 from .bake_state import BakeState, Inspect, ignore
+from .device.cl_device import ComputeDevice
 from .device.device_array import Values
 from .device.devices import Devices
 from .direct.contact import Contacts
@@ -67,6 +68,8 @@ def bake(
     ship     sends the scene to other processes; None to use only the given devices
     inspect  called with the intermediate results before they are released
     """
+    # A device that is used for the first time builds the kernels of direct light, and the others after it.
+    yield from stages.prepare(devices.compute, early=True)
     return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect)))
 
 
@@ -121,7 +124,7 @@ def _bake(
     lighting = DirectLighting(scene, parts, rays, settings, remote, split, meanwhile)
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)
-    sampled = yield from _direct_light(stages, store, outputs, lighting, last)
+    sampled = yield from _direct_light(stages, store, outputs, lighting, last, compute)
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
     sampled = both_sides(parts.sides, sampled)
 
@@ -183,8 +186,9 @@ def _direct_light(
     outputs: Outputs,
     lighting: DirectLighting,
     last: PreviousSolution | None,
+    compute: ComputeDevice | None,
 ) -> Generator[Progress, None, np.ndarray]:
-    """Return E/pi of the sampled light, (n, 3) float32, after showing it.
+    """Return E/pi of the sampled light, (n, 3) float32, after showing it and building all other kernels.
 
     last  solution of the last bake on a warm start. Its other light is shown with direct light from few rays
           first, unless direct light is unchanged
@@ -200,6 +204,7 @@ def _direct_light(
     sampled = yield from stages.run(stages.direct, lighting.gather())
     if outputs.begin_with_direct and (last or sampled.any()):
         yield stages.lit(store.display(sampled + last.gathered if last else sampled))
+    yield from stages.prepare(compute, early=False)
     return sampled
 
 

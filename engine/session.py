@@ -19,7 +19,7 @@ from .device.packages import require_packages
 from .errors import DeviceError, DeviceMemoryError, SettingsError
 from .live import Live
 from .plan.stages import BakeStages, Extent
-from .progress import Progress, finished
+from .progress import Progress
 from .resume.checkpoint import Checkpoints
 from .scene.checks import check_scene
 from .scene.model import Scene
@@ -44,6 +44,7 @@ class Session:
         self._devices: Devices | None = None
         self._kept: SessionCache | None = None
         self._paces: dict[str, float] = {}
+        self._is_warming_up = False
 
     def bake(
         self,
@@ -90,12 +91,17 @@ class Session:
         """
         return Live(partial(self._bake_checked, paces=paces), scene, settings)
 
-    def warm_up(self, scene: Scene, settings: Settings) -> None:
-        """Build the programs that bakes with similar settings need, without recording timings."""
-        paces = dict(self._paces)
-        finished(self.bake(scene, settings))
-        self._paces = paces
-        self.forget()
+    def warm_up(self, scene: Scene, settings: Settings) -> Generator[Progress, None, None]:
+        """Bake a scene to build the programs that similar bakes need; closing keeps what was built.
+
+        Its times are not kept for the estimates of other bakes.
+        """
+        paces, self._is_warming_up = dict(self._paces), True
+        try:
+            yield from self.bake(scene, settings)
+        finally:
+            self._paces, self._is_warming_up = paces, False
+            self.forget()
 
     def forget(self) -> None:
         """Release the data of the last bake, but keep the devices."""
@@ -127,7 +133,7 @@ class Session:
                 ship = partial(workers.ship, settings) if workers else None
                 lightmap = yield from bake(devices, scene, settings, stages, kept, ship, inspect or ignore)
         except GeneratorExit:
-            if settings.warm_start:
+            if settings.warm_start or self._is_warming_up:
                 self._keep(devices, kept, settings)
             else:
                 devices.release()
@@ -266,9 +272,9 @@ def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceS
     return survey(opencl_device)
 
 
-def warm_up(scene: Scene, settings: Settings) -> None:
-    """Prepare the process-wide session; see `Session.warm_up`."""
-    _session.warm_up(scene, settings)
+def warm_up(scene: Scene, settings: Settings) -> Generator[Progress, None, None]:
+    """Prepare the session of this process; see `Session.warm_up`."""
+    yield from _session.warm_up(scene, settings)
 
 
 def forget() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from .progress import Progress
 from .scene.model import Light, Material, Mesh, Scene
 from .scene.texture import Texture
 from .self_test import furnace
@@ -14,15 +16,15 @@ from .session import warm_up as bake_and_forget
 from .settings import Settings
 
 #: As most bakes are, but small.
-SMALL: dict[str, Any] = {"resolution": 53, "samples": 64, "hemicube": 16, "intermediates": False}
+SMALL: dict[str, Any] = {"resolution": 53, "samples": 64, "hemicube": 16, "checkpoint_space": 0}
 
 
-def warm_up(settings: dict[str, Any]) -> None:
+def warm_up(settings: dict[str, Any]) -> Generator[Progress, None, None]:
     """Open the devices that settings choose, and build shaders and kernels, in the session of this process.
 
-    settings: values of `Settings` by name
+    settings  values of `Settings` by name
     """
-    bake_and_forget(warm_up_scene(), Settings(**settings | SMALL))
+    yield from bake_and_forget(warm_up_scene(), Settings(**settings | SMALL))
 
 
 def warm_up_scene() -> Scene:

@@ -1,4 +1,4 @@
-"""Has the worker ready by the time that somebody bakes: it starts, and builds its kernels, beforehand."""
+"""Starts the worker before the first bake: it builds its kernels while the user sets up the scene."""
 
 from __future__ import annotations
 
@@ -8,16 +8,24 @@ import bpy
 
 from ..engine.errors import EngineError
 from .bake_settings import machine_defaults
+from .window_bake import redraw
 from .worker_manager import owner
 
-#: The panel is shown so long before the worker starts, s: drawing does not wait for it.
+#: Time from the first drawing of the panel to the start of the worker, s: drawing does not wait for it.
 _DELAY = 0.5
+
+#: Time between two looks at what the worker reports, s.
+_INTERVAL = 0.2
 
 
 def warm_up() -> None:
-    """Start the worker if none is alive; what goes wrong is told by the bake that comes."""
+    """Start the worker if none is alive; the next bake reports errors."""
+    if owner.warm:
+        return
     with suppress(EngineError):
         owner.warm_up(machine_defaults())
+        if not bpy.app.background and not bpy.app.timers.is_registered(_follow):
+            bpy.app.timers.register(_follow, first_interval=_INTERVAL)
 
 
 def warm_up_soon() -> None:
@@ -26,7 +34,17 @@ def warm_up_soon() -> None:
         bpy.app.timers.register(warm_up, first_interval=_DELAY)
 
 
+def _follow() -> float | None:
+    """Show how far the worker is; return the time until the next call, s, None once it is ready."""
+    before = owner.preparation
+    goes_on = owner.poll_preparation()
+    if owner.preparation != before:
+        redraw(bpy.context.window_manager, {"UI"})
+    return _INTERVAL if goes_on else None
+
+
 def unbind() -> None:
-    """Start nothing any more."""
-    if bpy.app.timers.is_registered(warm_up):
-        bpy.app.timers.unregister(warm_up)
+    """Unregister the timers."""
+    for timer in (warm_up, _follow):
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)

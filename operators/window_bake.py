@@ -63,7 +63,7 @@ class WindowBake:
             self._shown = work
             self._tell_status(context)
             self._manager.progress_update(100 * progress.overall)
-            _redraw(self._manager, None if self._has_new_pixels else {"UI"})
+            redraw(self._manager, None if self._has_new_pixels else {"UI"})
             self._redrawn, self._is_drawing, self._has_new_pixels = time.perf_counter(), True, False
 
     def leave(self) -> None:
@@ -73,7 +73,7 @@ class WindowBake:
         self._manager.progress_end()
         workspace = bpy.context.workspace or bpy.data.workspaces[0]
         workspace.status_text_set(None)
-        _redraw(self._manager)
+        redraw(self._manager)
 
     def cancel(self, keep_images: bool = False) -> bool:
         """Give the window back and leave the scene as it was; see `BakeRun.cancel`."""
@@ -115,7 +115,7 @@ def _editor_below(context: bpy.types.Context, event: bpy.types.Event) -> str | N
     return None
 
 
-def _redraw(manager: bpy.types.WindowManager, regions: set[str] | None = None) -> None:
+def redraw(manager: bpy.types.WindowManager, regions: set[str] | None = None) -> None:
     """Redraw editors: to show new pixels, and whether the operator can be started, all of them.
 
     regions: types of the regions of 3D views that are redrawn, None for everything
@@ -123,7 +123,7 @@ def _redraw(manager: bpy.types.WindowManager, regions: set[str] | None = None) -
     for window in manager.windows:
         for area in window.screen.areas:
             if regions is None:
-                area.tag_redraw()
+                area.tagredraw()
             elif area.type == "VIEW_3D":
                 for region in [region for region in area.regions if region.type in regions]:
-                    region.tag_redraw()
+                    region.tagredraw()

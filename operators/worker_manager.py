@@ -14,10 +14,11 @@ import bpy
 
 from ..engine import session
 from ..engine.errors import WorkerError
+from ..engine.plan.stages import PREPARING
+from ..engine.progress import Progress
 from .user_files import read_paces
 
 if TYPE_CHECKING:
-    from ..engine.progress import Progress
     from ..engine.scene.model import Scene
     from ..engine.settings import Settings
     from ..engine.worker.process import Job
@@ -42,12 +43,14 @@ class WorkerManager:
 
     running  the bake that a window follows
     warm     True once the worker was started ahead of a bake; if it dies, bakes start the next one
+    preparation  progress of building kernels ahead of the first bake, None if that is done or not known
     """
 
     def __init__(self) -> None:
         self._worker: Worker | None = None
         self.warm = False
         self.running: RunningBake | None = None
+        self.preparation: Progress | None = None
 
     @property
     def busy(self) -> bool:
@@ -87,7 +90,22 @@ class WorkerManager:
         """Start the worker, and let it build what most bakes need; raises WorkerError if it cannot start."""
         if not (self.warm or self.busy):
             self.warm = True
-            self.worker().call("engine.warm_up:warm_up", asdict(settings))
+            self.worker().prepare("engine.warm_up:warm_up", asdict(settings))
+
+    def poll_preparation(self) -> bool:
+        """Update `preparation` while no bake runs; return False once nothing is left to prepare."""
+        if self._worker is None or self.busy:
+            return self.busy
+        try:
+            report = self._worker.preparation()
+        except WorkerError:
+            report = "", 0.0
+        if report is None:
+            return True
+        stage, seconds = report
+        prepares = stage.startswith(PREPARING)
+        self.preparation = Progress(stage, 0.0, seconds_left=seconds) if prepares else None
+        return bool(stage)
 
     def forget(self) -> None:
         """Free what is kept of the last bake, here and in the worker."""
@@ -104,7 +122,7 @@ class WorkerManager:
         """Cancel the bake that is running, end the worker process, and free the devices of this process."""
         if self.running is not None:
             self.running.cancel()
-        self.warm = False
+        self.warm, self.preparation = False, None
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.stop()

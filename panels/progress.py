@@ -10,6 +10,14 @@ from ..engine.progress import format_seconds_left
 from ..operators.worker_manager import owner
 
 
+def draw_preparation(layout: bpy.types.UILayout) -> None:
+    """Draw how far the worker is with building kernels, if it does so before the first bake."""
+    progress = owner.preparation
+    if progress is not None and owner.running is None:
+        left = format_seconds_left(progress.seconds_left)
+        layout.label(text=", ".join(filter(None, (progress.stage, left))), icon="TIME")
+
+
 def draw_bake_button(layout: bpy.types.UILayout) -> None:
     """Draw the Bake button, or the progress of the running bake with a Cancel button."""
     if owner.running is None:

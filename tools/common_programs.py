@@ -1,8 +1,8 @@
-"""Writes kernels/common_programs.json: the OpenCL programs that the warm-up of a graphics card asks for.
+"""Writes kernels/common_programs.json: the OpenCL programs that the warm-up asks for, on a GPU and on a CPU.
 
     python -m tools.common_programs
 
-Any OpenCL device serves: it is taken for a card.
+Any OpenCL device of a CPU serves: for the first list it is taken for a GPU.
 """
 
 from __future__ import annotations
@@ -11,55 +11,111 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from engine.device.cl_device import ComputeDevice, Source
+from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.device.kernel import Kernel
+from engine.device.opencl import cl
+from engine.device.planned_program import ProgramParts, Source, argument_codes
+from engine.device.side_queue import SideQueue
 from engine.pipeline import bake
-from engine.plan.common_programs import PROGRAMS
+from engine.plan.common_programs import DEVICES, PROGRAMS
 from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
-from engine.progress import finished
 from engine.settings import Settings
 from engine.warm_up import SMALL, warm_up_scene
 
+#: Whether direct light needs the program, parts, options, and launches: name, group, arguments of kernels.
+Recorded = list[Any]
 
-class _Card(ComputeDevice):
-    """A device that is taken for a graphics card, and notes what it is asked for."""
 
-    processor = False
+class _Recorder(ComputeDevice):
+    """Device that records programs, and the first launch of each of their kernels."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[list[str], list[str]]] = []
+        self.early, self.programs = True, dict[ProgramParts, Recorded]()
         super().__init__()
 
     def kernels(self, source: str | Source, *names: str, options: Sequence[str] = ()) -> list[Kernel]:
+        launches = self._launches(source, options)
+        return [
+            _RecordedKernel(kernel, name, launches)
+            for kernel, name in zip(super().kernels(source, *names, options=options), names, strict=True)
+        ]
+
+    def beside(self, source: Source, name: str, options: Sequence[str] = ()) -> SideQueue:
+        launches = self._launches(source, options)
+        _, program = self._program(source, options)
+        kernel = _RecordedKernel(Kernel(program, name, self.device), name, launches)
+        return SideQueue(self._queue_beside, kernel)
+
+    def _launches(self, source: str | Source, options: Sequence[str]) -> list[Any]:
+        """Return the list of launches of a program."""
         parts = (source,) if isinstance(source, str) else source
-        asked = [part if isinstance(part, str) else part.name for part in parts], list(options)
-        if asked not in self.asked:
-            self.asked.append(asked)
-        return super().kernels(source, *names, options=options)
+        named = [part if isinstance(part, str) else part.name for part in parts]
+        program = [self.early, named, list(options), []]
+        launches: list[Any] = self.programs.setdefault((tuple(parts), tuple(options)), program)[3]
+        return launches
 
 
-def recorded() -> list[list[list[str]]]:
-    """Return the parts and the options of each program, in the order in which a warm-up asks for them."""
-    devices, compute = Devices(), _Card()
+class _RecordedKernel(Kernel):
+    """Kernel that adds its launches with new work groups to a list."""
+
+    def __init__(self, kernel: Kernel, name: str, launches: list[Any]) -> None:
+        self.__dict__.update(kernel.__dict__)
+        self._plain, self._name, self._launches = kernel, name, launches
+
+    def __call__(
+        self, queue: cl.CommandQueue, items: tuple[int, ...], group: tuple[int, ...], *arguments: object
+    ) -> cl.Event:
+        launch = [self._name, list(group), list(argument_codes(arguments))]
+        if launch[:2] not in [known[:2] for known in self._launches]:
+            self._launches.append(launch)
+        return self._plain(queue, items, group, *arguments)
+
+    def __hash__(self) -> int:
+        return hash(self._plain)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _RecordedKernel) and self._plain is other._plain
+
+
+class _Card(_Recorder):
+    """The same device, taken for a GPU: it needs no launches, since a GPU's programs are kept as binaries."""
+
+    processor = False
+
+
+def recorded() -> dict[str, list[Recorded]]:
+    """Return the programs of a warm-up in the order of need, by device."""
+    card, processor = (_recorded(kind) for kind in (_Card, _Recorder))
+    return dict(zip(DEVICES, ([[*program[:3], []] for program in card], processor), strict=True))
+
+
+def _recorded(kind: type[_Recorder]) -> list[Recorded]:
+    """Return the programs that a warm-up asks a device for."""
+    devices, compute = Devices(), kind()
     devices.compute, settings, scene = compute, Settings(**SMALL), warm_up_scene()
     stages = BakeStages(Extent.of(scene), settings, {})
     stages.opened(devices.on_card)
     try:
-        finished(bake(devices, scene, settings, stages, SessionCache()))
+        for progress in bake(devices, scene, settings, stages, SessionCache()):
+            compute.early &= progress.intermediate is None
     finally:
         devices.release()
-    return [list(asked) for asked in compute.asked]
+    return list(compute.programs.values())
 
 
 def main() -> None:
     """Write the file."""
-    lines = ",\n".join(json.dumps(program) for program in recorded())
-    PROGRAMS.write_text(f"[\n{lines}\n]\n", encoding="utf-8", newline="\n")
+    lists = [
+        f'"{device}": [\n' + ",\n".join(json.dumps(program) for program in programs) + "\n]"
+        for device, programs in recorded().items()
+    ]
+    PROGRAMS.write_text("{\n" + ",\n".join(lists) + "\n}\n", encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

@@ -8,17 +8,18 @@ from concurrent.futures import Future
 from contextlib import suppress
 from types import TracebackType
 
-from .cl_device import ComputeDevice, ProgramParts
+from .cl_device import ComputeDevice
+from .planned_program import PlannedProgram
 
 
 class AsyncOpen:
     """Opens a device; a context manager, which an error leaves with nothing open.
 
-    open_device: opens it, given the programs that a graphics card begins to build at once
+    open_device: opens it, given the programs that begin to be built at once
     """
 
-    def __init__(self, open_device: Callable[[Iterator[ProgramParts]], ComputeDevice]) -> None:
-        self._ahead, self._compute = Future[Sequence[ProgramParts]](), Future[ComputeDevice]()
+    def __init__(self, open_device: Callable[[Iterator[PlannedProgram]], ComputeDevice]) -> None:
+        self._ahead, self._compute = Future[Sequence[PlannedProgram]](), Future[ComputeDevice]()
         threading.Thread(target=self._open, args=[open_device], name="opening", daemon=True).start()
 
     def __enter__(self) -> AsyncOpen:
@@ -34,7 +35,7 @@ class AsyncOpen:
         with suppress(BaseException):
             self.compute().release()
 
-    def build_ahead(self, programs: Sequence[ProgramParts]) -> None:
+    def build_ahead(self, programs: Sequence[PlannedProgram]) -> None:
         """Tell which programs a card is to build, for which it waits; called once."""
         self._ahead.set_result(programs)
 
@@ -42,12 +43,12 @@ class AsyncOpen:
         """Return the device once it is open; raises what `open_device` raises."""
         return self._compute.result()
 
-    def _open(self, open_device: Callable[[Iterator[ProgramParts]], ComputeDevice]) -> None:
+    def _open(self, open_device: Callable[[Iterator[PlannedProgram]], ComputeDevice]) -> None:
         try:
             self._compute.set_result(open_device(self._programs()))
         except BaseException as error:  # noqa: BLE001 - who asks for the device gets it
             self._compute.set_exception(error)
 
-    def _programs(self) -> Iterator[ProgramParts]:
+    def _programs(self) -> Iterator[PlannedProgram]:
         """Yield what `build_ahead` tells, once it does."""
         yield from self._ahead.result()

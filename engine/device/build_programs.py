@@ -1,15 +1,24 @@
-"""What a process of `Builders` runs: it builds OpenCL programs and writes their binaries to its output.
+"""Script of a process of `Builders`: builds OpenCL programs and writes their binaries to its output.
 
-A script that imports nothing of the engine. Its input is one JSON object: the names of platform and device,
-and of each program name, source and options. Its output has a line with the name and the size of each binary,
-then its bytes.
+It imports nothing of the engine. Its input is one JSON object: the names of platform and device, and of each
+program name, source, options and launches. For each program its output has a line with the name and the size
+of the binary, then its bytes.
+
+A program with launches has no binary: PoCL compiles a kernel when it is launched, for one size of work
+groups, and keeps it in its own files. Each kernel is launched once with zeros in place of its arguments:
+counts of zero leave it nothing to do.
 """
 
 import json
 import os
 import sys
 
+import numpy as np
 import pyopencl as cl
+
+#: Size of the buffer that stands for all buffers of a launch, bytes, and where in it they begin: a kernel may
+#: access the element before the first one where a count is zero.
+_ROOM, _BEGIN = 32 << 20, 1 << 20
 
 
 def main() -> None:
@@ -21,14 +30,49 @@ def main() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     device = _device(request["platform"], request["device"])
     context = cl.Context([device])
-    for name, source, options in request["programs"]:
+    for name, source, options, launches in request["programs"]:
         try:
             program = cl.Program(context, source).build(options, cache_dir=False)
+            _launch(context, program, launches)
         except cl.Error:
             continue
-        (binary,) = program.get_info(cl.program_info.BINARIES)
+        binary = b"" if launches is not None else program.get_info(cl.program_info.BINARIES)[0]
         output.write(f"{name} {len(binary)}\n".encode() + binary)
         output.flush()
+
+    # PoCL's libraries may crash as they are unloaded.
+    os._exit(0)
+
+
+def _launch(context: cl.Context, program: cl.Program, launches: list | None) -> None:
+    """Launch each kernel for one work group, which compiles it; raises cl.Error."""
+    if not launches:
+        return
+    queue = cl.CommandQueue(context)
+    room = cl.Buffer(context, cl.mem_flags.READ_WRITE, _ROOM)
+    zeros = room.get_sub_region(_BEGIN, _ROOM - _BEGIN)
+    for name, group, codes in launches:
+        cl.enqueue_fill_buffer(queue, room, np.int8(0), 0, _ROOM)
+        kernel = cl.Kernel(program, name)
+        kernel.set_arg_types([_type(code) for code in codes])
+        kernel(queue, tuple(group), tuple(group), *(_zero(code, zeros) for code in codes))
+        queue.finish()
+
+
+def _type(code: str) -> np.dtype | None:
+    """Return the type of an argument, None for memory; code: see `planned_program.argument_code`."""
+    if code[0] in "bl":
+        return None
+    return np.dtype((np.void, int(code[1:]))) if code[0] == "v" else np.dtype(code)
+
+
+def _zero(code: str, zeros: cl.Buffer) -> object:
+    """Return an argument of zeros."""
+    if code == "b":
+        return zeros
+    if code[0] == "l":
+        return cl.LocalMemory(int(code[1:]))
+    return np.zeros(int(code[1:]), np.uint8) if code[0] == "v" else np.dtype(code).type(0)
 
 
 def _device(platform: str, name: str) -> cl.Device:

@@ -7,45 +7,92 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from .opencl import cl
+from .planned_program import Launch
 
 #: What runs in each process; a script, so that nothing else is imported there.
 _SCRIPT = Path(__file__).with_name("build_programs.py")
 
-#: Most processes; memory that the device has to have for any, and for each, bytes: they have contexts there.
+#: Most processes; memory that the device must have for any, and for each, bytes: they have contexts there.
 _MOST, _LEAST_ROOM, _ROOM = 6, 4 << 30, 5 << 28
 
-#: A program takes about so long, s, and one of this many characters a second more; that grows by its square.
+#: Seconds that a GPU's driver takes for a program, and the number of characters for which it takes one more
+#: second; that grows by its square. Measured on an H100.
 _EACH, _LONG = 0.2, 60_000
 
-#: A driver that hangs is not waited for any longer, s; nor does a process that was ended keep anybody.
+#: Seconds that PoCL takes for a program, and for each of its kernels. Measured on a core of an EPYC.
+_PARSED, _COMPILED = 0.25, 0.15
+
+#: Weight of the expected pace against the measured one, in expected seconds.
+_PRIOR = 2.0
+
+#: A driver that hangs is not waited for any longer, s; nor is a process that was ended.
 _PATIENCE, _ENDING = 60.0, 2.0
 
-#: Source and options of a program.
-Program = tuple[str, Sequence[str]]
+
+class Program(NamedTuple):
+    """Source and options of a program, and launches of its kernels if PoCL keeps them, else None."""
+
+    source: str
+    options: Sequence[str]
+    launches: Sequence[Launch] | None = None
 
 
 class Builders:
     """Builds programs in processes beside this one, until all are built or `stop`.
 
     device    whose programs they are
-    programs  by name, in the order in which they will be asked for
-    built     called in a thread with the name and the binary of each
+    programs  by name, in the order in which a bake needs them
+    built     called in a thread with name and binary of each; the binary of one with launches is empty
+    pace      measured duration of earlier builds, as a multiple of the expected one
     """
 
     def __init__(
-        self, device: cl.Device, programs: Mapping[str, Program], built: Callable[[str, bytes], None]
+        self,
+        device: cl.Device,
+        programs: Mapping[str, Program],
+        built: Callable[[str, bytes], None],
+        pace: float = 1.0,
     ) -> None:
         self._built, self._binaries = built, dict[str, bytes]()
         self._changed, self._owner = threading.Condition(), dict[str, subprocess.Popen[bytes]]()
         self._processes: list[subprocess.Popen[bytes]] = []
+        self._costs = {name: _cost(program) for name, program in programs.items()}
+        self._start_time, self._pace, self._done = time.perf_counter(), pace, set[str]()
         for share in _shares(programs, _processes(device)):
             with suppress(OSError):
                 self._start(device, {name: programs[name] for name in share})
+
+    @property
+    def names(self) -> set[str]:
+        """Names of the programs that processes build or have built."""
+        with self._changed:
+            return self._done | self._owner.keys()
+
+    @property
+    def pending(self) -> set[str]:
+        """Names of the programs that processes still build."""
+        with self._changed:
+            return self._owner.keys() - self._done
+
+    @property
+    def pace(self) -> float:
+        """Duration of the builds as a multiple of the expected one; at first that of earlier builds."""
+        done = sum(self._costs[name] for name in self.names - self.pending) / max(1, len(self._processes))
+        elapsed = time.perf_counter() - self._start_time
+        return (elapsed + _PRIOR * self._pace) / (done + _PRIOR) if done else self._pace
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds until all programs are built, estimated."""
+        left = sum(self._costs[name] for name in self.pending)
+        return left * self.pace / max(1, len(self._processes))
 
     def binary(self, name: str) -> bytes | None:
         """Return the binary of a program once it is built; None if no process builds it, or it cannot."""
@@ -79,7 +126,7 @@ class Builders:
         self._owner.update(dict.fromkeys(programs, process))
         request = {
             "platform": device.platform.name, "device": device.name,
-            "programs": [[name, source, list(options)] for name, (source, options) in programs.items()],
+            "programs": [[name, *program] for name, program in programs.items()],
         }  # fmt: skip
         arguments = process, json.dumps(request).encode(), list(programs)
         threading.Thread(target=self._follow, args=arguments, name="builders", daemon=True).start()
@@ -97,6 +144,7 @@ class Builders:
                     self._built(name.decode(), binary)
                     with self._changed:
                         self._binaries[name.decode()] = binary
+                        self._done.add(name.decode())
                         self._changed.notify_all()
         process.stdout.close()
         process.wait()
@@ -107,23 +155,39 @@ class Builders:
 
 
 def _processes(device: cl.Device) -> int:
-    """Return how many processes build for a device: none where they would take what it needs itself."""
+    """Return how many processes build for a device: none where they would take memory that a bake needs.
+
+    For a CPU one a core, since this process waits for them; for a GPU one core is left to this process.
+    """
     if device.global_mem_size < _LEAST_ROOM:
         return 0
-    return min(_MOST, device.global_mem_size // _ROOM, (os.cpu_count() or 1) - 1)
+    cores = os.cpu_count() or 1
+    if device.type & cl.device_type.CPU:
+        return min(_MOST, cores)
+    return min(_MOST, device.global_mem_size // _ROOM, cores - 1)
+
+
+def _cost(program: Program) -> float:
+    """Return the seconds that a process is expected to take for a program."""
+    if program.launches is None:
+        return _EACH + (len(program.source) / _LONG) ** 2
+    return _PARSED + _COMPILED * len(program.launches)
 
 
 def _shares(programs: Mapping[str, Program], count: int) -> list[list[str]]:
     """Return the names of the programs of each process, in the order of `programs`.
 
-    The longest are dealt out first, each to whom least has been dealt (Graham 1969).
+    Each is dealt to the process with the least work: the longest first (Graham 1969), but those that PoCL
+    keeps in their order, since a bake waits for the first ones.
     """
     shares: list[list[str]] = [[] for _ in range(count)]
     seconds = [0.0] * count
-    for name in sorted(programs, key=lambda name: -len(programs[name][0])) if count else ():
+    in_order = all(program.launches is not None for program in programs.values())
+    names = list(programs) if in_order else sorted(programs, key=lambda name: -len(programs[name].source))
+    for name in names if count else ():
         least = seconds.index(min(seconds))
         shares[least].append(name)
-        seconds[least] += _EACH + (len(programs[name][0]) / _LONG) ** 2
+        seconds[least] += _cost(programs[name])
     order = list(programs)
     return [sorted(share, key=order.index) for share in shares if share]
 

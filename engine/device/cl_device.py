@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from ..errors import DeviceError
+from .builders import Program
 from .cl_library import start_drivers
-from .device_struct import DeviceStruct
 from .driver_options import set_driver_options
 from .kernel import ITEMS, Kernel, run_on
 from .opencl import cl, load_opencl
-from .program_cache import ProgramCache, build, device_digest
+from .planned_program import PlannedProgram, ProgramParts, Source
+from .program_cache import Preparation, ProgramCache, build, device_digest, program_name
 from .pyopencl_invokers import keep_starters_in_memory
 from .shared_buffers import SharedBuffers
 from .side_queue import SideQueue
@@ -26,12 +27,6 @@ from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
 
 #: Least size of arrays that travel through page-locked memory, bytes.
 _STAGED = 1 << 17
-
-#: Records and main files of kernels/, one after another; files include what they need.
-Source = tuple[str | DeviceStruct, ...]
-
-#: What a program is built of, and its options.
-ProgramParts = tuple[Source, tuple[str, ...]]
 
 #: Has functions of kernels that drivers may lack, as Mesa's do with another's library of them.
 _PROBE = """
@@ -47,7 +42,7 @@ class ComputeDevice:
 
     cache_dir, opencl_device  see `Settings`
     context_of                makes the context of a device
-    ahead                     programs that a graphics card begins to build at once, see `build_ahead`
+    ahead                     programs that begin to be built at once, see `build_ahead`
     shared                    what is uploaded once for several users
     default_sizes             shapes of the groups of the hot kernels on such a device
     work_sizes                the same as kept for this one, which may be others
@@ -60,7 +55,7 @@ class ComputeDevice:
         cache_dir: str | None = None,
         opencl_device: str | None = None,
         context_of: Callable[[cl.Device], cl.Context] = lambda device: cl.Context([device]),
-        ahead: Iterable[ProgramParts] = (),
+        ahead: Iterable[PlannedProgram] = (),
     ) -> None:
         self._context_of = context_of
         keep_starters_in_memory()
@@ -91,7 +86,9 @@ class ComputeDevice:
     def _take(self, device: cl.Device, cache_dir: str | None) -> None:
         """Take a device, which need not have a context yet."""
         self.device, self._begun = device, set[ProgramParts]()
-        self._programs = ProgramCache(device, None if self._is_pocl else cache_dir)
+        folder = None if self._is_pocl and not self.processor else cache_dir
+        self._programs = ProgramCache(device, folder, keeps_itself=self._is_pocl)
+        self._early, self._planned, self._own = set[str](), set[str](), list[ProgramParts]()
         self._prelude = ("pocl_inline.cl",) if self._is_pocl and self.processor else ()
 
     def kept_sizes(self, cache_dir: str | None) -> KeptWorkSizes:
@@ -150,17 +147,42 @@ class ComputeDevice:
     def _queue_beside(self) -> cl.CommandQueue:
         return cl.CommandQueue(self.context)
 
-    def build_ahead(self, programs: Iterable[ProgramParts]) -> None:
-        """Begin to build programs that a graphics card will be asked for by `kernels`; once.
+    def build_ahead(self, programs: Iterable[PlannedProgram]) -> None:
+        """Begin to build the programs of this kind of device in other processes; each once.
 
-        PoCL builds kernels as they start.
+        Binaries of a GPU, and kernels that PoCL keeps for a CPU.
         """
-        if self.processor:
+        if self._is_pocl != self.processor:
             return
-        new = [key for key in programs if key not in self._begun and key not in self._built]
-        self._begun.update(new)
-        if new and not self._is_pocl:
-            self._programs.begin((self._text(parts), options) for parts, options in new)
+        planned = [one for one in programs if one.for_processor == self.processor]
+        new = [one for one in planned if one.key not in self._begun and one.key not in self._built]
+        self._begun.update(one.key for one in new)
+        named = {}
+        for one in new:
+            program = Program(self._text(one.parts), one.options, one.launches if self.processor else None)
+            name = program_name(program.source, program.options)
+            named[name] = program
+            self._planned.add(name)
+            if one.is_early:
+                self._early.add(name)
+        left = self._programs.begin(named.values()) if new else set()
+        self._own += [one.key for one, name in zip(new, named, strict=True) if name in left and one.is_early]
+
+    def build_own(self) -> Iterator[None]:
+        """Build the programs that `build_ahead` left to this process and that direct light needs."""
+        while self._own:
+            self._program(*self._own.pop(0))
+            yield
+
+    def preparation(self, early: bool = False) -> Preparation | None:
+        """Return how far the builds of `build_ahead` are, None once they have ended.
+
+        early: wait only for the programs that direct light needs
+        """
+        left = self._programs.preparation(self._early if early else self._planned)
+        if left is None and not early:
+            self._programs.keep_pace()
+        return left
 
     def release(self) -> None:
         """Build nothing ahead any more."""

@@ -1,38 +1,60 @@
-"""Built OpenCL programs, kept in files: a device builds each source once, whichever process asks for it.
+"""Cache of built OpenCL programs in files: a device builds each source once, for all processes.
 
-PyOpenCL leaves that to NVIDIA's driver, which does it as its own settings say.
+PyOpenCL leaves that to NVIDIA's driver, which does it as its own settings say. PoCL keeps compiled kernels in
+its own files: here an empty file records that a program's kernels were compiled.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
-from .builders import Builders
+from .builders import Builders, Program
 from .opencl import cl
 
 #: Threads that load programs of earlier processes, and the most programs that are kept of a device.
 _THREADS, _MOST = 4, 96
 
-#: So many programs are worth processes of their own, which leave the first ones to this one.
-_MANY, _OWN = 8, 3
+#: Least number of a GPU's programs that is worth other processes, number of the first ones, which are left to
+#: this process, and least number of PoCL's programs.
+_MANY, _OWN, _FEW = 8, 3, 3
 
 #: Bytes of the checksum of a program.
 _CHECKSUM = 16
 
+#: File of the build pace of each device, as a multiple of the expected duration.
+_PACES = "build_paces.json"
 
-class ProgramCache:
-    """The programs of a device; of a context of it once that is given by `open`.
 
-    folder  where programs are kept, in a folder for each device and driver; None keeps none
+class Preparation(NamedTuple):
+    """How far the programs are that other processes build for a device.
+
+    done, total   numbers of programs
+    seconds_left  estimated
     """
 
-    def __init__(self, device: cl.Device, folder: str | None) -> None:
-        self._device = device
+    done: int
+    total: int
+    seconds_left: float
+
+
+class ProgramCache:
+    """Programs of a device; of one context of the device after `open`.
+
+    folder        where programs are kept, in a folder for each device and driver; None keeps none
+    keeps_itself  True for PoCL, whose compiled kernels stay in its own files
+    """
+
+    def __init__(self, device: cl.Device, folder: str | None, keeps_itself: bool = False) -> None:
+        self._device, self._keeps_itself = device, keeps_itself
+        self._paces = None if folder is None else Path(folder) / _PACES
         self._folder = None if folder is None else Path(folder) / device_digest(device)
         self._files, self._loading = _newest(self._folder), dict[str, Future[cl.Program]]()
         self._known, self._builders = {path.name for path in self._files}, list[Builders]()
@@ -43,14 +65,14 @@ class ProgramCache:
         Threads do that at once: building does not hold Python's lock.
         """
         self._context = context
-        if self._files:
+        if self._files and not self._keeps_itself:
             threads = ThreadPoolExecutor(_THREADS, "programs")
             self._loading = {path.name: threads.submit(self._load, path) for path in self._files}
             threads.shutdown(wait=False)
 
     def build(self, source: str, options: Sequence[str] = ()) -> cl.Program:
         """Return a program of some source, ready for kernels; raises cl.Error if it cannot be built."""
-        name = _name(source, options)
+        name = program_name(source, options)
         self._known.add(name)
         if name in self._loading:
             with suppress(cl.Error, OSError):
@@ -63,18 +85,56 @@ class ProgramCache:
             self._store(name, program)
         return program
 
-    def begin(self, programs: Iterable[tuple[str, Sequence[str]]]) -> None:
-        """Begin to build what `build` will be asked for in other processes, where these can keep it.
+    def begin(self, programs: Iterable[Program]) -> set[str]:
+        """Begin to build programs in other processes, which can keep them, before `build` needs them.
 
-        programs: source and options of each, in the order in which they will be asked for. The first ones are
-        left to this process, which would wait for others to start; so are few.
+        programs: in the order of need. A GPU's first ones are left to this process, which would wait for the
+        others to start; so are few. Returns the names of the programs that are left.
         """
-        named = {_name(source, options): (source, options) for source, options in programs}
+        named = {program_name(program.source, program.options): program for program in programs}
         missing = {name: named[name] for name in named if name not in self._known}
         self._known.update(missing)
-        if self._folder is not None and len(missing) >= _MANY:
-            others = dict(list(missing.items())[_OWN:])
-            self._builders.append(Builders(self._device, others, self._keep))
+        if self._folder is None or len(missing) < (_FEW if self._keeps_itself else _MANY):
+            return set() if self._keeps_itself else set(missing)
+        others = missing if self._keeps_itself else dict(list(missing.items())[_OWN:])
+        pace = self._read_paces().get(self._key, 1.0)
+        self._builders.append(Builders(self._device, others, self._keep, pace))
+        return missing.keys() - others.keys()
+
+    def preparation(self, wanted: set[str]) -> Preparation | None:
+        """Return how far all builds in other processes are, None once those of `wanted` have ended.
+
+        wanted: names of programs, see `program_name`
+        """
+        if not any(wanted & builders.pending for builders in self._builders):
+            return None
+        total = sum(len(builders.names) for builders in self._builders)
+        done = total - sum(len(builders.pending) for builders in self._builders)
+        return Preparation(done, total, max(builders.seconds_left for builders in self._builders))
+
+    def keep_pace(self) -> None:
+        """Record the pace of builds that have ended, for the estimate of the next ones on this device."""
+        ended = [builders for builders in self._builders if builders.names and not builders.pending]
+        if self._paces is not None and ended:
+            with suppress(OSError):
+                paces = {**self._read_paces(), self._key: ended[-1].pace}
+                partial = self._paces.with_suffix(f".{os.getpid()}")
+                partial.write_text(json.dumps(paces), encoding="utf-8")
+                partial.replace(self._paces)
+
+    @property
+    def _key(self) -> str:
+        """Name of the device in the file of paces: a new version of its driver starts with the old pace."""
+        return f"{self._device.platform.name}: {self._device.name}"
+
+    def _read_paces(self) -> dict[str, float]:
+        """Return the build paces of devices by name; none if the file is missing or damaged."""
+        if self._paces is None:
+            return {}
+        with suppress(OSError, ValueError, AttributeError):
+            paces = json.loads(self._paces.read_text(encoding="utf-8")).items()
+            return {name: pace for name, pace in paces if isinstance(pace, float) and math.isfinite(pace)}
+        return {}
 
     def stop(self) -> None:
         """Have nothing built ahead any more."""
@@ -85,7 +145,7 @@ class ProgramCache:
         """Return a program that another process has built, or is building; None if none does."""
         for builders in self._builders:
             binary = builders.binary(name)
-            if binary is not None:
+            if binary:
                 with suppress(cl.Error):
                     return cl.Program(self._context, [self._device], [binary]).build()
         return None
@@ -109,7 +169,7 @@ class ProgramCache:
 
     def _store(self, name: str, program: cl.Program) -> None:
         """Keep a program; a folder that cannot be written stops nothing. Under its name a file is whole."""
-        if self._folder is not None:
+        if self._folder is not None and not self._keeps_itself:
             with suppress(cl.Error):
                 self._keep(name, program.get_info(cl.program_info.BINARIES)[0])
 
@@ -120,12 +180,12 @@ class ProgramCache:
         with suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
             partial = self._folder / f".{name}.{os.getpid()}"
-            partial.write_bytes(_checksum(binary) + binary)
+            partial.write_bytes(_checksum(binary) + binary if binary else b"")
             partial.replace(self._folder / name)
 
 
-def _name(source: str, options: Sequence[str]) -> str:
-    """Return the name of a program: a digest of all that it is built from."""
+def program_name(source: str, options: Sequence[str]) -> str:
+    """Return the name of a program: a digest of its source and options."""
     return hashlib.blake2b("\0".join([source, *options]).encode(), digest_size=20).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""OpenCL programs that most bakes by a graphics card need, known before the first kernel is asked for."""
+"""OpenCL programs that most bakes need, listed before the bake needs the first kernel."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from functools import cache
 from pathlib import Path
 
-from ..device.cl_device import ProgramParts
+from ..device.planned_program import Launch, PlannedProgram
 from ..direct.emitters import EMITTER
 from ..direct.light_tree import LIGHT_NODE
 from ..direct.modulation import MODULATION
@@ -19,8 +19,9 @@ from ..visibility.rays.receiver_records import RECEIVER, TEXEL_STEP
 from ..visibility.sample_counts import sample_bytes
 from ..visibility.views.viewpoints import FRAME
 
-#: Made by tools/common_programs.py: parts and options of each program, in the order in which a bake asks for
-#: them. Parts are records by the names of their structs, and main files of kernels/.
+#: Written by tools/common_programs.py: the programs of a GPU ("card") and of a CPU ("processor") in the order
+#: of need. Of each: whether direct light needs it, parts, options, and launches of its kernels. Parts are
+#: names of records, and main files of kernels/.
 PROGRAMS = Path(__file__).resolve().parents[2] / "kernels" / "common_programs.json"
 
 #: Records that kernels and host share, by the name of their struct.
@@ -33,12 +34,18 @@ _RECORDS = {
 #: traced.
 _NARROW, _TINTED, _BEFORE_CUTOUTS = "-DNARROW", "-DTINTED", "-DSTACK"
 
-#: Texels of a lightmap that patches are on, about.
+#: Number of buffers of the hierarchy and of cut-outs among the arguments of kernels that trace rays.
+_HIERARCHY, _CUTOUTS = 2, 4
+
+#: Names of the two lists: of a GPU, and of a CPU.
+DEVICES = ("card", "processor")
+
+#: Fraction of a lightmap's texels that are patches, estimated.
 _COVERED = 0.75
 
 
-def common_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
-    """Return the parts and the options of programs that a bake by a graphics card is about to need."""
+def common_programs(scene: Scene, settings: Settings) -> list[PlannedProgram]:
+    """Return the programs that a bake is about to need, of a GPU and of a CPU."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
     tinted = is_tinted(scene)
     cutouts = cutout_options(tinted) if has_cutouts(scene) else ()
@@ -46,19 +53,29 @@ def common_programs(scene: Scene, settings: Settings) -> list[ProgramParts]:
 
 
 @cache
-def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[ProgramParts]:
-    """Return what `common_programs` does, for narrow, wide or tinted samples.
-
-    With the options of cut-outs.
-    """
+def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[PlannedProgram]:
+    """Return the programs for narrow, wide or tinted samples, with the options of cut-outs."""
     listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
-    return [
-        (
-            tuple(_RECORDS.get(part, part) for part in parts),
-            _fitting(options, narrow, tinted, cutouts if TRANSMITTANCE.name in parts else ()),
-        )
-        for parts, options in listed
-    ]
+    planned = []
+    for device in DEVICES:
+        for early, parts, options, launches in listed[device]:
+            traced = cutouts if TRANSMITTANCE.name in parts else ()
+            starts = [Launch(name, tuple(group), tuple(codes)) for name, group, codes in launches]
+            program = PlannedProgram(
+                tuple(_RECORDS.get(part, part) for part in parts),
+                _fitting(options, narrow, tinted, traced),
+                early,
+                device == DEVICES[1],
+                tuple(_with_cutouts(launch, tinted) if traced else launch for launch in starts),
+            )
+            planned.append(program)
+    return planned
+
+
+def _with_cutouts(launch: Launch, tinted: bool) -> Launch:
+    """Return the launch of a kernel that traces rays, with the buffers for cut-outs; see `RayTracer`."""
+    before, after = launch.arguments[:_HIERARCHY], launch.arguments[_HIERARCHY:]
+    return launch._replace(arguments=(*before, *("b",) * (_CUTOUTS + tinted), *after))
 
 
 def _fitting(options: list[str], narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> tuple[str, ...]:

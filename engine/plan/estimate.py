@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -26,12 +27,15 @@ class Estimate:
     measured: bool
 
 
-def estimate(extent: Extent, patches: int, settings: Settings, paces: Mapping[str, float]) -> Estimate:
+def estimate(
+    extent: Extent, patches: int, settings: Settings, paces: Mapping[str, float], preparing: float = 0.0
+) -> Estimate:
     """Return what a bake is expected to take.
 
-    paces  seconds that a unit of each stage took in earlier bakes, see `BakeStages`
+    paces      seconds that a unit of each stage took in earlier bakes, see `BakeStages`
+    preparing  seconds until the kernels of the device are built; NaN if unknown
     """
     stages = BakeStages(extent, settings, dict(paces))
-    seconds = stages.foretell(patches)
+    seconds = stages.foretell(patches) + (preparing if math.isfinite(preparing) else 0.0)
     samples = patches * most_samples(settings) * sample_bytes(patches) if settings.has_indirect else 0
     return Estimate(patches, samples, seconds, stages.visibility.measured)

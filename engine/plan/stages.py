@@ -18,6 +18,8 @@ from ..visibility.sample_counts import expected_samples
 from .iterations_left import iterations_left
 
 if TYPE_CHECKING:
+    from ..device.cl_device import ComputeDevice
+    from ..device.program_cache import Preparation
     from ..solve.solution import Solution
     from .solver_choice import SolverChoice
 
@@ -56,6 +58,9 @@ _SHORTEST = 0.02
 
 #: A stage that takes this long tells as much as all bakes before it, s.
 _LONG = 1.0
+
+#: Name of the stages that wait for programs, and time between two looks, s.
+PREPARING, _POLL = "Preparing for this device (once)", 0.02
 
 #: Least time between two images of a bake that follows its scene, s.
 _BETWEEN_IMAGES = 0.02
@@ -111,6 +116,7 @@ class BakeStages(Schedule):
         self._shown = -math.inf
         texels = settings.resolution**2 * extent.atlases
         self.starting = self._stage("Starting", 1, _OPENING)
+        self.early_preparing, self.preparing = Stage(PREPARING, 0), Stage(PREPARING, 0)
         self.patches = self._stage("Patches", texels + _TRIANGLE * extent.triangles, _TEXEL)
         self.first = self._stage("First light", 0, _RAY)
         self.direct = self._stage("Direct light", 0, _RAY)
@@ -130,7 +136,9 @@ class BakeStages(Schedule):
         self.images = self._stage("Images", texels * maps, _TEXEL)
         gathering = (self.visibility, self.bounces, self.final, self.texels, self.light_groups)
         self._casting = (self.first, self.direct, self.outputs, *gathering)
-        super().__init__(list(self._names))
+        names = list(self._names)
+        after = names.index(self.direct) + 1
+        super().__init__([names[0], self.early_preparing, *names[1:after], self.preparing, *names[after:]])
         self._size(int(_COVERAGE * texels))
         self.begin(self.starting)
 
@@ -155,6 +163,30 @@ class BakeStages(Schedule):
             if card and not stage.measured:
                 stage.pace /= _CARD
         self.end()
+
+    def prepare(self, compute: ComputeDevice | None, early: bool) -> Generator[Progress, None, None]:
+        """Wait until programs are built that other processes build for the device.
+
+        early: only the programs that direct light needs
+        """
+        if compute is None or compute.preparation(early) is None:
+            return
+        stage = self.early_preparing if early else self.preparing
+        self.begin(stage)
+        for _ in compute.build_own():
+            yield self._prepared(stage, compute.preparation(early))
+        while (left := compute.preparation(early)) is not None:
+            yield self._prepared(stage, left)
+            time.sleep(_POLL)
+        yield self.end()
+
+    def _prepared(self, stage: Stage, left: Preparation | None) -> Progress:
+        """Return the progress of a preparation that has come this far."""
+        if left is None:
+            return self.end()
+        stage.amount, stage.forecast = left.total, left.seconds_left
+        self.advance(left.done)
+        return self.progress(left.done / left.total, f"{PREPARING}: {left.done} of {left.total}")
 
     def foretell(self, patches: int) -> float:
         """Return the seconds that a bake of a number of patches is expected to take, before it starts."""

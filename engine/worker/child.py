@@ -18,6 +18,8 @@ take turns in using it:
     update BLOCK (changes)        ->                              while it goes on; a block for each
                                   <-  read BLOCK                  it is not needed any more
     call MODULE:FUNCTION (builtins) ->                            between bakes; nothing is answered
+    prepare MODULE:FUNCTION (builtins) ->                         between bakes, until the next message
+                                  <-  preparing STAGE SECONDS     its stage, and the time that is left
 """
 
 from __future__ import annotations
@@ -132,6 +134,8 @@ def serve(connection: Connection[Any, Any], bake: Bake) -> None:
             connection.send(("cancelled",))
         elif request == "call":
             _call(*names)
+        elif request == "prepare":
+            _prepare(connection, *names)
 
 
 def _call(function: str, *arguments: object) -> None:
@@ -140,6 +144,24 @@ def _call(function: str, *arguments: object) -> None:
         found(function)(*arguments)
     except Exception:  # noqa: BLE001
         traceback.print_exc()
+
+
+def _prepare(connection: Connection[Any, Any], function: str, *arguments: object) -> None:
+    """Run a generator of Progress, report its stages, and close it when the parent sends a message."""
+    stage = ""
+    try:
+        with closing(found(function)(*arguments)) as work:
+            for progress in work:
+                if progress.stage != stage:
+                    stage = progress.stage
+                    connection.send(("preparing", stage, progress.seconds_left))
+                if connection.poll():
+                    return
+    except (EOFError, OSError):
+        raise
+    except Exception:  # noqa: BLE001
+        traceback.print_exc()
+    connection.send(("preparing", "", 0.0))
 
 
 def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:

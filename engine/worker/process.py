@@ -121,6 +121,15 @@ class WorkerProcess:
         except (OSError, EOFError):
             self._fail_ended()
 
+    def preparation(self) -> tuple[str, float] | None:
+        """Return the last of the waiting reports of a preparation; None if there is none."""
+        last = None
+        while message := self.receive(0):
+            kind, *facts = message
+            self.answered |= kind == "ready"
+            last = (facts[0], facts[1]) if kind == "preparing" else last
+        return last
+
     def cancel(self) -> None:
         """Have the process give up its bake, or end it if it has not within PATIENCE s."""
         deadline = time.monotonic() + PATIENCE

@@ -114,6 +114,24 @@ class Worker:
         if not self._busy:
             self._child_process().send("call", function, *arguments)
 
+    def prepare(self, function: str, *arguments: object) -> None:
+        """Have the child run the generator "module:function" until its next bake or call.
+
+        arguments: builtins. Starts the child if there is none; does nothing while a bake runs. Raises a
+        WorkerError if the child cannot be started.
+        """
+        if not self._busy:
+            self._child_process().send("prepare", function, *arguments)
+
+    def preparation(self) -> tuple[str, float] | None:
+        """Return stage and seconds left that an idle child has reported last; None without a new report.
+
+        The stage is empty once `prepare` has ended.
+        """
+        if self._busy or self._child is None:
+            return None
+        return self._child.preparation()
+
     def printed(self) -> str:
         """Return what an idle child has printed since the last call.
 

@@ -137,7 +137,8 @@ def _expect(
         patches += _COVERAGE * texels
     patches += len(new) * _COVERAGE * texels
     atlases = len({one.mesh.atlas for one in placed}) + len(new) + bool(tiled)
-    return estimate(replace(extent, atlases=atlases), round(patches), settings, owner.paces)
+    preparing = 0.0 if owner.preparation is None else owner.preparation.seconds_left
+    return estimate(replace(extent, atlases=atlases), round(patches), settings, owner.paces, preparing)
 
 
 def _check_memory(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> list[Finding]:

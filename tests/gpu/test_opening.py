@@ -15,10 +15,14 @@ from engine.device.async_open import AsyncOpen
 from engine.device.cl_device import ComputeDevice
 from engine.device.cl_library import start_drivers
 from engine.device.devices import Devices
+from engine.device.planned_program import PlannedProgram
 
 
 def test_a_device_waits_for_its_programs_and_nothing_else_does():
-    asked, programs = threading.Event(), [(("float4_rows.cl",), ()), (("pack_receivers.cl",), ("-DX",))]
+    asked, programs = (
+        threading.Event(),
+        [PlannedProgram(("float4_rows.cl",)), PlannedProgram(("a.cl",), ("-DX",))],
+    )
 
     def open_device(ahead):
         asked.set()

@@ -3,6 +3,7 @@
 import itertools
 import os
 import sys
+import time
 
 import numpy as np
 import pyopencl as cl
@@ -10,10 +11,14 @@ import pytest
 
 from engine import Settings, finished
 from engine.device import builders, program_cache
+from engine.device.builders import Program
 from engine.device.cl_device import ComputeDevice
-from engine.device.program_cache import ProgramCache
+from engine.device.planned_program import Launch, PlannedProgram
+from engine.device.program_cache import ProgramCache, program_name
 from engine.errors import DeviceError
+from engine.plan.common_programs import _listed
 from engine.session import Session
+from engine.visibility.rays.ray_tracer import cutout_options
 from tests.analytic.scenes import furnace
 from tests.gpu.graphics_card import GraphicsCard
 
@@ -113,13 +118,13 @@ def many(monkeypatch):
 
 def test_other_processes_build_ahead_what_is_asked_for(context, built, many, tmp_path):
     """But for the first program, which is left to this process, and one that nobody can build."""
-    wanted = [(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
+    wanted = [Program(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
     cache = opened(context, str(tmp_path))
-    cache.begin([*wanted, (BROKEN, ())])
+    cache.begin([*wanted, Program(BROKEN, ())])
     cache.begin(wanted)
     assert filled(context, cache.build(SOURCE, ("-DVALUE=9.0f",))) == 9
     for value, program in enumerate(wanted, 1):
-        assert filled(context, cache.build(*program)) == value
+        assert filled(context, cache.build(*program[:2])) == value
     with pytest.raises(cl.Error):
         cache.build(BROKEN)
     assert built == [SOURCE, SOURCE, BROKEN] and len(files(tmp_path)) == 8
@@ -127,7 +132,7 @@ def test_other_processes_build_ahead_what_is_asked_for(context, built, many, tmp
     # A later process finds all of them.
     later = opened(context, str(tmp_path))
     later.begin(wanted)
-    assert filled(context, later.build(*wanted[4])) == 5 and len(built) == 3
+    assert filled(context, later.build(*wanted[4][:2])) == 5 and len(built) == 3
 
 
 def test_processes_start_before_the_context_of_a_card_is_made(many, tmp_path, monkeypatch):
@@ -137,7 +142,7 @@ def test_processes_start_before_the_context_of_a_card_is_made(many, tmp_path, mo
         GraphicsCard, "_first_working_context", lambda *found: order.append("context") or make(*found)
     )
     monkeypatch.setattr(builders.Builders, "_start", lambda *share: order.append("process") or start(*share))
-    wanted = [(("float4_rows.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
+    wanted = [PlannedProgram(("float4_rows.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
     card = GraphicsCard(str(tmp_path), ahead=wanted)
     assert order == ["process", "process", "context"]
     card.kernels("float4_rows.cl", "to_float4", options=wanted[6][1])
@@ -164,7 +169,7 @@ def test_a_card_that_refuses_a_context_is_asked_again_without_processes(
     monkeypatch.setattr(GraphicsCard, "_is_pocl", False)
     monkeypatch.setattr(builders.Builders, "__init__", begun)
     monkeypatch.setattr("engine.device.cl_device.found_devices", lambda: devices)
-    wanted = [(("float4_rows.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
+    wanted = [PlannedProgram(("float4_rows.cl",), (f"-DVALUE={value}",)) for value in range(1, 8)]
     if failures == 1:
         GraphicsCard(str(tmp_path), context_of=context_of, ahead=wanted).release()
     else:
@@ -174,28 +179,28 @@ def test_a_card_that_refuses_a_context_is_asked_again_without_processes(
 
 
 def test_processes_that_die_or_cannot_start_stop_nothing(context, built, many, tmp_path, monkeypatch):
-    wanted = [(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
+    wanted = [Program(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(1, 8)]
     cache = opened(context, str(tmp_path / "killed"))
     cache.begin(wanted)
     cache.stop()
-    assert filled(context, cache.build(*wanted[6])) == 7
+    assert filled(context, cache.build(*wanted[6][:2])) == 7
     monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
     cache = opened(context, str(tmp_path / "not started"))
     cache.begin(wanted)
-    assert filled(context, cache.build(*wanted[6])) == 7
+    assert filled(context, cache.build(*wanted[6][:2])) == 7
     assert 1 <= len(built) <= 2
 
 
 def test_few_programs_and_those_without_a_folder_are_built_here(context, many, monkeypatch, tmp_path):
     monkeypatch.setattr(builders, "_processes", lambda device: pytest.fail("processes"))
-    opened(context, None).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(9)])
-    opened(context, str(tmp_path)).begin([(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(3)])
+    opened(context, None).begin([Program(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(9)])
+    opened(context, str(tmp_path)).begin([Program(SOURCE, (f"-DVALUE={value}.0f",)) for value in range(3)])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 50])
 def test_shares_hold_each_program_once_and_take_about_as_long(count):
     lengths = np.random.default_rng(3).integers(100, 90_000, 29)
-    programs = {f"p{number}": ("x" * length, ()) for number, length in enumerate(lengths)}
+    programs = {f"p{number}": Program("x" * length, ()) for number, length in enumerate(lengths)}
     shares = builders._shares(programs, count)
     order = list(programs)
     assert sorted(itertools.chain(*shares), key=order.index) == order and len(shares) == min(count, 29)
@@ -212,6 +217,46 @@ def test_pocl_is_not_asked_for_programs_that_it_keeps_itself(context, tmp_path):
         pytest.skip("another driver")
     ComputeDevice(str(tmp_path)).kernels("float4_rows.cl", "to_float4")
     assert not files(tmp_path)
+
+
+def test_other_processes_compile_what_pocl_keeps(context, many, tmp_path):
+    """They launch kernels, and leave an empty file of each program; later processes begin none."""
+    launch = Launch("fill", (64,), ("b",))
+    wanted = [Program(SOURCE, (f"-DVALUE={value}.25f",), (launch,)) for value in range(5)]
+    names = {program_name(*program[:2]) for program in wanted}
+    cache = ProgramCache(context.devices[0], str(tmp_path), keeps_itself=True)
+    cache.open(context)
+    assert cache.begin(wanted) == set()
+    left = cache.preparation(names)
+    assert left is None or (0 <= left.done < left.total == 5 and left.seconds_left > 0)
+    for value, program in enumerate(wanted):
+        assert filled(context, cache.build(*program[:2])) == value + 0.25
+    assert cache.preparation(names) is None
+    cache.keep_pace()
+    kept = {path.name: path.stat().st_size for path in files(tmp_path)}
+    assert kept.pop("build_paces.json") and kept == dict.fromkeys(names, 0)
+    later = ProgramCache(context.devices[0], str(tmp_path), keeps_itself=True)
+    later.begin(wanted)
+    assert later.preparation(names) is None and not later._builders
+
+
+@pytest.mark.parametrize("tinted", [False, True])
+@pytest.mark.parametrize("cutouts", [False, True])
+def test_every_listed_kernel_ends_when_it_is_launched_with_zeros(tmp_path, tinted, cutouts):
+    """A process that hangs or crashes would leave the other programs to the bake."""
+    device = ComputeDevice(str(tmp_path))
+    if not (device.processor and device._is_pocl):
+        pytest.skip("another driver")
+    options = cutout_options(tinted) if cutouts else ()
+    programs = [one for one in _listed(True, tinted, options) if one.for_processor]
+    device.build_ahead(programs)
+    deadline = time.monotonic() + 120
+    while device.preparation() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    built = {path.name for path in files(tmp_path)} - {"build_paces.json"}
+    device.release()
+    assert len(built) == len(programs) > 20
+    assert sum(len(one.launches) for one in programs) > 80
 
 
 def test_a_bake_with_programs_of_an_earlier_session_gives_the_same_bits(built, tmp_path, monkeypatch):

@@ -45,6 +45,12 @@ def test_estimate_without_bounces_needs_no_samples():
     assert estimate(EXTENT, 9973, direct, {}).sample_bytes == 0
 
 
+def test_kernels_that_are_not_built_yet_count():
+    prepared = estimate(EXTENT, 9973, SETTINGS, {}, preparing=12.5)
+    assert prepared.seconds == pytest.approx(seconds() + 12.5)
+    assert estimate(EXTENT, 9973, SETTINGS, {}, preparing=float("nan")).seconds == seconds()
+
+
 def test_estimate_is_what_the_stages_of_a_bake_begin_with():
     stages = BakeStages(EXTENT, SETTINGS, {})
     assert stages.foretell(9973) == pytest.approx(seconds())

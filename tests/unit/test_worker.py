@@ -95,6 +95,13 @@ def _wait(condition, seconds=5):
     return condition()
 
 
+def _reported(worker):
+    """Return the next report of a preparation."""
+    reports = []
+    assert _wait(lambda: reports or reports.extend(filter(None, [worker.preparation()])), 20)
+    return reports[0]
+
+
 def _mesh(name, count, seed):
     random = np.random.default_rng(seed)
     positions = random.standard_normal((count, 3, 3)).astype(np.float32)
@@ -279,6 +286,22 @@ def test_what_is_called_runs_in_the_process_of_the_bakes_before_the_next_one(sta
     lightmap = _finish(worker.bake(_scene(), SETTINGS))[1]
     pid = lightmap.report.devices["pid"]
     assert notes.read_text() == f"{pid} first\n{pid} second\n"
+
+
+def test_a_preparation_reports_its_stage_until_the_next_bake(start, tmp_path):
+    worker, notes = start("echo"), tmp_path / "notes"
+    worker.prepare("worker_bakes:prepare", str(notes))
+    stage, seconds = _reported(worker)
+    assert stage.startswith("Preparing: ") and seconds == 12.5
+    lightmap = _finish(worker.bake(_scene(), SETTINGS))[1]
+    assert notes.read_text() == f"{lightmap.report.devices['pid']} closed\n"
+    assert worker.preparation() is None
+
+
+def test_a_preparation_that_fails_ends_and_is_printed(start):
+    worker = start("echo")
+    worker.prepare("worker_bakes:no_such_function")
+    assert _reported(worker) == ("", 0.0) and "no_such_function" in worker.printed()
 
 
 def test_a_call_that_fails_is_printed_and_harms_nothing(start):

@@ -89,6 +89,16 @@ def chatter(scene, settings):
     return _lightmap(scene, settings)
 
 
+def prepare(file):
+    """Report stages until closed, and note that in a file."""
+    try:
+        for index in range(CHATTER):
+            time.sleep(0.005)
+            yield Progress(f"Preparing: {index // 10} of 2000", 0.0, seconds_left=12.5)
+    finally:
+        note(file, "closed")
+
+
 def crash(scene, settings):
     """Die as in a driver crash, after a last line of output."""
     yield Progress("Patches", 0.0)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...device.buffers import upload
-from ...device.cl_device import ComputeDevice, Source
+from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
 from ...device.kernel import Kernel
 from ...device.opencl import cl
+from ...device.planned_program import Source
 from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
 from ...scene.tints import tint_palette
 from ...scene.triangles import Triangles

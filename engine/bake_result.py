@@ -85,7 +85,7 @@ class BakeResult:
     has_patch  (atlases, h, w) bool, texels that are patches
     known      (atlases, h, w) bool, texels of `display` that are not filled
     report     report of the bake
-    passes     each output map by name, processed like `display`; names and units are in `postprocess.outputs`
+    passes     each output map by name, processed like `display`; names and units are in `engine.outputs`
     """
 
     atlases: tuple[str, ...]

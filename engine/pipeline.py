@@ -36,7 +36,7 @@ from .plan.solve_job import SolveJob
 from .plan.solver_choice import SolverChoice
 from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
-from .postprocess.outputs import output_names
+from .postprocess.output_names import output_names
 from .postprocess.store import LightmapImages
 from .progress import Progress
 from .scene.model import Scene

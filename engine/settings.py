@@ -8,6 +8,7 @@ from functools import cache
 from types import MappingProxyType
 
 from .errors import SettingsError
+from .outputs import OUTPUTS
 from .setting_types import (
     PREFERENCES,
     Address,
@@ -44,46 +45,7 @@ _DIRECTIONS = {
     "cosine": Option("Cosine", "Low-discrepancy directions with cosine density and equal weights"),
     "hemicube": Option("Hemicube", "Directions of the texels of a drawn hemicube"),
 }
-_OUTPUTS = {
-    "combined": Option("Combined", "All light that a surface receives"),
-    "direct": Option("Direct", "Light that comes straight from lights, emissive surfaces and the world"),
-    "indirect": Option("Indirect", "Light that other surfaces reflect"),
-    "ambient_occlusion": Option("Ambient Occlusion", "Fraction of the hemisphere without a surface nearby"),
-    "shadow_mask": Option(
-        "Shadow Masks", "One map per light: 1 where the light is fully visible, 0 in its shadow"
-    ),
-    "directional": Option(
-        "Directional",
-        "Four maps with Combined, L0 and L1 x, y, z: shade a world-space normal n with L0 + L1 . n",
-    ),
-    "dominant_direction": Option(
-        "Dominant Direction",
-        "World-space map D of the main light direction: shade normal n as Combined (1 + D . (n - m))",
-    ),
-    "spherical_harmonics": Option(
-        "Spherical Harmonics",
-        "Four maps as in Bakery, SH L0 and SH L1 x, y, z: shade a world-space normal n with "
-        "SH L0 (1 + 2 SH L1 . n)",
-    ),
-    "light_groups": Option(
-        "Light Groups",
-        "One map per light group of the view layer and one for ungrouped light. They sum to Combined",
-    ),
-}
-#: Outputs that hold E/pi: all light, or parts of it.
-LIGHT_OUTPUTS = ("combined", "direct", "indirect")
-
-_DIRECTIONAL = ("directional", "dominant_direction", "spherical_harmonics")
-
-#: Outputs that require "combined".
-_BESIDE_COMBINED = (*_DIRECTIONAL, "light_groups")
-
-#: Directional outputs that exclude each other.
-_RULED_OUT = {
-    "directional": {"spherical_harmonics"},
-    "dominant_direction": {"spherical_harmonics"},
-    "spherical_harmonics": {"directional", "dominant_direction"},
-}
+_OUTPUTS = {name: Option(output.label, output.text) for name, output in OUTPUTS.items()}
 _PATCH_GROUPS = {
     0: Option("Automatic", "Groups of 4 x 4 texels if memory is short"),
     1: Option("Off", "Solve every texel separately"),
@@ -357,12 +319,12 @@ class Settings:
     @property
     def light_outputs(self) -> tuple[str, ...]:
         """Outputs that hold E/pi."""
-        return tuple(name for name in self.outputs if name in LIGHT_OUTPUTS)
+        return tuple(name for name in self.outputs if OUTPUTS[name].is_light)
 
     @property
     def directional_outputs(self) -> tuple[str, ...]:
         """Outputs with directional information."""
-        return tuple(name for name in self.outputs if name in _DIRECTIONAL)
+        return tuple(name for name in self.outputs if OUTPUTS[name].is_directional)
 
     @property
     def directional(self) -> bool:
@@ -377,7 +339,7 @@ class Settings:
     @property
     def only_light(self) -> bool:
         """True if all outputs are black without light."""
-        return set(self.outputs) <= {*LIGHT_OUTPUTS, *_BESIDE_COMBINED}
+        return not any(OUTPUTS[name].is_fraction for name in self.outputs)
 
     @property
     def by_light_groups(self) -> bool:
@@ -418,13 +380,15 @@ def shown_in(panel: str) -> list[str]:
 
 def with_output(outputs: set[str], wanted: str) -> set[str]:
     """Return outputs with one more and with those that it requires, without those that it excludes."""
-    beside = {"combined"} if wanted in _BESIDE_COMBINED else set()
-    return {*outputs, wanted, *beside} - _RULED_OUT.get(wanted, set())
+    entry = OUTPUTS[wanted]
+    required = {"combined"} if entry.requires_combined else set()
+    return {*outputs, wanted, *required} - set(entry.excludes)
 
 
 def without_output(outputs: set[str], unwanted: str) -> set[str]:
     """Return outputs without one and without those that require it."""
-    return outputs - {unwanted, *(_BESIDE_COMBINED if unwanted == "combined" else ())}
+    requiring = {name for name, entry in OUTPUTS.items() if entry.requires_combined}
+    return outputs - {unwanted} - (requiring if unwanted == "combined" else set())
 
 
 def check_settings(settings: Settings) -> None:
@@ -445,7 +409,7 @@ def _check_directional(settings: Settings) -> None:
         raise SettingsError(
             f"outputs is {', '.join(settings.outputs)}; directional maps require combined. Add combined."
         )
-    if settings.projected and not _RULED_OUT["spherical_harmonics"].isdisjoint(settings.outputs):
+    if settings.projected and not {*OUTPUTS["spherical_harmonics"].excludes}.isdisjoint(settings.outputs):
         raise SettingsError(
             f"outputs is {', '.join(settings.outputs)}; spherical_harmonics excludes directional and "
             "dominant_direction. Remove one of both."

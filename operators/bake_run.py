@@ -15,7 +15,7 @@ from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError, OverlapError, SceneError
 from ..engine.object_message import object_message
 from ..engine.plan.stages import Extent
-from ..engine.postprocess.outputs import output_names
+from ..engine.postprocess.output_names import output_names
 from ..engine.progress import Progress, finished, map_progress
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings

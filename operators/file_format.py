@@ -15,7 +15,7 @@ from ..engine.encoding.rgbe import Rgbe
 from ..engine.encoding.rgbm import Rgbm
 from ..engine.encoding.signed_norm import SignedNorm
 from ..engine.encoding.srgb import Srgb
-from ..engine.postprocess.outputs import PROJECTED_MAPS, SIGNED_MAPS
+from ..engine.outputs import PROJECTED_MAPS, SIGNED_MAPS, is_fraction
 from .translations import CONTEXT
 
 #: Label and tool-tip of each format, by name.
@@ -54,9 +54,6 @@ _CODECS = {
 
 #: Codecs that store half floats.
 _LOSSY = ("dwaa", "dwab")
-
-#: Outputs that are fractions from 0 to 1, so that exposure does not apply.
-_FRACTIONS = ("ambient_occlusion", "shadow_mask")
 
 #: Bits per channel of PNG files of signed maps: 8 bits would show steps in dark parts.
 _SIGNED_DEPTH = 16
@@ -185,7 +182,7 @@ class FileFormat:
 
         brightest  largest absolute value of all lightmaps of the output
         """
-        fraction = output.startswith(_FRACTIONS)
+        fraction = is_fraction(output)
         match self.name:
             case "hdr":
                 return Rgbe()

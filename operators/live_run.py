@@ -12,7 +12,7 @@ import bpy
 
 from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError
-from ..engine.postprocess.outputs import output_names
+from ..engine.postprocess.output_names import output_names
 from ..engine.progress import Progress, finished
 from ..engine.scene.model import Scene
 from ..engine.scene.scene_changes import changes_between

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..engine.outputs import OUTPUTS
 from ..operators.output_switches import output_switches
 from .sidebar import SubPanel, split_properties
 
@@ -30,9 +31,9 @@ class HEMIBAKE_PT_outputs(SubPanel, bpy.types.Panel):
         maps = layout.column(align=True, heading="Maps")
         for name in output_switches():
             maps.prop(settings, name)
-        if "ambient_occlusion" in settings.outputs:
-            layout.prop(settings, "ao_samples")
-            layout.prop(settings, "ao_distance")
+        for output, entry in OUTPUTS.items():
+            for name in entry.settings if output in settings.outputs else ():
+                layout.prop(settings, name)
         layout.prop(settings, "directory")
         layout.prop(settings, "file_name", placeholder="Automatic")
         for name in ("file_format", *_OF_FORMAT[settings.file_format]):

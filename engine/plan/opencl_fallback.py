@@ -6,19 +6,11 @@ from dataclasses import replace
 
 from ..device.devices import Devices
 from ..errors import DeviceError
+from ..outputs import OUTPUTS
 from ..scene.model import Scene, shining_lights
 from ..scene.sky_suns import put_suns_into_world
 from ..settings import Settings
 from .tinted import settings_for_tints
-
-#: Outputs that OpenCL alone makes.
-_RAY_OUTPUTS = {
-    "ambient_occlusion": "ambient occlusion",
-    "shadow_mask": "shadow masks",
-    "directional": "directional maps",
-    "dominant_direction": "the dominant direction",
-    "spherical_harmonics": "spherical harmonics",
-}
 
 
 def without_opencl(
@@ -33,7 +25,8 @@ def without_opencl(
     if devices.compute is not None:
         return scene, settings, tints
     error, graphics = devices.missing, devices.graphics
-    needs = [text for name, text in _RAY_OUTPUTS.items() if name in settings.outputs]
+    needs = [entry.needs_opencl for name, entry in OUTPUTS.items() if name in settings.outputs]
+    needs = [need for need in needs if need]
     scene = put_suns_into_world(scene)
     if shining_lights(scene):
         needs.insert(0, "the light of lamps")

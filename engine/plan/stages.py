@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..outputs import OUTPUTS
 from ..progress import Progress, Schedule, Stage
 from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
@@ -88,8 +89,7 @@ def _filtered_images(settings: Settings) -> int:
 
     See `postprocess.directional_denoising`.
     """
-    carried = {"directional": 6, "spherical_harmonics": 7, "dominant_direction": 2, "light_groups": 1}
-    return len(settings.light_outputs) + sum(carried.get(name, 0) for name in settings.outputs)
+    return sum(OUTPUTS[name].denoised_images for name in settings.outputs)
 
 
 class BakeStages(Schedule):
@@ -132,7 +132,7 @@ class BakeStages(Schedule):
         more = (extent.light_groups - 1) * settings.by_light_groups
         filtered = texels * (_filtered_images(settings) + more) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
-        maps = len(settings.outputs) + 3 * ("directional" in settings.outputs or settings.projected) + more
+        maps = sum(len(OUTPUTS[name].maps) or 1 for name in settings.outputs) + more
         self.images = self._stage("Images", texels * maps, _TEXEL)
         gathering = (self.visibility, self.bounces, self.final, self.texels, self.light_groups)
         self._casting = (self.first, self.direct, self.outputs, *gathering)
@@ -291,8 +291,11 @@ class BakeStages(Schedule):
         self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, MOST_LIGHTS)
         self.visibility.amount = patches * expected_samples(settings) * (_ADAPTED if settings.adaptive else 1)
         self._samples_of_sweep = int(self.visibility.amount)
-        rays: float = settings.ao_samples * ("ambient_occlusion" in settings.outputs)
-        rays += settings.light_samples * self._lamps * ("shadow_mask" in settings.outputs)
+        entries = [OUTPUTS[name] for name in settings.outputs if OUTPUTS[name].ray_setting]
+        rays: float = sum(
+            getattr(settings, entry.ray_setting) * (self._lamps if entry.rays_per_light else 1)
+            for entry in entries
+        )
         self.outputs.amount = patches * rays + _LOOK_UP * self._samples_of_sweep * settings.directional
         if settings.texel_samples > 1 and settings.method != "paper":
             self.texels.amount = _REFINED * patches * expected_samples(settings)

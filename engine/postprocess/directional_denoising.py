@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ..outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 from ..scene.color import luminance
-from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 
 #: Scale of L1 relative to E/pi in the pair. Light at 10 degrees above the surface has |L1| = 6 E/pi, so the
 #: factor keeps nearly all pairs nonnegative.

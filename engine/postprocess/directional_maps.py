@@ -9,11 +9,11 @@ import numpy as np
 
 from ..device.device_array import Values
 from ..gather.device_l1 import L1, DeviceL1
+from ..outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 from ..patches.geometry import PatchGeometry
 from ..scene.color import luminance
 from ..settings import Settings
 from .device_directional_maps import DeviceDirectionalMaps
-from .outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 
 
 def maps_of_directions(

@@ -15,7 +15,7 @@ from ..scene.model import Scene
 from ..settings import Settings
 from ..solve.solution import Solution
 from .directional_maps import maps_of_directions
-from .outputs import light_group_maps, output_names
+from .output_names import light_group_maps, output_names
 
 
 class IrradianceParts(Protocol):

@@ -8,6 +8,7 @@ from concurrent.futures import Future
 import numpy as np
 
 from ..device.device_array import Values, channel_sums
+from ..outputs import is_light, is_of_light_group
 from ..patches.seams import Seams
 from ..plan.stages import BakeStages
 from ..postprocess.blocked_seams import drop_blocked_seams
@@ -15,7 +16,6 @@ from ..postprocess.denoising import Denoising
 from ..postprocess.directional_denoising import encode_signed_maps, restored_maps
 from ..postprocess.independent_estimate import IndependentEstimate
 from ..postprocess.light_group_maps import scale_to_sum
-from ..postprocess.outputs import is_light, is_of_light_group
 from ..postprocess.store import LightmapImages
 from ..progress import Progress, run_as_fraction
 from ..solve.solution import Solution

@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from ..patches.sides import both_sides
-from ..postprocess.outputs import light_group_maps
+from ..postprocess.output_names import light_group_maps
 from ..progress import run_as_fraction
 from ..solve.solution import Solution
 from .light_group_solver import GroupEmission, solve_light_groups

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import bpy
 
 from ...engine.bake_result import BakeResult
-from ...engine.postprocess.outputs import DOMINANT_DIRECTION
+from ...engine.outputs import DOMINANT_DIRECTION
 from ...engine.scene.light_groups import light_group_names
 from ...engine.settings import Settings
 from ..scene import ReadScene

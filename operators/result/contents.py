@@ -7,7 +7,8 @@ from pathlib import Path
 
 import bpy
 
-from ...engine.postprocess.outputs import DECODING, output_names
+from ...engine.outputs import DECODING
+from ...engine.postprocess.output_names import output_names
 from ...engine.settings import Settings
 from ..lookup import find_all
 from ..scene import ReadScene

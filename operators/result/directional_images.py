@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ...engine.postprocess.outputs import DIRECTIONAL_MAPS, DOMINANT_DIRECTION, PROJECTED_MAPS
+from ...engine.outputs import DIRECTIONAL_MAPS, DOMINANT_DIRECTION, PROJECTED_MAPS
 from .images import map_name
 
 #: Names of the maps that shade normal maps, L0 first, by what a lightmap's `directional` says of them.

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...engine.errors import EngineError
-from ...engine.postprocess.outputs import RATIO_MAPS
+from ...engine.outputs import RATIO_MAPS
 from ..lookup import find
 from ..rollback import Rollback
 from ..working_space import REC709, from_rec709, is_rec709

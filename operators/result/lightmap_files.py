@@ -13,7 +13,7 @@ from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
 from ...engine.encoding.signed_norm import SignedNorm
 from ...engine.encoding.srgb import Srgb
-from ...engine.postprocess.outputs import RATIO_MAPS
+from ...engine.outputs import RATIO_MAPS
 from ..file_format import FileFormat
 from .destination import Destination
 from .exr import write_exr

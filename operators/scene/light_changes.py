@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...engine.bake_result import BakeResult
+from ...engine.outputs import SIGNED_MAPS, is_of_light_group
 from ...engine.postprocess.directional_denoising import CARRIED, encode_signed_maps
-from ...engine.postprocess.outputs import SIGNED_MAPS, is_of_light_group
 from ...engine.scene.digests import same_values
 from ...engine.scene.light_groups import light_group_names
 from ...engine.scene.model import NO_LIGHTMAP, Scene, without_emission

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Settings, SettingsError
-from engine.postprocess.outputs import PROJECTED_MAPS
+from engine.outputs import PROJECTED_MAPS
 from engine.settings import check_settings
 from tests.analytic.drive import drive
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from engine import BakeResult, EngineError, PatchFileError, Progress, Scene, Settings
-from engine.postprocess.outputs import DECODING, output_names
+from engine.outputs import DECODING
+from engine.postprocess.output_names import output_names
 from engine.scene.cutouts import has_cutouts
 from engine.session import Session
 from tests.fuzz.engine_cases import Case, build

@@ -8,9 +8,9 @@ import pytest
 from benchmarks.rooms import cornell_box
 from engine import Settings
 from engine.device.cl_device import ComputeDevice
+from engine.outputs import OUTPUTS
 from engine.patches.patch_scene import make_patch_scene
 from engine.plan import memory
-from engine.postprocess.outputs import MAPS_OF
 from engine.solve.interpolation import Interpolation
 from engine.solve.patch_groups import PatchGroups, group_representatives, numbered
 from engine.validity.invalid import patches_inside
@@ -260,7 +260,7 @@ def test_adaptive_bakes_tell_where_light_comes_from(few_are_enough, output):
     )
     assert "with more rays each" in adaptive.report.reasons[0]
     inside = truth.has_patch & truth.known
-    for name in MAPS_OF[output]:
+    for name in OUTPUTS[output].maps:
         exact = truth.passes[name][inside]
         off = [np.abs(bake.passes[name][inside] - exact) for bake in (plain, adaptive)]
         assert np.abs(exact).mean() > 4 * off[1].mean()
@@ -309,7 +309,7 @@ def test_directions_of_few_patches_follow_their_light():
         for more in ({"samples": 1024, "seed": 5}, {}, {"adaptive": True})
     )
     lit = truth.has_patch & truth.known
-    for name in MAPS_OF["directional"]:
+    for name in OUTPUTS["directional"].maps:
         exact = truth.passes[name][lit]
         noise, left = (np.median(np.abs(bake.passes[name][lit] - exact)) for bake in (plain, adaptive))
         assert left < 0.85 * noise

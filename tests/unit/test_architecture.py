@@ -16,7 +16,7 @@ ORDERS = {
         "texel_trace", "bake_state", "texel_gather", "plan",
         "postprocess", "solve", "gather", "direct", "validity", "visibility", "patches",
         "denoise",
-        "device", "unwrap", "encoding", "scene", "resume", "settings", "setting_types", "quality",
+        "device", "unwrap", "encoding", "scene", "resume", "settings", "outputs", "setting_types", "quality",
         "bake_result",
         "object_message", "progress", "errors", "array_ops", "numpy_pickle",
     ],

@@ -9,7 +9,7 @@ import pytest
 from engine import Settings
 from engine.errors import DeviceError
 from engine.plan.opencl_fallback import without_opencl
-from engine.postprocess.outputs import output_names
+from engine.postprocess.output_names import output_names
 from engine.scene.model import Light, shining_lights
 from engine.scene.sky_maps import directions, solid_angles
 from engine.scene.sky_suns import put_suns_into_world

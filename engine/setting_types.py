@@ -15,6 +15,9 @@ from .errors import SettingsError
 #: Panel name of settings that describe the machine, not the scene; they are not stored in the .blend file.
 PREFERENCES = "preferences"
 
+#: Cached data of a session: patches and their visibility samples; see `plan.session_cache`.
+VISIBILITY = "visibility"
+
 #: Panels of the interface that contain settings, in order.
 PANELS = ("bake", "quality", "outputs", "advanced", "memory", "paper", PREFERENCES)
 
@@ -131,16 +134,18 @@ class FilePath:
 class Description:
     """Description of a setting for the interface, with its valid values.
 
-    label   name in the interface
-    text    tool-tip, without a full stop
-    values  valid values
-    panel   one of PANELS; None for settings that programs set, not users
+    label        name in the interface
+    text         tool-tip, without a full stop
+    values       valid values
+    panel        one of PANELS; None for settings that programs set, not users
+    invalidates  cached data that a change of the value invalidates
     """
 
     label: str
     text: str
     values: Values
     panel: str | None = "advanced"
+    invalidates: tuple[str, ...] = (VISIBILITY,)
 
     def check(self, name: str, value: Any) -> None:
         """Raise SettingsError if the value of the named setting is invalid."""
@@ -150,10 +155,17 @@ class Description:
 
 
 def described(
-    default: Any, label: str, text: str, values: Values, panel: str | None = "advanced"
+    default: Any,
+    label: str,
+    text: str,
+    values: Values,
+    panel: str | None = "advanced",
+    invalidates: tuple[str, ...] = (VISIBILITY,),
 ) -> Any:  # the type of the field that it describes
     """Return a dataclass field with a default and a `Description`."""
-    return field(default=default, metadata={"description": Description(label, text, values, panel)})
+    return field(
+        default=default, metadata={"description": Description(label, text, values, panel, invalidates)}
+    )
 
 
 def _written(value: Any) -> str:

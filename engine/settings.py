@@ -104,18 +104,25 @@ class Settings:
         "Max Bounces",
         "Maximum number of light bounces",
         Span(1, 1000, "bounces"),
+        invalidates=(),
     )
     tolerance: float = described(
         0.002,
         "Tolerance",
         "Stop when the mean convergence error per texel is below this. 0 bakes all bounces",
         Span(0, 1, "of the mean"),
+        invalidates=(),
     )
     outputs: tuple[str, ...] = described(
-        ("combined",), "Outputs", "Maps to bake, one image each", SomeOf(_OUTPUTS), "outputs"
+        ("combined",), "Outputs", "Maps to bake, one image each", SomeOf(_OUTPUTS), "outputs", invalidates=()
     )
     ao_samples: int = described(
-        256, "AO Samples", "Rays per texel for ambient occlusion", Span(1, 65536, "rays"), "outputs"
+        256,
+        "AO Samples",
+        "Rays per texel for ambient occlusion",
+        Span(1, 65536, "rays"),
+        "outputs",
+        invalidates=(),
     )
     ao_distance: float = described(
         1.0,
@@ -123,6 +130,7 @@ class Settings:
         "Maximum distance of occluding surfaces. 0 is unlimited",
         Span(0, 1e9, "m"),
         "outputs",
+        invalidates=(),
     )
     method: str = described("auto", "Method", "How indirect light is computed", OneOf(_METHODS))
     visibility: str = described(
@@ -149,18 +157,21 @@ class Settings:
         "Light Samples",
         "Shadow rays per texel and light, four times as many in penumbrae",
         Span(1, 4096, "rays"),
+        invalidates=(),
     )
     texel_samples: int = described(
         4,
         "Texel Samples",
         "Supersampling of texels at chart borders, shadow edges and intersections. 1 is off",
         OneOf(_TEXEL_SAMPLES),
+        invalidates=(),
     )
     sample_emission: bool = described(
         True,
         "Sample Emission",
         "Sample small bright emissive faces and bright sky as lights. Less noise",
         Switch(),
+        invalidates=(),
     )
     glass_transmits: bool = described(
         True,
@@ -173,6 +184,7 @@ class Settings:
         "Accelerate",
         "Start from ambient light and combine iterations to converge faster. Off iterates as in the paper",
         Switch(),
+        invalidates=(),
     )
     seed: int = described(0, "Seed", "Seed of the random rotation of hemicubes", Span(0, (1 << 32) - 1))
     hide_seams: bool = described(
@@ -180,9 +192,14 @@ class Settings:
         "Hide Seams",
         "Match light across UV seams, also between objects that touch",
         Switch(),
+        invalidates=(),
     )
     margin: int = described(
-        8, "Margin", "Texels by which charts are extended into the space around them", Span(0, 256, "texels")
+        8,
+        "Margin",
+        "Texels by which charts are extended into the space around them",
+        Span(0, 256, "texels"),
+        invalidates=(),
     )
     denoise: bool = described(
         False,
@@ -190,6 +207,7 @@ class Settings:
         "Denoise with Open Image Denoise. Removes detail smaller than the noise",
         Switch(),
         "quality",
+        invalidates=(),
     )
     patch_file: str | None = described(
         None,
@@ -210,6 +228,7 @@ class Settings:
         "Address of a Dask scheduler, as tcp://host:8786. 'all' uses each local device, empty a single one",
         Address(),
         PREFERENCES,
+        invalidates=(),
     )
     denoise_device: str = described(
         "cpu",
@@ -217,6 +236,7 @@ class Settings:
         "Device of Open Image Denoise. The CPU replaces a missing one",
         OneOf(_DENOISE_DEVICES),
         PREFERENCES,
+        invalidates=(),
     )
     memory_budget: int = described(
         0,
@@ -231,6 +251,7 @@ class Settings:
         "Device memory for visibility kept between bakes, for fast relighting. 0 uses a quarter",
         _BYTES,
         PREFERENCES,
+        invalidates=(),
     )
     checkpoint_space: int = described(
         4 << 30,
@@ -238,6 +259,7 @@ class Settings:
         "Disk space in the cache folder for the data of interrupted bakes, which resume from it. 0 for none",
         Span(0, 1 << 50, "bytes", ("MiB", 1 << 20)),
         PREFERENCES,
+        invalidates=(),
     )
     checkpoint_interval: float = described(
         5.0,
@@ -245,6 +267,7 @@ class Settings:
         "Time between checkpoints and before the first. Shorter bakes write none",
         Span(0, 86400, "s"),
         PREFERENCES,
+        invalidates=(),
     )
     patch_groups: int = described(
         0,
@@ -289,7 +312,12 @@ class Settings:
         "paper",
     )
     intermediates: bool = described(
-        True, "Intermediate Lightmaps", "Yield the current lightmaps after each iteration", Switch(), None
+        True,
+        "Intermediate Lightmaps",
+        "Yield the current lightmaps after each iteration",
+        Switch(),
+        None,
+        invalidates=(),
     )
     centres: bool = described(
         True,
@@ -297,6 +325,7 @@ class Settings:
         "Return the light at texel centres in addition to the final images",
         Switch(),
         None,
+        invalidates=(),
     )
     warm_start: bool = described(
         False,
@@ -304,6 +333,7 @@ class Settings:
         "Start from the solution of the session's last bake, shown at once with the new direct light",
         Switch(),
         None,
+        invalidates=(),
     )
     denoise_library: str | None = described(
         None,
@@ -311,6 +341,7 @@ class Settings:
         "File of Open Image Denoise. None for the installed Python package",
         FilePath(),
         None,
+        invalidates=(),
     )
     cache_dir: str | None = described(
         None, "Cache", "Folder for compiled kernels and checkpoints; None keeps none", FilePath(), None

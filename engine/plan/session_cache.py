@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +31,8 @@ from ..resume.checkpoint import Checkpoints
 from ..scene.digests import ArrayDigests, geometry_digest, surfaces_digest
 from ..scene.model import Scene
 from ..scene.open_surfaces import OpenSurfaces
-from ..settings import Settings
+from ..setting_types import VISIBILITY
+from ..settings import Settings, descriptions
 from ..validity.invalid import patches_inside
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.upper_levels import UpperLevels
@@ -40,14 +40,6 @@ from ..visibility.sampler import directional_options
 from ..visibility.unoccluded_sky import open_sky
 from .previous_solution import PreviousSolution
 from .substitute_patches import PatchPairs, find_substitutes
-
-#: Settings that do not affect patches and visibility. `has_indirect` and the need for directions do.
-_LEAVING_VISIBILITY = frozenset({
-    "accelerate", "ao_distance", "ao_samples", "centres", "checkpoint_interval", "checkpoint_space",
-    "denoise", "denoise_device", "denoise_library", "margin", "hide_seams", "intermediates", "max_bounces",
-    "cache_budget", "light_samples", "outputs", "sample_emission", "scheduler", "texel_samples", "tolerance",
-    "warm_start",
-})  # fmt: skip
 
 #: Maximum size in bytes of a sky that is stored for comparison with the next one.
 _MOST_SKY = 1 << 26
@@ -282,8 +274,8 @@ class SessionCache:
 
 def visibility_settings(settings: Settings) -> tuple:
     """Return the values of all settings that may change patches or visibility."""
-    names = [entry.name for entry in fields(settings) if entry.name not in _LEAVING_VISIBILITY]
-    values = (getattr(settings, name) for name in names)
+    named = descriptions().items()
+    values = (getattr(settings, name) for name, entry in named if VISIBILITY in entry.invalidates)
     return (*values, settings.has_indirect, directional_options(settings), _modified(settings.patch_file))
 
 

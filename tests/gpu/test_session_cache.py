@@ -12,6 +12,8 @@ from engine.gather import background_light
 from engine.plan import choose_solver, session_cache
 from engine.scene.model import NO_LIGHTMAP
 from engine.session import Session
+from engine.setting_types import VISIBILITY
+from engine.settings import descriptions
 from engine.worker.worker import Worker
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.slice_sizes import fix_slice_size
@@ -265,10 +267,11 @@ def test_a_device_that_is_too_small_is_tried_no_more_than_twice(session, monkeyp
         finished(session.bake(ROOM, SETTINGS))
 
 
-def test_every_setting_is_known_to_matter_or_not():
-    """One that is not named counts as one that changes what patches see."""
-    names = {entry.name for entry in dataclasses.fields(Settings)}
-    assert names >= session_cache._LEAVING_VISIBILITY
+def test_settings_invalidate_nothing_but_cached_data():
+    """A setting that declares nothing invalidates visibility."""
+    declared = {name: entry.invalidates for name, entry in descriptions().items()}
+    assert {data for every in declared.values() for data in every} == {VISIBILITY}
+    assert declared["margin"] == declared["tolerance"] == () and declared["samples"] == (VISIBILITY,)
 
 
 def test_the_worker_keeps_it_too():

@@ -52,6 +52,7 @@ class TriangleScene:
             _without_patches(self.triangles, self.steps, self.cutouts, resolution),
             surfaces=PatchMaterials(emission[:0], emission),
             texel_to_patch=texel_to_patch,
+            source_count=None,
             back_to_back=back_to_back,
         )
 

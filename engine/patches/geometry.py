@@ -52,13 +52,19 @@ class PatchGeometry:
     steps        world-space texel steps of the triangles
     triangle     (n,) int32, index into `triangles`
     barycentric  (n, 3) float32, position on the triangle
+    counts       (t,) int64, number of patches on each triangle; None to compute it
     """
 
     def __init__(
-        self, triangles: Triangles, steps: TexelSteps, triangle: np.ndarray, barycentric: np.ndarray
+        self,
+        triangles: Triangles,
+        steps: TexelSteps,
+        triangle: np.ndarray,
+        barycentric: np.ndarray,
+        counts: np.ndarray | None = None,
     ) -> None:
         self.triangles, self.steps = triangles, steps
-        self.triangle, self.barycentric = triangle, barycentric
+        self.triangle, self.barycentric, self._counts = triangle, barycentric, counts
 
     def part(self, chosen: slice | np.ndarray) -> PatchGeometry:
         """Return the geometry of a subset of the patches."""
@@ -67,15 +73,13 @@ class PatchGeometry:
 
     def at(self, patches: PatchList) -> PatchGeometry:
         """Return the geometry of other patches on the same triangles."""
-        there = PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric)
-        if patches.triangle is self.triangle and "on_triangle" in vars(self):
-            vars(there)["on_triangle"] = self.on_triangle
-        return there
+        counts = self._counts if patches.triangle is self.triangle else None
+        return PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric, counts)
 
     @cached_property
     def on_triangle(self) -> np.ndarray:
         """Number of patches on each triangle, (t,) int64."""
-        return run_counts(self.triangle, len(self.triangles.mesh))
+        return run_counts(self.triangle, len(self.triangles.mesh)) if self._counts is None else self._counts
 
     @cached_property
     def center(self) -> np.ndarray:

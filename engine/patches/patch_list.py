@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,39 @@ from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
 _COLUMNS = ("atlas", "texel", "triangle", "barycentric")
 
 
+class TexelIndex:
+    """Lookup between patches and texels, shared by patch lists on the same texels.
+
+    resolution    width and height of the lightmaps, texels
+    atlas, texel  (n,) int32, see `PatchList`
+    """
+
+    def __init__(self, resolution: int, atlas: np.ndarray, texel: np.ndarray) -> None:
+        self._resolution = resolution
+        self.key = np.multiply(atlas, resolution**2, dtype=np.int64)
+        self.key += texel
+        self._entries: tuple[int, np.ndarray] | None = None
+
+    def count_in(self, atlases: int) -> int:
+        """Return the number of patches in the first `atlases` atlases, which come before all others."""
+        return int(np.searchsorted(self.key, atlases * self._resolution**2))
+
+    def on_texels(self, atlases: int) -> np.ndarray:
+        """Return the patch + 1 of each texel, cached for one number of atlases; see `PatchList.on_texels`."""
+        if self._entries is None or self._entries[0] != atlases:
+            count = self.count_in(atlases)
+            entries = np.zeros((atlases, self._resolution, self._resolution), np.uint32)
+            flat, key = entries.ravel(), self.key[:count]
+
+            def number(slab: slice) -> None:
+                flat[key[slab]] = np.arange(slab.start + 1, slab.stop + 1, dtype=np.uint32)
+
+            map_slabs(count, 8, number)
+            entries.flags.writeable = False
+            self._entries = atlases, entries
+        return self._entries[1]
+
+
 @dataclass(frozen=True)
 class PatchList:
     """Lightmap texel and surface point of each patch, sorted by atlas and texel.
@@ -28,6 +61,7 @@ class PatchList:
     triangle     (n,) int32, index into `Triangles`
     barycentric  (n, 3) float32, surface point, each in [0, 1], sum 1: the texel centre, or the centroid of
                  the covered part of the texel
+    index        lookup shared with a list on the same texels; None to create it
     """
 
     resolution: int
@@ -35,50 +69,34 @@ class PatchList:
     texel: np.ndarray
     triangle: np.ndarray
     barycentric: np.ndarray
+    index: TexelIndex | None = field(default=None, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.texel)
 
     @cached_property
+    def _index(self) -> TexelIndex:
+        return self.index or TexelIndex(self.resolution, self.atlas, self.texel)
+
+    @property
     def key(self) -> np.ndarray:
         """Flat texel index, (n,) int64, ascending: (atlas * resolution + row) * resolution + column."""
-        key = np.multiply(self.atlas, self.resolution**2, dtype=np.int64)
-        key += self.texel
-        return key
-
-    @cached_property
-    def _on_texels(self) -> dict[int, np.ndarray]:
-        """Last result of `on_texels`, by number of atlases."""
-        return {}
+        return self._index.key
 
     def count_in(self, atlases: int) -> int:
         """Return the number of patches in the first `atlases` atlases, which come before all others."""
-        return int(np.searchsorted(self.key, atlases * self.resolution**2))
+        return self._index.count_in(atlases)
 
     def on_texels(self, atlases: int) -> np.ndarray:
         """Return the patch + 1 of each texel of the first atlases, (atlases, r, r) uint32; 0 for none.
 
         The array is cached and read-only.
         """
-        if atlases not in self._on_texels:
-            count = self.count_in(atlases)
-            entries = np.zeros((atlases, self.resolution, self.resolution), np.uint32)
-            flat, key = entries.ravel(), self.key[:count]
-
-            def number(slab: slice) -> None:
-                flat[key[slab]] = np.arange(slab.start + 1, slab.stop + 1, dtype=np.uint32)
-
-            map_slabs(count, 8, number)
-            entries.flags.writeable = False
-            self._on_texels.clear()
-            self._on_texels[atlases] = entries
-        return self._on_texels[atlases]
+        return self._index.on_texels(atlases)
 
     def moved(self, barycentric: np.ndarray) -> PatchList:
         """Return patches on the same texels and triangles, at other barycentrics, (n, 3) float32."""
-        moved = replace(self, barycentric=barycentric)
-        vars(moved).update(key=self.key, _on_texels=self._on_texels)
-        return moved
+        return replace(self, barycentric=barycentric, index=self._index)
 
     def part(self, chosen: slice | np.ndarray) -> PatchList:
         """Return a subset of the patches, by a slice, a mask or indices."""

@@ -40,12 +40,14 @@ class PatchMaterials:
     emission       (n, 3) float32, W/(m^2 sr), radiance of the front face
     back_emission  (n, 3) float32, W/(m^2 sr), radiance of the back face; None if equal to the front
     own            (n, 3) float32, reflected fraction of `reflectance`; None if all of it is reflected
+    emitters       (k,) int64, patches that emit from either face; None to compute them
     """
 
     reflectance: Values
     emission: np.ndarray
     back_emission: np.ndarray | None = None
     own: np.ndarray | None = None
+    emitters: np.ndarray | None = None
 
     @property
     def emission_of_backs(self) -> np.ndarray:
@@ -55,6 +57,8 @@ class PatchMaterials:
     @cached_property
     def shining(self) -> np.ndarray:
         """Indices of patches that emit from either face, (k,) int64."""
+        if self.emitters is not None:
+            return self.emitters
         if self.back_emission is None:
             return nonzero_rows(self.emission)
         return np.flatnonzero(any_in_rows(self.emission) | any_in_rows(self.back_emission))
@@ -158,12 +162,11 @@ def _made_surfaces(
     )
     emission = _constants(scene, "emission", geometry)
     _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
-    surfaces = PatchMaterials(reflectance, emission, _back_emission(compute, scene, geometry, resolution))
+    back_emission = _back_emission(compute, scene, geometry, resolution)
 
     # Few materials emit, so only their patches are tested.
-    if surfaces.back_emission is None:
-        vars(surfaces)["shining"] = _shining(scene, geometry, emission)
-    return surfaces
+    emitters = _shining(scene, geometry, emission) if back_emission is None else None
+    return PatchMaterials(reflectance, emission, back_emission, emitters=emitters)
 
 
 def _back_emission(
@@ -197,9 +200,7 @@ def _translucent_surfaces(
     reflected = colors_on_host(surfaces.reflectance)
     total = reflected + transmitted
     own = np.divide(reflected, total, out=np.ones_like(total), where=transmitted > 0)
-    made = replace(surfaces, reflectance=total, own=own)
-    vars(made)["shining"] = surfaces.shining
-    return made
+    return replace(surfaces, reflectance=total, own=own, emitters=surfaces.shining)
 
 
 def _maps(scene: Scene, kind: str) -> list[Texture | None]:

@@ -31,6 +31,7 @@ class PatchScene:
     back_to_back    whether faces lie on one another that look apart
     charts, index   what the next subdivision may start from, if they are known
     sides           pairs of patches on both sides of translucent surfaces; None if there are none
+    source_count    largest number in the index map; None to compute it
     """
 
     triangles: Triangles
@@ -44,6 +45,7 @@ class PatchScene:
     charts: ChartTexels | None = None
     index: IndexMap | None = None
     sides: Sides | None = None
+    source_count: int | None = None
 
     def part(self, chosen: np.ndarray | slice) -> PatchScene:
         """Return some patches, which see all of them."""
@@ -51,11 +53,7 @@ class PatchScene:
 
     def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> PatchScene:
         """Return other patches on the same triangles, which see these ones."""
-        others = replace(self, patches=patches, geometry=geometry, sides=None)
-
-        # The index map is the same: its largest number is not looked for again.
-        vars(others)["sources"] = self.sources
-        return others
+        return replace(self, patches=patches, geometry=geometry, sides=None, source_count=self.sources)
 
     def with_surfaces(self, surfaces: PatchMaterials) -> PatchScene:
         """Return the same patches of other materials."""
@@ -66,7 +64,7 @@ class PatchScene:
     @cached_property
     def sources(self) -> int:
         """Patches that can be seen: the largest number in the index map."""
-        return int(self.texel_to_patch.max(initial=0))
+        return int(self.texel_to_patch.max(initial=0)) if self.source_count is None else self.source_count
 
 
 def make_patch_scene(
@@ -87,8 +85,8 @@ def make_patch_scene(
     charts = last.charts if last else None
     if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
         charts, last = read_charts(graphics, compute, scene, triangles, settings), None
-    covered = PatchGeometry(triangles, steps, charts.patches.triangle, charts.patches.barycentric)
-    vars(covered)["on_triangle"] = charts.on_triangle
+    where = charts.patches.triangle, charts.patches.barycentric
+    covered = PatchGeometry(triangles, steps, *where, charts.on_triangle)
     index = index_map(compute, covered, charts, last.index if last else None)
     patches, geometry = index.patches, covered.at(index.patches)
 

@@ -68,6 +68,7 @@ class PatchGroups:
             geometry=parts.geometry.part(leader),
             surfaces=surfaces,
             texel_to_patch=self.texel_to_group,
+            source_count=None,
         )
 
     @cached_property

@@ -33,7 +33,6 @@ from .plan.previous_solution import PreviousSolution
 from .plan.remote_devices import RemoteDevices
 from .plan.session_cache import SessionCache
 from .plan.solve_job import SolveJob
-from .plan.solver_choice import SolverChoice
 from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
 from .postprocess.output_names import output_names
@@ -164,11 +163,22 @@ def _bake(
         BakeState(scene, len(atlases), settings, parts, rays, near, solution, front, made, lit, store, passes)
     )
     choice = replace(choice, reasons=(*choice.reasons, *finishing.reasons))
-    report = _summary(
-        solution, solved.parts.surfaces.emission,
-        settings, choice, len(parts.patches), stages.seconds, devices,
-        (*notes, *parts.warnings, *lighting.warnings, *finishing.warnings),
-    )  # fmt: skip
+    report = Report(
+        patches=len(parts.patches),
+        method=choice.method,
+        visibility=choice.visibility,
+        samples=choice.samples,
+        reasons=choice.reasons,
+        iterations=solution.iterations,
+        convergence_error=solution.residual,
+        converged=solution.converged or not settings.has_indirect,
+        added_flux=tuple(solution.energies),
+        seconds=stages.seconds,
+        devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
+        warnings=(*notes, *parts.warnings, *lighting.warnings, *finishing.warnings),
+        integrator=choice.integrator,
+        energy=solution.energy(solved.parts.surfaces.emission),
+    )
     return BakeResult(
         atlases,
         store.image(next(iter(made.values()))) if settings.centres else store.no_image,
@@ -276,31 +286,3 @@ def _made(
     made |= groups
     names = output_names(texels.scene, job.settings)
     return {name: made[name] for name in names}, replace(lit, values=lit.values | samples)
-
-
-def _summary(
-    solution: Solution,
-    emission: np.ndarray,
-    settings: Settings,
-    choice: SolverChoice,
-    patches: int,
-    seconds: dict[str, float],
-    devices: Devices,
-    warnings: tuple[str, ...],
-) -> Report:
-    return Report(
-        patches=patches,
-        method=choice.method,
-        visibility=choice.visibility,
-        samples=choice.samples,
-        reasons=choice.reasons,
-        iterations=solution.iterations,
-        convergence_error=solution.residual,
-        converged=solution.converged or not settings.has_indirect,
-        added_flux=tuple(solution.energies),
-        seconds=seconds,
-        devices={"gl": devices.graphics.name} | ({"cl": devices.compute.name} if devices.compute else {}),
-        warnings=warnings,
-        integrator=choice.integrator,
-        energy=solution.energy(emission),
-    )

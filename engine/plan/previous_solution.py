@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,10 +10,36 @@ import numpy as np
 
 from ..device.device_array import DeviceArray, Values, colors_on_host, rows_of
 from ..direct.contact import Contacts
+from ..gather.visibility_cache import VisibilityCache
 from ..patches.patch_list import PatchList
 from ..scene.color import rest_of
 from ..scene.digests import same_values
+from ..scene.triangles import Triangles
 from ..solve.solution import Solution
+
+
+@dataclass(frozen=True)
+class DirectSources:
+    """Everything that determines the light before any reflection.
+
+    visibility     weak reference to the visibility cache
+    triangles      triangles of the scene
+    emission       (n, 3) float32, radiance of the front face of each patch
+    back_emission  (n, 3) float32, radiance of the back face of each patch
+    sky            (h, w, 3) float32, radiance of the unsampled sky
+    sampled_light  (n, 3) float32, E/pi from shadow rays
+    """
+
+    visibility: weakref.ref[VisibilityCache]
+    triangles: Triangles
+    emission: np.ndarray
+    back_emission: np.ndarray
+    sky: np.ndarray
+    sampled_light: np.ndarray
+
+    def has_visibility_of(self, other: DirectSources) -> bool:
+        """Return True if both have the same visibility samples."""
+        return self.visibility == other.visibility and same_values(self.triangles, other.triangles)
 
 
 @dataclass(frozen=True)
@@ -33,7 +60,7 @@ class PreviousSolution:
     sampled: np.ndarray
     direct: Values
     near: Contacts
-    sources: tuple | None = None
+    sources: DirectSources | None = None
 
     @classmethod
     def of(
@@ -42,19 +69,19 @@ class PreviousSolution:
         patches: PatchList,
         sampled: np.ndarray,
         near: Contacts,
-        sources: tuple | None,
+        sources: DirectSources | None,
     ) -> PreviousSolution:
         """Return the current light of a solution; sampled: (n, 3) float32, E/pi from shadow rays."""
         light, direct = solution.so_far
         return cls(patches, light, solution.front, sampled, direct, near, sources)
 
-    def front_of(self, sources: tuple | None) -> np.ndarray | None:
+    def front_of(self, sources: DirectSources | None) -> np.ndarray | None:
         """Return `front` if visibility is unchanged, else None."""
         if sources is None or self.sources is None:
             return None
-        return self.front if same_values(sources[:2], self.sources[:2]) else None
+        return self.front if sources.has_visibility_of(self.sources) else None
 
-    def direct_of(self, sources: tuple | None) -> Values | None:
+    def direct_of(self, sources: DirectSources | None) -> Values | None:
         """Return `direct` if all of its sources are unchanged, else None."""
         return self.direct if sources is not None and same_values(sources, self.sources) else None
 

@@ -26,7 +26,7 @@ from ..solve.anderson import COLUMNS
 from ..solve.radiosity_state import PLAIN_COLUMNS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import Background, upload_background
-from .previous_solution import PreviousSolution
+from .previous_solution import DirectSources, PreviousSolution
 from .remote_devices import RemoteDevices
 from .session_cache import SessionCache, visibility_settings
 
@@ -122,16 +122,13 @@ class SolveJob:
         )
 
     @property
-    def direct_sources(self) -> tuple | None:
-        """Everything that determines the light before any reflection; None unless visibility is cached.
-
-        The first two entries determine visibility. Holds only a weak reference to the cache.
-        """
+    def direct_sources(self) -> DirectSources | None:
+        """Everything that determines the light before any reflection; None unless visibility is cached."""
         samples = self.kept.samples
         if samples is None or not samples.complete:
             return None
         light = self.emission, self.back_emission, self.sky, self.sampled_light
-        return weakref.ref(samples), self.parts.triangles, *light
+        return DirectSources(weakref.ref(samples), self.parts.triangles, *light)
 
     @cached_property
     def first_radiance(self) -> np.ndarray:

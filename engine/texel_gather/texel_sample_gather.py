@@ -183,10 +183,19 @@ def _why_centres_only(job: SolveJob, choice: SolverChoice) -> str:
 
 def _nothing(*reasons: str) -> TexelSampleLight:
     """Return the light of no samples, and why there are none."""
-    nothing = np.zeros(0, np.float32)
-    normals, inside = np.zeros((0, 3), np.float32), nothing.astype(np.int64)
-    found = no_samples(), nothing > 0, normals, nothing, nothing, inside
-    return TexelSampleLight(*found, {}, nothing > 0, 1, reasons)
+    nothing, none = np.zeros(0, np.float32), np.zeros(0, bool)
+    return TexelSampleLight(
+        samples=no_samples(),
+        visible=none,
+        normals=np.zeros((0, 3), np.float32),
+        light=nothing,
+        centres=nothing,
+        inside=np.zeros(0, np.int64),
+        values={},
+        hidden=none,
+        count=1,
+        reasons=reasons,
+    )
 
 
 def gather_at(
@@ -237,8 +246,19 @@ def _joined(
     light = channel_sum(irradiance)
     inside = in_thin_walls(parts, samples, ways, visible, light)
     warnings = warn_thin_walls(what.scene, parts, samples, ways, inside)
-    found = samples, visible, normals, light, known.light, inside, values
-    return TexelSampleLight(*found, known.hidden, count, (reason,), tuple(warnings))
+    return TexelSampleLight(
+        samples=samples,
+        visible=visible,
+        normals=normals,
+        light=light,
+        centres=known.light,
+        inside=inside,
+        values=values,
+        hidden=known.hidden,
+        count=count,
+        reasons=(reason,),
+        warnings=tuple(warnings),
+    )
 
 
 def _settings_of_samples(settings: Settings, count: int) -> Settings:

@@ -69,7 +69,7 @@ class PatchList:
     texel: np.ndarray
     triangle: np.ndarray
     barycentric: np.ndarray
-    index: TexelIndex | None = field(default=None, repr=False, compare=False)
+    index: TexelIndex | None = field(default=None, repr=False, compare=False, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.texel)

@@ -19,7 +19,6 @@ from .device.cl_device import ComputeDevice
 from .device.device_array import Values
 from .device.devices import Devices
 from .direct.contact import Contacts
-from .direct.emitter_split import split_light
 from .direct.emitters import SampledTriangles
 from .direct.lighting import DirectLighting
 from .patches.backs import with_places
@@ -109,14 +108,14 @@ def _bake(
     yield stages.begin(stages.patches)
     parts = kept.make_patch_scene(graphics, compute, scene, settings)
     check_patch_count(len(parts.patches))
-    store = kept.store(parts.patches, len(atlases), settings, compute)
+    store = kept.texels.images(parts.patches, len(atlases), settings, compute)
     last = kept.light_on(compute, parts, len(atlases), settings)
     yield stages.listed(len(parts.patches), parts.surfaces.mean_reflectance)
 
     # Direct light: shadow rays to lights, small bright surfaces and bright sky. The first intermediate
     # lightmap shows it before visibility is computed.
     rays = kept.ray_scene(compute, parts)
-    split = split_light(scene.world, parts, settings, kept.choose_sampled_triangles, kept.split_sky)
+    split = kept.emitters.split(scene.world, parts, settings)
     remote = shipped and shipped(parts, rays, split.bright)
     in_squares = remote is not None and shared_width(settings, len(parts.patches)) > 1
     meanwhile = partial(kept.inside, rays) if in_squares else None
@@ -128,11 +127,11 @@ def _bake(
     sampled = both_sides(parts.sides, sampled)
 
     # Background threads. They start late, since they would delay the first image of a warm start.
-    areas, seams = kept.begin(compute, parts, len(atlases), settings)
+    areas, seams = kept.texels.begin(compute, parts, len(atlases), settings)
 
     # Contacts: patches covered by a touching face are black, and faces may lie back to back.
     yield stages.begin(stages.choosing)
-    near = kept.contacts(lighting)
+    near = kept.emitters.contacts(lighting)
     parts = replace(
         parts, surfaces=parts.surfaces.black_at(near.hide), back_to_back=bool(near.back_to_back.any())
     )
@@ -145,7 +144,7 @@ def _bake(
     solution, choice, solved = choose_solver(job)
     if remote and compute and choice.method != "none":
         # Prepare texel data on the host while other processes compute visibility.
-        kept.begin_texels(compute, parts, len(atlases), settings)
+        kept.texels.prepare(compute, parts, len(atlases), settings)
     yield stages.chosen(choice)
 
     # Gather iterations until convergence (III.B, IV.C). They also measure which patches lie inside geometry;

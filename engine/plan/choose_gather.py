@@ -123,7 +123,9 @@ def _cached_gather(job: SolveJob, kept: VisibilityCache, identity: VisibilitySam
     """Return a gather from cached samples; `identity` computes the missing ones, None if there are none."""
     sampling = kept.sampling
     l1 = _l1_gather(job, sampling)
-    static = job.kept.static_light(job.sky, identity is None, lambda: static_light(job, sampling))
+    if identity is not None:
+        job.kept.background.clear()
+    static = job.kept.background.get((job.sky,), lambda: static_light(job, sampling))
     return CachedGather(job.opencl, kept, identity, static, l1, job.checkpoint)
 
 

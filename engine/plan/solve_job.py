@@ -26,6 +26,7 @@ from ..solve.anderson import COLUMNS
 from ..solve.radiosity_state import PLAIN_COLUMNS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import Background, upload_background
+from ..visibility.unoccluded_sky import open_sky
 from .previous_solution import DirectSources, PreviousSolution
 from .remote_devices import RemoteDevices
 from .session_cache import SessionCache, visibility_settings
@@ -93,7 +94,11 @@ class SolveJob:
     @cached_property
     def surroundings(self) -> Background:
         """Background on the OpenCL device: sky and emission of back faces."""
-        return upload_background(self.opencl, self.back_emission, self.sky, self.kept.open_sky)
+
+        def whole(sky: np.ndarray) -> np.ndarray | None:
+            return self.kept.unoccluded_sky.get((sky,), lambda: open_sky(sky))
+
+        return upload_background(self.opencl, self.back_emission, self.sky, whole)
 
     @cached_property
     def front_emission(self) -> cl.Buffer:

@@ -70,7 +70,7 @@ class Finishing:
             quiet = yield from stages.run(stages.denoising, self._without_noise())
         yield stages.begin(stages.images)
         if seams:
-            thin = self._job.kept.off_centre_patches(self._job.compute, self._job.parts)
+            thin = self._job.kept.texels.off_centre_patches(self._job.compute, self._job.parts)
             self._store.hide_seams(thin, self._in_sight(seams.result()))
         images = {name: self._store.final(image) for name, image in quiet.items()}
         left = {name: values for name, values in self._made.items() if name not in quiet}

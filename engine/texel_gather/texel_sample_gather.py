@@ -106,7 +106,7 @@ def gather_texel_samples(
     if why or compute is None:
         return _nothing(why)
     known = PatchLight(channel_sums(solution.light), front, invalid_patches(what, front, near))
-    asked, clipper = what.job.settings.texel_samples, what.job.kept.clipper(compute, what.job.parts)
+    asked, clipper = what.job.settings.texel_samples, what.job.kept.texels.clipper(compute, what.job.parts)
     samples, count = display_samples(clipper, what.job.parts, atlases, known, asked)
     if not len(samples):
         return _nothing("No texel shows more than its centre.")

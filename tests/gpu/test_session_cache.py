@@ -8,8 +8,11 @@ import pyopencl as cl
 import pytest
 
 from engine import BakeResult, DeviceError, Light, Scene, Settings, bake, finished, progress
+from engine.direct import emitter_cache
+from engine.direct.lighting import DirectLighting
 from engine.gather import background_light
-from engine.plan import choose_solver, session_cache
+from engine.plan import choose_solver, solve_job
+from engine.postprocess import texel_cache
 from engine.scene.model import NO_LIGHTMAP
 from engine.session import Session
 from engine.setting_types import VISIBILITY
@@ -139,8 +142,8 @@ def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
     """Faces near patches are looked for again where others shine, and another sky is summed up again."""
     made = Counter()
 
-    def counted(name):
-        real = getattr(session_cache, name)
+    def counted(module, name):
+        real = getattr(module, name)
 
         def call(*arguments):
             made[name] += 1
@@ -148,15 +151,18 @@ def test_what_follows_from_geometry_alone_is_made_once(session, monkeypatch):
 
         return call
 
-    for name in ("surface_areas", "TexelClipper", "open_sky", "split_sky"):
-        monkeypatch.setattr(session_cache, name, counted(name))
-    near_faces = session_cache.DirectLighting.contacts
+    for module, name in (
+        (texel_cache, "surface_areas"), (texel_cache, "TexelClipper"), (solve_job, "open_sky"),
+        (emitter_cache, "split_sky"),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, counted(module, name))
+    near_faces = DirectLighting.contacts
 
     def near(lighting):
         made[lighting._ray_scene.count] += 1
         return near_faces(lighting)
 
-    monkeypatch.setattr(session_cache.DirectLighting, "contacts", near)
+    monkeypatch.setattr(DirectLighting, "contacts", near)
     settings = dataclasses.replace(SETTINGS, texel_samples=16)
     session.forget()
     painted = [coloured(ROOM, 0, **{name: RED}) for name in ("reflectance", "emission")]

@@ -157,6 +157,8 @@ class Session:
         """
         kept.checkpoints = Checkpoints()
         kept.limit(devices.compute, settings.cache_budget)
+        if not settings.warm_start:
+            kept.texels.release_fill()
         devices.clear()
         self._devices, self._kept = devices, kept
 

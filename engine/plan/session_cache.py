@@ -138,7 +138,6 @@ class SessionCache:
 
     def limit(self, compute: ComputeDevice | None, budget: int) -> None:
         """Drop visibility samples that exceed a memory budget, bytes; 0 is a quarter of the device memory."""
-        self.texels.release_images()
         if compute is None or self.samples is None:
             return
         if self.samples.bytes > (budget or compute.device.global_mem_size // _PART):

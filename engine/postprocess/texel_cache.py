@@ -78,15 +78,13 @@ class TexelCache:
         Only a warm start keeps the invalid patches and the fill.
         """
         if self._images is not None and self._images.suits(patches, atlases, settings.margin):
-            self._images.reset()
             if not settings.warm_start:
                 self._images.show_all()
         else:
             self._images = LightmapImages(patches, atlases, settings.margin, compute)
-        self._images.keeps_fill = settings.warm_start
         return self._images
 
-    def release_images(self) -> None:
-        """Drop the fits and fills of the images."""
+    def release_fill(self) -> None:
+        """Drop the fill of the images."""
         if self._images is not None:
-            self._images.reset()
+            self._images.release()

@@ -14,8 +14,10 @@ from ..plan.stages import BakeStages
 from ..postprocess.blocked_seams import drop_blocked_seams
 from ..postprocess.denoising import Denoising
 from ..postprocess.directional_denoising import encode_signed_maps, restored_maps
+from ..postprocess.final_lightmaps import FinalLightmaps
 from ..postprocess.independent_estimate import IndependentEstimate
 from ..postprocess.light_group_maps import scale_to_sum
+from ..postprocess.refined_texels import RefinedTexels
 from ..postprocess.store import LightmapImages
 from ..progress import Progress, run_as_fraction
 from ..solve.solution import Solution
@@ -44,12 +46,9 @@ class Finishing:
     ) -> None:
         self._store, self._job, self._texels, self._solution = store, texels.job, texels, solution
         self._made, self._lit = made, lit
-        if len(lit.samples):
-            store.refine(lit.means(self._job.opencl, store.has_patch.shape), lit.hidden)
-        if len(lit.inside):
-            shown = store.texels_on_device(*self._light_of_texels())
-            store.part(lit.beside_walls(self._job.opencl, shown, store.known))
-        self._denoising = Denoising(store.known, self._job.settings)
+        self._refined = self._refined_texels()
+        self.known = self._refined.known
+        self._denoising = Denoising(self.known, self._job.settings)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -69,12 +68,14 @@ class Finishing:
         if self._job.settings.denoise:
             quiet = yield from stages.run(stages.denoising, self._without_noise())
         yield stages.begin(stages.images)
+        off_centre = unblocked = None
         if seams:
-            thin = self._job.kept.texels.off_centre_patches(self._job.compute, self._job.parts)
-            self._store.hide_seams(thin, self._in_sight(seams.result()))
-        images = {name: self._store.final(image) for name, image in quiet.items()}
+            off_centre = self._job.kept.texels.off_centre_patches(self._job.compute, self._job.parts)
+            unblocked = self._in_sight(seams.result())
+        final = FinalLightmaps(self._refined, off_centre, unblocked)
+        images = {name: final.image(image) for name, image in quiet.items()}
         left = {name: values for name, values in self._made.items() if name not in quiet}
-        images |= self._store.finished(left, self._lit.values)
+        images |= final.images(left, self._lit.values)
         images = {name: images[name] for name in self._made}
         groups = {name: image for name, image in images.items() if is_of_light_group(name)}
         if groups:
@@ -87,16 +88,16 @@ class Finishing:
 
         These are maps of light, and of where it comes from; there are none if the noise stays.
         """
-        store, lit = self._store, self._lit
-        shown = {name: store.texels(values, lit.values.get(name)) for name, values in self._made.items()}
-        normals = store.texels(self._job.parts.geometry.normal, lit.normals)
+        texels, lit = self._refined, self._lit
+        shown = {name: texels.values(values, lit.values.get(name)) for name, values in self._made.items()}
+        normals = texels.values(self._job.parts.geometry.normal, lit.normals)
 
         # A second look by few rays tells noise from detail.
         values, part = yield from run_as_fraction(
             0.0, 0.4, gather_independent_estimate(self._texels, self._solution)
         )
-        seen = {name: store.image(light) for name, light in values.items()}
-        again = IndependentEstimate(seen, store.centres, part) if seen else None
+        seen = {name: self._store.image(light) for name, light in values.items()}
+        again = IndependentEstimate(seen, texels.centres, part) if seen else None
 
         # Directional maps are filtered as light, too.
         names = [name for name in shown if is_light(name)]
@@ -111,9 +112,21 @@ class Finishing:
         """Return seams without those that something stands on which parts the light of both sides."""
         if not self._job.rays.possible:
             return seams
-        store, job = self._store, self._job
-        light = store.texels_on_device(*self._light_of_texels())
-        return drop_blocked_seams(seams, job.parts, job.rays, light, store.known, store.hidden)
+        job, texels = self._job, self._refined
+        light = texels.on_device(job.opencl, *self._light_of_texels())
+        return drop_blocked_seams(seams, job.parts, job.rays, light, self.known, texels.invalid)
+
+    def _refined_texels(self) -> RefinedTexels:
+        """Return the texel values from patches, texel samples and the fit at thin walls."""
+        lit, store = self._lit, self._store
+        if not len(lit.samples):
+            return RefinedTexels(store)
+        compute = self._job.opencl
+        refined = RefinedTexels(store, lit.means(compute, store.has_patch.shape), lit.hidden)
+        if not len(lit.inside):
+            return refined
+        shown = refined.on_device(compute, *self._light_of_texels())
+        return refined.with_walls(lit.beside_walls(compute, shown, refined.known))
 
     def _light_of_texels(self) -> tuple[Values, np.ndarray | None]:
         """Return all light of the patches, (n, 1), and of samples, (s,) or None, sum of the channels."""

@@ -19,7 +19,9 @@ from engine.postprocess.device_bilinear_fit import DeviceBilinearFit
 from engine.postprocess.device_final_images import DeviceFinalImages
 from engine.postprocess.device_images import texels_of
 from engine.postprocess.final_images import FinalImages
+from engine.postprocess.final_lightmaps import FinalLightmaps
 from engine.postprocess.lightmap_points import LightmapPoints, off_centre_patches
+from engine.postprocess.refined_texels import RefinedTexels
 from engine.postprocess.store import LightmapImages
 from engine.postprocess.texel_means import TexelMeans
 from engine.postprocess.texel_samples import TexelSamples
@@ -205,12 +207,13 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: ComputeDev
     expected, made = stores
     assert (expected.image(values) == made.image(values)).all()
     np.testing.assert_allclose(made.display(values), expected.display(values), rtol=1e-6)
-    texels = expected.texels(values, None)
-    assert (made.texels(values, None) == texels).all() and texels.shape[-1] == channels
-    np.testing.assert_allclose(made.final(texels), expected.final(texels), rtol=1e-6)
-    together = made.finished({"some": values, "double": 2 * values}, {})
-    assert list(together) == ["some", "double"] and (together["some"] == made.final(texels)).all()
-    assert (together["double"] == made.final(2 * texels)).all()
+    texels = RefinedTexels(expected).values(values, None)
+    assert (RefinedTexels(made).values(values, None) == texels).all() and texels.shape[-1] == channels
+    host, final = (FinalLightmaps(RefinedTexels(store)) for store in stores)
+    np.testing.assert_allclose(final.image(texels), host.image(texels), rtol=1e-6)
+    together = final.images({"some": values, "double": 2 * values}, {})
+    assert list(together) == ["some", "double"] and (together["some"] == final.image(texels)).all()
+    assert (together["double"] == final.image(2 * texels)).all()
 
 
 @pytest.mark.parametrize("channels", [1, 3])
@@ -229,10 +232,11 @@ def test_means_of_samples_are_put_in_texels_on_the_device(compute: ComputeDevice
     position, corners = np.zeros((131, 2), np.float32), np.zeros((131, 3), np.float32)
     samples = TexelSamples(atlas, shows, position, weight, np.zeros(131, np.int32), corners)
     means = TexelMeans(compute, samples, random.random(131) < 0.8, (2, resolution, resolution))
-    store.refine(means, random.random(count) < 0.1)
+    refined = RefinedTexels(store, means, random.random(count) < 0.1)
     values, light = (random.normal(size=(n, channels)).astype(np.float32) for n in (count, 131))
-    made = store.finished({"combined": values}, {"combined": light})["combined"]
-    assert (made == store.final(store.texels(values, light))).all()
+    final = FinalLightmaps(refined)
+    made = final.images({"combined": values}, {"combined": light})["combined"]
+    assert (made == final.image(refined.values(values, light))).all()
 
 
 def test_no_texels_are_read_and_none_are_put(compute: ComputeDevice) -> None:

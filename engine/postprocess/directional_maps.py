@@ -1,19 +1,21 @@
 """Directional lightmaps for normal mapping: L0 and L1, dominant direction, and spherical harmonics.
 
-NumPy version; it calls the OpenCL version if L1 lies on the device.
+Computed by OpenCL if L1 lies on the device, else by NumPy.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..device.device_array import Values
+from ..device.buffers import upload, upload_rows_once
+from ..device.device_array import DeviceArray, Values
+from ..device.opencl import cl
 from ..gather.device_l1 import L1, DeviceL1
 from ..outputs import DIRECTIONAL_MAPS, PROJECTED_MAPS
 from ..patches.geometry import PatchGeometry
 from ..scene.color import luminance
 from ..settings import Settings
-from .device_directional_maps import DeviceDirectionalMaps
+from ..visibility.rays.receiver_records import RECEIVER
 
 
 def maps_of_directions(
@@ -27,7 +29,7 @@ def maps_of_directions(
     geometry    position and normal of each point
     """
     if isinstance(gathered, DeviceL1):
-        return _on_device(settings, DeviceDirectionalMaps(gathered, irradiance, sampled))
+        return _on_device(settings, _DeviceMaps(gathered, irradiance, sampled))
     l1 = sampled + gathered
     if settings.projected:
         return dict(projected_maps(irradiance, l1, geometry.normal))
@@ -39,7 +41,7 @@ def maps_of_directions(
     return made
 
 
-def _on_device(settings: Settings, device: DeviceDirectionalMaps) -> dict[str, Values]:
+def _on_device(settings: Settings, device: _DeviceMaps) -> dict[str, Values]:
     """Return the requested maps, computed on the device."""
     if settings.projected:
         return dict(zip(PROJECTED_MAPS, device.projected(), strict=True))
@@ -49,6 +51,42 @@ def _on_device(settings: Settings, device: DeviceDirectionalMaps) -> dict[str, V
     if "dominant_direction" in settings.outputs:
         made["dominant_direction"] = device.dominant()
     return made
+
+
+class _DeviceMaps:
+    """Directional maps of n points; see `maps_of_directions`.
+
+    gathered    L1 of gathered light, on the device
+    irradiance  (n, 3) float32, E/pi
+    sampled     (n, 3, 3) float32, L1 of light from shadow rays: axis, then RGB
+    """
+
+    def __init__(self, gathered: DeviceL1, irradiance: np.ndarray, sampled: np.ndarray) -> None:
+        self._compute, self._count, self._receivers = gathered.compute, len(gathered), gathered.receivers
+        rows, stride = upload_rows_once(self._compute, irradiance)
+        axes = upload(self._compute, sampled.transpose(1, 0, 2))
+        self._given = rows, np.int32(stride), axes, gathered.buffer
+
+    def tilted(self) -> list[DeviceArray]:
+        """Return L0 and the x, y and z components of L1; see `directional_maps`."""
+        return self._made("tilted_maps", 4, self._receivers)
+
+    def dominant(self) -> DeviceArray:
+        """Return the dominant direction; see `dominant_direction`."""
+        (direction,) = self._made("dominant_direction", 1)
+        return direction
+
+    def projected(self) -> list[DeviceArray]:
+        """Return SH L0 and the x, y and z components of SH L1; see `projected_maps`."""
+        return self._made("projected_maps", 4, self._receivers)
+
+    def _made(self, name: str, maps: int, *arguments: cl.Buffer) -> list[DeviceArray]:
+        """Run a kernel and return its `maps` outputs, (n, 3) float32 each."""
+        compute, count = self._compute, self._count
+        (kernel,) = compute.kernels((RECEIVER, "directional_maps.cl"), name)
+        buffers = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count) for _ in range(maps)]
+        compute.run(kernel, count, *self._given, *arguments, *buffers, np.int32(count))
+        return [DeviceArray(compute, buffer, count) for buffer in buffers]
 
 
 def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray) -> dict[str, np.ndarray]:

@@ -2,19 +2,50 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..array_ops import nonzero_entries
-from ..patches.chart_borders import ChartBorders, borders_without_seam
-from ..patches.chart_edges import chart_edges
+from ..patches.chart_edges import ChartEdges, chart_edges
 from ..patches.edge_boxes import EdgeNeighbours
-from ..patches.edge_pairs import edge_pairs
+from ..patches.edge_pairs import EdgePairs, edge_pairs
 from ..patches.seams import Seams, seams_of
 from ..scene.triangles import Triangles
 from .bilinear import footprints
 
 #: Distance in texels beyond a border point from which the border faces a lookup; excludes chart corners.
 _FACES = 0.25
+
+#: Minimum points for each texel of border length; the two ends are added.
+_POINTS = 1.5
+
+
+@dataclass(frozen=True)
+class ChartBorders:
+    """Points along the borders of charts.
+
+    atlas    (b,) int32
+    texel    (b, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
+    outward  (b, 2) float64, unit vector on the lightmap, away from the chart
+    """
+
+    atlas: np.ndarray
+    texel: np.ndarray
+    outward: np.ndarray
+
+
+def borders_without_seam(edges: ChartEdges, pairs: EdgePairs) -> ChartBorders:
+    """Return points along the chart edges that belong to no pair, including their ends."""
+    free = np.ones(len(edges), bool)
+    free[pairs.first] = free[pairs.second] = False
+    edges = edges.part(free)
+    steps = np.ceil(_POINTS * edges.texel_length).astype(np.int64)
+    edge = np.repeat(np.arange(len(edges)), steps + 1)
+    number = np.arange(len(edge)) - np.repeat(np.cumsum(steps + 1) - steps - 1, steps + 1)
+    along = (number / steps[edge])[:, None]
+    texel = (1 - along) * edges.texels[edge, 0] + along * edges.texels[edge, 1]
+    return ChartBorders(edges.atlas[edge], texel, edges.outward[edge])
 
 
 def display_seams(

@@ -106,64 +106,69 @@ def _bake(
 
     # Patch list: lightmap texels on surfaces, and their geometry (III.A, IV.A).
     yield stages.begin(stages.patches)
-    parts = kept.make_patch_scene(graphics, compute, scene, settings)
-    check_patch_count(len(parts.patches))
-    store = kept.texels.images(parts.patches, len(atlases), settings, compute)
-    last = kept.light_on(compute, parts, len(atlases), settings)
-    yield stages.listed(len(parts.patches), parts.surfaces.mean_reflectance)
+    patch_scene = kept.make_patch_scene(graphics, compute, scene, settings)
+    check_patch_count(len(patch_scene.patches))
+    store = kept.texels.images(patch_scene.patches, len(atlases), settings, compute)
+    previous = kept.light_on(compute, patch_scene, len(atlases), settings)
+    yield stages.listed(len(patch_scene.patches), patch_scene.surfaces.mean_reflectance)
 
     # Direct light: shadow rays to lights, small bright surfaces and bright sky. The first intermediate
     # lightmap shows it before visibility is computed.
-    rays = kept.ray_scene(compute, parts)
-    split = kept.emitters.split(scene.world, parts, settings)
-    remote = shipped and shipped(parts, rays, split.bright)
-    in_squares = remote is not None and shared_width(settings, len(parts.patches)) > 1
+    rays = kept.ray_scene(compute, patch_scene)
+    split = kept.emitters.split(scene.world, patch_scene, settings)
+    remote = shipped and shipped(patch_scene, rays, split.bright)
+    in_squares = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
     meanwhile = partial(kept.inside, rays) if in_squares else None
-    lighting = DirectLighting(scene, parts, rays, settings, remote, split, meanwhile)
+    lighting = DirectLighting(scene, patch_scene, rays, settings, remote, split, meanwhile)
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)
-    sampled = yield from _direct_light(stages, store, outputs, lighting, last, compute)
+    sampled = yield from _direct_light(stages, store, outputs, lighting, previous, compute)
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
-    sampled = both_sides(parts.sides, sampled)
+    sampled = both_sides(patch_scene.sides, sampled)
 
     # Background threads. They start late, since they would delay the first image of a warm start.
-    areas, seams = kept.texels.begin(compute, parts, len(atlases), settings)
+    areas, seams = kept.texels.begin(compute, patch_scene, len(atlases), settings)
 
     # Contacts: patches covered by a touching face are black, and faces may lie back to back.
     yield stages.begin(stages.choosing)
-    near = kept.emitters.contacts(lighting)
-    parts = replace(
-        parts, surfaces=parts.surfaces.black_at(near.hide), back_to_back=bool(near.back_to_back.any())
+    contacts = kept.emitters.contacts(lighting)
+    patch_scene = replace(
+        patch_scene,
+        surfaces=patch_scene.surfaces.black_at(contacts.hide),
+        back_to_back=bool(contacts.back_to_back.any()),
     )
 
     # All other light is gathered: from hemicubes drawn in each iteration (IV.B), or from visibility samples.
     job = SolveJob(
-        graphics, compute, parts, rays, lighting.emission_left, lighting.sky_left, sampled,
-        areas.result(), settings, remote, kept, near=near, backs=lighting.backs_left,
-    ).after(last)  # fmt: skip
+        graphics, compute, patch_scene, rays, lighting.emission_left, lighting.sky_left, sampled,
+        areas.result(), settings, remote, kept, near=contacts, backs=lighting.backs_left,
+    ).after(previous)  # fmt: skip
     solution, choice, solved = choose_solver(job)
     if remote and compute and choice.method != "none":
         # Prepare texel data on the host while other processes compute visibility.
-        kept.texels.prepare(compute, parts, len(atlases), settings)
+        kept.texels.prepare(compute, patch_scene, len(atlases), settings)
     yield stages.chosen(choice)
 
     # Gather iterations until convergence (III.B, IV.C). They also measure which patches lie inside geometry;
     # with patch groups, the final gather does.
     texels = TexelGatherJob(scene, job, solved, choice, lighting)
-    front = yield from _settle(stages, store, outputs, solution, texels, near, len(atlases))
+    validity = yield from _settle(stages, store, outputs, solution, texels, contacts, len(atlases))
 
     # Outputs at the patches, and at texel samples where texels are not uniform.
-    made, lit = yield from _made(stages, outputs, texels, len(atlases), near, solution, front)
+    made, gathered = yield from _made(stages, outputs, texels, len(atlases), contacts, solution, validity)
 
     # Final images: denoised, equal across seams, dilated (VI.B).
-    finishing = Finishing(store, texels, solution, made, lit)
+    finishing = Finishing(store, texels, solution, made, gathered)
     passes = yield from finishing.images(stages, seams)
     inspect(
-        BakeState(scene, len(atlases), settings, parts, rays, near, solution, front, made, lit, store, passes)
-    )
+        BakeState(
+            scene, len(atlases), settings, patch_scene, rays, contacts, solution, validity, made, gathered,
+            finishing.refined, passes,
+        )
+    )  # fmt: skip
     choice = replace(choice, reasons=(*choice.reasons, *finishing.reasons))
     report = Report(
-        patches=len(parts.patches),
+        patches=len(patch_scene.patches),
         method=choice.method,
         visibility=choice.visibility,
         samples=choice.samples,
@@ -174,7 +179,7 @@ def _bake(
         added_flux=tuple(solution.energies),
         seconds=stages.seconds,
         devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
-        warnings=(*notes, *parts.warnings, *lighting.warnings, *finishing.warnings),
+        warnings=(*notes, *patch_scene.warnings, *lighting.warnings, *finishing.warnings),
         integrator=choice.integrator,
         energy=solution.energy(solved.parts.surfaces.emission),
     )
@@ -194,25 +199,25 @@ def _direct_light(
     store: LightmapImages,
     outputs: Outputs,
     lighting: DirectLighting,
-    last: PreviousSolution | None,
+    previous: PreviousSolution | None,
     compute: ComputeDevice | None,
 ) -> Generator[Progress, None, np.ndarray]:
     """Return E/pi of the sampled light, (n, 3) float32, after showing it and building all other kernels.
 
-    last  solution of the last bake on a warm start. Its other light is shown with direct light from few rays
-          first, unless direct light is unchanged
+    previous  solution of the last bake on a warm start. Its other light is shown with direct light from few
+              rays first, unless direct light is unchanged
     """
     stages.sampling(lighting.part_to_sample)
-    if last:
-        store.hide(last.front, last.near)
+    if previous:
+        store.hide(previous.front, previous.near)
         if not lighting.part_to_sample:
             return (yield from stages.run(stages.direct, lighting.gather()))
-    if last and outputs.begin_with_direct:
-        glimpse = yield from stages.run(stages.first, lighting.preview_gather())
-        yield stages.lit(store.display(glimpse + last.gathered))
+    if previous and outputs.begin_with_direct:
+        preview = yield from stages.run(stages.first, lighting.preview_gather())
+        yield stages.lit(store.display(preview + previous.gathered))
     sampled = yield from stages.run(stages.direct, lighting.gather())
-    if outputs.begin_with_direct and (last or sampled.any()):
-        yield stages.lit(store.display(sampled + last.gathered if last else sampled))
+    if outputs.begin_with_direct and (previous or sampled.any()):
+        yield stages.lit(store.display(sampled + previous.gathered if previous else sampled))
     yield from stages.prepare(compute, early=False)
     return sampled
 
@@ -223,7 +228,7 @@ def _settle(
     outputs: Outputs,
     solution: Solution,
     texels: TexelGatherJob,
-    near: Contacts,
+    contacts: Contacts,
     atlases: int,
 ) -> Generator[Progress, None, np.ndarray]:
     """Iterate until convergence; return the validity of the patches from `valid_front`.
@@ -231,11 +236,11 @@ def _settle(
     A warm start stores the solution for the next bake with each image. It skips the image of direct light if
     that was shown before, and images that follow faster than the display rate.
 
-    near     contacts of the patches
-    atlases  number of the user's lightmaps
+    contacts  contacts of the patches
+    atlases   number of the user's lightmaps
     """
     job = texels.job
-    front = None
+    validity = None
     warm, shows = job.settings.warm_start, job.settings.intermediates
     job.kept.light = job.kept.light if warm else None
     hidden = False
@@ -248,17 +253,17 @@ def _settle(
             continue
         if warm:
             light = PreviousSolution.of(
-                solution, job.parts.patches, job.sampled_light, near, job.direct_sources
+                solution, job.parts.patches, job.sampled_light, contacts, job.direct_sources
             )
             job.kept.light = light.prepared() if done else light
         if done:
-            front = valid_front(texels, atlases, near, solution)
-            store.hide(front, near)
+            validity = valid_front(texels, atlases, contacts, solution)
+            store.hide(validity, contacts)
         elif shows and not hidden:
-            store.hide(solution.front, near)
+            store.hide(solution.front, contacts)
             hidden = True
         yield stages.iterated(solution, store.display(outputs.light(solution)) if shows else None)
-    return solution.front if front is None else front
+    return solution.front if validity is None else validity
 
 
 def _made(
@@ -266,22 +271,24 @@ def _made(
     outputs: Outputs,
     texels: TexelGatherJob,
     atlases: int,
-    near: Contacts,
+    contacts: Contacts,
     solution: Solution,
-    front: np.ndarray,
+    validity: np.ndarray,
 ) -> Generator[Progress, None, tuple[dict[str, Values], TexelSampleLight]]:
     """Return each output of the patches, (n, 3) or (n,) float32, by name, and the texel samples with theirs.
 
-    atlases  number of the user's lightmaps
-    near     contacts of the patches
-    front    (n,) float32, validity from `valid_front`
+    atlases   number of the user's lightmaps
+    contacts  contacts of the patches
+    validity  (n,) float32, validity from `valid_front`
     """
     job = texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))
-    lit = yield from stages.run(stages.texels, gather_texel_samples(texels, atlases, near, solution, front))
+    gathered = yield from stages.run(
+        stages.texels, gather_texel_samples(texels, atlases, contacts, solution, validity)
+    )
 
     # Light groups are solved separately with the visibility of the solution of all light.
-    groups, samples = yield from stages.run(stages.light_groups, light_by_groups(texels, solution, lit))
+    groups, samples = yield from stages.run(stages.light_groups, light_by_groups(texels, solution, gathered))
     made |= groups
     names = output_names(texels.scene, job.settings)
-    return {name: made[name] for name in names}, replace(lit, values=lit.values | samples)
+    return {name: made[name] for name in names}, replace(gathered, values=gathered.values | samples)

@@ -31,8 +31,8 @@ def moved_triangles(before: PatchScene, after: PatchScene) -> np.ndarray | None:
     shown = before.texel_to_patch, after.texel_to_patch
     changed = None if shown[0] is shown[1] else shown[0] != shown[1]
     found = []
-    for parts, still in zip((before, after), stays, strict=True):
-        triangles = parts.triangles
+    for patch_scene, still in zip((before, after), stays, strict=True):
+        triangles = patch_scene.triangles
         moved = ~still
         if changed is not None and changed.any():
             moved |= _touching(triangles, changed)

@@ -51,24 +51,24 @@ def _remote_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
 
 def _reused_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
     """Return a gather from the visibility cache of an earlier bake; None if no valid cache exists."""
-    kept = job.kept.samples
-    if kept is None or not kept.pieces or not kept.holds_for(job.parts, job.rays, job.back_emission):
+    cache = job.kept.samples
+    if cache is None or not cache.pieces or not cache.holds_for(job.parts, job.rays, job.back_emission):
         return None
-    sampling, found = kept.sampling, kept.complete
-    why = _KEPT if found else _MOVED if kept.moved else _RESUMED
+    sampling, found = cache.sampling, cache.complete
+    why = _KEPT if found else _MOVED if cache.moved else _RESUMED
     facts = (sampling.name, sampling.samples, (why,))
-    choice = SolverChoice("cached", *facts, found=found, found_again=kept.moved)
-    return _cached_gather(job, kept, None if found else make_sampler(job, sampling.name)), choice
+    choice = SolverChoice("cached", *facts, found=found, found_again=cache.moved)
+    return _cached_gather(job, cache, None if found else make_sampler(job, sampling.name)), choice
 
 
 def _new_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice]:
     """Return a gather that computes visibility itself."""
     followed, job.kept.samples = job.kept.samples, None
-    identity, reasons, pace = _resumed_sampler(job) or _last_sampler(job, followed) or choose_sampler(job)
-    sweep, method, reason = _gather_for(job, identity)
-    resumed = job.checkpoint.rows_from_the_first(identity.name) / job.count if method == "cached" else 0.0
-    facts = (method, identity.name, identity.samples, (*reasons, reason))
-    return sweep, SolverChoice(*facts, pace=pace, resumed=resumed)
+    sampler, reasons, pace = _resumed_sampler(job) or _last_sampler(job, followed) or choose_sampler(job)
+    gather, method, reason = _gather_for(job, sampler)
+    resumed = job.checkpoint.rows_from_the_first(sampler.name) / job.count if method == "cached" else 0.0
+    facts = (method, sampler.name, sampler.samples, (*reasons, reason))
+    return gather, SolverChoice(*facts, pace=pace, resumed=resumed)
 
 
 def _resumed_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float] | None:
@@ -89,44 +89,44 @@ def _last_sampler(
     return make_sampler(job, name), [f"Visibility uses {name}, as in the last bake."], math.nan
 
 
-def _gather_for(job: SolveJob, identity: VisibilitySampler) -> tuple[DeviceGather, str, str]:
+def _gather_for(job: SolveJob, sampler: VisibilitySampler) -> tuple[DeviceGather, str, str]:
     """Return the gather for a visibility sampler, the name of the method, and the reason."""
-    sizes = memory_clause(job, identity.row_bytes * job.count)
-    if is_cached(job, identity):
-        return caching_gather(job, identity), "cached", f"Visibility is cached: {sizes}."
+    sizes = memory_clause(job, sampler.row_bytes * job.count)
+    if is_cached(job, sampler):
+        return caching_gather(job, sampler), "cached", f"Visibility is cached: {sizes}."
     why = f"Visibility is recomputed in every iteration: {sizes}."
     if job.settings.method == "stream":
         why = "Visibility is recomputed in every iteration: the settings request it."
-    return stream_gather(job, identity), "stream", why
+    return stream_gather(job, sampler), "stream", why
 
 
-def caching_gather(job: SolveJob, identity: VisibilitySampler) -> DeviceGather:
+def caching_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
     """Return a gather that stores visibility in the session cache during the first iteration."""
-    sampling = SampleLayout.of(identity)
+    sampling = SampleLayout.of(sampler)
     seen = (job.parts, job.rays, job.back_emission, job.settings.directional)
     job.kept.samples = VisibilityCache(job.opencl, sampling, *seen)
-    return _cached_gather(job, job.kept.samples, identity)
+    return _cached_gather(job, job.kept.samples, sampler)
 
 
-def stream_gather(job: SolveJob, identity: VisibilitySampler) -> DeviceGather:
+def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
     """Return a gather that computes visibility in each iteration."""
-    sampling = SampleLayout.of(identity)
+    sampling = SampleLayout.of(sampler)
     l1, sources = _l1_gather(job, sampling), len(job.emission)
-    if isinstance(identity, RaySampler):
-        return RayStreamGather(job.opencl, identity, job.count, sources, l1)
-    fitting = max(min(memory_budget(job), job.settings.batch_bytes) // identity.row_bytes, identity.batch)
+    if isinstance(sampler, RaySampler):
+        return RayStreamGather(job.opencl, sampler, job.count, sources, l1)
+    fitting = max(min(memory_budget(job), job.settings.batch_bytes) // sampler.row_bytes, sampler.batch)
     backs = BackfaceLight(job.opencl, job.count, sources, job.settings.directional)
-    return StreamGather(job.opencl, identity, backs, static_light(job, sampling), job.count, fitting, l1)
+    return StreamGather(job.opencl, sampler, backs, static_light(job, sampling), job.count, fitting, l1)
 
 
-def _cached_gather(job: SolveJob, kept: VisibilityCache, identity: VisibilitySampler | None) -> DeviceGather:
+def _cached_gather(job: SolveJob, cache: VisibilityCache, sampler: VisibilitySampler | None) -> DeviceGather:
     """Return a gather from cached samples; `identity` computes the missing ones, None if there are none."""
-    sampling = kept.sampling
+    sampling = cache.sampling
     l1 = _l1_gather(job, sampling)
-    if identity is not None:
+    if sampler is not None:
         job.kept.background.clear()
     static = job.kept.background.get((job.sky,), lambda: static_light(job, sampling))
-    return CachedGather(job.opencl, kept, identity, static, l1, job.checkpoint)
+    return CachedGather(job.opencl, cache, sampler, static, l1, job.checkpoint)
 
 
 def static_light(job: SolveJob, sampling: SampleLayout) -> BackgroundLight:

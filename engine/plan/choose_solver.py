@@ -68,11 +68,11 @@ def choose_solver(job: SolveJob) -> tuple[Solution, SolverChoice, SolveJob]:
     width, reasons = group_width(job)
     if width == 1:
         return *(_smoothed_solution(job) if is_smoothed(job) else _solver(job)), job
-    solution, choice, squares = _grouped_solution(job, width)
-    return solution, replace(choice, reasons=(*reasons, *choice.reasons)), squares
+    solution, choice, groups_job = _grouped_solution(job, width)
+    return solution, replace(choice, reasons=(*reasons, *choice.reasons)), groups_job
 
 
-def solver_like(job: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None) -> Solver:
+def solver_like(job: SolveJob, choice: SolverChoice, substitute: np.ndarray | None) -> Solver:
     """Return a solver for one part of the light, such as a light group.
 
     It uses the samples of `choice` and the substitutes of the solution of all light. substitute: (n,) int64,
@@ -80,13 +80,15 @@ def solver_like(job: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None
     """
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
     part = replace(job, settings=settings, indirect=None, direct=None, front=None)
-    return _solver(part, lambda _: stand_in)[0]
+    return _solver(part, lambda _: substitute)[0]
 
 
 def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, SolverChoice]:
     """Return a solver with one unknown for each patch; see `Solver`."""
     if find_stand_ins is None and job.near is not None:
-        find_stand_ins = partial(substitute_patches, job.parts, job.near, beside=job.kept.find_substitutes)
+        find_stand_ins = partial(
+            substitute_patches, job.parts, job.near, find_pairs=job.kept.find_substitutes
+        )
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
@@ -99,14 +101,16 @@ def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:
     """Return a solution that solves for patch groups, then gathers for each patch."""
-    leader = group_representatives(job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width)
-    groups = PatchGroups(job.rays, job.parts, job.area, leader, width)
+    representative = group_representatives(
+        job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width
+    )
+    groups = PatchGroups(job.rays, job.parts, job.area, representative, width)
     emission = groups.mean(job.emission)
     backs = None if job.backs is None else groups.mean(job.backs)
     if job.remote is not None:
         # Other processes start to compute the visibility of groups while this one prepares the rest.
         job.remote.of_groups(groups.leader, groups.texel_to_group, emission if backs is None else backs)
-    squares = replace(
+    groups_job = replace(
         job,
         settings=_settings_of_groups(job),
         parts=groups.parts,
@@ -120,14 +124,14 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
         front=None,
         near=job.near and job.near.part(groups.leader),
     )
-    solver, choice = _solver(squares)
+    solver, choice = _solver(groups_job)
     if is_adaptive(job):
         choice = replace(choice, final_samples=int(_GATHERING * job.count * ray_count(job.settings)))
-        between = _interpolated(job, squares, solver, choice, _widths(job, groups))
-        return GroupedSolution(solver, groups, between), choice, squares
+        between = _interpolated(job, groups_job, solver, choice, _widths(job, groups))
+        return GroupedSolution(solver, groups, between), choice, groups_job
     receivers = Receivers(job.parts, job.rays, job.sampled_light)
-    last, samples = make_final_gather(squares, choice, receivers, job.settings)
-    return GroupedSolution(solver, groups, last), replace(choice, final_samples=samples), squares
+    final, samples = make_final_gather(groups_job, choice, receivers, job.settings)
+    return GroupedSolution(solver, groups, final), replace(choice, final_samples=samples), groups_job
 
 
 def _smoothed_solution(job: SolveJob) -> tuple[GroupedSolution, SolverChoice]:
@@ -190,7 +194,7 @@ def _interpolated(
     patches = np.arange(job.count)
     return InterpolatedGather(
         solver,
-        [Interpolation(job.rays, job.parts, *squares, opening, backs) for squares in widths],
+        [Interpolation(job.rays, job.parts, *groups_job, opening, backs) for groups_job in widths],
         Interpolation(job.rays, job.parts, patches, patches, 1, opening, backs),
         job.sampled_light,
         solved.sampled_light,

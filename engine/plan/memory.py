@@ -29,14 +29,14 @@ def memory_budget(job: SolveJob) -> int:
     return min(job.settings.memory_budget or memory // 2, memory)
 
 
-def is_cached(job: SolveJob, identity: VisibilitySampler) -> bool:
+def is_cached(job: SolveJob, sampler: VisibilitySampler) -> bool:
     """Return True if the samples of all patches are cached."""
-    return job.settings.method != "stream" and identity.row_bytes * job.count <= memory_budget(job)
+    return job.settings.method != "stream" and sampler.row_bytes * job.count <= memory_budget(job)
 
 
-def visibility_passes(job: SolveJob, identity: VisibilitySampler) -> int:
+def visibility_passes(job: SolveJob, sampler: VisibilitySampler) -> int:
     """Return the number of iterations that compute visibility: 1 if it is cached, else all."""
-    return 1 if is_cached(job, identity) else max(2, job.settings.max_bounces)
+    return 1 if is_cached(job, sampler) else max(2, job.settings.max_bounces)
 
 
 def is_adaptive(job: SolveJob) -> bool:

@@ -41,8 +41,8 @@ def make_final_gather(
     """
     final: PointGather
     if solved.remote is not None:
-        lit = receivers.sampled_light
-        final, samples = RemoteGatherPass(solved.opencl, solved.remote, lit, solved.count), choice.samples
+        sampled = receivers.sampled_light
+        final, samples = RemoteGatherPass(solved.opencl, solved.remote, sampled, solved.count), choice.samples
     else:
         final, samples = final_gather(solved, choice.visibility, receivers, settings)
     reflectance = solved.parts.surfaces.reflectance
@@ -62,17 +62,17 @@ def final_gather(
 ) -> tuple[GatherPass, int]:
     """Return the gather pass on this device, and the samples of each receiver."""
     job = receiver_job(solved, receivers, settings)
-    identity = make_sampler(job, visibility)
-    final = GatherPass(solved.opencl, stream_gather(job, identity), receivers.sampled_light)
-    return final, identity.samples
+    sampler = make_sampler(job, visibility)
+    final = GatherPass(solved.opencl, stream_gather(job, sampler), receivers.sampled_light)
+    return final, sampler.samples
 
 
 def receiver_job(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
     """Return a job whose rays start at the receivers and hit patches of `solved`."""
-    parts = solved.parts.seen_from(receivers.parts.patches, receivers.parts.geometry)
+    patch_scene = solved.parts.seen_from(receivers.parts.patches, receivers.parts.geometry)
     return replace(
         solved,
-        parts=parts,
+        parts=patch_scene,
         rays=receivers.rays,
         sampled_light=receivers.sampled_light,
         settings=settings,

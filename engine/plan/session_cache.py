@@ -110,30 +110,32 @@ class SessionCache:
         self._surfaces_of = scene if settings.warm_start else None
         return self._parts
 
-    def ray_scene(self, compute: ComputeDevice | None, parts: PatchScene) -> RayScene:
+    def ray_scene(self, compute: ComputeDevice | None, patch_scene: PatchScene) -> RayScene:
         """Return the ray tracer with the patches as origins."""
         if self._rays is None:
-            self._rays = RayScene(compute, parts, self._top)
+            self._rays = RayScene(compute, patch_scene, self._top)
         return self._rays
 
-    def find_substitutes(self, parts: PatchScene, hidden: np.ndarray) -> PatchPairs:
+    def find_substitutes(self, patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
         """Return the candidates for substitutes; see `substitute_patches.find_substitutes`."""
-        return self._substitutes.get((parts.patches, hidden), lambda: find_substitutes(parts, hidden))
+        return self._substitutes.get(
+            (patch_scene.patches, hidden), lambda: find_substitutes(patch_scene, hidden)
+        )
 
     def inside(self, rays: RayScene) -> np.ndarray:
         """Return the patches inside geometry, (n,) bool; see `validity.invalid.patches_inside`."""
         return self._inside.get((), lambda: patches_inside(rays, rays.count))
 
     def light_on(
-        self, compute: ComputeDevice | None, parts: PatchScene, atlases: int, settings: Settings
+        self, compute: ComputeDevice | None, patch_scene: PatchScene, atlases: int, settings: Settings
     ) -> PreviousSolution | None:
         """Return the last bake's light on these patches for a warm start, else None.
 
         Without it, starts to compute areas and seams; see `TexelCache.begin`.
         """
         if settings.warm_start and self.light:
-            return self.light.on(parts.patches)
-        self.texels.begin(compute, parts, atlases, settings)
+            return self.light.on(patch_scene.patches)
+        self.texels.begin(compute, patch_scene, atlases, settings)
         return None
 
     def limit(self, compute: ComputeDevice | None, budget: int) -> None:

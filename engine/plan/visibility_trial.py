@@ -54,18 +54,20 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
         return makers[wanted](), [why], math.nan
     tried: dict[str, VisibilitySampler] = {}
     rates: dict[str, float] = {}
-    why_alone = ""
+    reason_to_stop = ""
     for name, make in makers.items():
         tried[name] = make()
         rates[name] = _patches_per_second(job, tried[name])
-        why_alone = _why_alone(job, tried[name], rates[name])
-        if why_alone:
+        reason_to_stop = _why_alone(job, tried[name], rates[name])
+        if reason_to_stop:
             break
     best = max(rates, key=lambda name: rates[name])
-    told = " and ".join(f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items())
-    reasons = [f"Patches sampled per second: {told}."]
-    if why_alone and len(tried) < len(makers):
-        reasons.append(f"Nothing else was tried: {why_alone}.")
+    summary = " and ".join(
+        f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items()
+    )
+    reasons = [f"Patches sampled per second: {summary}."]
+    if reason_to_stop and len(tried) < len(makers):
+        reasons.append(f"Nothing else was tried: {reason_to_stop}.")
     if "raster" in rates:
         drawing, texels = _drawing_rates(job)
         drawing.learn(len(job.parts.triangles.positions), rates["raster"] * texels)
@@ -77,10 +79,10 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
     return chosen, reasons, 1 / (rates[best] * chosen.samples)
 
 
-def _why_alone(job: SolveJob, identity: VisibilitySampler, rate: float) -> str:
+def _why_alone(job: SolveJob, sampler: VisibilitySampler, rate: float) -> str:
     """Return the reason not to try raster, given a rate in patches per second; empty if it is tried."""
-    if rate * _SHORT > job.count * visibility_passes(job, identity):
-        return f"{identity.name} need {job.count / rate:.2g} s for all patches"
+    if rate * _SHORT > job.count * visibility_passes(job, sampler):
+        return f"{sampler.name} need {job.count / rate:.2g} s for all patches"
     drawing, texels = _drawing_rates(job)
     drawn = drawing.bound(len(job.parts.triangles.positions)) / texels
     if rate > _CLEARLY * drawn:
@@ -103,32 +105,32 @@ def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
     }
 
 
-def _patches_per_second(job: SolveJob, identity: VisibilitySampler) -> float:
+def _patches_per_second(job: SolveJob, sampler: VisibilitySampler) -> float:
     """Return the patches per second of a sampler, timed on growing numbers of patches.
 
     Fixed overhead, such as the copy of a whole batch of hemicubes, is subtracted. The trial ends early if all
     patches take only a moment.
     """
     tried, before = min(_TRIED, job.count), (0, 0.0)
-    largest = min(job.opencl.device.max_mem_alloc_size, memory_budget(job)) // identity.row_bytes
+    largest = min(job.opencl.device.max_mem_alloc_size, memory_budget(job)) // sampler.row_bytes
     largest = min(job.count, max(tried, largest))
-    views = job.count * visibility_passes(job, identity)
-    _time(job, identity, tried)
+    views = job.count * visibility_passes(job, sampler)
+    _time(job, sampler, tried)
     while True:
-        seconds = _time(job, identity, tried)
+        seconds = _time(job, sampler, tried)
         if seconds > _LONG_ENOUGH or tried == largest or seconds * views < _SHORT * (tried - before[0]):
             return (tried - before[0]) / max(seconds - before[1], seconds / 4)
         before = tried, seconds
         tried = min(tried * _MORE, largest)
 
 
-def _time(job: SolveJob, identity: VisibilitySampler, tried: int) -> float:
+def _time(job: SolveJob, sampler: VisibilitySampler, tried: int) -> float:
     """Return the time for the samples of `tried` patches in the middle of the list, s."""
     compute, first = job.opencl, (job.count - tried) // 2
-    cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * tried)
+    cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sampler.row_bytes * tried)
     backs = BackfaceLight(compute, job.count, len(job.emission), job.settings.directional)
     began = time.perf_counter()
-    for _ in identity.find(first, first + tried, backs.found_with(cache, first)):
+    for _ in sampler.find(first, first + tried, backs.found_with(cache, first)):
         pass
     compute.queue.finish()
     return time.perf_counter() - began

@@ -60,12 +60,12 @@ def display_equations(
     light of the other side.
     """
     texel = points.texels(resolution)
-    beside = beside_centres(points.position)
-    around, shares = footprints(points.atlas[beside], points.position[beside], resolution)
-    told = np.zeros(atlases * resolution**2, bool)
-    told[texel] = told[around[shares > _TELLS]] = True
-    sides, differences, length = _seam_sides(seams, told, resolution)
-    unknown = np.zeros_like(told)
+    off_centre = beside_centres(points.position)
+    around, shares = footprints(points.atlas[off_centre], points.position[off_centre], resolution)
+    determined = np.zeros(atlases * resolution**2, bool)
+    determined[texel] = determined[around[shares > _TELLS]] = True
+    sides, differences, length = _seam_sides(seams, determined, resolution)
+    unknown = np.zeros_like(determined)
     unknown[around[shares > 0]] = unknown[sides[differences != 0]] = True
     number = np.cumsum(unknown, dtype=np.int32) - np.int32(1)
     count = int(unknown.sum())
@@ -81,7 +81,7 @@ def display_equations(
     cells = cell_sides(
         np.concatenate([around, sides[:, :4], sides[:, 4:]]),
         np.concatenate([shares, differences[:, :4], -differences[:, 4:]]),
-        len(told),
+        len(determined),
     )
     smooth = _smoothness(number[cells].astype(np.intp), stencil.diagonal)
     return BilinearEquations(
@@ -96,17 +96,19 @@ def _numbered(number: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np
     return numbers
 
 
-def _seam_sides(seams: Seams, told: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _seam_sides(
+    seams: Seams, determined: np.ndarray, resolution: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the lookups on both sides of the seams of which samples determine at least one side.
 
-    seams  pairs of points on both sides of seams
-    told   (atlases * r * r,) bool, texels that samples determine
+    seams       pairs of points on both sides of seams
+    determined  (atlases * r * r,) bool, texels that samples determine
 
     Returns the texels of both sides, (p, 8) int64, their weights, (p, 8) float64, negative on the second
     side, and the seam length that each pair represents, (p,), texels.
     """
     first, second = (footprints(seams.atlas[:, side], seams.texel[:, side], resolution) for side in (0, 1))
-    known = [(told[texels] & (weights > _TELLS)).any(axis=1) for texels, weights in (first, second)]
+    known = [(determined[texels] & (weights > _TELLS)).any(axis=1) for texels, weights in (first, second)]
     one = known[0] | known[1]
     sides = np.concatenate([first[0], second[0]], axis=1)[one]
     return sides, np.concatenate([first[1], -second[1]], axis=1)[one], seams.weight[one]

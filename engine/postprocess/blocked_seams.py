@@ -34,38 +34,38 @@ _SURFACE, _KNOWN = 1, 2
 
 def drop_blocked_seams(
     seams: Seams,
-    parts: PatchScene,
-    rays: RayScene,
+    patch_scene: PatchScene,
+    ray_scene: RayScene,
     light: DeviceTexels,
     known: np.ndarray,
-    hidden: np.ndarray,
+    invalid: np.ndarray,
 ) -> Seams:
     """Return the seams without those that geometry blocks.
 
     A seam is blocked if a steep face lies between the patches on its two sides. It is also blocked if both
     patches are invalid and the light differs or is unknown.
 
-    seams   pairs of points on both sides of seams
-    parts   patches of the scene that `rays` traces
-    rays    ray tracer of the scene
-    light   irradiance of each texel, sum of the channels
-    known   (atlases, r, r) bool, texels with valid light
-    hidden  (m,) bool, invalid patches of the user's lightmaps
+    seams        pairs of points on both sides of seams
+    patch_scene  patches of the scene that `ray_scene` traces
+    ray_scene    ray tracer of the scene
+    light        irradiance of each texel, sum of the channels
+    known        (atlases, r, r) bool, texels with valid light
+    invalid      (m,) bool, invalid patches of the user's lightmaps
     """
     if not len(seams):
         return seams
-    entries = parts.patches.on_texels(len(known))
+    entries = patch_scene.patches.on_texels(len(known))
     texels = np.where(known, np.uint8(_KNOWN), np.uint8(0)) | (entries > 0).view(np.uint8)
-    marks = _compared(rays.compute, seams, light, texels)
+    marks = _compared(ray_scene.compute, seams, light, texels)
     some = np.flatnonzero(marks)
-    beside = _patches_beside(seams.part(some), entries, known)
-    both = all_in_rows(beside >= 0)
-    some, beside = some[both], beside[both]
+    patches = _patches_beside(seams.part(some), entries, known)
+    both = all_in_rows(patches >= 0)
+    some, patches = some[both], patches[both]
 
     # Both patches are invalid, so the difference of light comes from the geometry that covers them.
-    stands = (marks[some] & _OTHER_LIGHT > 0) & all_in_rows(hidden[beside])
+    stands = (marks[some] & _OTHER_LIGHT > 0) & all_in_rows(invalid[patches])
     kept = np.ones(len(seams), bool)
-    kept[some] = ~(stands | _something_between(parts, rays, beside))
+    kept[some] = ~(stands | _something_between(patch_scene, ray_scene, patches))
     return seams.part(kept)
 
 
@@ -86,21 +86,21 @@ def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.
     entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
     known    (atlases, r, r) bool, texels with valid light, which are preferred
     """
-    beside = np.empty((len(seams), 2), np.int32)
+    patches = np.empty((len(seams), 2), np.int32)
     for side in (0, 1):
         texels, weights = footprints(seams.atlas[:, side], seams.texel[:, side], known.shape[-1])
         found = entries.ravel()[texels].astype(np.int32) - 1
         rank = np.where((found >= 0) & (weights > 0), weights + known.ravel()[texels], -1)
         most = np.arange(len(seams)), rank.argmax(axis=1)
-        beside[:, side] = np.where(rank[most] > 0, found[most], -1)
-    return beside
+        patches[:, side] = np.where(rank[most] > 0, found[most], -1)
+    return patches
 
 
-def _something_between(parts: PatchScene, rays: RayScene, patches: np.ndarray) -> np.ndarray:
+def _something_between(patch_scene: PatchScene, ray_scene: RayScene, patches: np.ndarray) -> np.ndarray:
     """Return a mask, (m,) bool: True if rays between patches, (m, 2) int32, hit a steep face."""
     if not len(patches):
         return np.zeros(0, bool)
-    ends = [parts.geometry.part(patches[:, side]) for side in (0, 1)]
+    ends = [patch_scene.geometry.part(patches[:, side]) for side in (0, 1)]
     distance = np.linalg.norm(ends[1].center - ends[0].center, axis=1)[:, None]
     first, second = (end.center + _ABOVE * distance * end.geometric for end in ends)
     up = ends[0].geometric + ends[1].geometric
@@ -108,8 +108,8 @@ def _something_between(parts: PatchScene, rays: RayScene, patches: np.ndarray) -
     even = (ends[0].geometric * ends[1].geometric).sum(axis=1) > _EVEN
     stands = np.zeros(len(patches), bool)
     for start, end in ((first, second), (second, first)):
-        triangle, _, far = rays.rays.cast(start, end - start)
+        triangle, _, far = ray_scene.rays.cast(start, end - start)
         met = even & (triangle >= 0) & (far <= 1)
-        normals = parts.geometry.steps.geometric[np.maximum(triangle, 0)]
+        normals = patch_scene.geometry.steps.geometric[np.maximum(triangle, 0)]
         stands |= met & (np.abs((normals * up).sum(axis=1)) < _STEEP)
     return stands

@@ -52,19 +52,19 @@ class Denoising:
         self.reasons: list[str] = []
 
     def run(
-        self, images: dict[str, np.ndarray], again: IndependentEstimate | None = None
+        self, images: dict[str, np.ndarray], independent: IndependentEstimate | None = None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
         """Denoise images, (atlases, r, r, 3) float32, by name; yield the fraction done.
 
         If the library is missing or fails, adds a warning and returns the images unchanged.
 
-        again  independent estimate that weights the changes; without one, the weight comes from the noise
-               level
+        independent  independent estimate that weights the changes; without one, the weight comes from the
+                     noise level
         """
         try:
             device = self._device()
             try:
-                filtered = yield from self._filtered(device, images, again)
+                filtered = yield from self._filtered(device, images, independent)
             finally:
                 device.release()
             self.reasons.append(f"{device.name} denoised the lightmaps.")
@@ -88,7 +88,7 @@ class Denoising:
         return DenoiseDevice(library, "cpu")
 
     def _filtered(
-        self, device: DenoiseDevice, images: dict[str, np.ndarray], again: IndependentEstimate | None
+        self, device: DenoiseDevice, images: dict[str, np.ndarray], independent: IndependentEstimate | None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
         """Filter each window of each image; skip images that are black."""
         windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
@@ -110,9 +110,9 @@ class Denoising:
                 quiet = device.filtered(noisy) / scales[name]
                 filtered[name][window.core][known] = quiet[window.inner][known]
         filtered = {name: self._product(image, levels[name]) for name, image in filtered.items()}
-        noise = self._part_of_noise(lit, filtered, charts, again)[:, None]
+        noise = self._part_of_noise(lit, filtered, charts, independent)[:, None]
         for name, image in lit.items():
-            filtered[name][self._known] = self._without_noise(name, image, filtered[name], noise, again)
+            filtered[name][self._known] = self._without_noise(name, image, filtered[name], noise, independent)
         return images | filtered
 
     def _without_noise(
@@ -121,7 +121,7 @@ class Denoising:
         image: np.ndarray,
         filtered: np.ndarray,
         noise: np.ndarray,
-        again: IndependentEstimate | None,
+        independent: IndependentEstimate | None,
     ) -> np.ndarray:
         """Return light of known texels, (k, 3) float32, with the noise part of the change removed.
 
@@ -129,11 +129,11 @@ class Denoising:
         """
         before, after = image[self._known], filtered[self._known]
         light = before + noise * (after - before)
-        if again is not None and name in again.images:
+        if independent is not None and name in independent.images:
             # Average with the independent estimate where the filter's change is rejected: more samples, less
             # noise.
-            there = again.centres[self._known, None]
-            light += again.part * (1 - noise) * there * (again.images[name][self._known] - before)
+            there = independent.centres[self._known, None]
+            light += independent.part * (1 - noise) * there * (independent.images[name][self._known] - before)
         return light
 
     def _part_of_noise(
@@ -141,17 +141,21 @@ class Denoising:
         images: dict[str, np.ndarray],
         filtered: dict[str, np.ndarray],
         charts: TexelCharts,
-        again: IndependentEstimate | None,
+        independent: IndependentEstimate | None,
     ) -> np.ndarray:
         """Return the fraction of each known texel's change that is noise, (k,) float32 in [0, 1]."""
-        name = next((name for name in again.images if name in images), None) if again is not None else None
-        if again is None or name is None:
+        name = (
+            next((name for name in independent.images if name in images), None)
+            if independent is not None
+            else None
+        )
+        if independent is None or name is None:
             noisy, quiet = (
                 luminance(sum(image[self._known] for image in maps.values())) for maps in (images, filtered)
             )
             return noise_fraction(noisy, quiet, charts)
-        light, there = images[name][self._known], again.centres[self._known, None]
-        seen = np.where(there, again.images[name][self._known], light)
+        light, there = images[name][self._known], independent.centres[self._known, None]
+        seen = np.where(there, independent.images[name][self._known], light)
         return denoise_weight(light, filtered[name][self._known], seen, charts)
 
     def _product(self, image: np.ndarray, factors: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ class DeviceBilinearEquations:
     resolution  width and height of the lightmaps, texels
     size        number of texels of all lightmaps
     centres     (atlases, r, r) bool, texels with a light sample at their centre
-    beside      off-centre samples, ordered by the texel in which they lie
+    off_centre  off-centre samples, ordered by the texel in which they lie
     texel       (n,) uint32, flat index of each unknown, on the host
 
     Device buffers:
@@ -42,15 +42,15 @@ class DeviceBilinearEquations:
     """
 
     def __init__(
-        self, compute: ComputeDevice, centres: np.ndarray, beside: LightmapPoints, seams: Seams
+        self, compute: ComputeDevice, centres: np.ndarray, off_centre: LightmapPoints, seams: Seams
     ) -> None:
         self._compute, self.resolution, self.size = compute, centres.shape[1], centres.size
         self._kernels = dict(zip(_NAMES, compute.kernels("bilinear_equations.cl", *_NAMES), strict=True))
-        self.points, self.seams = len(beside), len(seams)
+        self.points, self.seams = len(off_centre), len(seams)
         self.centre = upload(compute, centres.view(np.uint8))
-        self.positions = self._uploaded(beside.position, np.float32)
-        self.weights = self._uploaded(beside.weight, np.float32)
-        self._owners = self._uploaded(beside.texels(self.resolution), np.uint32)
+        self.positions = self._uploaded(off_centre.position, np.float32)
+        self.weights = self._uploaded(off_centre.weight, np.float32)
+        self._owners = self._uploaded(off_centre.texels(self.resolution), np.uint32)
         self._sides = self._uploaded(seams.texel, np.float32)
         self._atlases = self._uploaded(seams.atlas, np.int32)
         self._lengths = self._uploaded(seams.weight, np.float32)

@@ -21,26 +21,26 @@ from .lightmap_points import LightmapPoints
 class DeviceFinalImages:
     """Final lightmaps from light at points; see `FinalImages`.
 
-    centres  (atlases, r, r) bool, texels with a light sample at their centre
-    beside   off-centre samples, ordered by the texel in which they lie
+    centres     (atlases, r, r) bool, texels with a light sample at their centre
+    off_centre  off-centre samples, ordered by the texel in which they lie
     """
 
     def __init__(
         self,
         compute: ComputeDevice,
         centres: np.ndarray,
-        beside: LightmapPoints,
+        off_centre: LightmapPoints,
         seams: Seams,
         has_patch: np.ndarray,
         dilation: int,
     ) -> None:
         self._compute = compute
-        equations = DeviceBilinearEquations(compute, centres, beside, seams)
+        equations = DeviceBilinearEquations(compute, centres, off_centre, seams)
         self._fit = DeviceBilinearFit(compute, equations) if equations.count else None
         known = centres.copy()
         known.ravel()[equations.texel] = True
         surface = centres.copy()
-        surface.ravel()[beside.texels(centres.shape[1])] = True
+        surface.ravel()[off_centre.texels(centres.shape[1])] = True
         fill = DeviceFill(compute, known, surface, has_patch, RINGS, dilation)
         self._images = DeviceImages(compute, centres, fill)
 

@@ -18,19 +18,24 @@ RINGS = 2
 class FinalImages:
     """Final lightmaps from light at points.
 
-    centres    (atlases, r, r) bool, texels with a light sample at their centre
-    beside     off-centre samples
-    seams      pairs of points on both sides of UV seams
-    has_patch  (atlases, r, r) bool, texels that are patches; invalid ones are filled
-    dilation   distance by which charts are extended, texels
+    centres     (atlases, r, r) bool, texels with a light sample at their centre
+    off_centre  off-centre samples
+    seams       pairs of points on both sides of UV seams
+    has_patch   (atlases, r, r) bool, texels that are patches; invalid ones are filled
+    dilation    distance by which charts are extended, texels
     """
 
     def __init__(
-        self, centres: np.ndarray, beside: LightmapPoints, seams: Seams, has_patch: np.ndarray, dilation: int
+        self,
+        centres: np.ndarray,
+        off_centre: LightmapPoints,
+        seams: Seams,
+        has_patch: np.ndarray,
+        dilation: int,
     ) -> None:
         atlases, resolution, _ = has_patch.shape
         self._centre = np.flatnonzero(centres)
-        points = joined_points(centre_points(self._centre, resolution), beside)
+        points = joined_points(centre_points(self._centre, resolution), off_centre)
         self._fit = BilinearFit(resolution, atlases, points, seams)
         surface = np.zeros_like(has_patch)
         surface.ravel()[points.texels(resolution)] = True

@@ -36,7 +36,7 @@ class IndependentEstimate:
 
 
 def denoise_weight(
-    noisy: np.ndarray, quiet: np.ndarray, again: np.ndarray, charts: TexelCharts
+    noisy: np.ndarray, quiet: np.ndarray, independent: np.ndarray, charts: TexelCharts
 ) -> np.ndarray:
     """Return the weight of the denoiser's change at each texel, (k,) float32 in [0, 1].
 
@@ -46,10 +46,10 @@ def denoise_weight(
     the light. Each class has one weight; shrinkage pulls uncertain classes to the weight of all.
 
     noisy, quiet  (k, 3) float32, light before and after the filter
-    again         (k, 3) float32, independent estimate; equal to `noisy` at texels without one
+    independent   (k, 3) float32, independent estimate; equal to `noisy` at texels without one
     charts        chart of each texel
     """
-    change, toward = (quiet - noisy).astype(np.float64), (again - noisy).astype(np.float64)
+    change, toward = (quiet - noisy).astype(np.float64), (independent - noisy).astype(np.float64)
     kind = _classes(noisy, change, charts)
     pairs = (change, toward), (change, change), (toward, toward)
     rows = np.stack([(one * other).sum(axis=1) for one, other in pairs], axis=1)
@@ -58,8 +58,8 @@ def denoise_weight(
 
     # The variance of a weight is the variance of the estimate divided by the squared changes.
     uncertain = noise / np.maximum(np.bincount(kind, minlength=len(noise)), 1) / _SPREAD
-    part = (along + uncertain * overall) / np.maximum(squares + uncertain, 1e-30)
-    of_texel: np.ndarray = np.clip(part, 0, 1).astype(np.float32)[kind]
+    weight = (along + uncertain * overall) / np.maximum(squares + uncertain, 1e-30)
+    of_texel: np.ndarray = np.clip(weight, 0, 1).astype(np.float32)[kind]
     return of_texel
 
 

@@ -54,17 +54,17 @@ class LightmapImages:
         self._set_dark(none)
         self._set_invalid(none)
 
-    def hide(self, front: np.ndarray, near: Contacts) -> None:
+    def hide(self, validity: np.ndarray, contacts: Contacts) -> None:
         """Set the invalid patches, whose texels are filled.
 
         Replaces the previous set, since objects may move.
 
-        front  (n,) float32, validity: fraction of the hemisphere without back faces; patches inside closed
-               objects have low values
-        near   contacts of the patches; a covered patch is black whatever its rays hit
+        validity  (n,) float32, validity: fraction of the hemisphere without back faces; patches inside closed
+                  objects have low values
+        contacts  contacts of the patches; a covered patch is black whatever its rays hit
         """
-        self._set_dark(near.hide)
-        self._set_invalid(is_invalid(front, near))
+        self._set_dark(contacts.hide)
+        self._set_invalid(is_invalid(validity, contacts))
 
     def _set_dark(self, dark: np.ndarray) -> None:
         """Show the patches except dark ones, (n,) bool."""

@@ -34,7 +34,7 @@ class TexelCache:
             memo.clear()
 
     def begin(
-        self, compute: ComputeDevice | None, parts: PatchScene, atlases: int, settings: Settings
+        self, compute: ComputeDevice | None, patch_scene: PatchScene, atlases: int, settings: Settings
     ) -> tuple[Future[np.ndarray], Future[Seams] | None]:
         """Start to compute the area of each patch in a background thread; return the futures.
 
@@ -43,32 +43,45 @@ class TexelCache:
         """
         thread, seams = ThreadPoolExecutor(1, "texels"), None
         areas = self._areas.get(
-            (), lambda: thread.submit(surface_areas, parts.triangles, parts.patches, parts.geometry)
+            (),
+            lambda: thread.submit(
+                surface_areas, patch_scene.triangles, patch_scene.patches, patch_scene.geometry
+            ),
         )
         if settings.hide_seams:
-            neighbours, resolution = DeviceNeighbours(compute) if compute else None, parts.patches.resolution
+            neighbours, resolution = (
+                DeviceNeighbours(compute) if compute else None,
+                patch_scene.patches.resolution,
+            )
             seams = self._seams.get(
-                (), lambda: thread.submit(display_seams, parts.triangles, atlases, resolution, neighbours)
+                (),
+                lambda: thread.submit(display_seams, patch_scene.triangles, atlases, resolution, neighbours),
             )
         thread.shutdown(wait=False)
         return areas, seams
 
-    def prepare(self, compute: ComputeDevice, parts: PatchScene, atlases: int, settings: Settings) -> None:
+    def prepare(
+        self, compute: ComputeDevice, patch_scene: PatchScene, atlases: int, settings: Settings
+    ) -> None:
         """Compute what the images of the first `atlases` lightmaps need independently of light."""
         if settings.texel_samples > 1:
-            self.clipper(compute, parts).rows(atlases)
+            self.clipper(compute, patch_scene).rows(atlases)
         if settings.hide_seams:
-            self.off_centre_patches(compute, parts)
+            self.off_centre_patches(compute, patch_scene)
 
     def off_centre_patches(
-        self, compute: ComputeDevice | None, parts: PatchScene
+        self, compute: ComputeDevice | None, patch_scene: PatchScene
     ) -> tuple[np.ndarray, LightmapPoints]:
         """Return the patches not at their texel's centre; see `lightmap_points.off_centre_patches`."""
-        return self._off_centre.get((), lambda: off_centre_patches(compute, parts.triangles, parts.patches))
+        return self._off_centre.get(
+            (), lambda: off_centre_patches(compute, patch_scene.triangles, patch_scene.patches)
+        )
 
-    def clipper(self, compute: ComputeDevice, parts: PatchScene) -> TexelClipper:
+    def clipper(self, compute: ComputeDevice, patch_scene: PatchScene) -> TexelClipper:
         """Return the clipper of triangles at texel borders."""
-        return self._clipper.get((), lambda: TexelClipper(compute, parts.triangles, parts.patches.resolution))
+        return self._clipper.get(
+            (), lambda: TexelClipper(compute, patch_scene.triangles, patch_scene.patches.resolution)
+        )
 
     def images(
         self, patches: PatchList, atlases: int, settings: Settings, compute: ComputeDevice | None

@@ -66,14 +66,14 @@ def no_samples() -> TexelSamples:
     return TexelSamples(none, none, position, weight, none, np.zeros((0, 3), np.float32))
 
 
-def joined_samples(several: list[TexelSamples]) -> TexelSamples:
+def joined_samples(parts: list[TexelSamples]) -> TexelSamples:
     """Concatenate samples; the list must not be empty."""
     names = TexelSamples.__dataclass_fields__
-    return TexelSamples(*(joined_rows([getattr(samples, name) for samples in several]) for name in names))
+    return TexelSamples(*(joined_rows([getattr(samples, name) for samples in parts]) for name in names))
 
 
 def display_samples(
-    clipper: TexelClipper, parts: PatchScene, atlases: int, known: PatchLight, points: int
+    clipper: TexelClipper, patch_scene: PatchScene, atlases: int, known: PatchLight, points: int
 ) -> tuple[TexelSamples, int]:
     """Return `points` samples in each texel that is not uniform, and the number of points used.
 
@@ -81,29 +81,29 @@ def display_samples(
     all points together exceed the limit, each texel gets fewer, and finally only every second or third texel
     gets any.
 
-    clipper  clips the triangles of `parts` to texels
-    parts    patches of the scene
-    atlases  number of the user's lightmaps
-    known    solution of the patches
-    points   points for each texel, a square number
+    clipper      clips the triangles of `patch_scene` to texels
+    patch_scene  patches of the scene
+    atlases      number of the user's lightmaps
+    known        solution of the patches
+    points       points for each texel, a square number
     """
-    resolution = parts.patches.resolution
-    own = parts.patches.on_texels(atlases)
+    resolution = patch_scene.patches.resolution
+    own = patch_scene.patches.on_texels(atlases)
     edge, at_an_end = find_edges(clipper.compute, own, known)
     edge |= _between(edge) & (own > 0)
 
     # A texel between others of its chart needs points only if its light has an edge.
     border = clipper.border_pieces(edge | at_an_end)
     key = border.keys(resolution)
-    several = at_an_end & _shows_several(parts, border, key, own)
-    chosen, points = _affordable((several | edge).ravel(), points)
+    parts = at_an_end & _shows_several(patch_scene, border, key, own)
+    chosen, points = _affordable((parts | edge).ravel(), points)
 
     # Texels inside one triangle need fragments too.
     filled = chosen.copy()
     filled[key] = False
     entry = own.ravel()[np.flatnonzero(filled)]
     patch = entry[entry > 0].astype(np.int64) - 1
-    whole = clipper.pieces_at(parts.patches.triangle[patch], parts.patches.texel[patch])
+    whole = clipper.pieces_at(patch_scene.patches.triangle[patch], patch_scene.patches.texel[patch])
     pieces = joined_pieces([border.part(chosen[key]), whole])
     return _samples_of(clipper, pieces, resolution, points), points
 
@@ -129,13 +129,15 @@ def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
     return kept, points
 
 
-def _shows_several(parts: PatchScene, border: TexelFragments, key: np.ndarray, own: np.ndarray) -> np.ndarray:
+def _shows_several(
+    patch_scene: PatchScene, border: TexelFragments, key: np.ndarray, own: np.ndarray
+) -> np.ndarray:
     """Return the texels, (atlases, r, r) bool, that are partly covered or contain faces of several planes.
 
-    parts   patches of the scene
-    border  fragments of triangles in border texels
-    key     texel of each fragment, see `TexelFragments.keys`, ascending
-    own     (atlases, r, r) uint32, the patch + 1 of each texel
+    patch_scene  patches of the scene
+    border       fragments of triangles in border texels
+    key          texel of each fragment, see `TexelFragments.keys`, ascending
+    own          (atlases, r, r) uint32, the patch + 1 of each texel
     """
     triangle, starts = border.triangle, run_starts(key)
     texel = key[starts]
@@ -144,16 +146,16 @@ def _shows_several(parts: PatchScene, border: TexelFragments, key: np.ndarray, o
     # Faces other than the first one of their texel.
     first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))
     others = np.flatnonzero(triangle != first)
-    normals = parts.geometry.steps.geometric
+    normals = patch_scene.geometry.steps.geometric
     bent = row_products(take_rows(normals, triangle[others]), take_rows(normals, first[others])) < _FLAT
     partly = (covered > 0) & (covered < _WHOLE)
     partly[np.searchsorted(starts, others[bent], "right") - 1] = True
 
     # A sliver in a texel whose centre is not covered is left to the neighbouring texel.
     partly &= (own.ravel()[texel] > 0) | (covered > _SLIVER)
-    several = np.zeros(own.size, bool)
-    several[texel[partly]] = True
-    return several.reshape(own.shape)
+    parts = np.zeros(own.size, bool)
+    parts[texel[partly]] = True
+    return parts.reshape(own.shape)
 
 
 def _samples_of(clipper: TexelClipper, pieces: TexelFragments, resolution: int, points: int) -> TexelSamples:

@@ -19,39 +19,43 @@ _PARTING = 2.0
 
 
 def in_thin_walls(
-    parts: PatchScene, samples: TexelSamples, ways: PushOffs, visible: np.ndarray, light: np.ndarray
+    patch_scene: PatchScene,
+    samples: TexelSamples,
+    push_offs: PushOffs,
+    visible: np.ndarray,
+    light: np.ndarray,
 ) -> np.ndarray:
     """Return the samples, (k,) int64, inside walls thinner than two texels with different light behind them.
 
-    parts    patches of the scene
-    samples  samples of all texels
-    ways     push-offs of the samples
-    visible  (s,) bool, valid samples
-    light    (s,) float32, E/pi, sum of the channels
+    patch_scene  patches of the scene
+    samples      samples of all texels
+    push_offs    push-offs of the samples
+    visible      (s,) bool, valid samples
+    light        (s,) float32, E/pi, sum of the channels
     """
-    thin = np.flatnonzero(np.isfinite(ways.thickness) & (ways.wall >= 0))
-    outside = np.flatnonzero(visible & (ways.wall < 0))
+    thin = np.flatnonzero(np.isfinite(push_offs.thickness) & (push_offs.wall >= 0))
+    outside = np.flatnonzero(visible & (push_offs.wall < 0))
     if not len(thin) or not len(outside):
         return thin[:0]
-    keys, resolution = samples.keys(parts.patches.resolution), parts.patches.resolution
+    keys, resolution = samples.keys(patch_scene.patches.resolution), patch_scene.patches.resolution
     texels, number = np.unique(keys[thin], return_inverse=True)
     least, most = _extremes_around(texels, keys[outside], light[outside], resolution)
     shows = thin[(most - least > _DIFFERS * most)[number]]
-    return shows[ways.thickness[shows] < _PARTING * _texel(parts, samples, shows)]
+    return shows[push_offs.thickness[shows] < _PARTING * _texel(patch_scene, samples, shows)]
 
 
 def warn_thin_walls(
-    scene: Scene, parts: PatchScene, samples: TexelSamples, ways: PushOffs, inside: np.ndarray
+    scene: Scene, patch_scene: PatchScene, samples: TexelSamples, push_offs: PushOffs, inside: np.ndarray
 ) -> list[str]:
     """Return a warning that names the walls around samples, (k,) int64; see `in_thin_walls`."""
     if not len(inside):
         return []
-    meshes = np.unique(parts.triangles.mesh[ways.wall[inside]])
+    meshes = np.unique(patch_scene.triangles.mesh[push_offs.wall[inside]])
 
     # Texel density that separates both sides, at the thinnest place.
     units = 1 / scene.metres_per_unit
-    density = units * float((_PARTING / np.maximum(ways.thickness[inside], 1e-6)).max())
-    now = units / float(_texel(parts, samples, inside).max())
+    density = units * float((_PARTING / np.maximum(push_offs.thickness[inside], 1e-6)).max())
+    now = units / float(_texel(patch_scene, samples, inside).max())
     sentence = (
         "{}: wall thinner than two texels, so light leaks beside it. "
         f"Use {_rounded(density)} texels per metre (now {_rounded(now)}) "
@@ -60,9 +64,9 @@ def warn_thin_walls(
     return [object_message(sentence, [scene.meshes[mesh].name for mesh in meshes], "cut_along_walls")]
 
 
-def _texel(parts: PatchScene, samples: TexelSamples, chosen: np.ndarray) -> np.ndarray:
+def _texel(patch_scene: PatchScene, samples: TexelSamples, chosen: np.ndarray) -> np.ndarray:
     """Return the texel width at chosen samples, (k,), m."""
-    width: np.ndarray = np.sqrt(parts.geometry.steps.area[samples.triangle[chosen]])
+    width: np.ndarray = np.sqrt(patch_scene.geometry.steps.area[samples.triangle[chosen]])
     return width
 
 

@@ -20,7 +20,7 @@ def map_slabs(count: int, row: int, work: Callable[[slice], object]) -> None:
 
     NumPy releases Python's global lock during array operations.
 
-    row  bytes that `work` reads or writes for each row
+    row:  bytes that `work` reads or writes for each row
     """
     slabs = min(_threads(), count * row // _MIN_BYTES)
     if slabs < 2:
@@ -152,7 +152,7 @@ def segment_sums(values: np.ndarray, segment: np.ndarray, count: int) -> np.ndar
 
     Sums in float64, one column after another.
 
-    segment  (n,) int, segment of each row, below `count`
+    segment:  (n,) int, segment of each row, below `count`
     """
     if values.ndim == 1:
         return np.bincount(segment, values, count)

@@ -13,11 +13,11 @@ class FluxBalance:
 
     Light of lamps that misses all patches is not included.
 
-    emitted      emission of front faces, and light from lamps, sky and emissive back faces that reaches
-                 patches
-    absorbed     flux absorbed by front faces, and by black back faces that front faces see
-    escaped      flux that leaves the scene
-    not_bounced  flux that the last iteration reflected and no patch has gathered
+    emitted:      emission of front faces, and light from lamps, sky and emissive back faces that reaches
+                  patches
+    absorbed:     flux absorbed by front faces, and by black back faces that front faces see
+    escaped:      flux that leaves the scene
+    not_bounced:  flux that the last iteration reflected and no patch has gathered
     """
 
     emitted: float
@@ -36,24 +36,24 @@ class FluxBalance:
 class Report:
     """Report of a bake.
 
-    patches            number of patches
-    method             "paper", "cached" or "stream"; "none" without any light
-    visibility         visibility sampler, "raster" or "rays"; "none" if visibility was not needed
-    samples            visibility samples of each patch
-    reasons            sentences that explain the choices
-    iterations         number of iterations
-    convergence_error  estimated mean error of the patches, relative to the light of each
-    converged          True if the convergence error is below the tolerance
-    added_flux         flux added by each iteration, W, sum of the channels
-    seconds            wall time of each stage, s
-    devices            OpenGL renderer under "gl"; OpenCL device under "cl" if there is one
-    warnings           messages for the user
-    integrator         integrator of the hemicubes: "opencl", or "glsl" for OpenGL compute shaders
-    paces              seconds for each unit of work of each stage, from this bake or earlier ones, see
-                       `BakeStages`
-    resumed            sentences that name the data of an interrupted bake that was reused
-    energy             flux balance; None without an iteration, with method "paper" and without OpenCL, where
-                       the validity of patches is not measured
+    patches:            number of patches
+    method:             "paper", "cached" or "stream"; "none" without any light
+    visibility:         visibility sampler, "raster" or "rays"; "none" if visibility was not needed
+    samples:            visibility samples of each patch
+    reasons:            sentences that explain the choices
+    iterations:         number of iterations
+    convergence_error:  estimated mean error of the patches, relative to the light of each
+    converged:          True if the convergence error is below the tolerance
+    added_flux:         flux added by each iteration, W, sum of the channels
+    seconds:            wall time of each stage, s
+    devices:            OpenGL renderer under "gl"; OpenCL device under "cl" if there is one
+    warnings:           messages for the user
+    integrator:         integrator of the hemicubes: "opencl", or "glsl" for OpenGL compute shaders
+    paces:              seconds for each unit of work of each stage, from this bake or earlier ones, see
+                        `BakeStages`
+    resumed:            sentences that name the data of an interrupted bake that was reused
+    energy:             flux balance; None without an iteration, with method "paper" and without OpenCL, where
+                        the validity of patches is not measured
     """
 
     patches: int
@@ -78,14 +78,14 @@ class Report:
 class BakeResult:
     """Lightmaps of all atlases; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
-    image      (atlases, h, w, 3) float32, first output at texel centres, before supersampling and fill, 0
-               where `has_patch` is False; empty without the setting `centres`
-    display    (atlases, h, w, 3) float32, first output as stored: supersampled, equal across seams, with
-               invalid texels filled and charts dilated
-    has_patch  (atlases, h, w) bool, texels that are patches
-    known      (atlases, h, w) bool, texels of `display` that are not filled
-    report     report of the bake
-    passes     each output map by name, processed like `display`; names and units are in `engine.outputs`
+    image:      (atlases, h, w, 3) float32, first output at texel centres, before supersampling and fill, 0
+                where `has_patch` is False; empty without the setting `centres`
+    display:    (atlases, h, w, 3) float32, first output as stored: supersampled, equal across seams, with
+                invalid texels filled and charts dilated
+    has_patch:  (atlases, h, w) bool, texels that are patches
+    known:      (atlases, h, w) bool, texels of `display` that are not filled
+    report:     report of the bake
+    passes:     each output map by name, processed like `display`; names and units are in `engine.outputs`
     """
 
     atlases: tuple[str, ...]

@@ -20,8 +20,8 @@ Bake = Callable[[Scene, Settings], Generator[Progress, None, BakeResult]]
 class Live:
     """Lightmaps of a changing scene; created by `Session.live`.
 
-    scene     scene after all changes
-    lightmap  finished bake of the scene; None while work is left
+    scene:     scene after all changes
+    lightmap:  finished bake of the scene; None while work is left
     """
 
     def __init__(self, bake: Bake, scene: Scene, settings: Settings) -> None:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 class ObjectMessage(str):
     """User message about objects of the scene.
 
-    objects  names of the objects
-    fix      identifier of the fix that the interface offers; empty if there is none
+    objects:  names of the objects
+    fix:      identifier of the fix that the interface offers; empty if there is none
     """
 
     __slots__ = ("fix", "objects")

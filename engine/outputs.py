@@ -27,21 +27,22 @@ LIGHT_GROUP = "light_group "
 class Output:
     """Output of a bake, a choice of the setting `outputs`.
 
-    label, text        name and tool-tip in the interface
-    is_light           True if its map holds E/pi
-    is_fraction        True if its maps hold fractions in [0, 1], to which no exposure applies
-    is_directional     True if its maps describe E/pi for any normal
-    maps               names of its maps; empty for one map with the name of the output, or one for each light
-    signed_maps        maps with negative values; all others hold light or fractions
-    ratio_maps         maps without unit, to which no color management applies
-    decoding           formula of E/pi from its maps; n is the surface normal, n' the mapped normal
-    requires_combined  True if it is useless without output "combined"
-    excludes           outputs that cannot be baked with it
-    needs_opencl       noun for messages if it needs rays or L1 from OpenCL; empty if OpenGL suffices
-    ray_setting        setting with its own rays for each patch; empty if it needs none
-    rays_per_light     True if it needs these rays for each light
-    denoised_images    number of images that the denoiser filters for it
-    settings           settings that apply to it alone
+    label, text:        name and tool-tip in the interface
+    is_light:           True if its map holds E/pi
+    is_fraction:        True if its maps hold fractions in [0, 1], to which no exposure applies
+    is_directional:     True if its maps describe E/pi for any normal
+    maps:               names of its maps; empty for one map with the name of the output, or one for each
+                        light
+    signed_maps:        maps with negative values; all others hold light or fractions
+    ratio_maps:         maps without unit, to which no color management applies
+    decoding:           formula of E/pi from its maps; n is the surface normal, n' the mapped normal
+    requires_combined:  True if it is useless without output "combined"
+    excludes:           outputs that cannot be baked with it
+    needs_opencl:       noun for messages if it needs rays or L1 from OpenCL; empty if OpenGL suffices
+    ray_setting:        setting with its own rays for each patch; empty if it needs none
+    rays_per_light:     True if it needs these rays for each light
+    denoised_images:    number of images that the denoiser filters for it
+    settings:           settings that apply to it alone
     """
 
     label: str

@@ -63,8 +63,8 @@ def bake(
 ) -> Generator[Progress, None, BakeResult]:
     """Bake a validated scene; see `engine.bake`. The devices and the session cache stay open.
 
-    ship     sends the scene to other processes; None to use only the given devices
-    inspect  called with the intermediate results before they are released
+    ship:     sends the scene to other processes; None to use only the given devices
+    inspect:  called with the intermediate results before they are released
     """
     # A device that is used for the first time builds the kernels of direct light, and the others after it.
     yield from stages.prepare(devices.compute, early=True)
@@ -204,8 +204,8 @@ def _direct_light(
 ) -> Generator[Progress, None, np.ndarray]:
     """Return E/pi of the sampled light, (n, 3) float32, after showing it and building all other kernels.
 
-    previous  solution of the last bake on a warm start. Its other light is shown with direct light from few
-              rays first, unless direct light is unchanged
+    previous:  solution of the last bake on a warm start. Its other light is shown with direct light from few
+               rays first, unless direct light is unchanged
     """
     stages.sampling(lighting.part_to_sample)
     if previous:
@@ -236,8 +236,8 @@ def _settle(
     A warm start stores the solution for the next bake with each image. It skips the image of direct light if
     that was shown before, and images that follow faster than the display rate.
 
-    contacts  contacts of the patches
-    atlases   number of the user's lightmaps
+    contacts:  contacts of the patches
+    atlases:   number of the user's lightmaps
     """
     job = texels.job
     validity = None
@@ -277,9 +277,9 @@ def _made(
 ) -> Generator[Progress, None, tuple[dict[str, Values], TexelSampleLight]]:
     """Return each output of the patches, (n, 3) or (n,) float32, by name, and the texel samples with theirs.
 
-    atlases   number of the user's lightmaps
-    contacts  contacts of the patches
-    validity  (n,) float32, validity from `valid_front`
+    atlases:   number of the user's lightmaps
+    contacts:  contacts of the patches
+    validity:  (n,) float32, validity from `valid_front`
     """
     job = texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))

@@ -36,15 +36,15 @@ _NEGLIGIBLE = 0.1
 class Progress:
     """Progress of the work after one slice.
 
-    stage         name for the user: "Patches", "Direct light", "Visibility", "Bounce 3", "Outputs" ...
-    fraction      completed fraction of the stage, in [0, 1]
-    overall       completed fraction of all work, in [0, 1]; never decreases, 1 at the end
-    seconds_left  remaining time of all work, s; NaN while unknown
-    iteration     completed iterations
-    residual      estimated mean error of the patches, relative to the light of each; NaN while unknown
-    energy        flux that the last completed iteration added, W, sum of the channels
-    intermediate  current lightmaps, dilated, (atlases, h, w, 3) float32, E/pi; only after direct light and
-                  after an iteration, else None
+    stage:         name for the user: "Patches", "Direct light", "Visibility", "Bounce 3", "Outputs" ...
+    fraction:      completed fraction of the stage, in [0, 1]
+    overall:       completed fraction of all work, in [0, 1]; never decreases, 1 at the end
+    seconds_left:  remaining time of all work, s; NaN while unknown
+    iteration:     completed iterations
+    residual:      estimated mean error of the patches, relative to the light of each; NaN while unknown
+    energy:        flux that the last completed iteration added, W, sum of the channels
+    intermediate:  current lightmaps, dilated, (atlases, h, w, 3) float32, E/pi; only after direct light and
+                   after an iteration, else None
     """
 
     stage: str
@@ -61,14 +61,14 @@ class Progress:
 class Stage:
     """Stage of the work with its time model.
 
-    name      name for the user
-    amount    amount of work in units of its own, such as texels or rays; may be corrected during the work
-    pace      expected seconds for each unit
-    measured  True if the pace was measured by earlier work or a trial; False for a guess
-    like      stage of the same kind of work, whose known pace replaces a guess
-    forecast  remaining seconds as reported by the work itself; NaN if it reports none
-    done      completed units
-    seconds   seconds spent
+    name:      name for the user
+    amount:    amount of work in units of its own, such as texels or rays; may be corrected during the work
+    pace:      expected seconds for each unit
+    measured:  True if the pace was measured by earlier work or a trial; False for a guess
+    like:      stage of the same kind of work, whose known pace replaces a guess
+    forecast:  remaining seconds as reported by the work itself; NaN if it reports none
+    done:      completed units
+    seconds:   seconds spent
     """
 
     name: str
@@ -137,7 +137,7 @@ class Schedule:
     In a time t the fraction f grows by (1 - f) t / (t + left): the share of t in the remaining time. It never
     decreases, ends at 1, and grows evenly if the estimates are right.
 
-    seconds_left  remaining time of all work, s; NaN while most of it is a guess that matters
+    seconds_left:  remaining time of all work, s; NaN while most of it is a guess that matters
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:
@@ -217,9 +217,9 @@ class Schedule:
     def progress(self, fraction: float, name: str = "", **facts: Any) -> Progress:
         """Return the overall progress with facts about the current stage.
 
-        fraction  completed fraction of the stage
-        name      name for the user; empty for the name of the stage
-        facts     further fields of `Progress`
+        fraction:  completed fraction of the stage
+        name:      name for the user; empty for the name of the stage
+        facts:     further fields of `Progress`
         """
         return Progress(name or self.current.name, fraction, self.overall, self.seconds_left, **facts)
 

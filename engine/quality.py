@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 class Quality(NamedTuple):
     """Preset that replaces numbers of samples.
 
-    label     name in the interface
-    error     maximum RMSE of a lightmap in the test rooms of tools/quality.py, as a fraction of the mean
-    values    settings of the preset, by name
-    denoised  the error with Denoise if the preset is meant for it, else None
+    label:     name in the interface
+    error:     maximum RMSE of a lightmap in the test rooms of tools/quality.py, as a fraction of the mean
+    values:    settings of the preset, by name
+    denoised:  the error with Denoise if the preset is meant for it, else None
     """
 
     label: str

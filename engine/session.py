@@ -59,8 +59,8 @@ class Session:
         device runs out of memory, the reused data is dropped and the bake starts again. After an error or a
         cancel the next bake opens new devices, except after a cancelled warm start.
 
-        paces    timings of another session, for stages that this one has not run yet; see `BakeStages`
-        inspect  called with the intermediate results before they are released
+        paces:    timings of another session, for stages that this one has not run yet; see `BakeStages`
+        inspect:  called with the intermediate results before they are released
         """
         check_settings(settings)
         check_scene(scene)
@@ -263,7 +263,7 @@ def live(
 def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceSurvey]:
     """Survey the devices of this machine.
 
-    opencl_device  device that the settings choose; None for the default
+    opencl_device:  device that the settings choose; None for the default
 
     Raises DeviceError for a missing package.
     """

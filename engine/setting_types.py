@@ -40,9 +40,9 @@ class Values(Protocol):
 class Span:
     """Numbers from `low` to `high`.
 
-    unit       unit of the number in the engine
-    shown      unit in the interface, and its size in `unit`; None if equal
-    automatic  further valid number, which leaves the choice to the engine
+    unit:       unit of the number in the engine
+    shown:      unit in the interface, and its size in `unit`; None if equal
+    automatic:  further valid number, which leaves the choice to the engine
     """
 
     low: float
@@ -134,11 +134,11 @@ class FilePath:
 class Description:
     """Description of a setting for the interface, with its valid values.
 
-    label        name in the interface
-    text         tool-tip, without a full stop
-    values       valid values
-    panel        one of PANELS; None for settings that programs set, not users
-    invalidates  cached data that a change of the value invalidates
+    label:        name in the interface
+    text:         tool-tip, without a full stop
+    values:       valid values
+    panel:        one of PANELS; None for settings that programs set, not users
+    invalidates:  cached data that a change of the value invalidates
     """
 
     label: str

@@ -31,8 +31,8 @@ OPTIONS = (f"-DWITHIN={WITHIN}f",)
 class BorderTexels:
     """Border texels, whose centre no triangle covers, and the touching triangle nearest to it.
 
-    texel     (m,) int64, ascending: (atlas * resolution + row) * resolution + column
-    triangle  (m,) int32
+    texel:     (m,) int64, ascending: (atlas * resolution + row) * resolution + column
+    triangle:  (m,) int32
     """
 
     texel: np.ndarray
@@ -66,9 +66,9 @@ class DeviceBorder:
         world as on the lightmap. The second array, (m,) bool, is True where the triangle's point nearest to
         the centre lies inside the texel.
 
-        patches  patch list
-        own      (atlases, r, r) uint32 of `PatchList.on_texels`; must not be changed later, since its upload
-                 is cached
+        patches:  patch list
+        own:      (atlases, r, r) uint32 of `PatchList.on_texels`; must not be changed later, since its upload
+                  is cached
         """
         count = len(self._border)
         nearest, inside = np.empty(count, np.uint32), np.empty(count, np.uint8)
@@ -87,8 +87,8 @@ class DeviceBorder:
     def middles(self, chosen: np.ndarray, resolution: int) -> np.ndarray:
         """Return the centroids of the parts of texels that triangles cover, (k, 3) float32 barycentrics.
 
-        chosen      (k,) int64, indices of border texels, at least one
-        resolution  width of the lightmaps, texels
+        chosen:      (k,) int64, indices of border texels, at least one
+        resolution:  width of the lightmaps, texels
         """
         some, count = self._border.part(chosen), len(chosen)
         inputs = upload(self._compute, some.texel), upload(self._compute, some.triangle)

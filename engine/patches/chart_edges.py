@@ -19,11 +19,11 @@ _FACTORS = np.random.default_rng(14).integers(1 << 62, 1 << 63, 6, np.uint64) * 
 class ChartEdges:
     """Edges of charts, each from a first to a second end.
 
-    positions  (e, 2, 3) float32, m, relative to `Triangles.origin`
-    normals    (e, 2, 3) float32, shading normals
-    texels     (e, 2, 2) float64, lightmap position, texels
-    outward    (e, 2) float64, unit vector on the lightmap, away from the edge's triangle
-    atlas      (e,) int32
+    positions:  (e, 2, 3) float32, m, relative to `Triangles.origin`
+    normals:    (e, 2, 3) float32, shading normals
+    texels:     (e, 2, 2) float64, lightmap position, texels
+    outward:    (e, 2) float64, unit vector on the lightmap, away from the edge's triangle
+    atlas:      (e,) int32
     """
 
     positions: np.ndarray

@@ -17,10 +17,10 @@ _LAST, _NEAREST, _SUM = range(3)
 class Drawing:
     """Configuration of one chart pass.
 
-    name     base name of its files in shaders/
-    stages   shader stages of its program
-    targets  number of components and type of each render target
-    kept     blending of fragments: last, nearest by depth, or sum
+    name:     base name of its files in shaders/
+    stages:   shader stages of its program
+    targets:  number of components and type of each render target
+    kept:     blending of fragments: last, nearest by depth, or sum
     """
 
     name: str

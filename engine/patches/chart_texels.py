@@ -23,12 +23,12 @@ from .texel_coverage import border_texels, check_overlap, covered_texels, warn_u
 class ChartTexels:
     """Chart coverage of a scene's lightmaps.
 
-    names        names of the meshes
-    patches      patches of the texels whose centres are covered
-    on_triangle  (t,) int64, number of patches on each triangle
-    entries      (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none
-    border       all other texels that a triangle touches
-    warnings     messages for the user
+    names:        names of the meshes
+    patches:      patches of the texels whose centres are covered
+    on_triangle:  (t,) int64, number of patches on each triangle
+    entries:      (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none
+    border:       all other texels that a triangle touches
+    warnings:     messages for the user
     """
 
     names: tuple[str, ...]

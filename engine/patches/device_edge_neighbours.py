@@ -34,9 +34,9 @@ class DeviceNeighbours:
     def _listed(self, boxes: EdgeBoxes, sizes: np.ndarray, rank: np.ndarray) -> Iterator[np.ndarray]:
         """Yield pairs of overlapping boxes, (p, 2) int32, unordered within each array.
 
-        boxes  boxes of the edges
-        sizes  (s,) float64, m, cube sizes of the hash grids, ascending
-        rank   (m,) int64, index into `sizes` for each box
+        boxes:  boxes of the edges
+        sizes:  (s,) float64, m, cube sizes of the hash grids, ascending
+        rank:   (m,) int64, index into `sizes` for each box
         """
         room = max(_LEAST, _OF_EACH * len(boxes))
         inputs, pairs = self._inputs(boxes, sizes, rank), self._beside.room_for(8 * room)

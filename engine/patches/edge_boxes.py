@@ -30,7 +30,7 @@ FACTORS = np.array([0x1F123BB5159A55E5, 0x3C6EF372FE94F82B, 0x510E527FADE682D1, 
 class EdgeBoxes:
     """Axis-aligned boxes in six dimensions, padded by the tolerance for coincident edges.
 
-    low, high  (m, 6) float32, positions in m relative to `Triangles.origin`, then components of normals
+    low, high:  (m, 6) float32, positions in m relative to `Triangles.origin`, then components of normals
     """
 
     low: np.ndarray
@@ -52,7 +52,7 @@ class EdgeBoxes:
     def cubes(self, size: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         """Return the hash grid cells that boxes touch: keys and box indices, two (k,) int64 arrays.
 
-        size  cube size, m, a scalar or (m, 1); a power of two at least as large as each box
+        size:  cube size, m, a scalar or (m, 1); a power of two at least as large as each box
         """
         low, high = (
             np.floor(ends[:, :3] / np.float32(size)).astype(np.int64) for ends in (self.low, self.high)

@@ -19,9 +19,9 @@ _MOST = 8
 class EdgePairs:
     """Pairs of coincident edges with similar normals.
 
-    first, second  (p,) int64, indices of the edges
-    part           (p, 2, 2) float64, start and end of the common part along both edges; 0 is the first end, 1
-                   the second
+    first, second:  (p,) int64, indices of the edges
+    part:           (p, 2, 2) float64, start and end of the common part along both edges; 0 is the first end,
+                    1 the second
     """
 
     first: np.ndarray
@@ -32,7 +32,7 @@ class EdgePairs:
 def edge_pairs(edges: ChartEdges, neighbours: EdgeNeighbours | None = None) -> EdgePairs:
     """Return all pairs of edges that coincide and have similar normals there.
 
-    neighbours  broad phase; None for the version on the host
+    neighbours:  broad phase; None for the version on the host
     """
     whole = _compared(edges, *_same_ends(edges))
     left = np.ones(len(edges), bool)

@@ -26,7 +26,7 @@ def inset_edge_patches(
 
     Rays from a point on the edge between two walls would miss the other wall.
 
-    texel_to_patch  (atlases, r, r) uint32 of `PatchList.on_texels`
+    texel_to_patch:  (atlases, r, r) uint32 of `PatchList.on_texels`
     """
     if compute:
         found = _found_on_edges(compute, geometry, patches, texel_to_patch)

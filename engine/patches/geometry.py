@@ -19,11 +19,11 @@ _BLOCK = 1 << 14
 class TexelSteps:
     """World-space steps of one texel on each triangle.
 
-    edge_u     (t, 3) float32, m, step of one texel along u
-    edge_v     (t, 3) float32, m, step of one texel along v
-    geometric  (t, 3) float32, unit geometric normal
-    area       (t,) float32, m^2, area of one texel
-    whole      (t,) float32, m^2, area of the triangle
+    edge_u:     (t, 3) float32, m, step of one texel along u
+    edge_v:     (t, 3) float32, m, step of one texel along v
+    geometric:  (t, 3) float32, unit geometric normal
+    area:       (t,) float32, m^2, area of one texel
+    whole:      (t,) float32, m^2, area of the triangle
     """
 
     edge_u: np.ndarray
@@ -48,11 +48,11 @@ class TexelSteps:
 class PatchGeometry:
     """World-space geometry of patches, computed on first use.
 
-    triangles    triangles of the scene
-    steps        world-space texel steps of the triangles
-    triangle     (n,) int32, index into `triangles`
-    barycentric  (n, 3) float32, position on the triangle
-    counts       (t,) int64, number of patches on each triangle; None to compute it
+    triangles:    triangles of the scene
+    steps:        world-space texel steps of the triangles
+    triangle:     (n,) int32, index into `triangles`
+    barycentric:  (n, 3) float32, position on the triangle
+    counts:       (t,) int64, number of patches on each triangle; None to compute it
     """
 
     def __init__(

@@ -32,9 +32,9 @@ def _in_one_cube(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the overlapping pairs of any of m boxes and a box of full size, each pair once and sorted.
 
-    boxes      m boxes, none larger than the cubes
-    size       cube size, m
-    full_size  (m,) bool, boxes of the level of the cubes
+    boxes:      m boxes, none larger than the cubes
+    size:       cube size, m
+    full_size:  (m,) bool, boxes of the level of the cubes
     """
     keys, box = boxes.cubes(size)
     full = np.flatnonzero(full_size[box])
@@ -65,8 +65,8 @@ def _overlapping(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> tup
 
     Tests one axis after the other, since each leaves fewer pairs to the next.
 
-    axes           (6, 2, m) float32, lower and upper bounds of all boxes on each axis
-    first, second  (p,) int64, candidate pairs
+    axes:           (6, 2, m) float32, lower and upper bounds of all boxes on each axis
+    first, second:  (p,) int64, candidate pairs
     """
     for low, high in axes:
         meet = np.flatnonzero((low[first] <= high[second]) & (low[second] <= high[first]))

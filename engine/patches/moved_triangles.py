@@ -45,7 +45,7 @@ def moved_triangles(before: PatchScene, after: PatchScene) -> np.ndarray | None:
 def ball_around(triangles: np.ndarray) -> np.ndarray:
     """Return centre and radius of a ball around triangles, (4,) float64, m, slightly larger than their box.
 
-    triangles  (k, 3, 3), m, at least one
+    triangles:  (k, 3, 3), m, at least one
     """
     corners = triangles.reshape(-1, 3).astype(np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -83,8 +83,8 @@ def _unmoved(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return masks of the triangles before and after, (t,) bool each, that did not move in world or UV space.
 
-    first, other  (meshes + 1,) int64, first triangle of each mesh before and after. If a mesh's triangle
-                  count changed, all of its triangles have moved
+    first, other:  (meshes + 1,) int64, first triangle of each mesh before and after. If a mesh's triangle
+                   count changed, all of its triangles have moved
     """
     still = np.zeros(len(before.mesh), bool), np.zeros(len(after.mesh), bool)
     for mesh in range(len(first) - 1):
@@ -101,7 +101,7 @@ def _unmoved(
 def _touching(triangles: Triangles, changed: np.ndarray) -> np.ndarray:
     """Return a mask of triangles, (t,) bool, whose UV lookups may read a marked texel.
 
-    changed  (atlases, r, r) bool, marked texels
+    changed:  (atlases, r, r) bool, marked texels
 
     Tests the bounding box of each triangle on the lightmap with a summed-area table (Crow 1984).
     """

@@ -122,7 +122,7 @@ def read_patches(path: Path, scene: Scene, resolution: int, align: bool = False)
 def charts_checksum(scene: Scene, align: bool = False) -> int:
     """Return a CRC-32 of the charts, faces and atlases on which a patch list depends.
 
-    align  True if UVs are snapped to texel borders
+    align:  True if UVs are snapped to texel borders
     """
     checksum = int(align)
     for mesh in scene.meshes:

@@ -21,8 +21,8 @@ _COLUMNS = ("atlas", "texel", "triangle", "barycentric")
 class TexelIndex:
     """Lookup between patches and texels, shared by patch lists on the same texels.
 
-    resolution    width and height of the lightmaps, texels
-    atlas, texel  (n,) int32, see `PatchList`
+    resolution:    width and height of the lightmaps, texels
+    atlas, texel:  (n,) int32, see `PatchList`
     """
 
     def __init__(self, resolution: int, atlas: np.ndarray, texel: np.ndarray) -> None:
@@ -55,13 +55,13 @@ class TexelIndex:
 class PatchList:
     """Lightmap texel and surface point of each patch, sorted by atlas and texel.
 
-    resolution   width and height of the lightmaps, texels
-    atlas        (n,) int32
-    texel        (n,) int32, row * resolution + column; row 0 is at v = 0
-    triangle     (n,) int32, index into `Triangles`
-    barycentric  (n, 3) float32, surface point, each in [0, 1], sum 1: the texel centre, or the centroid of
-                 the covered part of the texel
-    index        lookup shared with a list on the same texels; None to create it
+    resolution:   width and height of the lightmaps, texels
+    atlas:        (n,) int32
+    texel:        (n,) int32, row * resolution + column; row 0 is at v = 0
+    triangle:     (n,) int32, index into `Triangles`
+    barycentric:  (n, 3) float32, surface point, each in [0, 1], sum 1: the texel centre, or the centroid of
+                  the covered part of the texel
+    index:        lookup shared with a list on the same texels; None to create it
     """
 
     resolution: int
@@ -108,7 +108,7 @@ def list_patches(
 ) -> PatchList:
     """Rasterize the lightmap UVs of each atlas and compact the covered texels.
 
-    align  True to snap UVs to texel borders (paper, VI.B)
+    align:  True to snap UVs to texel borders (paper, VI.B)
 
     Raises SceneError if no texel centre is covered.
     """

@@ -35,12 +35,12 @@ _Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 class PatchMaterials:
     """Material of each patch, averaged over its texel.
 
-    reflectance    (n, 3) float32, on host or device; diffuse reflectance plus transmittance of translucent
-                   surfaces
-    emission       (n, 3) float32, W/(m^2 sr), radiance of the front face
-    back_emission  (n, 3) float32, W/(m^2 sr), radiance of the back face; None if equal to the front
-    own            (n, 3) float32, reflected fraction of `reflectance`; None if all of it is reflected
-    emitters       (k,) int64, patches that emit from either face; None to compute them
+    reflectance:    (n, 3) float32, on host or device; diffuse reflectance plus transmittance of translucent
+                    surfaces
+    emission:       (n, 3) float32, W/(m^2 sr), radiance of the front face
+    back_emission:  (n, 3) float32, W/(m^2 sr), radiance of the back face; None if equal to the front
+    own:            (n, 3) float32, reflected fraction of `reflectance`; None if all of it is reflected
+    emitters:       (k,) int64, patches that emit from either face; None to compute them
     """
 
     reflectance: Values
@@ -97,8 +97,8 @@ class KnownSurfaces:
     def shown_by(self, scene: Scene, kind: str) -> np.ndarray:
         """Return a mask, (m,) bool, of the materials whose color and texture of a kind are unchanged.
 
-        scene  scene of the same geometry
-        kind   "reflectance" or "emission"
+        scene:  scene of the same geometry
+        kind:   "reflectance" or "emission"
         """
         pairs = zip(self.scene.meshes, scene.meshes, strict=True)
         if not all(same_values(mesh.texture_uvs, other.texture_uvs) for mesh, other in pairs):
@@ -119,11 +119,11 @@ def patch_surfaces(
 ) -> PatchMaterials:
     """Return reflectance and emission of each patch.
 
-    compute     OpenCL device; None to use the host
-    scene       scene with materials and textures
-    geometry    geometry of the patches
-    resolution  width of the lightmaps, texels
-    known       materials of the same patches in a scene of the same geometry; None to read all textures
+    compute:     OpenCL device; None to use the host
+    scene:       scene with materials and textures
+    geometry:    geometry of the patches
+    resolution:  width of the lightmaps, texels
+    known:       materials of the same patches in a scene of the same geometry; None to read all textures
     """
     if any(material.translucent for material in scene.materials):
         return _translucent_surfaces(compute, scene, geometry, resolution)
@@ -226,10 +226,10 @@ def _multiply(
 ) -> None:
     """Multiply values of patches, (n, 3) float32, in place by the textures of their materials.
 
-    compute                      device of the textures and of values that are on a device; None to use the
-                                 host
-    scene, geometry, resolution  scene, its patches, and width of the lightmaps in texels
-    kinds                        values and the texture of each material
+    compute:                      device of the textures and of values that are on a device; None to use the
+                                  host
+    scene, geometry, resolution:  scene, its patches, and width of the lightmaps in texels
+    kinds:                        values and the texture of each material
     """
     if any(texture for _, textures in kinds for texture in textures):
         chosen = [any(maps) for maps in zip(*(textures for _, textures in kinds), strict=True)]

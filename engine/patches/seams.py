@@ -21,9 +21,9 @@ _ONE_POINT = 0.01
 class Seams:
     """Pairs of points on both sides of seams: the same place in the world, different places on the lightmaps.
 
-    atlas   (p, 2) int32
-    texel   (p, 2, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
-    weight  (p,) float64, seam length in texels that the pair represents
+    atlas:   (p, 2) int32
+    texel:   (p, 2, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
+    weight:  (p,) float64, seam length in texels that the pair represents
     """
 
     atlas: np.ndarray

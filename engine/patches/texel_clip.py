@@ -10,8 +10,8 @@ def clipped_centroids(corners: np.ndarray, texels: np.ndarray) -> np.ndarray:
 
     A part without area gives a point between its corners.
 
-    corners  (m, 3, 2) float64, texels; may have no area
-    texels   (m, 2) int, column and row of one texel for each triangle, which touches it
+    corners:  (m, 3, 2) float64, texels; may have no area
+    texels:   (m, 2) int, column and row of one texel for each triangle, which touches it
     """
     polygons = clip_at_texels(corners, texels)
     return _centroids(polygons[:, :, :2], polygons[:, :, 2:])
@@ -23,8 +23,8 @@ def clip_at_texels(corners: np.ndarray, texels: np.ndarray) -> np.ndarray:
     Each vertex holds its position relative to the texel and its barycentrics. The triangle is clipped at the
     four sides of the texel (Sutherland and Hodgman 1974). Unused vertices repeat the first one.
 
-    corners  (m, 3, 2) float64, texels
-    texels   (m, 2) int, column and row
+    corners:  (m, 3, 2) float64, texels
+    texels:   (m, 2) int, column and row
     """
     local = corners - texels[:, None]
     weights = np.broadcast_to(np.eye(3), (len(corners), 3, 3))
@@ -51,8 +51,8 @@ def fan_areas(points: np.ndarray) -> np.ndarray:
 def _clip(polygons: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Return convex polygons, (m, k, c), clipped to the positive side of a line, (m, k + 1, c).
 
-    distance  (m, k), signed distance of each vertex from the line. Unused vertices at the end repeat the
-              first one.
+    distance:  (m, k), signed distance of each vertex from the line. Unused vertices at the end repeat the
+               first one.
     """
     count = polygons.shape[1]
     after, distance_after = np.roll(polygons, -1, axis=1), np.roll(distance, -1, axis=1)

@@ -12,7 +12,7 @@ def connected_texels(known: np.ndarray) -> np.ndarray:
 
     Texels of a row form runs; runs of adjacent rows are joined if they share a column.
 
-    known  (atlases, h, w) bool; components are 4-connected
+    known:  (atlases, h, w) bool; components are 4-connected
     """
     _, height, width = known.shape
     padded = np.pad(known.reshape(-1, width), [(0, 0), (1, 1)])

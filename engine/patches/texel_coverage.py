@@ -45,7 +45,7 @@ def _border_texels_in(
 def warn_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
     """Return warnings that name objects without area and objects whose charts cover no texel centre.
 
-    texels  (objects,) int64, see `covered_texels`
+    texels:  (objects,) int64, see `covered_texels`
     """
     filled = [mesh for mesh in scene.meshes if len(mesh.face)]
     shrunk = dict.fromkeys(
@@ -85,7 +85,7 @@ def check_overlap(
 ) -> list[str]:
     """Return a warning for each object with a few texels covered by several triangles.
 
-    texels  (objects,) int64, see `covered_texels`
+    texels:  (objects,) int64, see `covered_texels`
 
     Raises OverlapError that names the objects if the charts overlap.
     """

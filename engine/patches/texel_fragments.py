@@ -27,10 +27,10 @@ _OF_POINT = (4, 4, 12, 8, 4)
 class TexelFragments:
     """Fragments: the intersection of a texel and a triangle.
 
-    atlas     (m,) int32
-    texel     (m,) int32, row * resolution + column
-    triangle  (m,) int32
-    area      (m,) float32, in texels
+    atlas:     (m,) int32
+    texel:     (m,) int32, row * resolution + column
+    triangle:  (m,) int32
+    area:      (m,) float32, in texels
     """
 
     atlas: np.ndarray
@@ -55,12 +55,12 @@ class TexelFragments:
 class TexelPoints(NamedTuple):
     """Sample points in texels, in texel order; the arrays must not be changed, since their upload is cached.
 
-    atlas        (s,) int32
-    texel        (s,) int32, row * resolution + column
-    triangle     (s,) int32
-    barycentric  (s, 3) float32
-    position     (s, 2) float32, lightmap position, texels
-    weight       (s,) float32, texels
+    atlas:        (s,) int32
+    texel:        (s,) int32, row * resolution + column
+    triangle:     (s,) int32
+    barycentric:  (s, 3) float32
+    position:     (s, 2) float32, lightmap position, texels
+    weight:       (s,) float32, texels
     """
 
     atlas: np.ndarray
@@ -130,9 +130,9 @@ class TexelClipper:
     def points_in_texels(self, pieces: TexelFragments, starts: np.ndarray, side: int) -> TexelPoints:
         """Return `side`^2 sample points in each texel; see kernels/patches/texel_fragments.cl.
 
-        pieces  fragments sorted by texel
-        starts  (t,) int64, first fragment of each texel
-        side    sample points along each axis
+        pieces:  fragments sorted by texel
+        starts:  (t,) int64, first fragment of each texel
+        side:    sample points along each axis
         """
         each, texels = side**2, len(starts)
         where = [self._indices(pieces.triangle), self._indices(pieces.texel)]

@@ -25,10 +25,10 @@ from .patch_list import PatchList
 class IndexMap:
     """Index map with the data to update it.
 
-    patches         all patches, including patches of thin surfaces
-    texel_to_patch  (atlases, r, r) uint32, patch + 1, or 0
-    nearest         (m,) uint32, nearest chart patch + 1 on the surface of each border texel, or 0
-    inside          (m,) bool, True if the surface reaches into the texel, beyond its border
+    patches:         all patches, including patches of thin surfaces
+    texel_to_patch:  (atlases, r, r) uint32, patch + 1, or 0
+    nearest:         (m,) uint32, nearest chart patch + 1 on the surface of each border texel, or 0
+    inside:          (m,) bool, True if the surface reaches into the texel, beyond its border
     """
 
     patches: PatchList
@@ -42,10 +42,10 @@ def index_map(
 ) -> IndexMap:
     """Assign a patch to each touched texel.
 
-    compute   OpenCL device; None to use the host
-    geometry  geometry of the chart patches
-    charts    chart coverage of the lightmaps
-    before    index map of the same charts before objects moved; returned unchanged if still valid
+    compute:   OpenCL device; None to use the host
+    geometry:  geometry of the chart patches
+    charts:    chart coverage of the lightmaps
+    before:    index map of the same charts before objects moved; returned unchanged if still valid
     """
     patches, border = charts.patches, charts.border
     if not len(border):
@@ -78,10 +78,10 @@ def _with_thin(
 
     The device copies of the patch arrays are updated too.
 
-    compute  OpenCL device; None on the host
-    patches  patches of the charts
-    thin     border texels of thin surfaces
-    middle   (k, 3) float32, barycentrics of the new patches
+    compute:  OpenCL device; None on the host
+    patches:  patches of the charts
+    thin:     border texels of thin surfaces
+    middle:   (k, 3) float32, barycentrics of the new patches
     """
     atlas, texel = np.divmod(thin.texel, patches.resolution**2)
     columns = (
@@ -104,8 +104,8 @@ def _inserted(place: np.ndarray, count: int) -> np.ndarray:
 
     Row indices from `count` on refer to the inserted rows.
 
-    place  (k,) int64, ascending, index before which each new row is inserted
-    count  number of old rows
+    place:  (k,) int64, ascending, index before which each new row is inserted
+    count:  number of old rows
     """
     others = place + np.arange(len(place))
     steps = np.ones(count + len(place), np.int64)

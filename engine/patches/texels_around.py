@@ -8,8 +8,8 @@ import numpy as np
 def cells_around(images: np.ndarray, key: np.ndarray) -> np.ndarray:
     """Return the values of 3 x 3 texels around each texel, (k, 9), type of `images`; 0 beyond the edge.
 
-    images  (atlases, r, r)
-    key     (k,) int64, (atlas * r + row) * r + column, see `PatchList.key`
+    images:  (atlases, r, r)
+    key:     (k,) int64, (atlas * r + row) * r + column, see `PatchList.key`
     """
     resolution, flat = images.shape[-1], images.ravel()
     steps = [(up, right) for up in (-1, 0, 1) for right in (-1, 0, 1)]
@@ -31,8 +31,8 @@ def cells_around(images: np.ndarray, key: np.ndarray) -> np.ndarray:
 def entries_around(texel_to_patch: np.ndarray, key: np.ndarray) -> np.ndarray:
     """Return the index map entries of 3 x 3 texels around each texel, (k, 9) int64: patch + 1, 0 for none.
 
-    texel_to_patch  (atlases, r, r) uint32, index map
-    key             (k,) int64, see `cells_around`
+    texel_to_patch:  (atlases, r, r) uint32, index map
+    key:             (k,) int64, see `cells_around`
     """
     return cells_around(texel_to_patch, key).astype(np.int64)
 
@@ -40,7 +40,7 @@ def entries_around(texel_to_patch: np.ndarray, key: np.ndarray) -> np.ndarray:
 def beside_any(flags: np.ndarray) -> np.ndarray:
     """Return the mask dilated by one texel in all eight directions, (atlases, r, r) bool.
 
-    flags  (atlases, r, r) bool
+    flags:  (atlases, r, r) bool
     """
     rows = flags.copy()
     rows[:, 1:] |= flags[:, :-1]

@@ -26,11 +26,11 @@ _SHRINK = 2
 class TexturedPatches:
     """Patches and triangles of one material.
 
-    patch      (m,) int64, ascending
-    triangles  (k,) int64, index into `Triangles`, ascending, grouped by mesh
-    mesh       (k,) int32, mesh of each triangle
-    count      (k,) int64, number of patches on each triangle
-    steps      (k, 2, 3) float64, change of barycentrics by one texel along u and v
+    patch:      (m,) int64, ascending
+    triangles:  (k,) int64, index into `Triangles`, ascending, grouped by mesh
+    mesh:       (k,) int32, mesh of each triangle
+    count:      (k,) int64, number of patches on each triangle
+    steps:      (k, 2, 3) float64, change of barycentrics by one texel along u and v
     """
 
     patch: np.ndarray

@@ -176,11 +176,11 @@ def _interpolated(
 ) -> InterpolatedGather:
     """Return the final gather that interpolates smooth patches and traces the others.
 
-    job     all patches
-    solved  job of the patches, or of the first grouping of `widths`, that `solver` solves
-    solver  solution of `solved`
-    choice  choice of the gather
-    widths  groupings, coarse to fine
+    job:     all patches
+    solved:  job of the patches, or of the first grouping of `widths`, that `solver` solves
+    solver:  solution of `solved`
+    choice:  choice of the gather
+    widths:  groupings, coarse to fine
     """
 
     def last_of(chosen: np.ndarray) -> FinalGather:

@@ -15,7 +15,7 @@ from ..postprocess.texel_samples import TexelSamples
 class GatheredSamples(NumpyPickle):
     """Texel samples, their positions after push-off, and their light; see `TexelSampleLight`.
 
-    irradiance  (s, 3) float32, E/pi of all light
+    irradiance:  (s, 3) float32, E/pi of all light
     """
 
     samples: TexelSamples

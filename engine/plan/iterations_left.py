@@ -20,9 +20,9 @@ _RECENT = 3
 def iterations_left(residuals: Sequence[float], settings: Settings, reflectance: float) -> int:
     """Return the expected number of remaining iterations.
 
-    residuals    convergence error after each iteration so far; NaN or infinite where unknown
-    settings     settings of the bake
-    reflectance  mean over the patches; in a closed scene it is the decay factor of plain (Jacobi) iterations
+    residuals:    convergence error after each iteration so far; NaN or infinite where unknown
+    settings:     settings of the bake
+    reflectance:  mean over the patches; in a closed scene it is the decay factor of plain (Jacobi) iterations
     """
     if not settings.has_indirect:
         return max(1 - len(residuals), 0)

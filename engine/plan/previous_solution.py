@@ -22,12 +22,12 @@ from ..solve.solution import Solution
 class DirectSources:
     """Everything that determines the light before any reflection.
 
-    visibility     weak reference to the visibility cache
-    triangles      triangles of the scene
-    emission       (n, 3) float32, radiance of the front face of each patch
-    back_emission  (n, 3) float32, radiance of the back face of each patch
-    sky            (h, w, 3) float32, radiance of the unsampled sky
-    sampled_light  (n, 3) float32, E/pi from shadow rays
+    visibility:     weak reference to the visibility cache
+    triangles:      triangles of the scene
+    emission:       (n, 3) float32, radiance of the front face of each patch
+    back_emission:  (n, 3) float32, radiance of the back face of each patch
+    sky:            (h, w, 3) float32, radiance of the unsampled sky
+    sampled_light:  (n, 3) float32, E/pi from shadow rays
     """
 
     visibility: weakref.ref[VisibilityCache]
@@ -46,12 +46,12 @@ class DirectSources:
 class PreviousSolution:
     """Light of n patches after a bake.
 
-    light    (n, 4) float32, E/pi, and validity: fraction of the hemisphere without back faces
-    front    (n,) float32, validity
-    sampled  (n, 3) float32, E/pi from shadow rays
-    direct   (n, 3) float32, E/pi before any reflection
-    near     contacts of the patches
-    sources  everything that determines `direct`, see `SolveJob.direct_sources`; None if unknown
+    light:    (n, 4) float32, E/pi, and validity: fraction of the hemisphere without back faces
+    front:    (n,) float32, validity
+    sampled:  (n, 3) float32, E/pi from shadow rays
+    direct:   (n, 3) float32, E/pi before any reflection
+    near:     contacts of the patches
+    sources:  everything that determines `direct`, see `SolveJob.direct_sources`; None if unknown
     """
 
     patches: PatchList

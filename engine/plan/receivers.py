@@ -22,9 +22,9 @@ from .visibility_trial import make_sampler
 class Receivers:
     """Points of a final gather: patches or texel samples.
 
-    parts          points as patches, with the scene's triangles
-    rays           ray tracer with the points as origins
-    sampled_light  (n, 3) float32, E/pi of light from shadow rays
+    parts:          points as patches, with the scene's triangles
+    rays:           ray tracer with the points as origins
+    sampled_light:  (n, 3) float32, E/pi of light from shadow rays
     """
 
     parts: PatchScene

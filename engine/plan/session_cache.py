@@ -39,16 +39,16 @@ class SessionCache:
     The cache is valid for any bake with the same geometry, lightmap UVs, transparency and visibility
     settings.
 
-    samples         visibility cache; None if it is not stored
-    emitters        sampled emitters and contacts
-    texels          areas, seams and images
-    background      light of sky and emissive back faces, by sky
-    unoccluded_sky  E/pi of the whole sky, by sky; see `visibility.unoccluded_sky.open_sky`
-    light           solution of the last bake, for a warm start, whatever its geometry; None if there is none
-    sampled         direct light of that bake
-    key             digest of the scene and settings for which the cache is valid
-    surfaces        open surfaces of the last scene
-    checkpoints     files of interrupted bakes and of the current one
+    samples:         visibility cache; None if it is not stored
+    emitters:        sampled emitters and contacts
+    texels:          areas, seams and images
+    background:      light of sky and emissive back faces, by sky
+    unoccluded_sky:  E/pi of the whole sky, by sky; see `visibility.unoccluded_sky.open_sky`
+    light:           solution of the last bake, for a warm start, whatever its geometry; None if there is none
+    sampled:         direct light of that bake
+    key:             digest of the scene and settings for which the cache is valid
+    surfaces:        open surfaces of the last scene
+    checkpoints:     files of interrupted bakes and of the current one
     """
 
     samples: VisibilityCache | None

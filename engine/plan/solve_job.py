@@ -36,21 +36,21 @@ from .session_cache import SessionCache, visibility_settings
 class SolveJob:
     """Radiosity equation of a bake.
 
-    graphics, compute  OpenGL context and OpenCL device; None without OpenCL
-    parts              patches of the scene
-    rays               ray tracer with the patches as origins
-    emission           (n, 3) float32, radiance of each patch toward other patches
-    sky                (h, w, 3) float32, radiance, equirectangular, without the part that lights sample
-    sampled_light      (n, 3) float32, E/pi of light from shadow rays
-    area               (n,) float32, m^2, area of each patch
-    remote             gather by other processes; None to gather here
-    kept               session cache of the patches
-    indirect           (n, 3) float32, E/pi of reflected light at the start of a warm start; None for none
-    direct             (n, 3) float32, E/pi of light before any reflection, if it is unchanged; else None
-    front              (n,) float32, validity, if it is unchanged; else None
-    part_of            job of all light, if this is a part of it; both start alike
-    near               contacts of the patches; None if unknown
-    backs              (n, 3) float32, radiance of each patch's back face; None if equal to `emission`
+    graphics, compute:  OpenGL context and OpenCL device; None without OpenCL
+    parts:              patches of the scene
+    rays:               ray tracer with the patches as origins
+    emission:           (n, 3) float32, radiance of each patch toward other patches
+    sky:                (h, w, 3) float32, radiance, equirectangular, without the part that lights sample
+    sampled_light:      (n, 3) float32, E/pi of light from shadow rays
+    area:               (n,) float32, m^2, area of each patch
+    remote:             gather by other processes; None to gather here
+    kept:               session cache of the patches
+    indirect:           (n, 3) float32, E/pi of reflected light at the start of a warm start; None for none
+    direct:             (n, 3) float32, E/pi of light before any reflection, if it is unchanged; else None
+    front:              (n,) float32, validity, if it is unchanged; else None
+    part_of:            job of all light, if this is a part of it; both start alike
+    near:               contacts of the patches; None if unknown
+    backs:              (n, 3) float32, radiance of each patch's back face; None if equal to `emission`
     """
 
     graphics: GraphicsContext

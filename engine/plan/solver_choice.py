@@ -10,17 +10,17 @@ from dataclasses import dataclass
 class SolverChoice:
     """Choice of the gather for a bake.
 
-    method         "paper", "cached" or "stream"; "none" without any light
-    visibility     "raster" or "rays"; "none" without any light
-    samples        visibility samples of each patch
-    reasons        sentences for the report
-    integrator     "opencl" or "glsl"
-    patches        number of unknowns
-    pace           seconds for each visibility sample as measured; NaN if not measured
-    final_samples  visibility samples of all patches in the final gather
-    found          True if all visibility is reused from an earlier bake of the session
-    found_again    True if stale samples of moved objects are computed again
-    resumed        fraction of the patches whose visibility an interrupted bake has stored
+    method:         "paper", "cached" or "stream"; "none" without any light
+    visibility:     "raster" or "rays"; "none" without any light
+    samples:        visibility samples of each patch
+    reasons:        sentences for the report
+    integrator:     "opencl" or "glsl"
+    patches:        number of unknowns
+    pace:           seconds for each visibility sample as measured; NaN if not measured
+    final_samples:  visibility samples of all patches in the final gather
+    found:          True if all visibility is reused from an earlier bake of the session
+    found_again:    True if stale samples of moved objects are computed again
+    resumed:        fraction of the patches whose visibility an interrupted bake has stored
     """
 
     method: str

@@ -32,7 +32,7 @@ PatchPairs = tuple[np.ndarray, np.ndarray]
 def find_substitutes(patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
     """Return pairs of invalid patches and valid ones in neighbouring texels on the same plane.
 
-    hidden  (n,) bool, invalid patches; at least one
+    hidden:  (n,) bool, invalid patches; at least one
     """
     shown = patch_scene.texel_to_patch
     of_hidden = taken(np.concatenate([[False], hidden]), shown.ravel()).reshape(shown.shape)
@@ -56,10 +56,10 @@ def substitute_patches(
     The substitute is the darkest of the candidates, so that under a thin wall the dark side takes no light of
     the lit side. A patch without candidates is its own substitute.
 
-    patch_scene  patches of the scene
-    contacts     contacts of the patches
-    gathered     gathered light of the patches
-    find_pairs   `find_substitutes`, or a version that caches its last result
+    patch_scene:  patches of the scene
+    contacts:     contacts of the patches
+    gathered:     gathered light of the patches
+    find_pairs:   `find_substitutes`, or a version that caches its last result
     """
     hidden = is_invalid(gathered.front, contacts)
     if not hidden.any():
@@ -77,9 +77,9 @@ def substitute_patches(
 def _valid_neighbours(patch_scene: PatchScene, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:
     """Return the pairs of `find_substitutes` for some texels.
 
-    patch_scene  patches of the scene
-    hidden       (n,) bool, invalid patches
-    texels       (k,) int64, texels of invalid patches, see `PatchList.key`
+    patch_scene:  patches of the scene
+    hidden:       (n,) bool, invalid patches
+    texels:       (k,) int64, texels of invalid patches, see `PatchList.key`
     """
     entries = entries_around(patch_scene.texel_to_patch, texels)
     place, step = nonzero_entries(np.concatenate([[False], ~hidden])[entries])

@@ -12,8 +12,8 @@ _ON_CENTRE = 2.0**-9
 def footprints(atlas: np.ndarray, position: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the indices and weights of the four texels that bilinear lookups read.
 
-    atlas     (p,) int, lightmap of each point
-    position  (p, 2) float, texels; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
+    atlas:     (p,) int, lightmap of each point
+    position:  (p, 2) float, texels; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
 
     Returns the flat texel indices, (p, 4) int64, ordered lower left, lower right, upper left, upper right,
     and their weights, (p, 4) float64, which sum to 1. Lookups clamp to the edge of the lightmap.
@@ -41,9 +41,9 @@ def beside_centres(position: np.ndarray) -> np.ndarray:
 def cell_sides(texels: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
     """Return the pairs of adjacent texels that the same lookup reads, each pair once.
 
-    texels   (p, 4) int64, flat indices, as `footprints` returns them
-    weights  (p, 4) float64; a texel with weight 0 is in no pair
-    count    number of texels
+    texels:   (p, 4) int64, flat indices, as `footprints` returns them
+    weights:  (p, 4) float64; a texel with weight 0 is in no pair
+    count:    number of texels
 
     Returns (s, 2) int64, the lower index first.
     """

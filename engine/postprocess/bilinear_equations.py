@@ -32,13 +32,13 @@ _TELLS = 1e-3
 class BilinearEquations:
     """Equations of the texels whose value is not just the light at their centre.
 
-    texel       (n,) int64, flat index of each unknown
-    point       (m,) int64, index of each point that reads unknowns
-    footprints  (m, 4) int64, numbers of the unknowns that each point reads
-    weights     (m, 4) float64, lookup weight times the weight of the point
-    points      normal matrix of the sample equations
-    seams       rows of the seam equations: equal lookups on both sides
-    smooth      rows that make neighbours equal where samples hardly determine one of them
+    texel:       (n,) int64, flat index of each unknown
+    point:       (m,) int64, index of each point that reads unknowns
+    footprints:  (m, 4) int64, numbers of the unknowns that each point reads
+    weights:     (m, 4) float64, lookup weight times the weight of the point
+    points:      normal matrix of the sample equations
+    seams:       rows of the seam equations: equal lookups on both sides
+    smooth:      rows that make neighbours equal where samples hardly determine one of them
     """
 
     texel: np.ndarray
@@ -101,8 +101,8 @@ def _seam_sides(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the lookups on both sides of the seams of which samples determine at least one side.
 
-    seams       pairs of points on both sides of seams
-    determined  (atlases * r * r,) bool, texels that samples determine
+    seams:       pairs of points on both sides of seams
+    determined:  (atlases * r * r,) bool, texels that samples determine
 
     Returns the texels of both sides, (p, 8) int64, their weights, (p, 8) float64, negative on the second
     side, and the seam length that each pair represents, (p,), texels.

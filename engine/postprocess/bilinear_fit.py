@@ -22,11 +22,11 @@ _OVERSHOOT = 0.02
 class BilinearFit:
     """Fits texels of lightmaps to the light at points, by `BoundedCg` on `BilinearEquations`.
 
-    resolution  width and height of each lightmap, texels
-    atlases     number of lightmaps
-    points      positions of the light samples. A texel with one sample at its centre and no seam keeps that
-                value exactly
-    known       (atlases, r, r) bool, True for texels to which the fit assigns a value
+    resolution:  width and height of each lightmap, texels
+    atlases:     number of lightmaps
+    points:      positions of the light samples. A texel with one sample at its centre and no seam keeps that
+                 value exactly
+    known:       (atlases, r, r) bool, True for texels to which the fit assigns a value
     """
 
     def __init__(self, resolution: int, atlases: int, points: LightmapPoints, seams: Seams) -> None:

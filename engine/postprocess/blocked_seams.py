@@ -45,12 +45,12 @@ def drop_blocked_seams(
     A seam is blocked if a steep face lies between the patches on its two sides. It is also blocked if both
     patches are invalid and the light differs or is unknown.
 
-    seams        pairs of points on both sides of seams
-    patch_scene  patches of the scene that `ray_scene` traces
-    ray_scene    ray tracer of the scene
-    light        irradiance of each texel, sum of the channels
-    known        (atlases, r, r) bool, texels with valid light
-    invalid      (m,) bool, invalid patches of the user's lightmaps
+    seams:        pairs of points on both sides of seams
+    patch_scene:  patches of the scene that `ray_scene` traces
+    ray_scene:    ray tracer of the scene
+    light:        irradiance of each texel, sum of the channels
+    known:        (atlases, r, r) bool, texels with valid light
+    invalid:      (m,) bool, invalid patches of the user's lightmaps
     """
     if not len(seams):
         return seams
@@ -83,8 +83,8 @@ def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels:
 def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the patch of the texel with the largest lookup weight on each side, (p, 2) int32; -1 for none.
 
-    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
-    known    (atlases, r, r) bool, texels with valid light, which are preferred
+    entries:  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
+    known:    (atlases, r, r) bool, texels with valid light, which are preferred
     """
     patches = np.empty((len(seams), 2), np.int32)
     for side in (0, 1):

@@ -28,7 +28,7 @@ class Normal(Protocol):
 class BoundedCg:
     """Solver of normal equations whose matrix is a sum of terms.
 
-    parts  the terms; their sum must be positive definite
+    parts:  the terms; their sum must be positive definite
     """
 
     def __init__(self, parts: Sequence[Normal]) -> None:
@@ -41,9 +41,9 @@ class BoundedCg:
         A first run of conjugate gradients ignores the bounds. Values outside are clamped to their bound and
         stay fixed in a second run.
 
-        right      (n,) float64, right-hand side
-        start      (n,) float64, initial values
-        low, high  (n,) float64, bounds
+        right:      (n,) float64, right-hand side
+        start:      (n,) float64, initial values
+        low, high:  (n,) float64, bounds
         """
         enough = _TOLERANCE**2 * self._energy(right - self._times(start))
         solution = self._run(right, start, np.ones(len(start), bool), enough, _STEPS)
@@ -58,9 +58,9 @@ class BoundedCg:
     ) -> np.ndarray:
         """Return the values after conjugate gradient steps on the free unknowns, with Jacobi preconditioning.
 
-        free    (n,) bool, True for unknowns that may change
-        enough  preconditioned squared residual at which the run stops
-        steps   maximum number of iterations
+        free:    (n,) bool, True for unknowns that may change
+        enough:  preconditioned squared residual at which the run stops
+        steps:   maximum number of iterations
         """
         solution, residual = start, (right - self._times(start)) * free
         direction = residual * self._inverse

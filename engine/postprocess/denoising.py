@@ -40,10 +40,10 @@ _GREY = 0.18
 class Denoising:
     """Denoiser of lightmaps.
 
-    known     (atlases, r, r) bool, texels with valid light; no other texel is read or changed
-    settings  settings of the bake
-    warnings  messages for the user
-    reasons   sentences for the report
+    known:     (atlases, r, r) bool, texels with valid light; no other texel is read or changed
+    settings:  settings of the bake
+    warnings:  messages for the user
+    reasons:   sentences for the report
     """
 
     def __init__(self, known: np.ndarray, settings: Settings) -> None:
@@ -58,8 +58,8 @@ class Denoising:
 
         If the library is missing or fails, adds a warning and returns the images unchanged.
 
-        independent  independent estimate that weights the changes; without one, the weight comes from the
-                     noise level
+        independent:  independent estimate that weights the changes; without one, the weight comes from the
+                      noise level
         """
         try:
             device = self._device()
@@ -125,7 +125,7 @@ class Denoising:
     ) -> np.ndarray:
         """Return light of known texels, (k, 3) float32, with the noise part of the change removed.
 
-        noise  (k, 1) float32, fraction of each change that is noise, shared by all images
+        noise:  (k, 1) float32, fraction of each change that is noise, shared by all images
         """
         before, after = image[self._known], filtered[self._known]
         light = before + noise * (after - before)
@@ -168,7 +168,7 @@ class Denoising:
 class _Gutters:
     """Fill of everything outside charts: one dilated ring, then a membrane across all charts.
 
-    known  (h, w) bool, texels of charts
+    known:  (h, w) bool, texels of charts
     """
 
     def __init__(self, known: np.ndarray) -> None:
@@ -184,9 +184,9 @@ class _Gutters:
 class _Window(NamedTuple):
     """Window of one lightmap.
 
-    whole  atlas, rows and columns that the filter reads
-    core   atlas, rows and columns that it writes; the cores of all windows tile the lightmaps
-    inner  rows and columns of the core relative to the window
+    whole:  atlas, rows and columns that the filter reads
+    core:   atlas, rows and columns that it writes; the cores of all windows tile the lightmaps
+    inner:  rows and columns of the core relative to the window
     """
 
     whole: tuple[int, slice, slice]

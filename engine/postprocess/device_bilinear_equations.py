@@ -22,23 +22,23 @@ _LINKS, _CORNERS = 9, 8
 class DeviceBilinearEquations:
     """Equations of the texels whose value is not just the light at their centre, on the device.
 
-    resolution  width and height of the lightmaps, texels
-    size        number of texels of all lightmaps
-    centres     (atlases, r, r) bool, texels with a light sample at their centre
-    off_centre  off-centre samples, ordered by the texel in which they lie
-    texel       (n,) uint32, flat index of each unknown, on the host
+    resolution:  width and height of the lightmaps, texels
+    size:        number of texels of all lightmaps
+    centres:     (atlases, r, r) bool, texels with a light sample at their centre
+    off_centre:  off-centre samples, ordered by the texel in which they lie
+    texel:       (n,) uint32, flat index of each unknown, on the host
 
     Device buffers:
 
-    texels               uint for each unknown, flat index
-    centre               uchar for each texel, `centres`
-    ranges               int2 for each unknown, first and last sample inside it
-    neighbours, factors  9 planes of int, float for each unknown; kernels/postprocess/bilinear_equations.cl
-    linked               uint for each unknown, flags of its links
-    columns, entries     int8 and float8 for each seam, the unknowns that it reads and their factors
-    starts               int for each unknown plus one, offsets into `read_by` and `shares`
-    read_by, shares      int and float for each entry, a seam that reads the unknown, and its factor
-    inverse              float for each unknown, inverse of the diagonal
+    texels:               uint for each unknown, flat index
+    centre:               uchar for each texel, `centres`
+    ranges:               int2 for each unknown, first and last sample inside it
+    neighbours, factors:  9 planes of int, float for each unknown; kernels/postprocess/bilinear_equations.cl
+    linked:               uint for each unknown, flags of its links
+    columns, entries:     int8 and float8 for each seam, the unknowns that it reads and their factors
+    starts:               int for each unknown plus one, offsets into `read_by` and `shares`
+    read_by, shares:      int and float for each entry, a seam that reads the unknown, and its factor
+    inverse:              float for each unknown, inverse of the diagonal
     """
 
     def __init__(

@@ -33,7 +33,7 @@ _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
 class DeviceBilinearFit:
     """Least-squares fit of texels to light at points; see `BilinearFit`.
 
-    tight  True if no texel may exceed its nearest samples, or the surrounding samples where it has none
+    tight:  True if no texel may exceed its nearest samples, or the surrounding samples where it has none
     """
 
     def __init__(
@@ -70,9 +70,9 @@ class DeviceBilinearFit:
     def fit(self, images: cl.Buffer, light: cl.Buffer, largest: Sequence[float]) -> None:
         """Write the fitted values of the unknown texels into images.
 
-        images   float4 for each texel; texels with a centre sample hold its light
-        light    float4 for each off-centre sample, one image after the other
-        largest  largest absolute value of each image
+        images:   float4 for each texel; texels with a centre sample hold its light
+        light:    float4 for each off-centre sample, one image after the other
+        largest:  largest absolute value of each image
         """
         scales, solution = self._solve(images, light, largest), self._vectors["solution"]
         self._run("keep_texels", self._equations.texels, solution, scales, images, self._size)
@@ -80,8 +80,8 @@ class DeviceBilinearFit:
     def unknowns(self, light: cl.Buffer, largest: float) -> np.ndarray:
         """Return the fitted values of the unknowns of one image without centre samples, (n, 3) float32.
 
-        light    float4 for each sample
-        largest  largest absolute value
+        light:    float4 for each sample
+        largest:  largest absolute value
         """
         scales, solution = self._solve(light, light, [largest]), self._vectors["solution"]
         scale = download(self._compute, scales, (2,))[0]

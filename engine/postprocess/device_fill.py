@@ -26,8 +26,8 @@ _SMALL, _GROUP = 32, 256
 class _Scale(NamedTuple):
     """One scale of the image pyramid.
 
-    shape   atlases, height, width
-    states  uchar for each texel, see kernels/postprocess/gutter_fill.cl
+    shape:   atlases, height, width
+    states:  uchar for each texel, see kernels/postprocess/gutter_fill.cl
     """
 
     shape: tuple[int, int, int]
@@ -37,11 +37,11 @@ class _Scale(NamedTuple):
 class DeviceFill:
     """Fill of unknown texels: rings of dilation, then a multigrid membrane.
 
-    known    (atlases, r, r) bool, texels that keep their bits
-    surface  (atlases, r, r) bool, known texels that lie on a chart
-    inside   (atlases, r, r) bool, texels that are filled at any distance
-    rings    number of dilation rings; a new texel is the mean of its chart neighbours, else of known ones
-    reach    distance in texels up to which texels are filled; farther texels are 0
+    known:    (atlases, r, r) bool, texels that keep their bits
+    surface:  (atlases, r, r) bool, known texels that lie on a chart
+    inside:   (atlases, r, r) bool, texels that are filled at any distance
+    rings:    number of dilation rings; a new texel is the mean of its chart neighbours, else of known ones
+    reach:    distance in texels up to which texels are filled; farther texels are 0
     """
 
     def __init__(

@@ -21,8 +21,8 @@ from .lightmap_points import LightmapPoints
 class DeviceFinalImages:
     """Final lightmaps from light at points; see `FinalImages`.
 
-    centres     (atlases, r, r) bool, texels with a light sample at their centre
-    off_centre  off-centre samples, ordered by the texel in which they lie
+    centres:     (atlases, r, r) bool, texels with a light sample at their centre
+    off_centre:  off-centre samples, ordered by the texel in which they lie
     """
 
     def __init__(
@@ -47,8 +47,8 @@ class DeviceFinalImages:
     def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the final lightmaps, (atlases, r, r, 3) float32.
 
-        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light at texel centres
-        values  (s, 3) or (s, 1) float32, light at the off-centre points
+        texels:  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light at texel centres
+        values:  (s, 3) or (s, 1) float32, light at the off-centre points
         """
         shown = texels_of(self._compute, texels)
         some = values if len(values) else np.zeros((1, 3), np.float32)
@@ -65,8 +65,8 @@ class DeviceFinalImages:
     def images_of(self, outputs: Sequence[DeviceTexels], light: cl.Buffer) -> np.ndarray:
         """Return the final lightmaps of several outputs, (outputs, atlases, r, r, 3) float32.
 
-        outputs  light at texel centres of each output
-        light    float4 for each off-centre point, one output after the other
+        outputs:  light at texel centres of each output
+        light:    float4 for each off-centre point, one output after the other
         """
         self._images.load(outputs)
         if self._fit is not None:

@@ -37,9 +37,9 @@ class DeviceImages:
 
     The host transfers rows of texels without padding.
 
-    known  (atlases, r, r) bool, texels that are loaded
-    fill   fills the other texels
-    most   number of outputs whose images fit into the memory limit
+    known:  (atlases, r, r) bool, texels that are loaded
+    fill:   fills the other texels
+    most:   number of outputs whose images fit into the memory limit
     """
 
     def __init__(self, compute: ComputeDevice, known: np.ndarray, fill: DeviceFill) -> None:
@@ -73,8 +73,8 @@ class DeviceImages:
 class DeviceTexels:
     """Texel values of one output on the device, before the fill.
 
-    buffer    float for each texel and channel
-    channels  1 or 3
+    buffer:    float for each texel and channel
+    channels:  1 or 3
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class DeviceTexels:
     def put(self, places: cl.Buffer, light: cl.Buffer, count: int) -> None:
         """Write light, float4, into `count` texels; skip entries with index `NOWHERE`.
 
-        places  uint32, flat texel indices or `NOWHERE`; the light of the latter must be 0
+        places:  uint32, flat texel indices or `NOWHERE`; the light of the latter must be 0
         """
         self._compute.run(
             self._put, count, places, light, np.int32(self.channels), self.buffer, np.uint32(count)
@@ -149,7 +149,7 @@ def light_at(compute: ComputeDevice, outputs: Sequence[DeviceTexels], chosen: np
 class DevicePatches:
     """Map from patches to the texels of the lightmaps, on the device.
 
-    entries  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
+    entries:  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
     """
 
     def __init__(self, compute: ComputeDevice, entries: np.ndarray) -> None:

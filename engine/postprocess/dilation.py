@@ -12,10 +12,10 @@ class Dilation:
 
     The neighbours are computed once; `fill` may be called for the image of each iteration.
 
-    known    (h, w) bool, texels that keep their bits
-    texels   number of rings
-    surface  (h, w) bool, known texels that lie on a chart; all of `known` by default. A texel with such
-             neighbours averages only these, since the other known texels may be fitted to another chart
+    known:    (h, w) bool, texels that keep their bits
+    texels:   number of rings
+    surface:  (h, w) bool, known texels that lie on a chart; all of `known` by default. A texel with such
+              neighbours averages only these, since the other known texels may be fitted to another chart
     """
 
     def __init__(self, known: np.ndarray, texels: int, surface: np.ndarray | None = None) -> None:

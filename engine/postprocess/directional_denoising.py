@@ -40,9 +40,9 @@ def restored_maps(
 ) -> dict[str, np.ndarray]:
     """Return the denoised directional maps, by name.
 
-    maps      maps with noise
-    filtered  denoised "combined" and denoised images of `encode_signed_maps`
-    normals   (..., 3) float32, normals of the texels; L0 is set so that L0 + L1 . n equals "combined"
+    maps:      maps with noise
+    filtered:  denoised "combined" and denoised images of `encode_signed_maps`
+    normals:   (..., 3) float32, normals of the texels; L0 is set so that L0 + L1 . n equals "combined"
     """
     restored = {}
     for name, *_ in _changes(maps):

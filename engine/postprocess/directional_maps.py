@@ -23,10 +23,10 @@ def maps_of_directions(
 ) -> dict[str, Values]:
     """Return the directional maps that the settings request, by name, (n, 3) float32 each.
 
-    irradiance  (n, 3) float32, E/pi
-    sampled     (n, 3, 3) float32, L1 of light from shadow rays: axis, then RGB
-    gathered    L1 of all other light, same layout
-    geometry    position and normal of each point
+    irradiance:  (n, 3) float32, E/pi
+    sampled:     (n, 3, 3) float32, L1 of light from shadow rays: axis, then RGB
+    gathered:    L1 of all other light, same layout
+    geometry:    position and normal of each point
     """
     if isinstance(gathered, DeviceL1):
         return _on_device(settings, _DeviceMaps(gathered, irradiance, sampled))
@@ -56,9 +56,9 @@ def _on_device(settings: Settings, device: _DeviceMaps) -> dict[str, Values]:
 class _DeviceMaps:
     """Directional maps of n points; see `maps_of_directions`.
 
-    gathered    L1 of gathered light, on the device
-    irradiance  (n, 3) float32, E/pi
-    sampled     (n, 3, 3) float32, L1 of light from shadow rays: axis, then RGB
+    gathered:    L1 of gathered light, on the device
+    irradiance:  (n, 3) float32, E/pi
+    sampled:     (n, 3, 3) float32, L1 of light from shadow rays: axis, then RGB
     """
 
     def __init__(self, gathered: DeviceL1, irradiance: np.ndarray, sampled: np.ndarray) -> None:
@@ -94,9 +94,9 @@ def directional_maps(irradiance: np.ndarray, l1: np.ndarray, normals: np.ndarray
 
     The irradiance for a normal n' near n is E(n')/pi = E(n)/pi + L1 . (n' - n) = L0 + L1 . n'.
 
-    irradiance  (n, 3) float32, E/pi
-    l1          (n, 3, 3) float32, gradient of E/pi by the normal: world axis, then RGB
-    normals     (n, 3) float32, unit, world space
+    irradiance:  (n, 3) float32, E/pi
+    l1:          (n, 3, 3) float32, gradient of E/pi by the normal: world axis, then RGB
+    normals:     (n, 3) float32, unit, world space
     """
     axes = np.ascontiguousarray(l1.transpose(1, 0, 2))
     l0 = irradiance.copy()
@@ -123,10 +123,10 @@ def projected_maps(irradiance: np.ndarray, sums: np.ndarray, normals: np.ndarray
     Hanrahan 2001). The component of L1 along the normal is E(n) / (2 pi). The map "SH L1" holds L1 / (2 L0),
     clamped to length 1.
 
-    irradiance  (n, 3) float32, E/pi
-    sums        (n, 3, 3) float32, world axis, then RGB: the component along the normal is SH L0, the
-                component across it is L1
-    normals     (n, 3) float32, unit, world space
+    irradiance:  (n, 3) float32, E/pi
+    sums:        (n, 3, 3) float32, world axis, then RGB: the component along the normal is SH L0, the
+                 component across it is L1
+    normals:     (n, 3) float32, unit, world space
     """
     # One axis at a time: NumPy is slow on short rows.
     axes = np.ascontiguousarray(sums.transpose(1, 0, 2))

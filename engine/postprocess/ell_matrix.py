@@ -10,9 +10,9 @@ import numpy as np
 class EllMatrix:
     """Sparse matrix A in ELLPACK format, and products with its normal matrix A^T A.
 
-    columns  (m, k) int, unknown of each entry; a row may contain an unknown several times
-    entries  (m, k) float64, values
-    count    number n of unknowns
+    columns:  (m, k) int, unknown of each entry; a row may contain an unknown several times
+    entries:  (m, k) float64, values
+    count:    number n of unknowns
     """
 
     def __init__(self, columns: np.ndarray, entries: np.ndarray, count: int) -> None:

@@ -18,11 +18,11 @@ RINGS = 2
 class FinalImages:
     """Final lightmaps from light at points.
 
-    centres     (atlases, r, r) bool, texels with a light sample at their centre
-    off_centre  off-centre samples
-    seams       pairs of points on both sides of UV seams
-    has_patch   (atlases, r, r) bool, texels that are patches; invalid ones are filled
-    dilation    distance by which charts are extended, texels
+    centres:     (atlases, r, r) bool, texels with a light sample at their centre
+    off_centre:  off-centre samples
+    seams:       pairs of points on both sides of UV seams
+    has_patch:   (atlases, r, r) bool, texels that are patches; invalid ones are filled
+    dilation:    distance by which charts are extended, texels
     """
 
     def __init__(
@@ -46,8 +46,8 @@ class FinalImages:
     def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the final lightmaps, (atlases, r, r, 3) float32.
 
-        texels  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light at texel centres
-        values  (s, 3) or (s, 1) float32, light at the off-centre points
+        texels:  (atlases, r, r, 3) or (atlases, r, r, 1) float32, light at texel centres
+        values:  (s, 3) or (s, 1) float32, light at the off-centre points
         """
         centres = texels.reshape(-1, texels.shape[-1])[self._centre]
         images = self._fit.images(np.concatenate([centres, values]))
@@ -62,9 +62,9 @@ def _fills(
 ) -> tuple[Dilation, MembraneFill]:
     """Return the two fills of one atlas.
 
-    known      (r, r) bool, texels that the fit assigns
-    surface    (r, r) bool, known texels on charts
-    has_patch  (r, r) bool, texels that are patches
+    known:      (r, r) bool, texels that the fit assigns
+    surface:    (r, r) bool, known texels on charts
+    has_patch:  (r, r) bool, texels that are patches
     """
     rings = min(RINGS, dilation)
     near = known

@@ -19,9 +19,9 @@ from .refined_texels import RefinedTexels
 class FinalLightmaps:
     """Final images of texel values.
 
-    texels      values of all texels
-    off_centre  indices and points of patches that are not at their texel's centre, see `off_centre_patches`
-    seams       pairs of points with equal light on both sides of UV seams; None to dilate without a fit
+    texels:      values of all texels
+    off_centre:  indices and points of patches that are not at their texel's centre, see `off_centre_patches`
+    seams:       pairs of points with equal light on both sides of UV seams; None to dilate without a fit
     """
 
     def __init__(
@@ -56,8 +56,8 @@ class FinalLightmaps:
 
         The texels need not leave the device, and several outputs are computed together.
 
-        patches  (n, 3) or (n,) float32 for each output, values of the patches
-        samples  (s, 3) or (s,) float32 for each output, values of the texel samples; empty if there are none
+        patches:  (n, 3) or (n,) float32 for each output, values of the patches
+        samples:  (s, 3) or (s,) float32 for each output, values of the texel samples; empty if there are none
         """
         compute, maker = self._compute, self._maker
         if compute is None or isinstance(maker, FinalImages):

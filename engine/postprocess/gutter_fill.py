@@ -15,9 +15,9 @@ from .dilation import Dilation
 class GutterFill:
     """Dilation of lightmaps without a fit.
 
-    compute  OpenCL device; None to use the host
-    known    (atlases, r, r) bool, texels that keep their bits
-    rings    distance by which charts are extended, texels
+    compute:  OpenCL device; None to use the host
+    known:    (atlases, r, r) bool, texels that keep their bits
+    rings:    distance by which charts are extended, texels
     """
 
     def __init__(self, compute: ComputeDevice | None, known: np.ndarray, rings: int) -> None:

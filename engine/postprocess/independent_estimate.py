@@ -25,9 +25,9 @@ _SPREAD = 0.1
 class IndependentEstimate:
     """Lightmaps from independent samples: their noise is uncorrelated with the noise of the baked ones.
 
-    images   (atlases, r, r, 3) float32, E/pi, for each light output, by name
-    centres  (atlases, r, r) bool, texels with one sample at their centre, as the estimate has
-    part     rays of the estimate as a fraction of the rays of both
+    images:   (atlases, r, r, 3) float32, E/pi, for each light output, by name
+    centres:  (atlases, r, r) bool, texels with one sample at their centre, as the estimate has
+    part:     rays of the estimate as a fraction of the rays of both
     """
 
     images: Mapping[str, np.ndarray]
@@ -45,9 +45,9 @@ def denoise_weight(
     a linear regression. Changes are grouped into classes of similar chart size and similar change relative to
     the light. Each class has one weight; shrinkage pulls uncertain classes to the weight of all.
 
-    noisy, quiet  (k, 3) float32, light before and after the filter
-    independent   (k, 3) float32, independent estimate; equal to `noisy` at texels without one
-    charts        chart of each texel
+    noisy, quiet:  (k, 3) float32, light before and after the filter
+    independent:   (k, 3) float32, independent estimate; equal to `noisy` at texels without one
+    charts:        chart of each texel
     """
     change, toward = (quiet - noisy).astype(np.float64), (independent - noisy).astype(np.float64)
     kind = _classes(noisy, change, charts)

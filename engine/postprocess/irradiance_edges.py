@@ -42,9 +42,9 @@ _ON_EDGE, _AT_AN_END = 1, 2
 class PatchLight:
     """Solution of the patches, after the iteration has converged.
 
-    light   (n, 1) float32, E/pi, sum of the channels, contiguous
-    front   (n,) float32, validity: fraction of the hemisphere without back faces
-    hidden  (n,) bool, True for invalid patches
+    light:   (n, 1) float32, E/pi, sum of the channels, contiguous
+    front:   (n,) float32, validity: fraction of the hemisphere without back faces
+    hidden:  (n,) bool, True for invalid patches
     """
 
     light: Values
@@ -63,10 +63,10 @@ def find_edges(
     must exceed the local noise level. A chart end has no neighbour on either side along one axis, or no
     patch.
 
-    compute  OpenCL device
-    entries  (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none; must not be changed later, since
-             its upload is cached
-    known    solution of the patches
+    compute:  OpenCL device
+    entries:  (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none; must not be changed later,
+              since its upload is cached
+    known:    solution of the patches
     """
     options = [f"-D{name}={value}" for name, value in _OPTIONS.items()]
     names = "find_edges", "noise_of_blocks", "mark_edges"

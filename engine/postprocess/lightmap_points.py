@@ -20,9 +20,9 @@ _AT_CENTRE = 0.02
 class LightmapPoints:
     """Points on lightmaps with sample weights.
 
-    atlas     (s,) int, lightmap of each point
-    position  (s, 2) float, texels; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
-    weight    (s,) float, positive: fraction of a texel that the point represents
+    atlas:     (s,) int, lightmap of each point
+    position:  (s, 2) float, texels; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
+    weight:    (s,) float, positive: fraction of a texel that the point represents
     """
 
     atlas: np.ndarray

@@ -15,8 +15,8 @@ class MembraneFill:
     texels (pull-push: Gortler et al. 1996, section 3.4). Jacobi steps of the Laplace equation then smooth
     them. The texels are computed once; `fill` may be called for each image.
 
-    known   (h, w) bool, texels that keep their bits
-    filled  (h, w) bool, texels to fill; all others become 0. If no texel is known, these become 0 too
+    known:   (h, w) bool, texels that keep their bits
+    filled:  (h, w) bool, texels to fill; all others become 0. If no texel is known, these become 0 too
     """
 
     def __init__(self, known: np.ndarray, filled: np.ndarray) -> None:
@@ -40,7 +40,7 @@ class MembraneFill:
 class _Scale:
     """One scale of the image pyramid: restriction to the next coarser scale and interpolation from it.
 
-    known, filled  (h, w) bool
+    known, filled:  (h, w) bool
     """
 
     def __init__(self, known: np.ndarray, filled: np.ndarray) -> None:

@@ -25,8 +25,8 @@ def noise_fraction(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) ->
     the remaining changes of a small chart, James-Stein shrinkage ("Estimation with Quadratic Loss", 1961)
     gives one common fraction from their sum of squares.
 
-    noisy, quiet  (k,) float32, luminance before and after the filter
-    charts        chart of each texel
+    noisy, quiet:  (k,) float32, luminance before and after the filter
+    charts:        chart of each texel
     """
     change = np.divide(np.abs(quiet - noisy), quiet, out=np.zeros_like(quiet), where=quiet > 0)
     large = (charts.size >= _LARGE)[charts.number]
@@ -42,9 +42,9 @@ def noise_fraction(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) ->
 def _explained(times: np.ndarray, counts: np.ndarray, charts: TexelCharts) -> np.ndarray:
     """Return the fraction of each chart's changes that noise explains, (c,) in [0, 1].
 
-    times   (k,) float32, changes in standard deviations of the noise
-    counts  (k,) bool, texels whose change counts
-    charts  chart of each texel
+    times:   (k,) float32, changes in standard deviations of the noise
+    counts:  (k,) bool, texels whose change counts
+    charts:  chart of each texel
     """
     squares, number = (np.bincount(charts.number, values, len(charts.size)) for values in (times**2, counts))
     explained: np.ndarray = np.minimum(number / np.maximum(squares, 1e-30), 1)

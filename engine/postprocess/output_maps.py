@@ -82,8 +82,8 @@ class Outputs:
     ) -> Generator[float, None, dict[str, Values]]:
         """Compute all outputs except light groups, (n, 3) or (n,) float32, by name; yield the fraction done.
 
-        solution  irradiance of the points
-        geometry  position and normal of each point
+        solution:  irradiance of the points
+        geometry:  position and normal of each point
         """
         made: dict[str, Values] = {}
         masks = iter(range(len(self._names)))
@@ -112,8 +112,8 @@ class Outputs:
         Transmitted light does not depend on the normal. For spherical harmonics it equals a hemisphere of
         constant radiance: the sum along the normal is E / 2.
 
-        sampled, gathered  L1 of sampled and of gathered light; see `maps_of_directions`
-        irradiance         (n, 3) float32, E/pi, of both sides
+        sampled, gathered:  L1 of sampled and of gathered light; see `maps_of_directions`
+        irradiance:         (n, 3) float32, E/pi, of both sides
         """
         points = np.flatnonzero(self._translucent[geometry.material])
         sampled, gathered = sampled.copy(), np.array(gathered)

@@ -30,12 +30,12 @@ _ON_TRIANGLE = 1e-6
 class PushOffs:
     """Push-off of each point, (s, ...) arrays.
 
-    offset     (s, 3) float32, m, displacement along the surface to just outside the nearest wall; 0 for none
-    thickness  (s,) float32, m, thickness of the covering geometry along the surface, between opposite sides;
-               inf if no opposite sides are near
-    wall       (s,) int32, triangle of the covering geometry; -1 for points outside and points without
-               push-off
-    inside     (s,) bool, True for each point inside geometry, with or without push-off
+    offset:     (s, 3) float32, m, displacement along the surface to just outside the nearest wall; 0 for none
+    thickness:  (s,) float32, m, thickness of the covering geometry along the surface, between opposite sides;
+                inf if no opposite sides are near
+    wall:       (s,) int32, triangle of the covering geometry; -1 for points outside and points without
+                push-off
+    inside:     (s,) bool, True for each point inside geometry, with or without push-off
     """
 
     offset: np.ndarray
@@ -69,11 +69,11 @@ def push_off_points(
 ) -> PushOffs:
     """Return the push-offs of a ray scene's points.
 
-    scene    ray tracer and points
-    count    number of points
-    reach    maximum length of the rays, in texels of each point
-    normals  (t, 3) float32, unit, of the triangles
-    lit      back faces with light, see `validity.lit_backs`; None if no back face has patches
+    scene:    ray tracer and points
+    count:    number of points
+    reach:    maximum length of the rays, in texels of each point
+    normals:  (t, 3) float32, unit, of the triangles
+    lit:      back faces with light, see `validity.lit_backs`; None if no back face has patches
     """
     compute, rays = scene.compute, scene.rays
     push, take = rays.kernels(

@@ -16,10 +16,10 @@ from .thin_wall_fit import ThinWallFit
 class RefinedTexels:
     """Values of all texels from patches and texel samples.
 
-    images   images of the patch values
-    means    means of supersampled texels; None without samples
-    invalid  (n,) bool, invalid patches; None for the set of the images
-    walls    fit of texels at thin walls; None without any
+    images:   images of the patch values
+    means:    means of supersampled texels; None without samples
+    invalid:  (n,) bool, invalid patches; None for the set of the images
+    walls:    fit of texels at thin walls; None without any
     """
 
     def __init__(
@@ -78,8 +78,8 @@ class RefinedTexels:
     def values(self, patches: Values, samples: np.ndarray | None) -> np.ndarray:
         """Return the value of each texel, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
 
-        patches  (n, 3) or (n,) float32, values of the patches
-        samples  (s, 3) or (s,) float32, values of the texel samples; None if there are none
+        patches:  (n, 3) or (n,) float32, values of the patches
+        samples:  (s, 3) or (s,) float32, values of the texel samples; None if there are none
         """
         images = self.images.scattered(patches)
         if samples is not None and self._means is not None:

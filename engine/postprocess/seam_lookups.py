@@ -25,9 +25,9 @@ _POINTS = 1.5
 class ChartBorders:
     """Points along the borders of charts.
 
-    atlas    (b,) int32
-    texel    (b, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
-    outward  (b, 2) float64, unit vector on the lightmap, away from the chart
+    atlas:    (b,) int32
+    texel:    (b, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
+    outward:  (b, 2) float64, unit vector on the lightmap, away from the chart
     """
 
     atlas: np.ndarray
@@ -56,7 +56,7 @@ def display_seams(
     If two charts are nearer than two texels, lookups at both borders read the same gutter texels. If the
     border of one has no seam, the seam of the other must not determine these texels; see `own_sides`.
 
-    neighbours  broad phase for edges that may coincide; None for the version on the host
+    neighbours:  broad phase for edges that may coincide; None for the version on the host
     """
     edges = chart_edges(triangles, atlases, resolution)
     pairs = edge_pairs(edges, neighbours)
@@ -86,9 +86,9 @@ def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int
 class _BorderTexels:
     """Texels that lookups along chart borders read, sorted by flat index.
 
-    borders    points along borders without a seam
-    shape      number of lightmaps and their width
-    looked_up  lookups at seams, as `footprints` returns them; only their texels are stored
+    borders:    points along borders without a seam
+    shape:      number of lightmaps and their width
+    looked_up:  lookups at seams, as `footprints` returns them; only their texels are stored
     """
 
     def __init__(
@@ -109,8 +109,8 @@ class _BorderTexels:
     def facing(self, position: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return a mask of the lookup texels that a facing border reads, (p, 4) bool.
 
-        position         (p, 2), texels, position of each lookup
-        texels, weights  (p, 4), its texels and weights
+        position:         (p, 2), texels, position of each lookup
+        texels, weights:  (p, 4), its texels and weights
         """
         foreign = np.zeros(texels.shape, bool)
         point, corner = nonzero_entries(self._is_read[texels] & (weights > 0))
@@ -129,7 +129,7 @@ class _BorderTexels:
 def _moved(position: np.ndarray, foreign: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the nearest positions to (q, 2) that read no foreign texel, and a mask where one exists.
 
-    foreign  (q, 4) bool, lower left, lower right, upper left, upper right
+    foreign:  (q, 4) bool, lower left, lower right, upper left, upper right
     """
     low = np.floor(position - 0.5)
     fraction = position - 0.5 - low

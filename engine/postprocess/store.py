@@ -19,11 +19,11 @@ class LightmapImages:
 
     Patches of objects without lightmap lie in further atlases, which are left out.
 
-    patches    patches of all atlases
-    compute    OpenCL device; None to use the host
-    rings      distance by which charts are extended, texels
-    has_patch  (atlases, r, r) bool, texels that are patches
-    invalid    (m,) bool, invalid patches of the user's atlases, whose texels are filled
+    patches:    patches of all atlases
+    compute:    OpenCL device; None to use the host
+    rings:      distance by which charts are extended, texels
+    has_patch:  (atlases, r, r) bool, texels that are patches
+    invalid:    (m,) bool, invalid patches of the user's atlases, whose texels are filled
     """
 
     def __init__(
@@ -59,9 +59,9 @@ class LightmapImages:
 
         Replaces the previous set, since objects may move.
 
-        validity  (n,) float32, validity: fraction of the hemisphere without back faces; patches inside closed
-                  objects have low values
-        contacts  contacts of the patches; a covered patch is black whatever its rays hit
+        validity:  (n,) float32, validity: fraction of the hemisphere without back faces; patches inside
+                   closed objects have low values
+        contacts:  contacts of the patches; a covered patch is black whatever its rays hit
         """
         self._set_dark(contacts.hide)
         self._set_invalid(is_invalid(validity, contacts))

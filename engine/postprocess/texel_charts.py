@@ -14,9 +14,9 @@ _EVEN = 1.5
 class TexelCharts:
     """Charts of lightmaps: connected components of known texels.
 
-    number  (k,) int64, chart of each known texel, in texel order
-    size    (c,) int64, number of texels of each chart
-    known   (atlases, h, w) bool, constructor argument
+    number:  (k,) int64, chart of each known texel, in texel order
+    size:    (c,) int64, number of texels of each chart
+    known:   (atlases, h, w) bool, constructor argument
     """
 
     def __init__(self, known: np.ndarray) -> None:
@@ -28,7 +28,7 @@ class TexelCharts:
 
         The level is the mean of the texel's chart if the chart is evenly lit, else the mean of all charts.
 
-        image  (atlases, h, w, 3) float32
+        image:  (atlases, h, w, 3) float32
         """
         light = image[self._known]
         means = self._means(light)

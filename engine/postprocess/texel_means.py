@@ -39,12 +39,12 @@ class TexelMeans:
     valid samples are then fitted so that bilinear lookups match the samples, by least squares (Kavan,
     Bargteil and Sloan 2011).
 
-    samples  samples of all texels, at least one
-    visible  (s,) bool, valid samples; texels without any are filled as invalid
-    shape    (atlases, r, r)
-    texels   (k,) int64, flat indices of texels with valid samples
-    hidden   (h,) int64, flat indices of texels whose samples are all invalid
-    beyond   (b,) int64, those of `hidden` next to a mostly valid texel
+    samples:  samples of all texels, at least one
+    visible:  (s,) bool, valid samples; texels without any are filled as invalid
+    shape:    (atlases, r, r)
+    texels:   (k,) int64, flat indices of texels with valid samples
+    hidden:   (h,) int64, flat indices of texels whose samples are all invalid
+    beyond:   (b,) int64, those of `hidden` next to a mostly valid texel
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class TexelMeans:
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return the light of the texels `shown`, (k + b, c) float32.
 
-        values  (s, c) or (s,) float32, values of the samples, 1 or 3 channels
+        values:  (s, c) or (s,) float32, values of the samples, 1 or 3 channels
         """
         channels = _channels(values)
         light: np.ndarray = download(self._compute, self._light_of(values), (self._count, 4))

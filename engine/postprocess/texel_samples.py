@@ -31,12 +31,12 @@ _SLIVER = 0.01
 class TexelSamples(NumpyPickle):
     """Sample points on surfaces, sorted by atlas and texel.
 
-    atlas        (s,) int32
-    texel        (s,) int32, row * resolution + column of the texel that the sample belongs to
-    position     (s, 2) float32, texels, on the lightmap; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
-    weight       (s,) float32, fraction of the texel that the sample represents
-    triangle     (s,) int32
-    barycentric  (s, 3) float32
+    atlas:        (s,) int32
+    texel:        (s,) int32, row * resolution + column of the texel that the sample belongs to
+    position:     (s, 2) float32, texels, on the lightmap; the centre of texel (x, y) is at (x + 1/2, y + 1/2)
+    weight:       (s,) float32, fraction of the texel that the sample represents
+    triangle:     (s,) int32
+    barycentric:  (s, 3) float32
     """
 
     atlas: np.ndarray
@@ -81,11 +81,11 @@ def display_samples(
     all points together exceed the limit, each texel gets fewer, and finally only every second or third texel
     gets any.
 
-    clipper      clips the triangles of `patch_scene` to texels
-    patch_scene  patches of the scene
-    atlases      number of the user's lightmaps
-    known        solution of the patches
-    points       points for each texel, a square number
+    clipper:      clips the triangles of `patch_scene` to texels
+    patch_scene:  patches of the scene
+    atlases:      number of the user's lightmaps
+    known:        solution of the patches
+    points:       points for each texel, a square number
     """
     resolution = patch_scene.patches.resolution
     own = patch_scene.patches.on_texels(atlases)
@@ -134,10 +134,10 @@ def _shows_several(
 ) -> np.ndarray:
     """Return the texels, (atlases, r, r) bool, that are partly covered or contain faces of several planes.
 
-    patch_scene  patches of the scene
-    border       fragments of triangles in border texels
-    key          texel of each fragment, see `TexelFragments.keys`, ascending
-    own          (atlases, r, r) uint32, the patch + 1 of each texel
+    patch_scene:  patches of the scene
+    border:       fragments of triangles in border texels
+    key:          texel of each fragment, see `TexelFragments.keys`, ascending
+    own:          (atlases, r, r) uint32, the patch + 1 of each texel
     """
     triangle, starts = border.triangle, run_starts(key)
     texel = key[starts]

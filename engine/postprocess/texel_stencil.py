@@ -12,10 +12,10 @@ _DIRECTIONS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3),), ((1, 2),))
 class TexelStencil:
     """A^T W A of bilinear lookups A with point weights W, stored as nine diagonals.
 
-    footprints  (m, 4) int64, unknowns that each lookup reads
-    weights     (m, 4) float64, lookup weights; an unknown with weight 0 is ignored
-    count       (m,) float64, weight W of each lookup
-    unknowns    number n of unknowns
+    footprints:  (m, 4) int64, unknowns that each lookup reads
+    weights:     (m, 4) float64, lookup weights; an unknown with weight 0 is ignored
+    count:       (m,) float64, weight W of each lookup
+    unknowns:    number n of unknowns
     """
 
     def __init__(self, footprints: np.ndarray, weights: np.ndarray, count: np.ndarray, unknowns: int) -> None:

@@ -37,14 +37,14 @@ _FIXED = 100.0
 class ThinWallFit:
     """Fit of the texels within one texel of a thin wall; minimizes the relative error of bilinear lookups.
 
-    samples  samples of all texels
-    visible  (s,) bool, valid samples
-    light    (s,) float32, E/pi of the samples, sum of the channels
-    inside   (k,) int64, indices of samples inside thin walls
-    shown    the same light in all texels without this fit, one channel
-    known    (atlases, r, r) bool, texels with valid light
-    texels   (t,) int64, flat indices of the fitted texels
-    centres  (p,) int64, flat indices of the texels whose centre is a sample of the fit
+    samples:  samples of all texels
+    visible:  (s,) bool, valid samples
+    light:    (s,) float32, E/pi of the samples, sum of the channels
+    inside:   (k,) int64, indices of samples inside thin walls
+    shown:    the same light in all texels without this fit, one channel
+    known:    (atlases, r, r) bool, texels with valid light
+    texels:   (t,) int64, flat indices of the fitted texels
+    centres:  (p,) int64, flat indices of the texels whose centre is a sample of the fit
     """
 
     def __init__(
@@ -99,8 +99,8 @@ class ThinWallFit:
     def light(self, samples: np.ndarray, at_centres: np.ndarray) -> np.ndarray:
         """Return the light of the fitted `texels`, (t, c) float32.
 
-        samples     (s, 3) or (s,) float32, values of all samples
-        at_centres  (p, c) float32, values of the texels `centres` without this fit
+        samples:     (s, 3) or (s,) float32, values of all samples
+        at_centres:  (p, c) float32, values of the texels `centres` without this fit
         """
         values = samples.reshape(len(samples), -1)[self._samples]
         colors = [np.broadcast_to(some, (len(some), 3)) for some in (values, at_centres)]
@@ -119,7 +119,7 @@ def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
 def _around(texels: np.ndarray, shape: tuple[int, ...], steps: int) -> np.ndarray:
     """Return the texels and all within `steps` of them, (k,) int64, flat indices, ascending.
 
-    shape  (atlases, r, r) of the lightmaps
+    shape:  (atlases, r, r) of the lightmaps
     """
     around = np.zeros(shape, bool)
     flat = around.ravel()
@@ -142,8 +142,8 @@ def _steps_from(texels: np.ndarray, resolution: int, steps: int) -> Iterator[np.
 class _Brightness:
     """Light of known texels near the given ones, (n,) int64, flat indices.
 
-    shown  light of all texels, one channel
-    known  (atlases, r, r) bool
+    shown:  light of all texels, one channel
+    known:  (atlases, r, r) bool
     """
 
     def __init__(self, shown: DeviceTexels, known: np.ndarray, texels: np.ndarray) -> None:

@@ -27,11 +27,11 @@ def in_thin_walls(
 ) -> np.ndarray:
     """Return the samples, (k,) int64, inside walls thinner than two texels with different light behind them.
 
-    patch_scene  patches of the scene
-    samples      samples of all texels
-    push_offs    push-offs of the samples
-    visible      (s,) bool, valid samples
-    light        (s,) float32, E/pi, sum of the channels
+    patch_scene:  patches of the scene
+    samples:      samples of all texels
+    push_offs:    push-offs of the samples
+    visible:      (s,) bool, valid samples
+    light:        (s,) float32, E/pi, sum of the channels
     """
     thin = np.flatnonzero(np.isfinite(push_offs.thickness) & (push_offs.wall >= 0))
     outside = np.flatnonzero(visible & (push_offs.wall < 0))
@@ -82,9 +82,9 @@ def _extremes_around(
 
     They are inf and 0 where there are no samples.
 
-    texels  (k,) int64, atlas * r * r + texel
-    keys    (c,) int64, texel of each sample, ascending
-    light   (c,) float32, light of the samples, at least one
+    texels:  (k,) int64, atlas * r * r + texel
+    keys:    (c,) int64, texel of each sample, ascending
+    light:   (c,) float32, light of the samples, at least one
     """
     starts = run_starts(keys)
     steps, found = _steps_around(keys[starts], texels, resolution), []
@@ -101,8 +101,8 @@ def _steps_around(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return matching index pairs of neighbouring texels for each of the 3 x 3 offsets.
 
-    texels  (n,) int64, ascending, atlas * r * r + texel
-    around  (m,) int64, texels whose neighbours are searched
+    texels:  (n,) int64, ascending, atlas * r * r + texel
+    around:  (m,) int64, texels whose neighbours are searched
 
     Each pair holds indices into `texels` and the indices into `around` of their neighbours.
     """

@@ -17,7 +17,7 @@ def reflected_by_bumps(cosine: np.ndarray) -> np.ndarray:
     model is Estevez, Lecocq and Stein, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator
     Problem" (Ray Tracing Gems 2019). The lost light is not reflected, as in Cycles.
 
-    cosine  (n,) cosine of the angle between the facet normal and the surface normal, clamped to [0, 1]
+    cosine:  (n,) cosine of the angle between the facet normal and the surface normal, clamped to [0, 1]
     """
     return np.interp(np.arccos(np.clip(cosine, 0, 1)), *_table())
 

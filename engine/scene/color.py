@@ -34,8 +34,8 @@ def luminance(values: np.ndarray, dtype: npt.DTypeLike = None) -> np.ndarray:
 
     Adds column by column, like `channel_sum`.
 
-    values  (..., 3) float
-    dtype   dtype of the sum and the result; None for the dtype of the values
+    values:  (..., 3) float
+    dtype:   dtype of the sum and the result; None for the dtype of the values
     """
     colors = values.reshape(-1, values.shape[-1])
     total = np.empty(len(colors), dtype or values.dtype)

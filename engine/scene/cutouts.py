@@ -38,16 +38,16 @@ class Cutouts:
     The record index is `SETS * material + (0 or BACK) + (SHADOW or BOUNCE)`. The opacity of a channel, 1 -
     transmittance, is base + factor * map.
 
-    pixels     (k,) uint16, 65535 for 1, the values of all maps, one image after another, row by row
-    maps       (r, 4) int32, for each record: offset of the first value, width (0 without a map), height,
-               index into EXTENSIONS plus 4 for nearest-pixel lookups
-    channels   (r,) int32, channels of the map: 1 or 3
-    layer      (r,) int32, index into `uvs`
-    base       (r, 3) float32
-    factor     (r, 3) float32
-    threshold  (r,) float32, opacity at or above which the surface is opaque, below clear; -1 for none. It is
-               lower by half a step of `pixels`, so that rounding moves no pixel below it
-    uvs        (layers, t, 3, 2) float32, UVs of each triangle corner on the maps of a layer
+    pixels:     (k,) uint16, 65535 for 1, the values of all maps, one image after another, row by row
+    maps:       (r, 4) int32, for each record: offset of the first value, width (0 without a map), height,
+                index into EXTENSIONS plus 4 for nearest-pixel lookups
+    channels:   (r,) int32, channels of the map: 1 or 3
+    layer:      (r,) int32, index into `uvs`
+    base:       (r, 3) float32
+    factor:     (r, 3) float32
+    threshold:  (r,) float32, opacity at or above which the surface is opaque, below clear; -1 for none. It is
+                lower by half a step of `pixels`, so that rounding moves no pixel below it
+    uvs:        (layers, t, 3, 2) float32, UVs of each triangle corner on the maps of a layer
     """
 
     pixels: np.ndarray
@@ -73,8 +73,8 @@ class Cutouts:
     def uvs_of(self, materials: np.ndarray, record: int) -> np.ndarray:
         """Return the corner UVs of triangles, (t, 3, 2) float32, on the maps of one record.
 
-        materials  (t,) int32, material of each triangle
-        record     (0 or BACK) + (SHADOW or BOUNCE)
+        materials:  (t,) int32, material of each triangle
+        record:     (0 or BACK) + (SHADOW or BOUNCE)
         """
         uvs: np.ndarray = self.uvs[self.layer[SETS * materials + record], np.arange(len(materials))]
         return uvs
@@ -88,7 +88,7 @@ class Cutouts:
     def stopped(self, record: int) -> np.ndarray:
         """Return the fraction of rays that each material stops, (m,) float32; 1 where a map varies it.
 
-        record  (0 or BACK) + (SHADOW or BOUNCE)
+        record:  (0 or BACK) + (SHADOW or BOUNCE)
         """
         chosen = slice(record, None, SETS)
         opacity, threshold = self.base[chosen].min(axis=1).clip(0, 1), self.threshold[chosen]

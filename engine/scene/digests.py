@@ -45,8 +45,8 @@ class ArrayDigests:
 class _Digest:
     """Incremental content hash (BLAKE2b).
 
-    known  cached hashes of long arrays; None to read all of them
-    size   bytes
+    known:  cached hashes of long arrays; None to read all of them
+    size:   bytes
     """
 
     def __init__(self, known: ArrayDigests | None = None, size: int = _LONG) -> None:
@@ -86,7 +86,7 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
 
     It covers shapes, lightmap UVs, transmittance, and object names, which appear in warnings.
 
-    known  cached hashes of long arrays, for successive scenes; None to read all of them
+    known:  cached hashes of long arrays, for successive scenes; None to read all of them
     """
     digest = _Digest(known)
     digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
@@ -104,7 +104,7 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
 def surfaces_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     """Return a hash of everything that determines reflectance and emission of the patches.
 
-    known  cached hashes, see `geometry_digest`
+    known:  cached hashes, see `geometry_digest`
     """
     digest = _Digest(known)
     maps = [texture for material in scene.materials for texture in _maps(material)]

@@ -17,10 +17,10 @@ UNGROUPED = "Ungrouped"
 class LightGroups:
     """Light group index of each emitter, in the order of `light_group_names`.
 
-    count   number of groups
-    lamps   (l,) int32, group of each light with nonzero strength
-    meshes  (m,) int32, group of each mesh's emission
-    world   group of the world
+    count:   number of groups
+    lamps:   (l,) int32, group of each light with nonzero strength
+    meshes:  (m,) int32, group of each mesh's emission
+    world:   group of the world
     """
 
     count: int

@@ -15,7 +15,7 @@ Result = TypeVar("Result")
 class Memo(Generic[Result]):
     """Last result of a computation, reused while its inputs have the same values.
 
-    max_bytes  total size of input arrays above which the result is not stored; None for no limit
+    max_bytes:  total size of input arrays above which the result is not stored; None for no limit
     """
 
     def __init__(self, max_bytes: int | None = None) -> None:

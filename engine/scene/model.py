@@ -28,11 +28,11 @@ class Material:
     Reflectance and emission describe the opaque part of the surface: 1 - the largest channel of
     `transmission.bounce`. The reflectance of a tinted sheet may therefore exceed 1.
 
-    reflectance   (3,) float32, diffuse reflectance of the front face
-    emission      (3,) float32, W/(m^2 sr), radiance that the front face emits
-    translucency  (3,) float32, diffuse transmittance: fraction of light that leaves the other side
-    transmission  straight-through transmittance, RGB
-    back          reflectance and emission of the back face; None if equal to the front
+    reflectance:   (3,) float32, diffuse reflectance of the front face
+    emission:      (3,) float32, W/(m^2 sr), radiance that the front face emits
+    translucency:  (3,) float32, diffuse transmittance: fraction of light that leaves the other side
+    transmission:  straight-through transmittance, RGB
+    back:          reflectance and emission of the back face; None if equal to the front
     """
 
     name: str
@@ -62,18 +62,18 @@ NO_LIGHTMAP = -1
 class Mesh:
     """Triangles of one object or instance, as a triangle soup.
 
-    positions    (t, 3, 3) float32, m, relative to `Scene.origin`, world axes; counter-clockwise seen from the
-                 front
-    normals      (t, 3, 3) float32, world space, unit shading normal of each corner
-    uvs          (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]; arbitrary without lightmap
-    face         (t,) int32, polygon of each triangle, ascending
-    subface      (t,) int32, index of the triangle within its polygon, ascending in each polygon
-    material     (t,) int32, index into `Scene.materials`
-    atlas        index of the lightmap, or NO_LIGHTMAP
-    texture_uvs  (t, 3, 2) float32 for each UV map that the materials' textures use, by name
-    light_group  name of the light group of the mesh's emission, see `Scene.light_groups`
-    front        (t,) int32, the front triangle of each back-face triangle, as index among all triangles of
-                 the scene; None if the mesh holds no back faces (engine/patches/backs.py)
+    positions:    (t, 3, 3) float32, m, relative to `Scene.origin`, world axes; counter-clockwise seen from
+                  the front
+    normals:      (t, 3, 3) float32, world space, unit shading normal of each corner
+    uvs:          (t, 3, 2) float32, lightmap UV of each corner, in [0, 1]; arbitrary without lightmap
+    face:         (t,) int32, polygon of each triangle, ascending
+    subface:      (t,) int32, index of the triangle within its polygon, ascending in each polygon
+    material:     (t,) int32, index into `Scene.materials`
+    atlas:        index of the lightmap, or NO_LIGHTMAP
+    texture_uvs:  (t, 3, 2) float32 for each UV map that the materials' textures use, by name
+    light_group:  name of the light group of the mesh's emission, see `Scene.light_groups`
+    front:        (t,) int32, the front triangle of each back-face triangle, as index among all triangles of
+                  the scene; None if the mesh holds no back faces (engine/patches/backs.py)
     """
 
     name: str
@@ -106,27 +106,27 @@ LIGHT_KINDS = ("point", "spot", "sun", "area")
 class Light:
     """Light source that is not a surface; rays do not hit it.
 
-    kind            one of LIGHT_KINDS
-    position        (3,) float64, m, relative to `Scene.origin`
-    axes            (3, 3) float64, rows are the unit vectors of the local x, y, z axes in world space; spot,
-                    sun and area lights emit along -z
-    strength        (3,) float32. point, spot: radiant intensity, W/sr; sun: irradiance at normal incidence,
-                    W/m^2; area: radiance P / (pi area), W/(m^2 sr)
-    radius          point, spot: m
-    soft            point, spot: True for a disk that faces the receiver, False for a sphere
-    half_angle      radians. spot: half the cone angle; sun: half the disk's angle; area: half the spread,
-                    pi/2 for none
-    blend           spot: fraction of the cone in which the light fades out
-    stretch         (3,) float64, scale along x, y, z; unequal values make the cone of a spot elliptical and
-                    rotate the directions of a profile
-    size            (2,) float64, m, area: full widths along x and y
-    ellipse         area: True for an ellipse, False for a rectangle
-    casts_shadow    False if surfaces do not block the light
-    profile         factors of the strength by direction; None for 1 everywhere; not for suns
-    falloff_power   exponent of the distance to the receiver, m, by which the strength is multiplied
-    falloff_smooth  smoothing s, m^2, of the factor d^2 / (s + d^2); neither falloff applies to suns
-    light_group     name of the light's group, see `Scene.light_groups`
-    of_world        True for the sun of a sky texture: part of the world, without a shadow mask
+    kind:            one of LIGHT_KINDS
+    position:        (3,) float64, m, relative to `Scene.origin`
+    axes:            (3, 3) float64, rows are the unit vectors of the local x, y, z axes in world space; spot,
+                     sun and area lights emit along -z
+    strength:        (3,) float32. point, spot: radiant intensity, W/sr; sun: irradiance at normal incidence,
+                     W/m^2; area: radiance P / (pi area), W/(m^2 sr)
+    radius:          point, spot: m
+    soft:            point, spot: True for a disk that faces the receiver, False for a sphere
+    half_angle:      radians. spot: half the cone angle; sun: half the disk's angle; area: half the spread,
+                     pi/2 for none
+    blend:           spot: fraction of the cone in which the light fades out
+    stretch:         (3,) float64, scale along x, y, z; unequal values make the cone of a spot elliptical and
+                     rotate the directions of a profile
+    size:            (2,) float64, m, area: full widths along x and y
+    ellipse:         area: True for an ellipse, False for a rectangle
+    casts_shadow:    False if surfaces do not block the light
+    profile:         factors of the strength by direction; None for 1 everywhere; not for suns
+    falloff_power:   exponent of the distance to the receiver, m, by which the strength is multiplied
+    falloff_smooth:  smoothing s, m^2, of the factor d^2 / (s + d^2); neither falloff applies to suns
+    light_group:     name of the light's group, see `Scene.light_groups`
+    of_world:        True for the sun of a sky texture: part of the world, without a shadow mask
     """
 
     name: str
@@ -157,17 +157,17 @@ class Light:
 class Scene:
     """Complete input of a bake, besides the settings.
 
-    meshes, materials  objects and their materials
-    atlases            name of each lightmap; `Mesh.atlas` indexes it
-    world              (3,) float32, W/(m^2 sr), radiance of the environment; or (h, w, 3) float32,
-                       equirectangular. The direction (x, y, z) is at u = 1/2 - atan2(y, x) / (2 pi), v = 1 -
-                       acos(z) / pi, row 0 at v = 0 (Cycles, kernel/camera/projection.h)
-    origin             (3,) float64, world space, m: the point to which all positions are relative
-    lights             light sources
-    light_groups       names of the light groups, each a lightmap of output "light_groups"; emitters with
-                       another name or none are in group `light_groups.UNGROUPED`
-    world_light_group  name of the world's light group
-    metres_per_unit    metres per scene unit, for messages only: coordinates and settings are in scene units
+    meshes, materials:  objects and their materials
+    atlases:            name of each lightmap; `Mesh.atlas` indexes it
+    world:              (3,) float32, W/(m^2 sr), radiance of the environment; or (h, w, 3) float32,
+                        equirectangular. The direction (x, y, z) is at u = 1/2 - atan2(y, x) / (2 pi), v = 1 -
+                        acos(z) / pi, row 0 at v = 0 (Cycles, kernel/camera/projection.h)
+    origin:             (3,) float64, world space, m: the point to which all positions are relative
+    lights:             light sources
+    light_groups:       names of the light groups, each a lightmap of output "light_groups"; emitters with
+                        another name or none are in group `light_groups.UNGROUPED`
+    world_light_group:  name of the world's light group
+    metres_per_unit:    metres per scene unit, for messages only: coordinates and settings are in scene units
     """
 
     meshes: tuple[Mesh, ...]

@@ -23,10 +23,10 @@ _SAME = 1e-4
 class Profile:
     """Directional factors of a light's strength, in the light's local space.
 
-    azimuths  (m,) float32, radians, ascending in [0, 2 pi]: atan2(x, y) + pi of a direction
-    polars    (n,) float32, radians, ascending in [0, pi]: angle from -z
-    factors   (m, n, 3) float32, >= 0; interpolated by cubics (Catmull and Rom 1974); 0 beyond the outermost
-              angles
+    azimuths:  (m,) float32, radians, ascending in [0, 2 pi]: atan2(x, y) + pi of a direction
+    polars:    (n,) float32, radians, ascending in [0, pi]: angle from -z
+    factors:   (m, n, 3) float32, >= 0; interpolated by cubics (Catmull and Rom 1974); 0 beyond the outermost
+               angles
     """
 
     azimuths: np.ndarray

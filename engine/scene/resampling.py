@@ -14,9 +14,9 @@ from ..progress import finished
 class _Overlaps:
     """Intervals between the borders of old and new pixels along one axis, in order.
 
-    source  (k,) int64, old pixel of each interval
-    weight  (k,) float32, fraction of the new pixel that the interval covers
-    first   (m + 1,) int64, first interval of each new pixel, then k
+    source:  (k,) int64, old pixel of each interval
+    weight:  (k,) float32, fraction of the new pixel that the interval covers
+    first:   (m + 1,) int64, first interval of each new pixel, then k
     """
 
     source: np.ndarray
@@ -34,8 +34,8 @@ def shrink(
 ) -> np.ndarray:
     """Return an image reduced by area averaging, (h, w, c) -> (height, width, c) float32.
 
-    area  returns the fraction of the image's area below points along v, (n,) in [0, 1]; by default all rows
-          have equal area
+    area:  returns the fraction of the image's area below points along v, (n,) in [0, 1]; by default all rows
+           have equal area
     """
     return finished(shrink_in_slices(pixels, height, width, area))
 

@@ -22,11 +22,11 @@ _CHANGING = ("lights", "world", "materials", "meshes")
 class SceneChanges:
     """Changes of a scene; None and missing entries leave values unchanged.
 
-    lights     all lights from now on; omitted ones are removed
-    world      see `Scene.world`
-    materials  new materials by index in `Scene.materials`
-    moves      (4, 4) float64 by mesh index: maps old positions, m, relative to `Scene.origin`, to new ones
-    meshes     new shapes, UVs or materials, by index in `Scene.meshes`
+    lights:     all lights from now on; omitted ones are removed
+    world:      see `Scene.world`
+    materials:  new materials by index in `Scene.materials`
+    moves:      (4, 4) float64 by mesh index: maps old positions, m, relative to `Scene.origin`, to new ones
+    meshes:     new shapes, UVs or materials, by index in `Scene.meshes`
     """
 
     lights: tuple[Light, ...] | None = None

@@ -11,12 +11,12 @@ import numpy as np
 class Texture:
     """Image texture of a material, with its mapping and interpolation.
 
-    pixels     (h, w, c) float32, c is 1 or 3; scene-linear unless `srgb`; row 0 at v = 0
-    uv_map     key into `Mesh.texture_uvs`
-    transform  (2, 3) float64, applied to (u, v, 1) of the UV map; the image covers [0, 1]
-    extension  value outside [0, 1]: "repeat", "mirror", "extend" (edge pixel) or "clip" (zero)
-    smooth     True for bilinear interpolation, False for the nearest pixel
-    srgb       True if pixels are sRGB-encoded; decoded after interpolation, as Cycles does for 8-bit images
+    pixels:     (h, w, c) float32, c is 1 or 3; scene-linear unless `srgb`; row 0 at v = 0
+    uv_map:     key into `Mesh.texture_uvs`
+    transform:  (2, 3) float64, applied to (u, v, 1) of the UV map; the image covers [0, 1]
+    extension:  value outside [0, 1]: "repeat", "mirror", "extend" (edge pixel) or "clip" (zero)
+    smooth:     True for bilinear interpolation, False for the nearest pixel
+    srgb:       True if pixels are sRGB-encoded; decoded after interpolation, as Cycles does for 8-bit images
     """
 
     name: str

@@ -11,8 +11,8 @@ from .texture import Texture
 def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
     """Return texture values at points, (m, 2), with the image on [0, 1]: (m, c) float64.
 
-    pixels  (h, w, c) float32, `texture.pixels` or a reduced version
-    uv      (m, 2) texture coordinates
+    pixels:  (h, w, c) float32, `texture.pixels` or a reduced version
+    uv:      (m, 2) texture coordinates
     """
     height, width = pixels.shape[:2]
     pixel = uv.astype(np.float64) * (width, height) - (0.5 if texture.smooth else 0.0)

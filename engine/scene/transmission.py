@@ -13,10 +13,10 @@ from .texture import Texture
 class Transmittance:
     """Fraction of light that passes straight through one side: offset + scale * texture.
 
-    offset     (3,) float32; the transmittance itself without a texture
-    scale      (3,) float32, factor of the texture
-    texture    texture with 1 or 3 linear channels, or None
-    threshold  opacity (1 - transmittance) at or above it becomes 1, below it 0; None for no threshold
+    offset:     (3,) float32; the transmittance itself without a texture
+    scale:      (3,) float32, factor of the texture
+    texture:    texture with 1 or 3 linear channels, or None
+    threshold:  opacity (1 - transmittance) at or above it becomes 1, below it 0; None for no threshold
     """
 
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
@@ -45,10 +45,10 @@ def from_opacity(
 class Transmission:
     """Transmittance of both sides of a surface.
 
-    shadow       front, for shadow rays to lights and the sky's sun
-    bounce       front, for gathered light, sampled emission, sampled sky and ambient occlusion
-    shadow_back  back, like `shadow`; None if equal to the front
-    bounce_back  back, like `bounce`; None if equal to the front
+    shadow:       front, for shadow rays to lights and the sky's sun
+    bounce:       front, for gathered light, sampled emission, sampled sky and ambient occlusion
+    shadow_back:  back, like `shadow`; None if equal to the front
+    bounce_back:  back, like `bounce`; None if equal to the front
     """
 
     shadow: Transmittance = OPAQUE

@@ -22,16 +22,16 @@ class Triangles:
 
     Back faces with patches come last, as separate triangles; rays hit only their fronts.
 
-    positions  (t, 3, 3) float32, m, relative to `origin`, world axes
-    normals    (t, 3, 3) float32, shading normals of the corners
-    uvs        (t, 3, 2) float32, lightmap UV
-    material   (t,) int32
-    mesh       (t,) int32
-    atlas      (t,) int32
-    origin     (3,) float64 that float32 represents exactly, m, relative to `Scene.origin`: the median corner
-    span       m, value of `diagonal`; None to compute it
-    backs      (s,) int32, back-face triangle of each front triangle, -1 for none; None if there are no back
-               faces
+    positions:  (t, 3, 3) float32, m, relative to `origin`, world axes
+    normals:    (t, 3, 3) float32, shading normals of the corners
+    uvs:        (t, 3, 2) float32, lightmap UV
+    material:   (t,) int32
+    mesh:       (t,) int32
+    atlas:      (t,) int32
+    origin:     (3,) float64 that float32 represents exactly, m, relative to `Scene.origin`: the median corner
+    span:       m, value of `diagonal`; None to compute it
+    backs:      (s,) int32, back-face triangle of each front triangle, -1 for none; None if there are no back
+                faces
     """
 
     positions: np.ndarray
@@ -87,8 +87,8 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
     float32 is most precise near the origin. The centre of the bounding box would lose precision for most of
     the scene if a few triangles are far away.
 
-    before  triangles before objects moved; if their origin still suits, unmoved triangles keep their bits and
-            ray offsets
+    before:  triangles before objects moved; if their origin still suits, unmoved triangles keep their bits
+             and ray offsets
     """
     positions = np.concatenate([mesh.positions for mesh in scene.meshes]).astype(np.float32, copy=False)
     origin, span = _median(positions), None

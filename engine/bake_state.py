@@ -10,7 +10,7 @@ import numpy as np
 from .device.device_array import Values
 from .direct.contact import Contacts
 from .patches.patch_scene import PatchScene
-from .postprocess.store import LightmapImages
+from .postprocess.refined_texels import RefinedTexels
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solution import Solution
@@ -29,7 +29,7 @@ class BakeState:
     validity     (n,) float32, fraction of each patch's hemisphere without back faces
     outputs      values of the patches, (n, 3) or (n,) float32, by output
     samples      texel samples with their light
-    texels       converts patch values to images
+    texels       texel values from patches and texel samples
     images       final images, (atlases, r, r, 3) float32, by output
     """
 
@@ -43,7 +43,7 @@ class BakeState:
     validity: np.ndarray
     outputs: Mapping[str, Values]
     samples: TexelSampleLight
-    texels: LightmapImages
+    texels: RefinedTexels
     images: Mapping[str, np.ndarray]
 
 

@@ -188,7 +188,7 @@ def _bake(
         store.image(next(iter(made.values()))) if settings.centres else store.no_image,
         next(iter(passes.values())),
         store.has_patch,
-        finishing.known,
+        finishing.refined.known,
         report,
         passes,
     )

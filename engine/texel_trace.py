@@ -9,9 +9,9 @@ import numpy as np
 
 from .bake_state import BakeState
 from .direct.lighting import DirectLighting
+from .outputs import is_light
 from .progress import finished
 from .scene.model import Scene, shining_lights
-from .settings import LIGHT_OUTPUTS
 from .validity.invalid import is_invalid
 
 #: Light groups of the trace for emitters that are no lights.
@@ -116,9 +116,7 @@ def _samples(state: BakeState, texel: Texel) -> Iterator[str]:
         yield "texel samples    none: the texel shows the light at its centre"
     for number in chosen:
         where = samples.position[number] - (texel.x, texel.y)
-        shown = {
-            name: values[number] for name, values in state.samples.values.items() if name in LIGHT_OUTPUTS
-        }
+        shown = {name: values[number] for name, values in state.samples.values.items() if is_light(name)}
         light = ", ".join(f"{name} {_numbers(value)}" for name, value in shown.items())
         yield (
             f"texel sample     at {_numbers(where)} of the texel, weight {samples.weight[number]:.3g}, "
@@ -130,7 +128,7 @@ def _images(state: BakeState, texel: Texel) -> Iterator[str]:
     """Yield the value of each output before and after the images are finished."""
     index = _index(texel)
     for name, image in state.images.items():
-        values = state.texels.texels(state.outputs[name], state.samples.values.get(name))
+        values = state.texels.values(state.outputs[name], state.samples.values.get(name))
         known = "known" if state.texels.known[index] else "filled from its neighbours"
         yield f"{name:16} {_numbers(values[index])} before denoising, seams and fill; {known}"
         yield f"{name:16} {_numbers(image[index])} final"

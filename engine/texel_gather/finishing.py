@@ -29,11 +29,12 @@ from .texel_sample_points import TexelGatherJob
 class Finishing:
     """Makes images without noise and seams, and with dilated charts.
 
-    store     puts values into images; its texels show the display samples from now on
+    store     images of the patch values
     texels    what light in texels was gathered for
     solution  all light
     made      of each output the values of the patches, (n, 3) or (n,) float32, by name
     lit       the light of the display samples
+    refined   texel values from patches and texel samples
     """
 
     def __init__(
@@ -46,9 +47,8 @@ class Finishing:
     ) -> None:
         self._store, self._job, self._texels, self._solution = store, texels.job, texels, solution
         self._made, self._lit = made, lit
-        self._refined = self._refined_texels()
-        self.known = self._refined.known
-        self._denoising = Denoising(self.known, self._job.settings)
+        self.refined = self._refined_texels()
+        self._denoising = Denoising(self.refined.known, self._job.settings)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ class Finishing:
         if seams:
             off_centre = self._job.kept.texels.off_centre_patches(self._job.compute, self._job.parts)
             unblocked = self._in_sight(seams.result())
-        final = FinalLightmaps(self._refined, off_centre, unblocked)
+        final = FinalLightmaps(self.refined, off_centre, unblocked)
         images = {name: final.image(image) for name, image in quiet.items()}
         left = {name: values for name, values in self._made.items() if name not in quiet}
         images |= final.images(left, self._lit.values)
@@ -88,7 +88,7 @@ class Finishing:
 
         These are maps of light, and of where it comes from; there are none if the noise stays.
         """
-        texels, lit = self._refined, self._lit
+        texels, lit = self.refined, self._lit
         shown = {name: texels.values(values, lit.values.get(name)) for name, values in self._made.items()}
         normals = texels.values(self._job.parts.geometry.normal, lit.normals)
 
@@ -112,9 +112,9 @@ class Finishing:
         """Return seams without those that something stands on which parts the light of both sides."""
         if not self._job.rays.possible:
             return seams
-        job, texels = self._job, self._refined
+        job, texels = self._job, self.refined
         light = texels.on_device(job.opencl, *self._light_of_texels())
-        return drop_blocked_seams(seams, job.parts, job.rays, light, self.known, texels.invalid)
+        return drop_blocked_seams(seams, job.parts, job.rays, light, texels.known, texels.invalid)
 
     def _refined_texels(self) -> RefinedTexels:
         """Return the texel values from patches, texel samples and the fit at thin walls."""

@@ -22,15 +22,15 @@ from .visibility.rays.ray_scene import RayScene
 class BakeState:
     """Intermediate results of a bake of n patches.
 
-    scene        with charts for objects without a lightmap and for back faces
-    atlases      number of the user's lightmaps, the first of `scene.atlases`
-    rays         casts rays from all patches
-    contacts     faces that touch patches
-    validity     (n,) float32, fraction of each patch's hemisphere without back faces
-    outputs      values of the patches, (n, 3) or (n,) float32, by output
-    samples      texel samples with their light
-    texels       texel values from patches and texel samples
-    images       final images, (atlases, r, r, 3) float32, by output
+    scene:     with charts for objects without a lightmap and for back faces
+    atlases:   number of the user's lightmaps, the first of `scene.atlases`
+    rays:      casts rays from all patches
+    contacts:  faces that touch patches
+    validity:  (n,) float32, fraction of each patch's hemisphere without back faces
+    outputs:   values of the patches, (n, 3) or (n,) float32, by output
+    samples:   texel samples with their light
+    texels:    texel values from patches and texel samples
+    images:    final images, (atlases, r, r, 3) float32, by output
     """
 
     scene: Scene

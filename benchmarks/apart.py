@@ -1,4 +1,4 @@
-"""Runs a function in a process of its own: a crash is a result, and the peak of its memory is its own."""
+"""Runs a function in its own process, so that crashes are results and peak memory is its own."""
 
 from __future__ import annotations
 

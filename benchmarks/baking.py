@@ -1,4 +1,4 @@
-"""Bakes of arrays, timed."""
+"""Timed bakes of array scenes."""
 
 from __future__ import annotations
 

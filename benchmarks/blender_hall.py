@@ -1,4 +1,4 @@
-"""The hall as a scene of Blender, for what both Hemibake and Cycles bake."""
+"""The hall as a Blender scene, for comparisons with Cycles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What checkpoints cost a bake that nobody interrupts: processor time without any, and with two intervals.
+"""Measures the processor time that checkpoints add to a bake, for two intervals.
 
 python -m benchmarks.checkpoints [--resolution 256] [--samples 2048] [--repeats 3]
 

@@ -1,4 +1,4 @@
-r"""Bakes of one room by no workers, one, two, ...: where the time goes, what travels, what each device holds.
+r"""Measures bakes of one room with 0, 1, 2, ... workers: time by stage, traffic, device memory.
 
 On a machine with two graphics cards one call measures a bake whose patches are solved one by one, and one of
 16 M texels in squares:

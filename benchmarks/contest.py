@@ -1,4 +1,4 @@
-"""Hemibake against Cycles in the scene that is open in Blender, on the same lightmap UVs.
+"""Hemibake against Cycles in the open Blender scene, on the same lightmap UVs.
 
 Only to be imported within `tools.headless.blender()`.
 """

@@ -1,4 +1,4 @@
-"""What bakes by many devices cost: constants fitted to what is stored, and a bake that nobody has made.
+"""Cost model of bakes on many devices: constants fitted to stored results, and predictions.
 
     python benchmarks/cost_model.py benchmarks/results/cluster.json [--devices H200] [--left-out 3]
     python benchmarks/cost_model.py benchmarks/results/cluster.json --patches 1e9 --workers 1000 --groups 4

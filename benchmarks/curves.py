@@ -1,4 +1,4 @@
-"""Error over time, and when a curve reaches an error."""
+"""Error over time, and the time at which a curve reaches an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Log of what a bake asks of an OpenCL device, and of its passes over arrays in NumPy, by stage."""
+"""Log of OpenCL commands and NumPy passes of a bake, by stage."""
 
 from __future__ import annotations
 

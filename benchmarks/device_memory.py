@@ -1,4 +1,4 @@
-"""How much of a graphics card's memory is in use, as its driver tells; it counts all processes."""
+"""Used memory of a GPU as its driver reports it, for all processes together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast the kernel of `engine.gather.cached_gather` reads what it has kept."""
+"""Measures the bandwidth of the gather kernel of `engine.gather.cached_gather`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hall with two arcades of fluted columns: sun and sky come through the windows of its aisles."""
+"""A hall with two arcades of fluted columns, lit by sun and sky through the windows of its aisles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interiors: sealed rooms with panels below their ceilings; a furnished room of 42,000 triangles."""
+"""Interiors: sealed rooms with panels below their ceilings, and a furnished room of 42,000 triangles."""
 
 from __future__ import annotations
 

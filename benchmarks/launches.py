@@ -1,4 +1,4 @@
-"""Lists what bakes ask of the OpenCL device and of NumPy, by stage: launches, copies, fills, passes.
+"""Lists launches, copies, fills and NumPy passes of bakes, by stage.
 
 python -m benchmarks.launches SCENE [--resolution 1024] [--quality high] [--work U G] [--relit] [--list]
     [--device-only] [--checkout FOLDER]

@@ -1,4 +1,4 @@
-"""How fast lightmaps follow their scene: seconds from an edit to the first image, and to settled light.
+"""Measures Live: seconds from an edit to the first image and to convergence.
 
 python -m benchmarks.live [--resolution 128] [--quality preview] [--edits 9] [--triangles 40000] [--processor]
 python -m benchmarks.live --resolution 1024 --rays 16 --host [--results FILE.json]

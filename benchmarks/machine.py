@@ -1,4 +1,4 @@
-"""What was measured, and on which machine."""
+"""Description of the machine and of what was measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long an OpenCL device works: the time of every kernel, as the device itself tells it."""
+"""Kernel times from OpenCL profiling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast hemicubes are drawn by each way, with and without culling, and summed by each integrator.
+"""Measures drawing of hemicubes by each draw path, with and without culling, and their integration.
 
     PYTHONPATH=. python benchmarks/raster.py [--seconds S] [--widths 32,64] [--triangles 24,1008]
 

@@ -1,4 +1,4 @@
-"""Seconds to build the hierarchy of rays, and rays a second, on the OpenCL device found.
+"""Measures the build of the ray hierarchy and rays per second on the OpenCL device.
 
     PYTHONPATH=. python benchmarks/rays.py [--triangles 24 10000 100000 1000000] [--rays 1000000]
 

@@ -1,4 +1,4 @@
-"""Measure Hemibake, print tables and store every figure as JSON.
+"""Runs the benchmarks, prints tables and stores every result as JSON.
 
     python benchmarks/run.py [--suite NAME ...] [--gpu] [--full] [--out FOLDER]
 

@@ -1,4 +1,4 @@
-"""The engine's parts that iterate, put together as `engine.bake` does it: for timing them alone."""
+"""The solver of `engine.bake` without the rest of a bake, for timing."""
 
 from __future__ import annotations
 

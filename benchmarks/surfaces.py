@@ -1,4 +1,4 @@
-"""Surfaces that are grids of quads, and meshes of several, each with a chart of its own."""
+"""Surfaces of quad grids, and meshes of several, each with its own chart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Times shapes of work groups of the hot kernels (paper, V.C); keeps the best for later bakes, if asked.
+"""Times work group shapes of the main kernels (paper, V.C), and stores the best on request.
 
 python -m benchmarks.work_sizes [--keep FOLDER] [--out FILE] [--resolution 128]
 

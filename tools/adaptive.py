@@ -1,4 +1,4 @@
-"""Measures what *Adaptive* saves, and what it does to the light: seconds and errors of bakes of interiors.
+"""Measures time saved and error added by *Adaptive* in bakes of interiors.
 
 Errors are RMSE relative to the mean, of all texels and off edges of light, against a bake with 2,048 rays of
 every patch, which stays in a folder. Times are those of the second bake of two.

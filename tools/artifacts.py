@@ -1,4 +1,4 @@
-"""Draws the paper's Fig. 6 from our own bakes: hemicubes 32, 64, 128 wide, without and with random rotation.
+"""Draws the paper's Fig. 6 from our bakes: hemicubes 32, 64 and 128 texels wide, with and without rotation.
 
 Under each picture stand the banding and the noise of all its patches; below, the spectra of the error on the
 floor. The scene is a room with a panel and a light in its ceiling; it is compared with a bake of 8,192 rays a

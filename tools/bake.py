@@ -1,4 +1,4 @@
-"""Bake the lightmaps of a scene file from a plain shell, by this checkout.
+"""Bakes the lightmaps of a scene file from a shell, with this checkout.
 
     python tools/bake.py SCENE --out DIR [--resolution N] [--hemicube N] [--json] ...
 

@@ -1,4 +1,4 @@
-"""Draws the paper's Fig. 4: how far each iteration is from the full-matrix Gauss-Seidel solution.
+"""Draws the paper's Fig. 4: difference of each iteration from the full-matrix Gauss-Seidel solution.
 
 The scene is the nine-quad room of the tests: 10,700 patches in a 128-texel lightmap. Writes the
 picture and, beside it, the figures as JSON.

@@ -1,4 +1,4 @@
-"""Bake the Cornell box with the add-on's own Bake operator and render it lit by nothing but the lightmap.
+"""Bakes the Cornell box with the Bake operator and renders it lit by its lightmap alone.
 
 python tools/demo.py --out out/demo
 """

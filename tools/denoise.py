@@ -1,4 +1,4 @@
-"""Measures what Denoise does to the error of lightmaps, in four scenes, and makes a picture of one.
+"""Measures the error of lightmaps with and without Denoise in four scenes, and draws a picture.
 
     python tools/denoise.py --scenes FOLDER [--only NAME ...] [--page docs/design/quality.md]
     python tools/denoise.py --picture docs/design/quality/denoise.png

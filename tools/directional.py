@@ -1,4 +1,4 @@
-"""Measures how near the preview's normal maps are to Cycles', and the time that directional maps take.
+"""Compares normal maps in the preview with Cycles, and measures the time of directional maps.
 
 The Cornell box with normals that are tilted in cells of 5 cm, and the same room without its ceiling in sun
 and sky: the original in its light and the preview in the dark are rendered with the same camera; blocks of

@@ -1,4 +1,4 @@
-"""Kill workers at random moments of bakes: does the light stay the same to the bit, and what is done again.
+"""Kills workers at random moments of bakes, compares the bits of the light, and counts repeated work.
 
     python tools/faults.py [--times 10] [--resolution 128] [--samples 256] [--stages Visibility Bounces ...]
 

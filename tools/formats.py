@@ -1,4 +1,4 @@
-"""Measure what light loses in each format, and write the table of docs/reference/formats.md.
+"""Measures the error of each file format and writes the table of docs/reference/formats.md.
 
     python tools/formats.py            # a second, and Blender for the rows of OpenEXR
 

@@ -1,4 +1,4 @@
-"""Measures Elias' interpolation of hemicubes (paper, VI.A): how many it saves, and what error that adds.
+"""Measures Elias' interpolation of hemicubes (paper, VI.A): saved hemicubes and added error.
 
 A hemicube for every fourth texel of a chart; where the corners of a square differ by more than a tolerance,
 its middle and the middles of its sides get hemicubes, and so on down to every texel; all others are

@@ -1,4 +1,4 @@
-"""Merge the reports and manifests of parts that were baked apart, from a plain shell, by this checkout.
+"""Merges the reports and manifests of parts that were baked separately, with this checkout.
 
     python tools/merge.py FOLDER [--parts NAME ...] [--json]
 

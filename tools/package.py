@@ -1,4 +1,4 @@
-"""Build the packages that people drag into Blender, and the page that tells what is in them.
+"""Builds the packages for Blender, and a page that lists their contents.
 
 python -m tools.package out/wheels out/package
 """

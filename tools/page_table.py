@@ -1,4 +1,4 @@
-"""A table in Markdown, and its place on a page between two marks."""
+"""A Markdown table between two marks of a page."""
 
 from __future__ import annotations
 

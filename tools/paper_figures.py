@@ -1,4 +1,4 @@
-"""Draws the paper's Fig. 4 and Fig. 5 from stored results, ours beside the paper's numbers.
+"""Draws the paper's Fig. 4 and Fig. 5 from stored results, beside the paper's values.
 
 What `make bench` and `make bench-gpu` stored in benchmarks/results, the newest of each kind of device, beside
 benchmarks/paper_fig5.json; the differences to Gauss-Seidel are those of tools/convergence.py.

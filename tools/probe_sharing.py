@@ -1,4 +1,4 @@
-"""Prints what a machine offers to share what OpenGL draws with OpenCL, and times each way (paper, IV.C).
+"""Prints and times the ways in which OpenGL can share textures with OpenCL on a machine (paper, IV.C).
 
 Takes less than a minute. Each way is tried in a process of its own. Figures of desktop cards are welcome.
 

@@ -1,4 +1,4 @@
-"""Measures the error of each quality, without and with Denoise: the RMSE of lightmaps relative to their mean.
+"""Measures the error of each quality, with and without Denoise: RMSE of lightmaps relative to their mean.
 
 The truth is a bake with 32,768 rays a patch and 2,048 to each light. A quality is described by the largest
 error of all rooms (engine/quality.py).

@@ -1,4 +1,4 @@
-"""Compares related methods with Hemibake's: error over time; a room with a panel and a light in its ceiling.
+"""Compares related methods with Hemibake in a room with a panel and a light: error over time.
 
 Progressive shooting (Cohen et al. 1988; Coombe, Harris and Lastra 2004) on kept visibility, instant radiosity
 (Keller 1997), the paper's iteration and Hemibake's. Writes the picture and, beside it, the figures as JSON.

@@ -1,4 +1,4 @@
-"""Print the section of one version of CHANGELOG.md: the text of a release.
+"""Prints the section of one version of CHANGELOG.md, the text of a release.
 
 python -m tools.release_notes 0.2.0
 """

@@ -1,4 +1,4 @@
-"""Measures steps of light across seams, and writes pictures: without and with Hide Seams, and Cycles'.
+"""Measures steps of light across seams with and without Hide Seams, and draws them beside Cycles.
 
     python tools/seams.py [--only NAME ...] [--out out/seams] [--page docs/design/quality.md]
 

@@ -1,4 +1,4 @@
-"""Draws how the noise of a lightmap is spread over frequencies: the rotations of neighbouring views at work.
+"""Draws the frequency spectrum of the noise of a lightmap.
 
 A floor of 240 x 240 texels under an uneven sky, 16 rays a texel, no light sampled apart: every texel sees the
 same, so that all that differs is noise. The spectrum is the mean over rings of frequencies of its power, in

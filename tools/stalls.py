@@ -1,4 +1,4 @@
-"""Measures for how long a window of Blender stands still while it bakes, and in which stage.
+"""Measures how long a Blender window stops during a bake, by stage.
 
     blender scene.blend --python tools/stalls.py
 

@@ -1,4 +1,4 @@
-"""Makes the pictures of docs/design/quality.md of leaks, contacts, hidden texels and small charts.
+"""Draws the pictures of docs/design/quality.md: leaks, contacts, invalid texels and small charts.
 
     python tools/texels.py [--only NAME ...] [--out docs/design/quality]
     python tools/texels.py --contacts [--only NAME ...]

@@ -1,4 +1,4 @@
-"""Measures Unwrap: how much of lightmaps it uses, how long it takes and stands, how soon it can be cancelled.
+"""Measures Unwrap: used area, time, stalls of the window, and time to cancel.
 
     python tools/unwrapping.py [--only NAME ...] [--scenes FOLDER] [--cancel SECONDS]
 

@@ -1,4 +1,4 @@
-"""Prove that Hemibake's numbers are Cycles' numbers: a suite of scenes, baked by both.
+"""Compares Hemibake with Cycles in a suite of scenes.
 
     python tools/verify.py [--only NAME ...] [--samples N] [--scenes FOLDER] [--table docs/design/accuracy.md]
 

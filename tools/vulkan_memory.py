@@ -1,4 +1,4 @@
-"""Memory of a graphics card that Vulkan allocates for other APIs to import; a few calls through ctypes."""
+"""GPU memory that Vulkan allocates for import by other APIs, through ctypes."""
 
 from __future__ import annotations
 

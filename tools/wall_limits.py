@@ -1,4 +1,4 @@
-"""What no bilinear lightmap can show at a wall thinner than a texel: the best values of texels across it.
+"""Computes the best bilinear lightmap for a wall thinner than a texel, and its error.
 
     python tools/wall_limits.py
 

@@ -1,4 +1,4 @@
-"""Lend a device to bakes: a Dask worker of a scheduler.
+"""Lends a device to bakes: a Dask worker of a scheduler.
 
     python tools/worker.py tcp://host:8786 [--device "PLATFORM: DEVICE"] [options of `dask worker`]
 

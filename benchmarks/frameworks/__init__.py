@@ -1,1 +1,1 @@
-"""The same kernels in GLSL, OpenCL and CUDA (paper, VI.C): what each framework takes for them."""
+"""The same kernels in GLSL, OpenCL and CUDA (paper, VI.C), and their times."""

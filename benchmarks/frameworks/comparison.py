@@ -1,4 +1,4 @@
-"""Time the two sums of a bake in GLSL, OpenCL and CUDA on this machine, and check them against NumPy.
+"""Times the two sums of a bake in GLSL, OpenCL and CUDA, and compares the results with NumPy.
 
 python -m benchmarks.frameworks.comparison [--hemicubes 80] [--patches 10700] [--out FILE]
 

@@ -1,4 +1,4 @@
-"""CUDA, by CuPy: for this comparison alone, Hemibake does not use it."""
+"""CUDA through CuPy, used by this comparison only."""
 
 from __future__ import annotations
 

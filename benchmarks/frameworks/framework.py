@@ -1,4 +1,4 @@
-"""What is timed of a framework."""
+"""Interface of a timed framework."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The two sums of a bake, written once for GLSL, OpenCL C and CUDA: what differs is put around them."""
+"""Source of the two sums for GLSL, OpenCL C and CUDA, with the differences as macros around it."""
 
 from __future__ import annotations
 

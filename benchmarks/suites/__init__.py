@@ -1,1 +1,1 @@
-"""One suite a module: `run(options)` returns records, `tables(records)` shows them."""
+"""Benchmark suites, one module each: `run(options)` returns records, `tables(records)` formats them."""

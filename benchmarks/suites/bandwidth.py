@@ -1,4 +1,4 @@
-"""How near the gather kernel comes to the speed at which the device copies memory."""
+"""Compares the bandwidth of the gather kernel with that of a device copy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What directional maps cost: time and processor time of bakes with them, by stage, beside those without."""
+"""Measures time and processor time of directional maps, by stage."""
 
 from __future__ import annotations
 

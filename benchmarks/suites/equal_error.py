@@ -1,4 +1,4 @@
-"""Seconds that Hemibake and Cycles need to the same error, in whole scenes of Blender."""
+"""Measures the seconds of Hemibake and Cycles to the same error in Blender scenes."""
 
 from __future__ import annotations
 

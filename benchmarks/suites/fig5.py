@@ -1,4 +1,4 @@
-"""The paper's Fig. 5: milliseconds per iteration of the room with 10,700 patches."""
+"""Measures milliseconds per iteration of the room with 10,700 patches, the paper's Fig. 5."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Direct light of one to a thousand lamps."""
+"""Measures direct light of 1 to 1,000 lights."""
 
 from __future__ import annotations
 

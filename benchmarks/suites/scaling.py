@@ -1,4 +1,4 @@
-"""Time of each stage and peak memory over patches and over triangles; each case in a process of its own."""
+"""Measures time by stage and peak memory over patches and triangles, each case in its own process."""
 
 from __future__ import annotations
 

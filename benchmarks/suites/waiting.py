@@ -1,4 +1,4 @@
-"""How long a person waits: stages, what the device works of it, page faults; first, warm and relit bakes."""
+"""Measures waiting times: first, warm and relit bakes, with kernel time and page faults."""
 
 from __future__ import annotations
 

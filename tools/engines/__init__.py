@@ -1,1 +1,1 @@
-"""Engines that show what Hemibake exports."""
+"""Engines that display exported files for the tests."""

@@ -1,4 +1,4 @@
-"""Renders of exported files by Bevy, without a window.
+"""Renders exported files with Bevy, without a window.
 
 Mesa's lavapipe draws, so no graphics card is needed. The program is in bevy_show; cargo builds it once, in
 a quarter of an hour on two cores.

@@ -1,4 +1,4 @@
-"""Show the exported Cornell box with engines beside Blender's preview: figures, and the pictures of the docs.
+"""Compares engines with Blender's preview on the exported Cornell box: tables and pictures of the docs.
 
 python -m tools.engines.compare docs/engines [--engines three godot bevy]
 """

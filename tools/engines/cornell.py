@@ -1,4 +1,4 @@
-"""The Cornell box, baked, in Blender's preview: what engines have to show."""
+"""The baked Cornell box in Blender's preview, the reference for engines."""
 
 from __future__ import annotations
 

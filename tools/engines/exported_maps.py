@@ -1,4 +1,4 @@
-"""What an exported file says of itself, and which files its manifest names for each object."""
+"""Metadata of an exported file, and the maps that its manifest assigns to each object."""
 
 from __future__ import annotations
 

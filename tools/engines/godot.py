@@ -1,4 +1,4 @@
-"""Renders of exported files by Godot 3, in a window that nobody sees.
+"""Renders exported files with Godot 3, in a window on a virtual screen.
 
 Mesa draws, so no graphics card is needed. Godot imports the file into a project of its own, and a script
 (show.gd) gives its surfaces the shader of docs/engines/godot.md.

@@ -1,4 +1,4 @@
-"""What engines with a program of their own are asked to show, in a folder where they find it."""
+"""Description of a picture that an engine with its own program renders, written to a folder."""
 
 from __future__ import annotations
 

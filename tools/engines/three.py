@@ -1,4 +1,4 @@
-"""Renders of exported files by three.js, in a Chromium without a window.
+"""Renders exported files with three.js, in Chromium without a window.
 
 Chromium draws with SwiftShader, so no graphics card is needed. The page gets three.js, the example of
 examples/three and the file from a server in this process, and sends it the pixels.

@@ -1,1 +1,1 @@
-"""A real Blender window on a screen that nobody sees, driven by mouse and keyboard."""
+"""A real Blender window on a virtual screen, driven by mouse and keyboard."""

@@ -1,4 +1,4 @@
-"""Take README's picture of a window of Blender: the Cornell box lit by its lightmap, and the lightmap.
+"""Takes README's picture of Blender: the Cornell box lit by its lightmap, and the lightmap.
 
 python -m tools.gui.docs_picture out/package/hemibake-VERSION-linux_x64.zip docs/user/pictures/blender.png
 """

@@ -1,4 +1,4 @@
-"""Take README's strip of Live: one frame as baked, and one after each change, in a window of Blender.
+"""Takes README's pictures of Live: one frame as baked and one after each change.
 
 python -m tools.gui.live_picture out/package/hemibake-VERSION-linux_x64.zip docs/user/pictures/live.png
 """

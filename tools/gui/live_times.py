@@ -1,4 +1,4 @@
-"""How fast Live follows in a window of Blender: seconds from changes to first images and to settled light.
+"""Measures Live in a Blender window: seconds from a change to the first image and to convergence.
 
 python -m tools.gui.live_times out/package/hemibake-VERSION-linux_x64.zip [--rounds 2]
 

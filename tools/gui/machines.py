@@ -1,4 +1,4 @@
-"""Where Blender, an X server and a mouse come from: Debian trixie in a folder by itself, or this machine."""
+"""Blender, X server and mouse for window tests: a Debian trixie in a folder, or this machine."""
 
 from __future__ import annotations
 

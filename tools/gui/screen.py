@@ -1,4 +1,4 @@
-"""What an X server shows, from the file in which Xvfb keeps its picture (X11/XWDFile.h)."""
+"""Reads the picture of an X server from the file of Xvfb (X11/XWDFile.h)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The files that people drag into Blender, one for each platform."""
+"""The packages for Blender, one file for each platform."""

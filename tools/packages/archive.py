@@ -1,4 +1,4 @@
-"""The packages: staged, built by Blender's own extension builder, and made the same in every build."""
+"""Reproducible packages: staged, then built by Blender's extension builder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page that goes with the packages: what is in them, how large, and under which licences."""
+"""Page of the packages' contents, sizes and licences."""
 
 from __future__ import annotations
 

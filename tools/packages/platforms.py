@@ -1,4 +1,4 @@
-"""The platforms that have a package, and the Pythons of the Blenders that run there."""
+"""Platforms with a package, and the Python versions of Blender on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wheels: downloaded for every platform, and what they say of themselves.
+"""Wheels for all platforms: download and metadata.
 
 python -m tools.packages.wheels requirements/wheels.txt out/wheels
 """

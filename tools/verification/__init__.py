@@ -1,1 +1,1 @@
-"""Hemibake against Cycles, texel by texel."""
+"""Comparison of Hemibake with Cycles, texel by texel."""

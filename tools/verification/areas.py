@@ -1,4 +1,4 @@
-"""The light of whole texels by Cycles: each is baked as 4 x 4, of which those on surfaces are averaged.
+"""Cycles' light over whole texels: the mean of 4 x 4 smaller texels on surfaces.
 
 Cycles bakes the face at a texel's centre. A texel stands for all that surfaces cover of it.
 """

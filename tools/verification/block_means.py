@@ -1,4 +1,4 @@
-"""Means over blocks of fine texels, of those that are known."""
+"""Means over blocks of fine texels, restricted to valid ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Light beside lines of contact, as a lightmap shows it and as Cycles renders it at the same points."""
+"""Light beside contact lines: a lightmap and Cycles at the same points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes in which surfaces touch or cut each other, and the lines along which they do."""
+"""Scenes in which surfaces touch or intersect, with their contact lines."""
 
 from __future__ import annotations
 

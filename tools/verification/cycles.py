@@ -1,4 +1,4 @@
-"""The reference: Cycles bakes realised copies of what Hemibake baked, on the same lightmap UVs."""
+"""The reference: Cycles bakes realised copies of the objects on the same lightmap UVs."""
 
 from __future__ import annotations
 

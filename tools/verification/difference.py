@@ -1,4 +1,4 @@
-"""How far two lightmaps are apart, without the noise of the reference."""
+"""Difference of two lightmaps without the noise of the reference."""
 
 from __future__ import annotations
 

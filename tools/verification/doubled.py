@@ -1,4 +1,4 @@
-"""Finds texels whose surface lies exactly on another one: no two renderers agree about their light."""
+"""Finds texels on coincident surfaces, whose light differs between renderers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cycles' picture of the scene that is open: lit by its lamps, or by nothing but lightmaps."""
+"""Cycles' render of the open scene, lit by its lights or by lightmaps alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One comparison: Hemibake bakes the scene that is open, then Cycles."""
+"""One comparison: Hemibake and Cycles bake the open scene."""
 
 from __future__ import annotations
 

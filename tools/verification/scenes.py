@@ -1,4 +1,4 @@
-"""Small scenes, one for each thing that a bake has to get right. Each is built in an empty file."""
+"""Small scenes for `make verify`, one for each feature. Each is built in an empty file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes whose lightmaps have seams on smooth surfaces; each is built in an empty file."""
+"""Scenes with seams on smooth surfaces. Each is built in an empty file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of light across borders of charts, found without the engine: all edges are compared with all."""
+"""Steps of light across chart borders, found independently of the engine by comparing all edges."""
 
 from __future__ import annotations
 

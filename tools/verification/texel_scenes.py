@@ -1,4 +1,4 @@
-"""Scenes whose texels see more than one thing; each is built in an empty file and has a camera."""
+"""Scenes with texels that show several surfaces. Each is built in an empty file and has a camera."""
 
 from __future__ import annotations
 

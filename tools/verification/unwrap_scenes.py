@@ -1,4 +1,4 @@
-"""Scenes whose lightmap UVs are hard to make, or have to leave few texels free; each in an empty file."""
+"""Scenes that are hard to unwrap or to pack. Each is built in an empty file."""
 
 from __future__ import annotations
 

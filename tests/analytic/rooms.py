@@ -1,4 +1,4 @@
-"""Rooms that no light leaves: what a lightmap shows behind walls, beside them and under things."""
+"""Closed rooms, and the light that a lightmap shows behind walls, beside them and under objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What bumps reflect of even light, against a sum over directions."""
+"""Reflectance of bumps under uniform light, against a sum over directions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Emitted = absorbed + escaped + not bounced, and each of them is what it is known to be."""
+"""Energy balance: emitted = absorbed + escaped + not bounced, and known values of each term."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Many lights: as bright as all of them one by one, at the price of a few."""
+"""Many lights: the sum of their single contributions, at the cost of a few."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""The edge of light on surfaces whose facets are shaded smooth."""
+"""The terminator on smoothly shaded facets."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""What normals that are tilted receive, by quadrature: the truth that directional maps are a fit of."""
+"""Irradiance of tilted normals by quadrature, the reference for directional maps."""
 
 from __future__ import annotations
 

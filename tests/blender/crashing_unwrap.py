@@ -1,4 +1,4 @@
-"""The work of the process that unwraps, with an xatlas that brings it down at meshes called "Bad"."""
+"""The unwrap process with an xatlas that crashes at meshes named "Bad"."""
 
 import os
 

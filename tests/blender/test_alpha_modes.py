@@ -1,4 +1,4 @@
-"""Images of each alpha mode: what is read is what Cycles' EMIT bake of an Image Texture gives."""
+"""Images of each alpha mode against Cycles' EMIT bake of an Image Texture."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Copies with applied modifiers take the place of objects; removed UV modifiers leave these as they were."""
+"""Copies with applied modifiers replace objects; removed UV modifiers leave objects as they were."""
 
 import json
 

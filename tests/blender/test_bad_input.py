@@ -1,4 +1,4 @@
-"""What cannot be baked gives a message with a remedy and leaves the .blend as it was."""
+"""Unbakeable input gives a message with a remedy and leaves the .blend unchanged."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Normal maps let surfaces reflect as much less as Cycles' bumps do."""
+"""Normal maps reduce the reflected light as Cycles' bumps do."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The check names what stands in the way of a good bake, mends what it can, and changes nothing by itself."""
+"""Check lists problems, fixes what it can on request, and changes nothing by itself."""
 
 import json
 

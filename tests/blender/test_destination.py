@@ -1,4 +1,4 @@
-"""Where lightmaps are stored, and what is never overwritten."""
+"""Folders and names of lightmaps, and files that are never overwritten."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The extension comes and goes without a trace."""
+"""Enabling and disabling the extension leaves no trace."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""What patches see is kept from bake to bake of a file, through the add-on, and no longer."""
+"""Visibility is reused between bakes of one file, through the add-on, and not longer."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a bake told: which objects a warning is about, and the report in the clipboard."""
+"""Last Bake: objects of warnings, and the report in the clipboard."""
 
 import json
 

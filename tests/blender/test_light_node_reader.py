@@ -1,4 +1,4 @@
-"""Nodes of lamps: what they give is what Cycles' bake gives, whatever the profile, turn and scale."""
+"""Light nodes give the light of Cycles' bake for any profile, rotation and scale."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Which UV layer holds the lightmap UVs of each object, and which layers are offered."""
+"""The UV layer of each object's lightmap, and the layers that the search offers."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Materials: what is read as constants and textures, and what Blender evaluates."""
+"""Materials: constants and textures that are read, and trees that Cycles evaluates."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The view layer's overrides of materials and of the world, which renders heed."""
+"""Material and world overrides of the view layer, as in renders."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""How fast a machine is outlives Blender, and makes the first percentage of another day even."""
+"""Paces of stages are stored across sessions, so that the first percentage is smooth."""
 
 import contextlib
 import json

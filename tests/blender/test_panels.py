@@ -1,4 +1,4 @@
-"""Panels are drawn on a layout that writes down what it is asked to show."""
+"""Panels drawn on a layout that records their content."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""Parts of a file that are baked apart from a shell, and the merge of what came of them."""
+"""Parts of a file baked separately from a shell, and the merge of their reports."""
 
 import argparse
 import json

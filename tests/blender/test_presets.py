@@ -1,4 +1,4 @@
-"""Presets: which one the settings are, and those that people add and remove."""
+"""Presets: detection of the current one, and user presets that are added and removed."""
 
 import os
 from pathlib import Path

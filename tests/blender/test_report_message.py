@@ -1,4 +1,4 @@
-"""How messages reach a person: short in the status bar, complete in the report and the Info editor."""
+"""Messages: short in the status bar, complete in the report and the Info editor."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""A run unwraps and reads between events: what a user does meanwhile is seen, nothing freed is touched."""
+"""A run unwraps and reads between events: edits meanwhile are detected, freed data is not used."""
 
 import numpy as np
 import pytest

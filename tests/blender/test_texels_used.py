@@ -1,4 +1,4 @@
-"""How much of lightmaps new charts use, and what unwrapping a crowd takes."""
+"""Used area of new lightmap UVs, and the cost of unwrapping many objects."""
 
 import pytest
 

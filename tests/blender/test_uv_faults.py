@@ -1,4 +1,4 @@
-"""Lightmap UVs that cannot be used are found, and those that can are not."""
+"""Unusable lightmap UVs are reported, usable ones are not."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Modifiers that copy or make faces: lightmap UVs of what they make, kept by one more modifier."""
+"""Lightmap UVs for modifiers that copy or create faces, stored by a last modifier."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where there is no xatlas, Blender's own operators make lightmap UVs, and all else is as ever."""
+"""Without xatlas, Blender's operators make lightmap UVs, and everything else works as before."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Objects to bake, and what must not change."""
+"""Objects to bake, and snapshots of data that must not change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Blender with Hemibake enabled, and engines that show what it exports."""
+"""Blender with Hemibake enabled, and engines that display its exports."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Cases run in a process of their own: one that hangs or brings the process down is a case that fails."""
+"""Runs cases in their own process: a case that hangs or crashes fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does with a .blend what a case asks for, and checks that nothing of the user's changes."""
+"""Runs the actions of a case on a .blend and checks that user data stays unchanged."""
 
 from __future__ import annotations
 

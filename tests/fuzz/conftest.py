@@ -1,4 +1,4 @@
-"""How many cases are tried: few and the same ones in every test run, many and new ones by `make fuzz`."""
+"""Number of cases: few and fixed in a test run, many and new ones in `make fuzz`."""
 
 import faulthandler
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Bakes a case of the engine and checks what comes out of it."""
+"""Bakes a case with the engine and checks the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything of the user's in the open .blend, as nested dictionaries that can be compared."""
+"""All user data of the open .blend as nested dictionaries that can be compared."""
 
 from __future__ import annotations
 

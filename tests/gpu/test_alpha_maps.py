@@ -1,4 +1,4 @@
-"""Alpha maps on the devices: however many and large they are, drawing and rays find the same holes."""
+"""Alpha maps of any number and size: drawing and rays find the same holes."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Shadow rays that are only tested against what may be in their way arrive where all others do."""
+"""Shadow rays tested against a list of blockers give the same result as a full traversal."""
 
 from dataclasses import replace
 

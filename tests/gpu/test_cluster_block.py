@@ -1,4 +1,4 @@
-"""What a block of patches holds on the device of a worker."""
+"""Memory of a block of patches on a worker's device."""
 
 import gc
 import weakref

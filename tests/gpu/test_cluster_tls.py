@@ -1,4 +1,4 @@
-"""Bakes by workers of a scheduler that asks for certificates, and what is told of those that do not."""
+"""Bakes with a scheduler that requires certificates, and messages without them."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""Faces that touch, or nearly so: drawing, rays and OpenGL alone agree about what is dark under them."""
+"""Touching faces: drawing, rays and OpenGL alone agree about covered patches."""
 
 import dataclasses
 

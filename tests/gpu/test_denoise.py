@@ -1,4 +1,4 @@
-"""Denoised bakes: nearer to the exact light, with nothing changed that is no light."""
+"""Denoised bakes are nearer to the exact light; maps other than light stay unchanged."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Devices are found, told apart and chosen by name; what is missing is said."""
+"""Devices are found, distinguished and chosen by name; missing parts are reported."""
 
 import dataclasses
 import os

@@ -1,4 +1,4 @@
-"""Points of a disk are where sine and cosine have them."""
+"""The disk mapping on the device equals sine and cosine."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Charts that end on the centres of texels: nobody looks past the wall that stands there."""
+"""Charts that end on texel centres: no ray passes the wall at their edge."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The same kernels in several frameworks find what NumPy does, and a wrong sum is told."""
+"""Kernels in several frameworks agree with NumPy, and a wrong sum is detected."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What OpenGL refuses ends the bake with an error that says what failed; nothing goes wrong in silence."""
+"""OpenGL errors end the bake with a message that names the failed task."""
 
 import dataclasses
 

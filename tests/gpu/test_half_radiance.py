@@ -1,4 +1,4 @@
-"""Radiance as it travels to workers: rounded relative to itself, however bright or dark."""
+"""Radiance in half floats with a common exponent, for any brightness."""
 
 import numpy as np
 import pytest

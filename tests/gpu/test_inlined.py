@@ -1,4 +1,4 @@
-"""Functions of kernels/device/pocl_inline.cl give what NumPy does: to the bit, or but for rounding."""
+"""Functions of kernels/device/pocl_inline.cl agree with NumPy, exactly or within rounding."""
 
 import numpy as np
 import pyopencl as cl

@@ -1,4 +1,4 @@
-"""How patches find emitters in the tree: as often as they should, and without looking at all of them."""
+"""Light tree: emitters are chosen with the right frequency, without a visit of all of them."""
 
 import numpy as np
 import pyopencl as cl

@@ -1,4 +1,4 @@
-"""A bake that follows its scene ends with the light of a bake of its own, and gets there without detours."""
+"""Live converges to the light of a separate bake, without unnecessary work."""
 
 import dataclasses
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""What patches see once something has moved is, bit for bit, what a first look finds."""
+"""Visibility after a movement equals a new computation, bit for bit."""
 
 import dataclasses
 

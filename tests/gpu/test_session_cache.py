@@ -1,4 +1,4 @@
-"""A bake of the geometry of the last one has the light of a bake of its own, but looks for nothing."""
+"""A bake with the geometry of the last one gives the light of a new bake without new visibility."""
 
 import dataclasses
 from collections import Counter

@@ -1,4 +1,4 @@
-"""Sweeps from a few samples of each patch come before those from all of them, and lead to the same light."""
+"""First iterations with few samples lead to the same light."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Direct light once something has moved is, bit for bit, what shadow rays from all patches bring."""
+"""Direct light after a movement equals shadow rays from all patches, bit for bit."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""What triangles cover of texels that they do not fill."""
+"""Covered parts of texels that triangles do not fill."""
 
 import numpy as np
 import pytest

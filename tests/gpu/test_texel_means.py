@@ -1,4 +1,4 @@
-"""What texels show of their samples: means, and where something cuts a texel, what its centre would have."""
+"""Texel values from samples: means, and extrapolation to the centre of cut texels."""
 
 import numpy as np
 import pytest

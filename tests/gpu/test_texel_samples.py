@@ -1,4 +1,4 @@
-"""Which texels have several display samples, where these lie, and what texels show of them."""
+"""Texel samples: which texels have several, their positions, and the displayed value."""
 
 from types import SimpleNamespace
 

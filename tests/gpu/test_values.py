@@ -1,4 +1,4 @@
-"""Values of points that the device holds: what the host reads of them, and what is made of them there."""
+"""Values on the device: host access and operations."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Longer ways through Hemibake in a real window: light groups, bakes that go on, bakes of changed objects."""
+"""Longer workflows in a real window: light groups, resumed bakes, bakes of changed objects."""
 
 import json
 

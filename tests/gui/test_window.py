@@ -1,4 +1,4 @@
-"""A person's way through Hemibake in a real window: by mouse and keyboard, looked at after each step."""
+"""A user's first workflow in a real window, by mouse and keyboard, checked after each step."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The Blenders of this machine, each without what the tests have: as a person who downloads it has it."""
+"""Blender installations of this machine, without the packages of the tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done in a Blender with the package: steps of a JSON list, whose answers go to a JSON file.
+"""Steps in a Blender with the package: a JSON list of steps, answered by a JSON file.
 
 python session.py STEPS ANSWERS                              # with the module bpy
 blender -b --python session.py -- STEPS ANSWERS

@@ -1,4 +1,4 @@
-"""What is in the package of each platform: all that Blender needs there, nothing else, always the same."""
+"""Contents of each package: complete, minimal and reproducible."""
 
 import ast
 import os

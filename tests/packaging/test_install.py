@@ -1,4 +1,4 @@
-"""A person has Blender and the package, and no network: it comes, bakes, is upgraded, and goes."""
+"""Installation without a network: install, bake, upgrade, remove."""
 
 from fnmatch import fnmatch
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Patches of a surface are together as large as it is, however its charts lie on the texels."""
+"""Patch areas of a surface sum to its area, for any position of its charts on the texels."""
 
 from dataclasses import replace
 

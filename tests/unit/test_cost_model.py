@@ -1,4 +1,4 @@
-"""The cost model finds the constants that bakes were made of, and foretells one that it was not shown."""
+"""The cost model recovers known constants and predicts a bake that it was not fitted to."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Triangles without an area: what counts as one does not depend on units or on where a mesh is."""
+"""Triangles without area: the decision does not depend on units or position."""
 
 import numpy as np
 import pytest

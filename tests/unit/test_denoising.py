@@ -1,4 +1,4 @@
-"""Denoised lightmaps: what the filter gets to see, and what of its work is kept."""
+"""Denoised lightmaps: input of the filter, and the accepted part of its change."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What counts as another geometry, what as other surfaces, and what as neither."""
+"""Changes that count as new geometry, as new surfaces, or as neither."""
 
 import gc
 from dataclasses import replace

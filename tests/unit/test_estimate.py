@@ -1,4 +1,4 @@
-"""What a bake will take, told before it starts."""
+"""Estimate of texels, memory and time before a bake."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a bake has freed stays with the worker until it is idle."""
+"""Memory freed by a bake stays with the worker until it is idle."""
 
 import subprocess
 import sys

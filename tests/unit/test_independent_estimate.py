@@ -1,4 +1,4 @@
-"""How much of a filter's changes is taken: what light with a noise of its own bears out."""
+"""Accepted fraction of a filter's change, from light with independent noise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is seen of patches that are hidden."""
+"""Light that rays meet at invalid patches."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""What every kernel keeps to, seen in its text."""
+"""Rules for the source text of all kernels."""
 
 import re
 from pathlib import Path

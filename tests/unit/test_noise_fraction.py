@@ -1,4 +1,4 @@
-"""What of a filter's changes is taken for noise."""
+"""The part of a filter's change that counts as noise."""
 
 import numpy as np
 import pytest

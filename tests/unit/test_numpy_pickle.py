@@ -1,4 +1,4 @@
-"""What travels between processes whose NumPy differs."""
+"""Pickles between processes with different NumPy versions."""
 
 import pickle
 import pickletools

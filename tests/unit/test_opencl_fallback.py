@@ -1,4 +1,4 @@
-"""What cannot be baked without OpenCL is refused before anything begins."""
+"""Scenes that need OpenCL are refused before the bake begins."""
 
 from dataclasses import replace
 from types import SimpleNamespace

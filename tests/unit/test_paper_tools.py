@@ -1,4 +1,4 @@
-"""What the pictures of docs/design/paper.md are made of."""
+"""Tests of the tools that draw the pictures of docs/design/paper.md."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the add-on does can be done on every platform: nothing of one system is on the path of another."""
+"""Portability: no module on the add-on's path needs a single operating system."""
 
 import ast
 import ctypes

@@ -1,4 +1,4 @@
-"""What is remembered of drawing bounds what drawing may do, and never stops a bake."""
+"""Stored drawing rates bound a trial and never stop a bake."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Which patches send out light for hidden ones."""
+"""Substitute patches, which emit light for invalid ones."""
 
 from types import SimpleNamespace
 

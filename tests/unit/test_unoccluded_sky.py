@@ -1,4 +1,4 @@
-"""The table of what the whole sky brings."""
+"""Table of the irradiance of the unoccluded sky."""
 
 import numpy as np
 import pytest

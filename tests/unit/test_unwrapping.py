@@ -1,4 +1,4 @@
-"""Charts and their packing, from arrays to arrays; what xatlas is to say is made up, or its own."""
+"""Charts and packing, from arrays to arrays, with real and simulated results of xatlas."""
 
 import dataclasses
 import time

@@ -1,4 +1,4 @@
-"""The worker process: what goes in and out, and that nothing it does can hurt its parent."""
+"""The worker process: its messages, and its failures, which never harm the parent."""
 
 import math
 import os

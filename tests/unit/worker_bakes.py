@@ -1,4 +1,4 @@
-"""Bakes without a GPU that `test_worker.py` has the worker process run: each misbehaves in its own way."""
+"""Bakes without a GPU for `test_worker.py`, each of which misbehaves in its own way."""
 
 import os
 import sys

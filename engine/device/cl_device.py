@@ -25,6 +25,9 @@ from .staging import Staging
 from .time_slicer import TimeSlicer
 from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
 
+#: Names of Mesa's platforms, in lower case.
+_MESA_PLATFORMS = ("rusticl", "clover")
+
 #: Least size of arrays that travel through page-locked memory, bytes.
 _STAGED = 1 << 17
 
@@ -264,7 +267,10 @@ def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
 
 
 def found_devices() -> list[cl.Device]:
-    """Return every device, the best kind first: GPU, accelerator, then anything else."""
+    """Return every device, the best kind first: GPU, accelerator, then anything else.
+
+    Of one kind those of a vendor's driver precede those of Mesa's.
+    """
     set_driver_options()
     load_opencl()
     start_drivers()
@@ -277,9 +283,10 @@ def found_devices() -> list[cl.Device]:
     return sorted(devices, key=_rank)
 
 
-def _rank(device: cl.Device) -> int:
+def _rank(device: cl.Device) -> tuple[int, bool]:
     kinds = (cl.device_type.GPU, cl.device_type.ACCELERATOR)
-    return next((rank for rank, kind in enumerate(kinds) if device.type & kind), len(kinds))
+    kind = next((rank for rank, kind in enumerate(kinds) if device.type & kind), len(kinds))
+    return kind, device.platform.name.strip().lower() in _MESA_PLATFORMS
 
 
 def _reason(error: cl.Error) -> str:

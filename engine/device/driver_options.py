@@ -1,15 +1,62 @@
-"""Options that drivers of OpenCL read from the environment once they are loaded."""
+"""Environment variables of OpenCL drivers and of the loader, set before OpenCL is loaded."""
 
 from __future__ import annotations
 
 import os
+import platform
+import sys
+from collections.abc import MutableMapping
+from pathlib import Path
 
 #: Intel's driver for processors joins work items to vectors: with that, kernels return NaN on an AMD EPYC
-#: (2026.2), or shadows that are not there; without it, what PoCL's do, and they are built in less time.
+#: (2026.2), or shadows that are not there; without it they return what PoCL's do, and build faster.
 _OPTIONS = {"CL_CONFIG_CPU_VECTORIZER_MODE": "1"}
 
+#: Mesa's driver by the name of the kernel's driver of a GPU. rusticl offers no device of a driver that
+#: RUSTICL_ENABLE does not list.
+_MESA_DRIVERS = {
+    "amdgpu": "radeonsi", "radeon": "radeonsi", "i915": "iris", "xe": "iris", "nouveau": "nouveau",
+    "asahi": "asahi", "msm": "freedreno", "panfrost": "panfrost", "panthor": "panfrost", "v3d": "v3d",
+}  # fmt: skip
 
-def set_driver_options() -> None:
-    """Set what the user has not set."""
+#: Mesa's driver for CPUs, on machines without a GPU that Mesa serves.
+_SOFTWARE = "llvmpipe"
+
+#: Folder of ICD files, which name OpenCL drivers, where the loader looks.
+_VENDORS = "etc/OpenCL/vendors"
+
+
+def set_driver_options(environment: MutableMapping[str, str] = os.environ, root: Path = Path("/")) -> None:
+    """Set the variables that the user has not set.
+
+    root  of the file system
+    """
     for name, value in _OPTIONS.items():
-        os.environ.setdefault(name, value)
+        environment.setdefault(name, value)
+    if sys.platform != "linux":
+        return
+    environment.setdefault("RUSTICL_ENABLE", ",".join(mesa_drivers(root)))
+    folder = vendor_folder(root)
+    if folder is not None and "OPENCL_VENDOR_PATH" not in environment:
+        environment.setdefault("OCL_ICD_VENDORS", str(folder))
+
+
+def mesa_drivers(root: Path = Path("/")) -> list[str]:
+    """Return the names of Mesa's drivers for the GPUs of this machine, for its CPU if there is none."""
+    links = sorted((root / "sys/class/drm").glob("card*/device/driver"))
+    kernel = [os.path.basename(os.path.realpath(link)) for link in links]
+    found = dict.fromkeys(_MESA_DRIVERS[name] for name in kernel if name in _MESA_DRIVERS)
+    return list(found) or [_SOFTWARE]
+
+
+def vendor_folder(root: Path = Path("/")) -> Path | None:
+    """Return the folder of ICD files in Flatpak's GL extensions if the usual folder has none, else None.
+
+    Flatpak merges them into GL/OpenCL/vendors; extensions of a vendor precede Mesa's, which is "default".
+    """
+    if any((root / _VENDORS).glob("*.icd")):
+        return None
+    base = root / f"usr/lib/{platform.machine()}-linux-gnu/GL"
+    extensions = sorted(base.glob("*/OpenCL/vendors"), key=lambda path: "default" in path.parts)
+    folders = [base / "OpenCL/vendors", *extensions]
+    return next((folder for folder in folders if any(folder.glob("*.icd"))), None)

@@ -20,11 +20,12 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop all that bakes, then unregister the command, the operators and the properties."""
+    """End all bakes, restore materials, and unregister the command, the operators and the properties."""
     import bpy
 
     from . import command_line, file_handlers, preview_switch, properties, translations, warm_up
     from .devices import finder
+    from .preview import restore_materials
     from .worker_manager import owner
 
     warm_up.unbind()
@@ -32,6 +33,7 @@ def unregister() -> None:
     owner.stop()
     command_line.unregister()
     preview_switch.unbind()
+    restore_materials()
     file_handlers.unbind()
     translations.unbind()
     properties.unbind()

@@ -48,7 +48,7 @@ class _BakeInWindow(WindowBake):
 
 
 class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
-    """Bake the light that the visible objects receive into their lightmaps"""
+    """Bake the light of the visible objects into their lightmaps. Undo does not restore earlier pixels"""
 
     bl_idname = "hemibake.bake"
     bl_label = "Bake Lightmaps"

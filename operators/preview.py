@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .result.moved_charts import warn_changed_uvs
-from .result.preview import hide_preview, previewed, show_preview
+from .result.preview import has_preview, hide_preview, previewed, show_preview
 from .scene import SceneContext
 from .viewports import show_materials, show_solid_again
 
@@ -33,6 +33,14 @@ class HEMIBAKE_OT_preview(bpy.types.Operator):
         show_materials(context)
         self.report({"INFO"}, f"{count} objects show their lightmaps")
         return {"FINISHED"}
+
+
+def restore_materials() -> None:
+    """Give all objects of the file their original materials, before the add-on that could do so is gone."""
+    shown = [obj for obj in bpy.data.objects if has_preview(obj)]
+    if shown:
+        hide_preview(shown)
+        show_solid_again()
 
 
 CLASSES = (HEMIBAKE_OT_preview,)

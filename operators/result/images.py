@@ -24,6 +24,9 @@ from .manifest import NAME, write_manifest
 #: Custom property that marks an image as ours; its value is the atlas name.
 MARK = "hemibake_atlas"
 
+#: Custom property of an image: True if a bake packed it, since the .blend had no folder yet or files failed.
+_PACKED = "hemibake_packed"
+
 #: The colour space of images that hold no colours, where the working space is not Rec.709.
 _DATA = "Non-Color"
 
@@ -83,8 +86,9 @@ def store(
     lightmaps  (images, h, w, 3) float32, scene-linear, bottom row first
     facts      what the manifest tells of each
 
-    Without a folder the images are packed into the .blend and there are no files. If the files cannot
-    be written those that were there stay, the images are packed, and an EngineError says so.
+    An image that the user has packed stays packed. Without a folder the images are packed into the .blend and
+    there are no files. If the files cannot be written, old files stay, the images are packed, and an
+    EngineError says so.
     """
     if destination.folder is None:
         _pack_all(images, lightmaps, destination)
@@ -146,6 +150,8 @@ def _write_all(files: Sequence[LightmapFile], destination: Destination) -> None:
 
 def _use_file(image: bpy.types.Image, path: str) -> None:
     """Let an image show a file, with a path relative to the .blend where there is one."""
+    is_packed = _is_packed_by_user(image)
+    image.pop(_PACKED, None)
     _forget(image)
     image.source = "FILE"
     image.filepath_raw = path
@@ -153,6 +159,13 @@ def _use_file(image: bpy.types.Image, path: str) -> None:
     _set_space(image)
     if bpy.data.filepath:
         image.filepath_raw = _relative(path)
+    if is_packed:
+        image.pack()
+
+
+def _is_packed_by_user(image: bpy.types.Image) -> bool:
+    """Return True if the user, not a bake, has packed an image into the .blend."""
+    return image.packed_file is not None and not image.get(_PACKED, False)
 
 
 def _forget(image: bpy.types.Image) -> None:
@@ -173,6 +186,7 @@ def _relative(path: str) -> str:
 def _pack_all(images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination) -> None:
     """Pack what the images show, under the paths they would have."""
     for image, pixels, name in zip(images, lightmaps, destination.names, strict=True):
+        image[_PACKED] = not _is_packed_by_user(image)
         image.filepath_raw = f"{destination.packed_as.rstrip('/')}/{name}"
         if is_rec709():
             image.pack()

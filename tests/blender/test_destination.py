@@ -248,6 +248,30 @@ def test_cancelled_bake_leaves_no_folder(tmp_path):
     assert not (tmp_path / "some").exists()
 
 
+def test_an_image_that_the_user_packed_stays_packed(tmp_path):
+    """Its file is written as well; one that a bake packed shows its file once there is a folder."""
+    import bpy
+
+    furnace()
+    bake()
+    image = bpy.data.images["Lightmap"]
+    assert image.packed_file is not None
+    bpy.context.scene.hemibake.directory = str(tmp_path)
+    bake()
+    assert image.packed_file is None and image.source == "FILE"
+    image.pack()
+    packed = bytes(image.packed_file.data)
+    bpy.data.materials["Glow"].node_tree.nodes["Principled BSDF"].inputs[
+        "Emission Strength"
+    ].default_value = 3
+    for _ in range(2):
+        bake()
+        assert image.packed_file is not None and not image.is_dirty
+        assert bytes(image.packed_file.data) != packed
+        assert brightest(image) == pytest.approx(6, rel=0.01)
+    assert report()["files"] == [str(tmp_path / "Lightmap.exr")]
+
+
 def test_lightmap_that_cannot_be_written_is_packed_and_told(tmp_path):
     import bpy
 

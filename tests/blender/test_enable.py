@@ -38,6 +38,23 @@ def test_disabled_it_leaves_nothing_and_can_be_enabled_again():
     assert registered() == before
 
 
+def test_disabled_with_the_preview_on_it_restores_materials():
+    """In all scenes, since nothing could restore them afterwards."""
+    import bpy
+
+    obj = furnace()
+    bpy.context.scene.hemibake.resolution = 16
+    bpy.ops.hemibake.bake()
+    before = [slot.material.name for slot in obj.material_slots]
+    bpy.ops.hemibake.preview()
+    assert [slot.material.name for slot in obj.material_slots] != before
+    disable()
+    try:
+        assert [slot.material.name for slot in bpy.data.objects[obj.name].material_slots] == before
+    finally:
+        enable()
+
+
 def test_blender_finds_no_violation_of_its_extension_policy():
     import addon_utils
 

@@ -1,1 +1,1 @@
-"""Light at sample points of texels and of light groups, and the last steps of a lightmap."""
+"""Final gather at texel samples, light groups, and the last steps of a lightmap."""

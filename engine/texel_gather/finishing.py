@@ -1,4 +1,4 @@
-"""The last steps of a bake: what patches and display samples receive becomes the images to keep (VI.B)."""
+"""Last steps of a bake: from values of patches and texel samples to the final images (VI.B)."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from .texel_sample_points import TexelGatherJob
 
 
 class Finishing:
-    """Makes images without noise and seams, and with dilated charts.
+    """Final images from outputs: texel refinement, denoising, seam fit and fill.
 
-    store     images of the patch values
-    texels    what light in texels was gathered for
-    solution  all light
-    made      of each output the values of the patches, (n, 3) or (n,) float32, by name
-    lit       the light of the display samples
-    refined   texel values from patches and texel samples
+    store:     images of the patch values
+    texels:    input of the gather at texel samples
+    solution:  solution of all light
+    made:      (n, 3) or (n,) float32, values of each output at the patches, by name
+    lit:       light at texel samples
+    refined:   texel values from patches and texel samples
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Finishing:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences for the user."""
+        """Messages for the user."""
         return *self._lit.warnings, *self._denoising.warnings
 
     @property
@@ -63,7 +63,7 @@ class Finishing:
     def images(
         self, stages: BakeStages, seams: Future[Seams] | None
     ) -> Generator[Progress, None, dict[str, np.ndarray]]:
-        """Return the images to keep, (atlases, r, r, 3) float32, by name; seams: to hide, None for none."""
+        """Return the final images, (atlases, r, r, 3) float32, by name; seams: None to keep them."""
         quiet: dict[str, np.ndarray] = {}
         if self._job.settings.denoise:
             quiet = yield from stages.run(stages.denoising, self._without_noise())
@@ -84,22 +84,22 @@ class Finishing:
         return images
 
     def _without_noise(self) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Return what texels show without noise, (atlases, r, r, 3) float32, by name; yield the part done.
+        """Return denoised texel values, (atlases, r, r, 3) float32, by name; yield the fraction done.
 
-        These are maps of light, and of where it comes from; there are none if the noise stays.
+        Covers light outputs and directional maps; empty if denoising fails.
         """
         texels, lit = self.refined, self._lit
         shown = {name: texels.values(values, lit.values.get(name)) for name, values in self._made.items()}
         normals = texels.values(self._job.parts.geometry.normal, lit.normals)
 
-        # A second look by few rays tells noise from detail.
+        # The independent gather separates noise from detail.
         values, part = yield from run_as_fraction(
             0.0, 0.4, gather_independent_estimate(self._texels, self._solution)
         )
         seen = {name: self._store.image(light) for name, light in values.items()}
         again = IndependentEstimate(seen, texels.centres, part) if seen else None
 
-        # Directional maps are filtered as light, too.
+        # Directional maps are encoded as light for the denoiser.
         names = [name for name in shown if is_light(name)]
         light = {name: shown[name] for name in names} | encode_signed_maps(shown)
         filtered = yield from run_as_fraction(0.4, 1.0, self._denoising.run(light, again))
@@ -109,7 +109,7 @@ class Finishing:
         return quiet | restored_maps(shown, filtered, normals)
 
     def _in_sight(self, seams: Seams) -> Seams:
-        """Return seams without those that something stands on which parts the light of both sides."""
+        """Return the seams that no geometry blocks."""
         if not self._job.rays.possible:
             return seams
         job, texels = self._job, self.refined
@@ -129,7 +129,7 @@ class Finishing:
         return refined.with_walls(lit.beside_walls(compute, shown, refined.known))
 
     def _light_of_texels(self) -> tuple[Values, np.ndarray | None]:
-        """Return all light of the patches, (n, 1), and of samples, (s,) or None, sum of the channels."""
+        """Return E/pi, sum of the channels, of the patches, (n, 1), and the samples, (s,) or None."""
         if not len(self._lit.samples):
             return channel_sums(self._solution.light), None
         return self._lit.centres, self._lit.light

@@ -1,4 +1,4 @@
-"""A second look of all patches by a few rays, from light that has settled; for filters of noise."""
+"""Independent low-sample gather of all patches, used to weight the denoiser."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from ..visibility.sample_counts import ray_count
 from .texel_sample_points import TexelGatherJob
 from .valid_patches import radiance_of
 
-#: Rays of a patch, and those to each light.
+#: Rays of each patch, and shadow rays to each light.
 _RAYS, _LIGHT_RAYS = 32, 16
 
-#: What makes the seed of the second look another one.
+#: Bits that change the seed, so that the noise is uncorrelated with the bake's.
 _OTHER = 0x9E3779B9
 
 
 def gather_independent_estimate(
     what: TexelGatherJob, solution: Solution
 ) -> Generator[float, None, tuple[dict[str, Values], float]]:
-    """Return each output that is light anew, (n, 3) float32 by name, and what part of all rays it took.
+    """Return independent light outputs, (n, 3) float32 by name, and their fraction of all rays.
 
-    Yields the fraction done. There are none without OpenCL, by the paper's method, and where other processes
-    gather.
+    Yields the fraction done. Returns no outputs without OpenCL, with the paper's method, and where other
+    processes gather.
     """
     job = what.job
     if job.compute is None or job.remote is not None or what.choice.method in ("none", "paper"):
@@ -52,9 +52,10 @@ def gather_independent_estimate(
 
 
 def _few_rays(settings: Settings) -> Settings:
-    """Return settings of a second look.
+    """Return the settings of the independent gather.
 
-    It has another number of rays than the first one: shifted sequences of one length err alike.
+    The number of rays differs from the bake's, since shifted sequences of equal length have correlated
+    errors.
     """
     rays, light_rays = ray_count(settings), settings.light_samples
     return replace(

@@ -1,4 +1,4 @@
-"""Patches that nobody sees, as they look to those who see the rest of their texels."""
+"""Fill of invalid patches with light from valid neighbours, for rays that hit their texels."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from ..scene.color import channel_sum
 from ..solve.exitant_radiance import replace_radiance
 from .texel_sample_points import TexelGatherJob
 
-#: Texels between a hidden patch and the visible ones that it may have light from, at most.
+#: Maximum distance in texels between an invalid patch and the valid ones that it takes light from.
 _REACH = 2
 
-#: Light below this part of the brightest near hidden patches counts as that much in harmonic means.
+#: Fraction of the brightest light nearby below which light counts as that bright in harmonic means.
 _FAINTEST = 1e-4
 
 
 class InvalidTexelFill:
-    """Gives hidden patches the light of visible patches beside them.
+    """Fill of invalid patches with the light of valid neighbours.
 
-    A ray that meets the visible part of a texel whose centre is hidden has to find the light beside the
-    centre. The harmonic mean of the patches there is taken: where a thin wall has light on one side and none
-    on the other it is dark; a bright one would light the foot of the wall on its dark side.
+    A ray that hits the visible part of a texel whose centre is covered must find the light next to the
+    centre. The fill is the harmonic mean of the neighbours. At a thin wall with light on one side it is dark;
+    a bright value would light the foot of the wall on the dark side.
 
-    what    patches, and those that send light out: the same, or groups of them
-    hidden  (n,) bool, patches of the job that nobody sees
+    what:    patches, and the senders of light: the same patches, or patch groups
+    hidden:  (n,) bool, invalid patches of the job
     """
 
     def __init__(self, what: TexelGatherJob, hidden: np.ndarray) -> None:
         parts, self._hidden, self._solved = what.job.parts, np.flatnonzero(hidden), what.solved
         entries = entries_around(parts.texel_to_patch, parts.patches.key[self._hidden])
 
-        # Most are far from what is seen, and stay black.
+        # Most invalid patches are far from valid ones and stay black.
         self._reached = _within_reach(hidden, self._hidden, entries)
         reached, beside = self._hidden[self._reached], take_rows(entries, self._reached)
 
-        # The others and the patches around them are numbered from 1 on, in the order of all patches.
+        # Number the remaining invalid patches and their neighbours from 1, in patch order.
         near = np.zeros(len(hidden) + 1, bool)
         near[beside] = near[reached + 1] = True
         near[0] = False
@@ -51,7 +51,7 @@ class InvalidTexelFill:
         self._mine, self._beside = number[reached + 1] - 1, number[beside]
         self._visible = ~hidden[chosen - 1]
 
-        # The patch or the group that sends out the light of each.
+        # Sender of each numbered patch: the patch itself or its group.
         self._sender, self._groups = chosen - 1, None
         if len(self._hidden) and what.solved is not what.job:
             group = what.solved.parts.texel_to_patch.ravel().take(parts.patches.key)
@@ -59,9 +59,9 @@ class InvalidTexelFill:
             self._groups = _HiddenGroups(group, self._hidden)
 
     def seen(self, light: np.ndarray) -> np.ndarray:
-        """Return E/pi, (m, 3 g) float32, of the patches that send light out, of hidden ones from beside them.
+        """Return values of the senders, (m, 3 g) float32, with those of invalid ones filled.
 
-        light: (m, 3 g) float32, E/pi of g groups of lights side by side, weighed by their sum; or reflectance
+        light:  (m, 3 g) float32, E/pi of g light groups side by side, whose sum is the weight; or reflectance
         """
         if not len(self._hidden):
             return light
@@ -71,11 +71,10 @@ class InvalidTexelFill:
         return seen
 
     def replace(self, radiance: cl.Buffer, settled: Values) -> None:
-        """Let hidden patches send out, on the device, what those beside them do.
+        """Replace the exitant radiance of invalid senders on the device by the filled one.
 
-        radiance  as of `exitant_radiance`, of the patches that send light out, in which that of hidden ones
-                  changes
-        settled   (m, 3) float32, their E/pi
+        radiance:  exitant radiance of the senders, see `exitant_radiance`; modified
+        settled:   (m, 3) float32, E/pi of the senders
         """
         if not len(self._hidden):
             return
@@ -86,15 +85,15 @@ class InvalidTexelFill:
         replace_radiance(self._solved.opencl, radiance, changed, sent)
 
     def on_surfaces(self, solved: SolveJob) -> SolveJob:
-        """Return a job whose hidden patches reflect what those beside them do, as in `seen`."""
+        """Return a job whose invalid patches have the filled reflectance, see `seen`."""
         surfaces = solved.parts.surfaces
         seen = replace(surfaces, reflectance=self.seen(colors_on_host(surfaces.reflectance)))
         return replace(solved, parts=replace(solved.parts, surfaces=seen))
 
     def _others(self, light: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return which of the patches that send light out change, (k,) int64, and to what, (k, 3 g) float32.
+        """Return the senders to change, (k,) int64, and their filled values, (k, 3 g) float32.
 
-        light: (m, 3 g) float32, of all of them
+        light:  (m, 3 g) float32, values of all senders
         """
         near = values_at(light, self._sender)
         of_hidden = np.zeros((len(self._hidden), near.shape[1]), np.float32)
@@ -106,9 +105,10 @@ class InvalidTexelFill:
         return self._hidden, of_hidden
 
     def _beside_hidden(self, light: np.ndarray, faintest: float) -> np.ndarray:
-        """Return the light of hidden patches, (h, 3 g) float32, black where no visible patch is near.
+        """Return the filled light of invalid patches, (h, 3 g) float32; black without a valid patch nearby.
 
-        light: (k, 3 g) float32, of those that are numbered; faintest: what counts as that much
+        light:     (k, 3 g) float32, light of the numbered patches
+        faintest:  minimum brightness in harmonic means
         """
         known, left, beside = self._visible.copy(), self._mine, self._beside
         total = channel_sum(light)
@@ -127,11 +127,11 @@ class InvalidTexelFill:
 
 
 def _within_reach(hidden: np.ndarray, patches: np.ndarray, entries: np.ndarray) -> np.ndarray:
-    """Return the rows of hidden patches, (k,) int64, that visible ones are near, see `_REACH`.
+    """Return the rows of invalid patches, (k,) int64, within `_REACH` texels of valid ones.
 
-    hidden   (n,) bool
-    patches  (h,) int64, the hidden ones
-    entries  (h, 9) int64, what is around each, see `entries_around`
+    hidden:   (n,) bool, invalid patches
+    patches:  (h,) int64, their indices
+    entries:  (h, 9) int64, index map entries around each, see `entries_around`
     """
     known = np.concatenate([[False], ~hidden])
     reached = np.zeros(len(patches), bool)
@@ -142,11 +142,11 @@ def _within_reach(hidden: np.ndarray, patches: np.ndarray, entries: np.ndarray) 
 
 
 class _HiddenGroups:
-    """Groups of patches that hidden ones are in.
+    """Patch groups with invalid members.
 
-    group    (n,) uint32, of each patch, + 1
-    hidden   (h,) int64
-    changed  (k,) int64, the groups that have any
+    group:    (n,) uint32, group + 1 of each patch
+    hidden:   (h,) int64, invalid patches
+    changed:  (k,) int64, groups with invalid members
     """
 
     def __init__(self, group: np.ndarray, hidden: np.ndarray) -> None:
@@ -158,12 +158,13 @@ class _HiddenGroups:
         self._group = np.searchsorted(self.changed, of_hidden)
 
     def mean(self, light: Values, of_hidden: np.ndarray) -> np.ndarray:
-        """Return the light of groups that are `changed`, (k, 3 g) float32.
+        """Return the light of the groups `changed`, (k, 3 g) float32.
 
-        It is the mean over the group's visible patches and over its hidden ones near visible patches.
-        Patches without light do not count: hidden ones farther off, which nobody sees, have none.
+        It is the mean over the valid members and the filled invalid members. Members without light do not
+        count: invalid patches far from valid ones have none.
 
-        light: (m, 3 g) float32, of groups; of_hidden: (h, 3 g) float32
+        light:      (m, 3 g) float32, light of all groups
+        of_hidden:  (h, 3 g) float32, filled light of the invalid patches
         """
         before, lit = values_at(light, self.changed), any_in_rows(of_hidden)
         visible = self._visible * any_in_rows(before)
@@ -175,9 +176,10 @@ class _HiddenGroups:
 
 
 def _darkened(total: np.ndarray, counts: np.ndarray, faintest: float) -> np.ndarray:
-    """Return the factors, (h,) float32, that make harmonic means of sums of patches' light.
+    """Return the factors, (h,) float32, that turn sums of patches' light into harmonic means.
 
-    total (h, k) of all channels together; counts (h, k) float32, 1 for those that are added up, else 0
+    total:   (h, k) light of each neighbour, sum of the channels
+    counts:  (h, k) float32, 1 for neighbours in the sum, else 0
     """
     number = channel_sum(counts)
     inverse = np.einsum("hk,hk->h", counts, 1 / np.maximum(total, faintest))

@@ -1,4 +1,4 @@
-"""What receivers that look for themselves gather of each light group, once its light has settled."""
+"""Final gather of each light group at receivers that trace their own rays."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..visibility.sampler import SampleLayout
 
 
 def of_all_light(settings: Settings) -> Settings:
-    """Return settings that ask for nothing but all light: a light group has no other maps."""
+    """Return the settings for the combined output only; a light group has no other maps."""
     return replace(settings, outputs=("combined",))
 
 
@@ -36,12 +36,13 @@ def gather_light_groups(
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups, (g, n, 3) float32, at n receivers; yield the fraction done.
 
-    settled   (m, 3) float32 of each group, E/pi of what is seen
-    sampled   (g, n, 3) float32, E/pi of the light that shadow rays sample
-    stand_in  (m,) int64, see `reflected_light`
+    All groups without emission in the gather share one set of samples. Each other group samples again, since
+    light of back faces is summed while visibility is computed.
 
-    Receivers look once for all groups that leave no emission to hemicubes, once for each of the others: what
-    backs send out is summed as they are found.
+    groups:    job of each light group
+    settled:   (m, 3) float32 for each group, E/pi of the senders
+    sampled:   (g, n, 3) float32, E/pi of light from shadow rays
+    stand_in:  (m,) int64, substitute patches, see `reflected_light`
     """
     light = sampled.copy()
     lit = [number for number, group in enumerate(groups) if group.lit]
@@ -70,7 +71,7 @@ def gather_light_groups(
 def _look(
     groups: Sequence[SolveJob], choice: SolverChoice, receivers: Receivers, settings: Settings
 ) -> LightGroupLook:
-    """Return what looks for receivers, for groups without emission."""
+    """Return the gather for groups without emission, with shared visibility samples."""
     jobs = [receiver_job(group, receivers, settings) for group in groups]
     identity = make_sampler(jobs[0], choice.visibility)
     sampling, first = SampleLayout.of(identity), jobs[0]

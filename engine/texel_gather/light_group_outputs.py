@@ -1,4 +1,4 @@
-"""The light of every light group: in all patches, and at the display samples of all light."""
+"""Light group maps at patches and at texel samples."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .light_group_solver import GroupEmission, solve_light_groups
 from .texel_sample_gather import TexelSampleLight, light_groups_in_texels
 from .texel_sample_points import TexelGatherJob
 
-#: What one map holds: by its name, E/pi of the patches, or of the samples, (n, 3) float32.
+#: Maps by name: E/pi of patches or samples, (n, 3) float32.
 Maps = dict[str, np.ndarray]
 
 
 def light_by_groups(
     what: TexelGatherJob, solution: Solution, lit: TexelSampleLight
 ) -> Generator[float, None, tuple[Maps, Maps]]:
-    """Return the light of light groups by the names of their maps, of patches and of samples.
+    """Return the light group maps of patches and of texel samples; the latter are empty without samples.
 
-    Yields the fraction done. There are no samples' maps without samples.
+    Yields the fraction done.
     """
     if not what.job.settings.by_light_groups:
         return {}, {}

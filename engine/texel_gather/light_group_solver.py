@@ -1,4 +1,4 @@
-"""The light of each light group, solved over what patches were found to see of all light together."""
+"""Solution of each light group with the visibility samples of the solution of all light."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from ..solve.solution import Solution
 from ..solve.solver import Solver
 from .light_group_final_gather import gather_light_groups, of_all_light
 
-#: Light below this is not made brighter: float32 would not hold the factor.
+#: Minimum light that is scaled up; below it the factor exceeds float32.
 _DARKEST = 1e-30
 
 
 @dataclass(frozen=True)
 class GroupEmission:
-    """What one light group sends out; see `SolveJob`.
+    """Emission of one light group; see `SolveJob`.
 
-    emission       (n, 3) float32
-    sky            (h, w, 3) float32
-    sampled_light  (n, 3) float32
-    backs          (n, 3) float32, or None
+    emission:       (n, 3) float32, radiance of front faces
+    sky:            (h, w, 3) float32, radiance of the unsampled sky
+    sampled_light:  (n, 3) float32, E/pi from shadow rays
+    backs:          (n, 3) float32, radiance of back faces; None if equal to the front
     """
 
     emission: np.ndarray
@@ -49,11 +49,11 @@ class GroupEmission:
 
 @dataclass(frozen=True)
 class LightGroupSolution:
-    """The light of one light group.
+    """Solution of one light group.
 
-    irradiance  (n, 3) float32, E/pi of all patches
-    settled     (m, 3) float32, E/pi of what the patches see: of themselves, or of groups of them
-    solved      what it was solved for
+    irradiance:  (n, 3) float32, E/pi of all patches
+    settled:     (m, 3) float32, E/pi of the senders: the patches, or patch groups
+    solved:      job that was solved
     """
 
     irradiance: np.ndarray
@@ -64,11 +64,13 @@ class LightGroupSolution:
 def solve_light_groups(
     job: SolveJob, solved: SolveJob, choice: SolverChoice, solution: Solution, groups: Sequence[GroupEmission]
 ) -> Generator[float, None, list[LightGroupSolution]]:
-    """Return the light of each light group; yield the fraction done.
+    """Solve for each light group; yield the fraction done.
 
-    job       the patches of all texels, and all light
-    solved    what was solved for: the job, or groups of its patches
-    solution  of all light
+    job:       patches of all texels, with all light
+    solved:    job that was solved for all light: `job`, or its patch groups
+    choice:    choice of the gather for all light
+    solution:  solution of all light
+    groups:    emission of each light group
     """
     job, solved = (replace(one, settings=of_all_light(one.settings)) for one in (job, solved))
     parts = [_part_of(job, solved, solution, sources) for sources in groups]
@@ -83,7 +85,7 @@ def solve_light_groups(
 
 
 def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: GroupEmission) -> SolveJob:
-    """Return what is to be solved of a light group."""
+    """Return the job of one light group."""
     if not isinstance(solution, GroupedSolution):
         return replace(job, **vars(sources), part_of=job, indirect=None, direct=None, front=None)
     mean = solution.groups.mean
@@ -108,10 +110,10 @@ def _of_patches(
     gathered: Sequence[np.ndarray],
     sampled: np.ndarray,
 ) -> Generator[float, None, np.ndarray]:
-    """Return E/pi of light groups in all patches, (g, n, 3) float32; yield the fraction done.
+    """Return E/pi of light groups at all patches, (g, n, 3) float32; yield the fraction done.
 
-    gathered  (m, 4) float32 of each light group, by groups of patches
-    sampled   (g, n, 3) float32, E/pi of the light that shadow rays sample
+    gathered:  (m, 4) float32 for each light group, at patch groups
+    sampled:   (g, n, 3) float32, E/pi from shadow rays
     """
     settled = [light[:, :3] for light in gathered]
 
@@ -136,9 +138,9 @@ def _of_patches(
 def _gathered(
     solved: SolveJob, choice: SolverChoice, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return what every part gathers once its light has settled, (m, 4) float32; yield the fraction done.
+    """Return the converged gathered light of each part, (m, 4) float32; yield the fraction done.
 
-    stand_in: (m,) int64, see `reflected_light`
+    stand_in:  (m,) int64, substitute patches, see `reflected_light`
     """
     gathered = [np.zeros((solved.count, 4), np.float32) for _ in parts]
     lit = [number for number, part in enumerate(parts) if part.lit]
@@ -158,7 +160,7 @@ def _gathered(
 
 
 def _common_samples(solved: SolveJob) -> VisibilityCache | None:
-    """Return what was kept of what patches see, if it holds for every part: no back that is seen shines."""
+    """Return the visibility cache if it is valid for each part: no visible back face emits light."""
     kept = solved.kept.samples
     return None if kept is None or not kept.complete or kept.has_light_of_backs else kept
 
@@ -166,7 +168,7 @@ def _common_samples(solved: SolveJob) -> VisibilityCache | None:
 def _solved_alone(
     part: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return what a part gathers, found anew what patches see; yield the fraction done."""
+    """Return the gathered light of one part with its own visibility samples; yield the fraction done."""
     solver = solver_like(replace(part, kept=SessionCache()), choice, stand_in)
     yield from _settle(solver)
     return [solver.gathered]
@@ -175,9 +177,9 @@ def _solved_alone(
 def _solved_together(
     kept: VisibilityCache, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return what several parts gather, over rows that were kept; yield the fraction done.
+    """Return the gathered light of several parts over shared visibility samples; yield the fraction done.
 
-    All are brought to about the same brightness, so that the tolerance means the same to each.
+    All parts are scaled to similar brightness, so that the tolerance has the same meaning for each.
     """
     job, scales = parts[0], [_scale(part) for part in parts]
     bright = [
@@ -213,33 +215,33 @@ def _solved_together(
 
 
 class _Radiosity(DeviceRadiosity):
-    """Light groups have no ambient light in common: what is mixed of one adds nothing to another."""
+    """Radiosity state of light groups, without the common ambient term that acceleration would mix in."""
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after a sweep but for what is reflected."""
+        """Return the sums after an iteration with the reflected part set to 0."""
         sums = super().sums(newest, least)
         return replace(sums, reflected=np.zeros_like(sums.reflected))
 
 
 def _settle(solver: Solver) -> Generator[float, None, None]:
-    """Sweep until light has settled; yield the fraction done, as far as it is known."""
+    """Iterate until convergence; yield the estimated fraction done."""
     while not solver.done:
         for _ in solver.iteration():
             yield solver.iterations / (solver.iterations + 1)
 
 
 def _scale(part: SolveJob) -> np.float32:
-    """Return what brings the light of a part to about 1."""
+    """Return the factor that scales the mean light of a part to 1."""
     sources = part.emission, part.sky, part.sampled_light
     return np.float32(1 / max(sum(float(values.mean(dtype=np.float64)) for values in sources), _DARKEST))
 
 
 def _side_by_side(stand_in: np.ndarray, groups: int) -> np.ndarray:
-    """Return which light stands in for each, (m g,) int64, where that of a patch's groups is in a row."""
+    """Return the substitutes for interleaved groups, (m g,) int64: the groups of a patch are adjacent."""
     numbers: np.ndarray = groups * stand_in[:, None] + np.arange(groups)
     return numbers.ravel()
 
 
 def _beside(values: Iterable[np.ndarray]) -> np.ndarray:
-    """Return values of groups, (m, 3) each, as (m g, 3): those of a patch side by side."""
+    """Interleave values of groups, (m, 3) each, to (m g, 3): the groups of a patch are adjacent."""
     return np.stack(list(values), axis=1).reshape(-1, 3)

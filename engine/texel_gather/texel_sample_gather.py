@@ -1,4 +1,4 @@
-"""Light at display samples: gathered once more where a texel shows more than its centre."""
+"""Final gather at texel samples, where a texel is not uniform."""
 
 from __future__ import annotations
 
@@ -45,27 +45,28 @@ from .light_group_solver import LightGroupSolution
 from .texel_sample_points import TexelGatherJob, TexelSamplePoints, with_other_sides
 from .valid_patches import invalid_patches, lit_backs_of, radiance_of
 
-#: Least rays of a sample, and to each light.
+#: Minimum rays of a sample, and minimum shadow rays to each light.
 _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
 
-#: Points that gather together: what they take of the device's memory, about 0.5 KiB each, is bounded.
+#: Maximum number of points that gather at once; each takes about 0.5 KiB of device memory.
 _BATCH = 1 << 19
 
 
 @dataclass(frozen=True)
 class TexelSampleLight:
-    """What display samples receive.
+    """Light at texel samples.
 
-    visible  (s,) bool, samples that somebody sees
-    normals  (s, 3) float32, unit, world space; (0, 3) unless the settings have them denoised
-    light    (s,) float32, E/pi of all light, sum of the channels
-    centres  (n, 1) float32, the same of patches
-    inside   (k,) int64, samples in walls that texels cannot part
-    values   (s, 3) or (s,) float32 of every output, by name; of none without samples
-    hidden   (n,) bool, patches that nobody sees
-    count    samples of a texel
-    reasons   sentences for the report
-    warnings  sentences for the user
+    samples:   texel samples after push-off
+    visible:   (s,) bool, valid samples
+    normals:   (s, 3) float32, unit, world space; (0, 3) if nothing is denoised
+    light:     (s,) float32, E/pi of all light, sum of the channels
+    centres:   (n, 1) float32, the same for the patches
+    inside:    (k,) int64, samples inside walls thinner than two texels
+    values:    (s, 3) or (s,) float32, value of each output, by name; empty without samples
+    hidden:    (n,) bool, invalid patches
+    count:     samples of each texel
+    reasons:   sentences for the report
+    warnings:  messages for the user
     """
 
     samples: TexelSamples
@@ -81,13 +82,13 @@ class TexelSampleLight:
     warnings: tuple[str, ...] = ()
 
     def means(self, compute: ComputeDevice, shape: tuple[int, ...]) -> TexelMeans:
-        """Return what texels of lightmaps, (atlases, r, r), show of the samples; there is one at least."""
+        """Return the texel means of the samples on lightmaps, (atlases, r, r); there must be a sample."""
         return TexelMeans(compute, self.samples, self.visible, shape)
 
     def beside_walls(
         self, compute: ComputeDevice, shown: DeviceTexels, known: np.ndarray
     ) -> ThinWallFit | None:
-        """Return what texels beside thin walls show; None where there are none. See `ThinWallFit`."""
+        """Return the fit of texels at thin walls; None without thin walls. See `ThinWallFit`."""
         if not len(self.inside):
             return None
         return ThinWallFit(compute, self.samples, self.visible, self.light, self.inside, shown, known)
@@ -96,9 +97,13 @@ class TexelSampleLight:
 def gather_texel_samples(
     what: TexelGatherJob, atlases: int, near: Contacts, solution: Solution, front: np.ndarray
 ) -> Generator[float, None, TexelSampleLight]:
-    """Return the light at the display samples of a solution; yield the fraction done.
+    """Gather light at the texel samples of a solution; yield the fraction done.
 
-    atlases: lightmaps of the user's; near: of the patches; front: from `valid_front`
+    what:      patches and direct light
+    atlases:   number of the user's lightmaps
+    near:      contacts of the patches
+    solution:  solution of all light
+    front:     (n,) float32, validity from `valid_front`
     """
     if what.job.settings.texel_samples == 1 or what.choice.method == "none":
         return _nothing()
@@ -113,7 +118,7 @@ def gather_texel_samples(
     settings = _settings_of_samples(what.job.settings, count)
     radiance, remote = radiance_of(what.solved, solution.settled), what.job.remote
     if what.job.parts.sides is not None:
-        # Other processes do not hold what both sides of a surface weigh.
+        # Other processes do not store the weights of both sides of a surface.
         what, remote = replace(what, solved=replace(what.solved, remote=None)), None
     InvalidTexelFill(what, known.hidden).replace(radiance, solution.settled)
     if remote is not None:
@@ -129,7 +134,7 @@ def gather_texel_samples(
 def light_groups_in_texels(
     what: TexelGatherJob, lit: TexelSampleLight, groups: list[LightGroupSolution]
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return E/pi of light groups at the samples of all light, (s, 3) float32 each.
+    """Return E/pi of light groups at the texel samples, (s, 3) float32 each.
 
     Yields the fraction done.
     """
@@ -152,9 +157,9 @@ def light_groups_in_texels(
 def _gather_groups(
     what: TexelGatherJob, solved: list[SolveJob], seen: np.ndarray, points: TexelSamplePoints
 ) -> Generator[float, None, np.ndarray]:
-    """Return E/pi of light groups at points of texels, (g, s, 3) float32, from that of patches, (m, g, 3).
+    """Return E/pi of light groups at texel samples, (g, s, 3) float32, from senders, (m, g, 3).
 
-    solved: of each group, with surfaces as they are seen
+    solved:  job of each group, with the filled reflectance of invalid patches
     """
     lighting = what.lighting.of(points.rays, points.settings)
     sampled = yield from run_as_fraction(0.0, 0.3, lighting.gather_by_group())
@@ -165,7 +170,7 @@ def _gather_groups(
 
 
 def _batches(samples: TexelSamples) -> Iterator[tuple[TexelSamples, tuple[float, float]]]:
-    """Yield samples that gather together, and which fraction of all is before them and after them."""
+    """Yield batches of samples with the fractions of the work before and after each."""
     if len(samples) <= _BATCH:
         yield samples, (0.0, 1.0)
         return
@@ -175,14 +180,14 @@ def _batches(samples: TexelSamples) -> Iterator[tuple[TexelSamples, tuple[float,
 
 
 def _why_centres_only(job: SolveJob, choice: SolverChoice) -> str:
-    """Return why every texel shows the light at its centre alone, empty if some show it at more points."""
+    """Return the reason not to supersample; empty if supersampling is possible."""
     if choice.method == "paper":
         return "Every texel shows the light at its centre, as the paper's method has it."
     return "" if job.compute else "Every texel shows the light at its centre: there is no OpenCL."
 
 
 def _nothing(*reasons: str) -> TexelSampleLight:
-    """Return the light of no samples, and why there are none."""
+    """Return an empty result with the reasons for it."""
     nothing, none = np.zeros(0, np.float32), np.zeros(0, bool)
     return TexelSampleLight(
         samples=no_samples(),
@@ -201,9 +206,9 @@ def _nothing(*reasons: str) -> TexelSampleLight:
 def gather_at(
     what: TexelGatherJob, radiance: cl.Buffer, samples: TexelSamples, settings: Settings
 ) -> Generator[float, None, GatheredSamples]:
-    """Return the light at points of texels; yield the fraction done.
+    """Gather light at texel samples; yield the fraction done.
 
-    radiance: on the device, float4 of each patch that sends light out, between two black entries
+    radiance:  exitant radiance of the senders on the device, float4, between two black entries
     """
     count = len(samples)
     samples, sides = with_other_sides(samples, what.job.parts)
@@ -211,7 +216,7 @@ def gather_at(
     ways = points.push_out(what.lighting.lit_by_backs(points.rays), lit_backs_of(what, radiance))
     yield 0.1
 
-    # Direct light, then all other light from what the patches send out.
+    # Direct light, then all other light from the radiance of the patches.
     lighting = what.lighting.of(points.rays, settings)
     sampled = yield from run_as_fraction(0.1, 0.3, lighting.gather())
     receivers = Receivers(points.parts, points.rays, sampled)
@@ -230,7 +235,7 @@ def gather_at(
 def _joined(
     what: TexelGatherJob, lit: list[GatheredSamples], known: PatchLight, count: int
 ) -> TexelSampleLight:
-    """Return the light of all batches, and what the report says of it."""
+    """Return the light of all batches, with the sentence for the report and warnings."""
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
     visible, normals, irradiance = (
@@ -262,7 +267,7 @@ def _joined(
 
 
 def _settings_of_samples(settings: Settings, count: int) -> Settings:
-    """Return settings of each of `count` samples of a texel, which together have the rays of a patch."""
+    """Return the settings for each of `count` samples of a texel, which share the rays of a patch."""
     hemicube = settings.hemicube >> (int(math.log2(count)) // 2)
     return replace(
         settings,

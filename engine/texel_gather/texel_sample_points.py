@@ -1,4 +1,4 @@
-"""Display samples as patches that gather: what light in texels is gathered for, and at which points."""
+"""Texel samples as receivers of a final gather."""
 
 from __future__ import annotations
 
@@ -21,16 +21,19 @@ from ..postprocess.texel_samples import TexelSamples, joined_samples, on_lightma
 from ..scene.model import Scene
 from ..settings import Settings
 
-#: What a point that was pushed out of something weighs: it counts where no other point of its texel is seen.
+#: Weight of a sample after push-off; it matters only if its texel has no other valid sample.
 _PUSHED = 1e-3
 
 
 @dataclass(frozen=True)
 class TexelGatherJob:
-    """What light in texels is gathered for.
+    """Input of the gather at texel samples.
 
-    job      the patches of all texels
-    solved   the patches that send light out: those of the job, or groups of them
+    scene:     scene of the bake
+    job:       patches of all texels
+    solved:    senders of light: the patches of the job, or patch groups
+    choice:    choice of the gather
+    lighting:  direct light of the patches
     """
 
     scene: Scene
@@ -41,16 +44,19 @@ class TexelGatherJob:
     _steps: dict[float, TexelSteps] = field(default_factory=dict)
 
     def steps(self, side: float) -> TexelSteps:
-        """Return what a sample is of each triangle in the world; a texel has `side` of them along u and v."""
+        """Return the world-space steps of a sample on each triangle; `side` samples along u and v."""
         if side not in self._steps:
             self._steps[side] = self.job.parts.geometry.steps.scaled(1 / side)
         return self._steps[side]
 
 
 def with_other_sides(samples: TexelSamples, parts: PatchScene) -> tuple[TexelSamples, Sides | None]:
-    """Return samples followed by points on the other sides of those on translucent surfaces, and the pairs.
+    """Return the samples, extended by points on the other side of translucent surfaces, and the pairs.
 
-    None if there are none. parts: the patches that the samples' texels belong to
+    The pairs are None if there are no translucent surfaces.
+
+    samples:  texel samples
+    parts:    patches of the texels
     """
     if parts.sides is None:
         return samples, None
@@ -70,17 +76,17 @@ def with_other_sides(samples: TexelSamples, parts: PatchScene) -> tuple[TexelSam
 
 
 class TexelSamplePoints:
-    """Display samples as patches that gather.
+    """Texel samples as receivers of a final gather.
 
-    settings  by which they do; each is one of `texel_samples` of its texel
-    parts     as a PatchScene
-    rays      casts rays from them
+    settings:  settings of the gather for each of the `texel_samples` samples of a texel
+    parts:     samples as patches, with the scene's triangles
+    rays:      ray tracer with the samples as origins
     """
 
     def __init__(self, what: TexelGatherJob, samples: TexelSamples, settings: Settings) -> None:
         self._job, self.settings = what.job, settings
 
-        # A sample stands for a part of its texel.
+        # A sample represents a fraction of its texel.
         self._side = math.sqrt(settings.texel_samples)
         self._steps = what.steps(self._side)
         self._place(samples)
@@ -95,10 +101,12 @@ class TexelSamplePoints:
         self.rays = self._job.rays.of(self.parts)
 
     def push_out(self, lit: np.ndarray, lit_backs: cl.Buffer | None) -> PushOffs:
-        """Move samples that are inside of something to just outside of it; return the ways.
+        """Move samples inside geometry to just outside of it; return the push-offs.
 
-        Those that are moved are not inside any more. lit: (s,) bool, those that a back lights never are;
-        lit_backs: see `validity.lit_backs`
+        Moved samples count as outside.
+
+        lit:        (s,) bool, samples that a back face lights, which never count as inside
+        lit_backs:  see `validity.lit_backs`
         """
         samples, parts = self.samples, self.parts
         ways = push_off_points(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)

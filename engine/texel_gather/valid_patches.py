@@ -1,4 +1,4 @@
-"""Validity of patches once light has settled: dark back faces tell of an inside, lit ones do not."""
+"""Validity of patches after convergence: dark back faces indicate the inside of geometry, lit ones do not."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .texel_sample_points import TexelGatherJob
 
 
 def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None = None) -> cl.Buffer:
-    """Return the radiance of patches of E/pi (m, 3) on the device; see `GatherPass.gather_from`.
+    """Return the exitant radiance for E/pi (m, 3), on the device; see `GatherPass.gather_from`.
 
-    stand_in: (m,) int64, see `exitant_radiance`
+    stand_in:  (m,) int64, substitute patches, see `exitant_radiance`
     """
     if not solved.settings.has_indirect:
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
@@ -29,18 +29,21 @@ def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None =
 
 
 def lit_backs_of(what: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
-    """Return which triangles have a back face that sends out light; see `validity.lit_backs`."""
+    """Return flags of triangles whose back face emits or reflects light; see `validity.lit_backs`."""
     solved = what.solved
     return lit_backs(solved.opencl, solved.parts, radiance, len(solved.emission))
 
 
 def valid_front(what: TexelGatherJob, atlases: int, near: Contacts, solution: Solution) -> np.ndarray:
-    """Return the fraction of each patch's view that no back face takes, (n,) float32; 0 for those inside.
+    """Return the validity of each patch, (n,) float32; 0 for patches inside geometry.
 
-    Back faces with patches of their own do not count in it: it is 0 for patches that probes find among dark
-    ones.
+    Validity is the fraction of the hemisphere without back faces. Back faces with patches do not count, so
+    probe rays detect patches among dark back faces instead and set them to 0.
 
-    atlases: lightmaps of the user's; near: of the patches
+    what:      patches and direct light
+    atlases:   number of the user's lightmaps
+    near:      contacts of the patches
+    solution:  solution of all light
     """
     job, front = what.job, solution.front
     if job.parts.triangles.backs is None or job.compute is None or what.choice.method == "none":
@@ -54,10 +57,12 @@ def valid_front(what: TexelGatherJob, atlases: int, near: Contacts, solution: So
 
 
 def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> np.ndarray:
-    """Return which patches nobody sees, (n,) bool.
+    """Return a mask of invalid patches, (n,) bool.
 
-    Those inside of something may see the front of what ends there, as a wall's inside that of a ceiling.
-    front: (n,) float32, from `valid_front`
+    Probe rays decide for doubtful patches, since a patch inside a wall may see the front of a ceiling that
+    the wall ends in.
+
+    front:  (n,) float32, validity from `valid_front`
     """
     hidden = is_invalid(front, near)
     if what.job.parts.triangles.backs is None:
@@ -68,7 +73,7 @@ def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> 
 
 
 def _inside(what: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | None) -> np.ndarray:
-    """Return which of some patches, (k,) int64, probes find inside of something, (k,) bool."""
+    """Return a mask of patches, (k,) int64, that probe rays find inside geometry, (k,) bool."""
     if not len(patches):
         return np.zeros(0, bool)
     parts = what.job.parts

@@ -1,4 +1,4 @@
-"""Invalid points: which patches lie inside geometry."""
+"""Test for invalid points: patches inside geometry or covered by a face."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .thresholds import DOUBTFUL, INVALID, KERNEL_OPTIONS
 
 
 class Contacts(Protocol):
-    """What touching faces do to points, (n,) bool each; see `direct.contact.Contacts`."""
+    """Contacts of points, (n,) bool each; see `direct.contact.Contacts`."""
 
     @property
     def hide(self) -> np.ndarray:
@@ -28,22 +28,26 @@ class Contacts(Protocol):
 
 
 def is_invalid(front: np.ndarray, near: Contacts) -> np.ndarray:
-    """Return which points are invalid, (n,) bool: covered by a face, or inside geometry.
+    """Return a mask of invalid points, (n,) bool: covered by a face, or inside geometry.
 
-    front: (n,) float32, fraction of each point's view that is no back face
+    front:  (n,) float32, validity: fraction of the hemisphere without back faces
+    near:   contacts of the points
     """
     hidden: np.ndarray = near.hide | ((front < 1 - INVALID) & ~near.shine)
     return hidden
 
 
 def is_doubtful(front: np.ndarray) -> np.ndarray:
-    """Return which patches may be invalid, (n,) bool, so that probes decide; front as of `is_invalid`."""
+    """Return a mask of points that may be invalid, (n,) bool, for which probe rays decide.
+
+    front:  (n,) float32, validity
+    """
     doubtful: np.ndarray = front < 1 - DOUBTFUL
     return doubtful
 
 
 def patches_inside(scene: RayScene, count: int) -> np.ndarray:
-    """Return which patches are inside of something, (n,) bool: most of their probes meet back faces."""
+    """Return a mask of the patches inside geometry, (n,) bool: most of their probe rays hit back faces."""
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels((RECEIVER, "inside_test.cl"), "is_inside", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))

@@ -1,4 +1,4 @@
-"""Lit back faces: those that send out light are no sign of the inside of something."""
+"""Lit back faces: back faces that send out light do not indicate the inside of geometry."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from ..patches.patch_scene import PatchScene
 from ..scene.color import luminance
 from .thresholds import DARK_BACK
 
-#: Patches whose mean radiance stands for that of the scene, at most.
+#: Maximum number of patches in the mean radiance of the scene.
 _SAMPLED = 1 << 16
 
 
 def lit_backs(
     compute: ComputeDevice, sources: PatchScene, radiance: cl.Buffer, count: int
 ) -> cl.Buffer | None:
-    """Return which triangles have a back face that sends out light, uint8 of each on the device.
+    """Return flags of triangles whose back face sends out light, uint8 buffer on the device.
 
-    None if no triangle has a back face with patches.
+    Returns None if no triangle has a back face with patches.
 
-    sources   patches, or groups of them, that send out light
-    radiance  float4 of each of them + 1, on the device
-    count     of them
+    sources:   patches or patch groups that send out light
+    radiance:  float4 for each of them, at index + 1, on the device
+    count:     number of them
     """
     triangles = sources.triangles
     if triangles.backs is None:
@@ -43,7 +43,7 @@ def lit_backs(
 
 
 def _mean_luminance(compute: ComputeDevice, radiance: cl.Buffer, count: int) -> float:
-    """Return the mean luminance of what patches send out; of some at even distances where they are many."""
+    """Return the mean luminance of exitant radiance, from evenly spaced patches if there are many."""
     (kernel,) = compute.kernels("lit_backs.cl", "sample_radiance")
     stride = max(1, -(-count // _SAMPLED))
     some = -(-count // stride)

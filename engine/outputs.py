@@ -38,7 +38,6 @@ class Output:
     decoding:           formula of E/pi from its maps; n is the surface normal, n' the mapped normal
     requires_combined:  True if it is useless without output "combined"
     excludes:           outputs that cannot be baked with it
-    needs_opencl:       noun for messages if it needs rays or L1 from OpenCL; empty if OpenGL suffices
     ray_setting:        setting with its own rays for each patch; empty if it needs none
     rays_per_light:     True if it needs these rays for each light
     denoised_images:    number of images that the denoiser filters for it
@@ -56,7 +55,6 @@ class Output:
     decoding: str = ""
     requires_combined: bool = False
     excludes: tuple[str, ...] = ()
-    needs_opencl: str = ""
     ray_setting: str = ""
     rays_per_light: bool = False
     denoised_images: int = 0
@@ -77,19 +75,19 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType({
     ),
     "ambient_occlusion": Output(
         "Ambient Occlusion", "Fraction of the hemisphere without a surface nearby",
-        is_fraction=True, needs_opencl="ambient occlusion", ray_setting="ao_samples",
+        is_fraction=True, ray_setting="ao_samples",
         settings=("ao_samples", "ao_distance"),
     ),
     "shadow_mask": Output(
         "Shadow Masks", "One map per light: 1 where the light is fully visible, 0 in its shadow",
-        is_fraction=True, needs_opencl="shadow masks", ray_setting="light_samples", rays_per_light=True,
+        is_fraction=True, ray_setting="light_samples", rays_per_light=True,
     ),
     "directional": Output(
         "Directional",
         "Four maps with Combined, L0 and L1 x, y, z: shade a world-space normal n with L0 + L1 . n",
         is_directional=True, maps=DIRECTIONAL_MAPS, signed_maps=DIRECTIONAL_MAPS,
         decoding="max(0, L0 + L1x n'.x + L1y n'.y + L1z n'.z), n' unit, world space, z up",
-        requires_combined=True, excludes=("spherical_harmonics",), needs_opencl="directional maps",
+        requires_combined=True, excludes=("spherical_harmonics",),
         denoised_images=6,
     ),
     "dominant_direction": Output(
@@ -98,7 +96,7 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType({
         is_directional=True, maps=(DOMINANT_DIRECTION,), signed_maps=(DOMINANT_DIRECTION,),
         ratio_maps=(DOMINANT_DIRECTION,),
         decoding="combined max(0, 1 + D . (n' - n)), D = rgb, signed, world space, z up",
-        requires_combined=True, excludes=("spherical_harmonics",), needs_opencl="the dominant direction",
+        requires_combined=True, excludes=("spherical_harmonics",),
         denoised_images=2,
     ),
     "spherical_harmonics": Output(
@@ -109,7 +107,7 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType({
         ratio_maps=PROJECTED_MAPS[1:],
         decoding="SH L0 max(0, 1 + 2 (SH L1x n'.x + SH L1y n'.y + SH L1z n'.z)), n' unit, world space, z up",
         requires_combined=True, excludes=("directional", "dominant_direction"),
-        needs_opencl="spherical harmonics", denoised_images=7,
+        denoised_images=7,
     ),
     "light_groups": Output(
         "Light Groups",

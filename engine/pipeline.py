@@ -97,7 +97,7 @@ def _bake(
 ) -> Generator[Progress, None, BakeResult]:
     """Run the stages of the bake."""
     graphics, compute = devices.graphics, devices.compute
-    scene, settings, notes = without_opencl(devices, scene, settings)
+    settings, notes = without_opencl(devices, scene, settings)
     atlases, scene = scene.atlases, with_places(scene, settings.resolution, kept.surfaces)
     check_limits(graphics, compute, scene, settings)
 
@@ -114,7 +114,7 @@ def _bake(
 
     # Direct light: shadow rays to lights, small bright surfaces and bright sky. The first intermediate
     # lightmap shows it before visibility is computed.
-    rays = kept.ray_scene(compute, patch_scene)
+    rays = kept.ray_scene(graphics, compute, patch_scene)
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_squares = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1

@@ -40,7 +40,7 @@ class ScenePayload:
         local   True if the data does not leave this machine
         folder  in the shared memory of all workers; empty if there is none
         """
-        data = portable_bytes((_for_rays(scene), settings_for_tints(scene, settings, True)[0]))
+        data = portable_bytes((_for_rays(scene), settings_for_tints(scene, settings)[0]))
         digest = hashlib.sha256(data).hexdigest()
         path = file_with(folder, data)
         return cls(b"" if path else zlib.compress(data, _NONE if local else _LEVEL), path, digest)

@@ -27,6 +27,7 @@ class DeviceStruct:
     name         of the struct
     dtype        structured; fields with three or two components have shape (3,) or (2,)
     declaration  of the struct in OpenCL C
+    glsl         declaration of the struct in GLSL, for std430 blocks; its keyword `uniform` gets a "_"
 
     Every number has four bytes, so fields follow each other without gaps: a vector and a number after it are
     loaded together if they begin at a multiple of 16 bytes. Padding at the end is a field, too.
@@ -43,6 +44,7 @@ class DeviceStruct:
         self.dtype = np.dtype(members)
         end = f"}} __attribute__((aligned({_ALIGNMENT}))) {name};"
         self.declaration = "\n".join(["typedef struct {", *lines, end, ""])
+        self.glsl = "\n".join([f"struct {name} {{", *lines, "};", ""]).replace(" uniform;", " uniform_;")
 
     def array(self, count: int, **values: object) -> np.ndarray:
         """Return records, 0 but for the fields whose values are given, of one record or of each."""

@@ -10,6 +10,7 @@ from typing import Any
 import moderngl
 
 from ..errors import DeviceError, DeviceMemoryError
+from .device_struct import DeviceStruct
 from .raw_gl import LOWER_LEFT, ZERO_TO_ONE, RawGL
 from .source import shader_source
 
@@ -85,11 +86,16 @@ class GraphicsContext:
         sources = {keyword[stage]: shader_source(f"{name}.{stage}", features) for stage in stages}
         return self.context.program(**sources)
 
-    def compute_program(self, name: str, features: Sequence[str] = ()) -> moderngl.ComputeShader:
-        """Build shaders/<name>.comp, or take one that no one uses; needs `computes`."""
-        source = shader_source(f"{name}.comp", features)
+    def compute_program(
+        self, name: str, features: Sequence[str] = (), records: Sequence[DeviceStruct] = ()
+    ) -> moderngl.ComputeShader:
+        """Build shaders/<name>.comp, or take one that no one uses; needs `computes`.
+
+        records: structs that the shader reads; a name stands for one layout
+        """
         program: moderngl.ComputeShader = self._unused(
-            (name, tuple(features)), lambda: self.context.compute_shader(source)
+            (name, tuple(features)),
+            lambda: self.context.compute_shader(shader_source(f"{name}.comp", features, records)),
         )
         return program
 

@@ -19,18 +19,20 @@ _PARTS = ("engine", "kernels", "shaders")
 _GUARD, _INCLUDE = "#pragma once\n", re.compile(r'^#include "(.+)"$', flags=re.MULTILINE)
 
 
-def shader_source(name: str, features: Sequence[str] = ()) -> str:
+def shader_source(name: str, features: Sequence[str] = (), records: Sequence[DeviceStruct] = ()) -> str:
     """Return the text of a GLSL file of shaders/, with the names of features defined after its first line.
 
     The first line is the #version. A line `#include "other"` includes the file `other` of shaders/.
     A fragment shader also gets <feature>.glsl where that file exists.
+
+    records: structs that are declared before the rest
     """
     version, _, rest = _included("shaders", name, set()).partition("\n")
     lines = [version, *(f"#define {feature.upper()}" for feature in features)]
     names = [f"{feature}.glsl" for feature in features if name.endswith(".frag")]
     files = _files("shaders")
     lines += [files[part].read_text(encoding="utf-8") for part in names if part in files]
-    return "\n".join([*lines, rest])
+    return "\n".join([*lines, *(record.glsl for record in records), rest])
 
 
 def program_source(parts: Sequence[str | DeviceStruct]) -> str:

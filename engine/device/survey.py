@@ -26,7 +26,7 @@ def _opengl(alone: bool, missing: list[str]) -> list[DeviceInfo]:
     except DeviceError as error:
         missing.append(str(error))
         return []
-    use = "drawing and summing hemicubes" if alone and graphics.computes else "drawing hemicubes"
+    use = "casting rays and summing light" if alone and graphics.computes else "drawing hemicubes"
     found = DeviceInfo("OpenGL", graphics.name, graphics.context.info["GL_VERSION"], use=use)
     graphics.release()
     return [found]

@@ -12,13 +12,14 @@ from ..scene.model import Light, Scene
 from ..scene.triangles import Triangles
 from ..validity.thresholds import ENCLOSED
 from ..visibility.rays.ray_tracer import RayTracer
+from ..visibility.rays.shaders.shader_tracer import ShaderTracer
 
 #: Number of test rays per light.
 _RAYS = 256
 
 
 def warn_enclosed_lights(
-    rays: RayTracer, scene: Scene, triangles: Triangles, lamps: Sequence[Light]
+    rays: RayTracer | ShaderTracer, scene: Scene, triangles: Triangles, lamps: Sequence[Light]
 ) -> list[str]:
     """Return a warning for each light inside an object, whose rays hit almost only back faces."""
     lamps = [lamp for lamp in lamps if lamp.kind != "sun" and lamp.casts_shadow]

@@ -10,7 +10,7 @@ from ..patches.patch_scene import PatchScene
 from ..scene.cutouts import BACK, BOUNCE, SETS, Cutouts, transmittances
 from ..scene.model import Scene
 from ..scene.textures import sample
-from ..visibility.raster.triangle_clusters import morton_codes
+from ..visibility.morton import morton_codes
 from ..visibility.views.viewpoints import eye_heights
 from .contact import ABOVE, BELOW
 

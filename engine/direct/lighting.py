@@ -18,6 +18,7 @@ from .direct_light_cache import DirectLightCache
 from .emitter_split import EmitterSplit, split_light
 from .enclosed_lights import warn_enclosed_lights
 from .host_contact import in_contact_on_host
+from .shader_shadow_rays import ShaderShadowRays
 from .shadow_rays import ShadowCaster, ShadowRays
 
 #: Shadow rays per light for the preview.
@@ -212,14 +213,17 @@ class DirectLighting:
         """Return an empty L1, zero for all patches."""
         return np.zeros((self._ray_scene.count if self._settings.directional else 0, 3, 3), np.float32)
 
-    def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays:
+    def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays | ShaderShadowRays:
         """Return the caster of shadow rays for the receivers of a ray scene."""
-        return ShadowRays(points, self._parts, self._lamps, self._bright, self._sky, settings)
+        lights = self._parts, self._lamps, self._bright, self._sky, settings
+        if points.shaders is not None:
+            return ShaderShadowRays(points.shaders, *lights)
+        return ShadowRays(points, *lights)
 
     def _casting(self) -> ShadowCaster:
         """Return the caster of shadow rays, created on first use; add warnings about enclosed lights."""
         if self._shadow_rays is None:
-            rays = self._ray_scene.rays
+            rays = self._ray_scene.caster
             self.warnings += warn_enclosed_lights(rays, self._scene, self._parts.triangles, self._lamps)
             self._shadow_rays = self._elsewhere or self._cast_from(self._ray_scene, self._settings)
         return self._shadow_rays

@@ -14,6 +14,7 @@ from ..gather.cached_gather import CachedGather
 from ..gather.device_gather import DeviceGather
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import GlslGather, HostGather, PaperGather
+from ..gather.shader_gather import ShaderGather
 from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.black_solution import BlackSolution
@@ -31,6 +32,7 @@ from ..solve.solver import FindStandIns, Solver
 from ..validity.thresholds import MAX_BACKS_INTERPOLATED
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.near_openness import backs_met, openness
+from ..visibility.rays.shaders.shader_scene import ShaderScene
 from ..visibility.sample_counts import ray_count
 from .choose_gather import choose_device_gather
 from .memory import MORE_RAYS, group_width, is_adaptive, is_smoothed
@@ -252,6 +254,8 @@ def _choose_gather(job: SolveJob) -> tuple[HostGather, SolverChoice]:
     seen = (job.parts, job.back_emission, job.sky, settings)
     tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings request the paper's method"
     if settings.method != "paper":
+        if job.rays.shaders is not None and (settings.visibility != "raster" or settings.directional):
+            return _shader_gather(job, job.rays.shaders)
         if fits_glsl_cache(job.graphics, tiles, job.count):
             reason = "Hemicubes are drawn once and summed by OpenGL: there is no OpenCL device."
             return GlslGather(job.graphics, *seen), SolverChoice(
@@ -261,3 +265,11 @@ def _choose_gather(job: SolveJob) -> tuple[HostGather, SolverChoice]:
     reason = f"Hemicubes are drawn in every iteration: {why}."
     paper = PaperGather(job.graphics, job.compute, *seen)
     return paper, SolverChoice("paper", "raster", samples, (reason,), paper.integrator)
+
+
+def _shader_gather(job: SolveJob, shaders: ShaderScene) -> tuple[HostGather, SolverChoice]:
+    """Return the gather that traces samples with compute shaders, and the choice with its reasons."""
+    gather = ShaderGather(shaders, job.parts, job.back_emission, job.sky, job.settings)
+    reason = "OpenGL casts rays and sums light: there is no OpenCL device."
+    method = "cached" if gather.keeps_all else "stream"
+    return gather, SolverChoice(method, "rays", gather.samples, (reason,), "glsl")

@@ -24,6 +24,7 @@ from ..setting_types import VISIBILITY
 from ..settings import Settings, descriptions
 from ..validity.invalid import patches_inside
 from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.shaders.shader_scene import ShaderScene
 from ..visibility.rays.upper_levels import UpperLevels
 from ..visibility.sampler import directional_options
 from .previous_solution import PreviousSolution
@@ -110,10 +111,13 @@ class SessionCache:
         self._surfaces_of = scene if settings.warm_start else None
         return self._parts
 
-    def ray_scene(self, compute: ComputeDevice | None, patch_scene: PatchScene) -> RayScene:
-        """Return the ray tracer with the patches as origins."""
+    def ray_scene(
+        self, graphics: GraphicsContext, compute: ComputeDevice | None, patch_scene: PatchScene
+    ) -> RayScene:
+        """Return the ray tracer with the patches as origins; of compute shaders if there is no OpenCL."""
         if self._rays is None:
-            self._rays = RayScene(compute, patch_scene, self._top)
+            shaders = ShaderScene(graphics, patch_scene) if compute is None else None
+            self._rays = RayScene(compute, patch_scene, self._top, shaders)
         return self._rays
 
     def find_substitutes(self, patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:

@@ -8,7 +8,9 @@ import numpy as np
 
 from ..device.device_array import Values
 from ..errors import DeviceError
+from ..gather.device_l1 import L1
 from ..gather.hemicube_gather import HostGather
+from ..gather.shader_gather import ShaderGather
 from ..patches.sides import Sides
 from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums
 from .reflected_radiance import reflected_light
@@ -47,6 +49,7 @@ class HostRadiosity:
     ) -> None:
         self._sides, self._fronts = sides, fronts
         self._gather, self._reflectance, self._emission = gather, reflectance, emission
+        self._sent = emission
         self._areas = area.astype(np.float64)
         self._sampled_light = np.zeros_like(emission) if sampled_light is None else sampled_light
         self._irradiance = np.zeros_like(emission) if gathers_direct else self._sampled_light
@@ -70,7 +73,8 @@ class HostRadiosity:
 
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield progress 0..1."""
-        gathered = yield from self._gather.iteration(self.radiance)
+        self._sent = self.radiance
+        gathered = yield from self._gather.iteration(self._sent)
         self._gathered[column] = gathered
         if self._sides is not None:
             self._gathered[column, :, :3] = self._sides.blend(gathered[:, :3])
@@ -106,9 +110,14 @@ class HostRadiosity:
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> None:
         """Return None: radiance hemicubes do not separate sky from patches."""
 
-    def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Raise DeviceError: radiance hemicubes store no directions."""
-        raise DeviceError("Directional maps need OpenCL, and method auto, cached or stream.")
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Return L1 of the last iteration; see `Radiosity.gather_l1`.
+
+        Raises DeviceError for hemicubes that are summed at once, without directions.
+        """
+        if not isinstance(self._gather, ShaderGather):
+            raise DeviceError("Directional maps need rays. Choose method Automatic, Cached or Stream.")
+        return (yield from self._gather.gather_l1(self._sent))
 
     def state(self) -> dict[str, np.ndarray]:
         """Return the state of the light; see `Radiosity.state`."""

@@ -150,7 +150,7 @@ def test_without_opencl_opengl_sums_and_the_remedy_is_told(monkeypatch):
     monkeypatch.setattr(survey, "found_devices", none)
     found = survey.survey(None)
     (opengl,) = found.devices
-    assert opengl.use == "drawing and summing hemicubes"
+    assert opengl.use == "casting rays and summing light"
     assert found.missing == ("There is no OpenCL device. Install one.",)
 
 

@@ -22,6 +22,7 @@ ORDERS = {
     ],
     "engine/visibility": [
         "__init__", "raster", "rays", "sampler", "unoccluded_sky", "sample_counts", "views",
+        "morton",
     ],
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",

@@ -22,14 +22,13 @@ def scene(*transmissions):
 @pytest.mark.parametrize("visibility", ["auto", "raster", "rays"])
 def test_rays_find_what_is_seen_through_tints(visibility):
     settings = Settings(visibility=visibility)
-    assert settings_for_tints(scene(transparent(0.5), TINTED), settings, True)[0].visibility == "rays"
-    assert settings_for_tints(scene(transparent(0.5)), settings, True) == (settings, ())
+    assert settings_for_tints(scene(transparent(0.5), TINTED), settings)[0].visibility == "rays"
+    assert settings_for_tints(scene(transparent(0.5)), settings) == (settings, ())
 
 
-@pytest.mark.parametrize(("method", "has_opencl"), [("paper", True), ("auto", False)])
-def test_drawn_hemicubes_tell_that_tints_are_grey(method, has_opencl):
-    settings = Settings(method=method)
-    same, (note,) = settings_for_tints(scene(transparent(0.5), TINTED, TINTED), settings, has_opencl)
+def test_drawn_hemicubes_tell_that_tints_are_grey():
+    settings = Settings(method="paper")
+    same, (note,) = settings_for_tints(scene(transparent(0.5), TINTED, TINTED), settings)
     assert same == settings and note.startswith("'Pane 1', 'Pane 2': ") and note.count(". ") == 1
 
 

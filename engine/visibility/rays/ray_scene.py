@@ -12,6 +12,8 @@ from ...errors import DeviceError
 from ...patches.patch_scene import PatchScene
 from .ray_tracer import RayTracer
 from .receiver_records import RECEIVER, pack_receivers
+from .shaders.shader_scene import ShaderScene
+from .shaders.shader_tracer import ShaderTracer
 from .upper_levels import UpperLevels
 
 
@@ -19,10 +21,18 @@ class RayScene:
     """Triangles and patches of a bake on the OpenCL device."""
 
     def __init__(
-        self, compute: ComputeDevice | None, parts: PatchScene, before: UpperLevels | None = None
+        self,
+        compute: ComputeDevice | None,
+        parts: PatchScene,
+        before: UpperLevels | None = None,
+        shaders: ShaderScene | None = None,
     ) -> None:
-        """Store triangles and patches; before: `top` of the same triangles at earlier positions."""
-        self._compute, self._parts, self._before = compute, parts, before
+        """Store triangles and patches.
+
+        before: `top` of the same triangles at earlier positions; shaders: the same triangles and patches for
+        compute shaders, where there is no OpenCL
+        """
+        self._compute, self._parts, self._before, self.shaders = compute, parts, before, shaders
 
     @property
     def compute(self) -> ComputeDevice:
@@ -49,9 +59,16 @@ class RayScene:
 
     def of(self, parts: PatchScene) -> RayScene:
         """Return a scene of the same triangles with other patches."""
+        if self.shaders is not None:
+            return RayScene(None, parts, shaders=self.shaders.of(parts))
         other = RayScene(self._compute, parts)
         other.rays = self.rays
         return other
+
+    @property
+    def caster(self) -> RayTracer | ShaderTracer:
+        """Tracer of single rays, on either device."""
+        return self.rays if self.shaders is None else self.shaders.tracer
 
     @cached_property
     def rays(self) -> RayTracer:

@@ -56,7 +56,7 @@ class RayTracer:
         arrays: list[np.ndarray] = []
         if cutouts.needed:
             self._options = (*bvh.options, *cutout_options(cutouts.tinted))
-            arrays = [cutouts.pixels, _records(cutouts), cutouts.uvs, triangles.material]
+            arrays = [cutouts.pixels, transmittance_records(cutouts), cutouts.uvs, triangles.material]
             tints = tint_palette(cutouts)
             arrays += [] if tints is None else [tints]
         self.arguments = (bvh.nodes, bvh.triangles, *(upload(compute, array) for array in arrays))
@@ -134,7 +134,7 @@ def cutout_options(tinted: bool) -> tuple[str, ...]:
     return ("-DTRANSMISSION", "-DTINTED") if tinted else ("-DTRANSMISSION",)
 
 
-def _records(cutouts: Cutouts) -> np.ndarray:
+def transmittance_records(cutouts: Cutouts) -> np.ndarray:
     """Return the records of materials, (r,) TRANSMITTANCE."""
     first, width, height, code = cutouts.maps.T
     return TRANSMITTANCE.array(

@@ -61,7 +61,11 @@ def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGe
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
     (pack,) = compute.kernels((RECEIVER, TEXEL_STEP, "pack_receivers.cl"), "pack_receivers")
     origin = cl.cltypes.make_float4(*triangles.origin, 0)
-    texels = upload_once(compute, patches.texel), np.int32(patches.resolution), np.int32(_points(patches))
+    texels = (
+        upload_once(compute, patches.texel),
+        np.int32(patches.resolution),
+        np.int32(points_of_texels(patches)),
+    )
     compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))
     return records
 
@@ -77,7 +81,7 @@ def _step_records(steps: TexelSteps) -> np.ndarray:
     )
 
 
-def _points(patches: PatchList) -> int:
+def points_of_texels(patches: PatchList) -> int:
     """Return the number of patches per texel: 1, or more for sample points of texels."""
     # The last texel of one lightmap and the first of the next may have the same index.
     starts = (patches.texel[1:] != patches.texel[:-1]) | (patches.atlas[1:] != patches.atlas[:-1])

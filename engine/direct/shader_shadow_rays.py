@@ -1,0 +1,154 @@
+"""Direct light sampled with shadow rays of compute shaders: `ShadowRays` for machines without OpenCL."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+
+from ..patches.patch_scene import PatchScene
+from ..progress import run_as_fraction
+from ..scene.color import luminance
+from ..scene.light_groups import LightGroups
+from ..scene.model import Light
+from ..settings import MOST_LIGHTS, Settings
+from ..visibility.rays.receiver_records import RECEIVER
+from ..visibility.rays.shaders.shader_scene import ShaderScene
+from ..visibility.rays.shaders.shader_tables import ShaderTables, reserve_storage, storage_buffer
+from ..visibility.rays.shaders.shader_tracer import RECORDS, RESULTS, read_rows
+from ..visibility.sampler import directional_options
+from .emitters import EMITTER, SampledTriangles, lamp_records, sky_record, surface_records
+from .light_tree import LIGHT_NODE, build_light_tree
+from .modulation import pack_modulations
+from .sky import Sky
+
+#: Storage blocks of shaders/direct/.
+_EMITTERS, _NODES, _TABLES = 4, 5, 6
+
+#: Light of some patches and its L1, (n, 4) and (3 n, 4) float32; see shaders/direct/direct.comp.
+_Rows = tuple[np.ndarray, np.ndarray]
+
+
+class ShaderShadowRays:
+    """See `ShadowRays`; the samples of each emitter are the same, to rounding."""
+
+    def __init__(
+        self,
+        receivers: ShaderScene,
+        parts: PatchScene,
+        lamps: Sequence[Light],
+        bright: SampledTriangles,
+        sky: Sky,
+        settings: Settings,
+    ) -> None:
+        self._scene, self._tracer, self._settings = receivers, receivers.tracer, settings
+        self._count, self._mesh = receivers.count, parts.triangles.mesh
+        self._features = tuple(option.removeprefix("-D").lower() for option in directional_options(settings))
+        modulations, profiles, numbers = pack_modulations(lamps)
+        self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
+        self._records.append(surface_records(parts.triangles, bright))
+        if sky.bright is not None:
+            self._records.append(sky_record())
+        height, width = sky.distribution.size
+        self._uniforms = {
+            "resolution": parts.patches.resolution,
+            "sky_width": width,
+            "sky_height": height,
+            "sky_count": len(sky.distribution.listed),
+            "sky_total": sky.distribution.total,
+            "seed": settings.seed & 0xFFFFFFFF,
+        }
+        self._tables = ShaderTables(
+            receivers.graphics,
+            {
+                "modulations": modulations,
+                "profiles": profiles,
+                "sky_pixels": sky.distribution.pixels,
+                "cumulative": sky.distribution.cumulative,
+                "listed": sky.distribution.listed,
+                **(_glow_arrays(parts) if len(bright.triangles) else {}),
+            },
+        )
+
+    def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+        """Return E/pi of all emitters at every patch and its L1; see `ShadowRays.sampled`."""
+        light, l1 = yield from self._all_light(self._records)
+        return light[:, :3].copy(), l1[:, :3].reshape(-1, 3, 3)
+
+    def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
+        """Return the light of each light group; see `ShadowRays.sampled_by_group`."""
+        triangle = self._records[len(groups.lamps)]["triangle"]
+        numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
+        light = np.zeros((groups.count, self._count, 3), np.float32)
+        for group in range(groups.count if self._count else 0):
+            mine = [
+                records[np.broadcast_to(number == group, len(records))]
+                for records, number in zip(self._records, numbers, strict=False)
+            ]
+            span = group / groups.count, (group + 1) / groups.count
+            found, _ = yield from run_as_fraction(*span, self._all_light(mine))
+            light[group] = found[:, :3]
+        return light
+
+    def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
+        """Return the unshadowed part of a lamp's light at each patch; see `ShadowRays.shadow_mask`."""
+        light, _ = yield from self._light(self._records[lamp], self._settings.light_samples)
+        mask: np.ndarray = np.where(
+            light[:, 3] > 0, luminance(light[:, :3]) / np.maximum(light[:, 3], 1e-30), 0
+        )
+        return np.minimum(mask, 1).astype(np.float32)
+
+    def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
+        """Return the open part of each patch's hemisphere; see `ShadowRays.ambient_occlusion`."""
+        settings, results = self._settings, reserve_storage(self._scene.graphics, 16 * self._count)
+        reach = settings.ao_distance or np.inf
+        uniforms = {"budget": settings.ao_samples, "reach": reach, "seed": settings.seed & 0xFFFFFFFF}
+        buffers = {RECORDS: self._scene.receivers, RESULTS: results}
+        yield from self._tracer.run("ambient_occlusion", self._count, buffers, uniforms, records=(RECEIVER,))
+        return read_rows(results, self._count)[:, 0].copy()
+
+    def _all_light(self, records: list[np.ndarray]) -> Generator[float, None, _Rows]:
+        """Return the light of the records of each light; see `_light`."""
+        shining = [emitters for emitters in records if len(emitters)]
+        if not shining:
+            rows = 3 * self._count if self._features else 0
+            return np.zeros((self._count, 4), np.float32), np.zeros((rows, 4), np.float32)
+        budget = self._settings.light_samples * min(len(shining), MOST_LIGHTS)
+        return (yield from self._light(EMITTER.joined(shining), budget))
+
+    def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, _Rows]:
+        """Return light and unshadowed luminance of some emitters at all patches, and the L1."""
+        graphics, tree = self._scene.graphics, build_light_tree(emitters)
+        rows = (4 if self._features else 1) * self._count
+        results = reserve_storage(graphics, 16 * rows)
+        buffers = {
+            RECORDS: self._scene.receivers,
+            _EMITTERS: storage_buffer(graphics, emitters),
+            _NODES: storage_buffer(graphics, tree.nodes if len(tree.nodes) else LIGHT_NODE.array(1)),
+            _TABLES: self._tables.buffer,
+            RESULTS: results,
+        }
+        launch = {"root": tree.root, "budget": budget, "first_l1": self._count}
+        uniforms = self._uniforms | self._tables.uniforms | launch
+        yield from self._tracer.run(
+            "direct", self._count, buffers, uniforms, self._features, (RECEIVER, EMITTER, LIGHT_NODE)
+        )
+        return read_rows(results, self._count), read_rows(results, rows - self._count, self._count)
+
+
+def _glow_arrays(parts: PatchScene) -> dict[str, np.ndarray]:
+    """Return what samples of surfaces look up: radiance of both sides of patches, and where these are."""
+    surfaces = parts.surfaces
+    return {
+        "radiance": _entries(surfaces.emission),
+        "back_radiance": _entries(surfaces.emission_of_backs),
+        "texel_to_patch": parts.texel_to_patch.astype(np.uint32, copy=False),
+        "uvs": parts.triangles.uvs.astype(np.float32, copy=False),
+    }
+
+
+def _entries(radiance: np.ndarray) -> np.ndarray:
+    """Return radiance, (n, 3), by entry, (n + 1, 4) float32: entry 0 is black."""
+    entries = np.zeros((len(radiance) + 1, 4), np.float32)
+    entries[1:, :3] = radiance
+    return entries

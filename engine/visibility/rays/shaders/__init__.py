@@ -1,0 +1,1 @@
+"""Rays cast by OpenGL compute shaders: the ray tracer of machines without OpenCL."""

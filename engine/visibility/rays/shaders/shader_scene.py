@@ -1,0 +1,47 @@
+"""Triangles and patches of a bake for rays of compute shaders."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import moderngl
+
+from ....device.gl_context import GraphicsContext
+from ....patches.patch_scene import PatchScene
+from ..receiver_records import RECEIVER
+from .host_receivers import receivers_on_host
+from .shader_tables import storage_buffer
+from .shader_tracer import RECORDS, ShaderTracer
+
+
+class ShaderScene:
+    """The triangles and patches of a bake on the OpenGL device, as `RayScene` on that of OpenCL."""
+
+    def __init__(self, graphics: GraphicsContext, parts: PatchScene) -> None:
+        self.graphics, self._parts = graphics, parts
+
+    @property
+    def count(self) -> int:
+        """Patches."""
+        return len(self._parts.patches)
+
+    def of(self, parts: PatchScene) -> ShaderScene:
+        """Return the same triangles with other patches."""
+        other = ShaderScene(self.graphics, parts)
+        other.tracer = self.tracer
+        return other
+
+    @cached_property
+    def tracer(self) -> ShaderTracer:
+        """The triangles and their hierarchy."""
+        return ShaderTracer(self.graphics, self._parts.triangles, self._parts.cutouts)
+
+    @cached_property
+    def receivers(self) -> moderngl.Buffer:
+        """The records of all patches, RECEIVER; no ray starts beyond another face."""
+        records = receivers_on_host(self._parts.patches, self._parts.geometry)
+        buffer = storage_buffer(self.graphics, records)
+        run = self.tracer.run("ray_offsets", self.count, {RECORDS: buffer}, {}, records=(RECEIVER,))
+        for _ in run:
+            pass
+        return buffer

@@ -1,0 +1,133 @@
+"""Direct light by compute shaders is that of OpenCL from the same samples: each kind of light."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from engine import Settings, finished
+from engine.direct.emitter_split import split_light
+from engine.direct.shader_shadow_rays import ShaderShadowRays
+from engine.direct.shadow_rays import ShadowRays
+from engine.patches.backs import with_places
+from engine.patches.patch_scene import make_patch_scene
+from engine.scene.light_groups import light_groups
+from engine.scene.model import shining_lights
+from engine.scene.open_surfaces import OpenSurfaces
+from engine.scene.profile import Profile
+from engine.scene.transmission import Transmission, Transmittance
+from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.rays.receiver_records import RECEIVER, pack_receivers
+from engine.visibility.rays.shaders.host_receivers import receivers_on_host
+from engine.visibility.rays.shaders.shader_scene import ShaderScene
+from tests.analytic import scenes
+from tests.gpu.test_stale_shadows import lamp, lit
+
+SETTINGS = Settings(
+    resolution=37, hemicube=8, samples=16, light_samples=11, ao_samples=13,
+    outputs=("directional", "ambient_occlusion", "shadow_mask"), sample_emission=True,
+)  # fmt: skip
+
+PROFILE = Profile(
+    np.linspace(0, 2 * np.pi, 5, dtype=np.float32),
+    np.linspace(0, 2.5, 7, dtype=np.float32),
+    np.random.default_rng(3).random((5, 7, 3)).astype(np.float32) + 0.1,
+)
+
+SKY = np.full((7, 13, 3), 0.1, np.float32)
+SKY[5, 3] = 300, 200, 100
+
+GLASS = Transmission(*2 * [Transmittance(offset=np.float32([0.9, 0.5, 0.2]))])
+
+
+def through_glass(scene):
+    """Return a scene whose last mesh is of tinted glass."""
+    number = int(scene.meshes[-1].material[0])
+    materials = list(scene.materials)
+    materials[number] = replace(materials[number], transmission=GLASS)
+    return replace(scene, materials=tuple(materials))
+
+
+SCENES = {
+    "point": lambda: lit(0.0, lamp("point", radius=0.07)),
+    "sphere": lambda: lit(0.0, lamp("point", radius=0.3, soft=False)),
+    "spot": lambda: lit(0.0, lamp("spot", half_angle=0.7, blend=0.2, stretch=np.array([1, 0.6, 1.1]))),
+    "sun": lambda: lit(0.0, lamp("sun", half_angle=0.05)),
+    "rectangle": lambda: lit(0.0, lamp("area", size=np.array([0.7, 0.3]))),
+    "ellipse": lambda: lit(0.0, lamp("area", size=np.array([0.7, 0.3]), ellipse=True)),
+    "spread": lambda: lit(0.0, lamp("area", size=np.array([0.7, 0.3]), half_angle=0.8)),
+    "profile": lambda: lit(0.0, lamp("point", profile=PROFILE, falloff_power=1, falloff_smooth=0.3)),
+    "surface": lambda: lit(0.0, emits=2),
+    "sky": lambda: lit(0.0, world=SKY),
+    "far": lambda: lit(2000.0, lamp("point", radius=0.3), lamp("sun", casts_shadow=False)),
+    "glass": lambda: through_glass(lit(0.0, lamp("point", radius=0.02), emits=2)),
+    "many": lambda: lit(0.0, lamp("point"), lamp("sun"), lamp("area", size=np.ones(2)), world=SKY, emits=1),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(graphics):
+    """Return patches of each scene once, and its rays in shaders."""
+    known = {}
+
+    def make(name):
+        if name not in known:
+            scene = with_places(SCENES[name](), SETTINGS.resolution, OpenSurfaces())
+            parts = make_patch_scene(graphics, None, scene, SETTINGS)
+            known[name] = scene, parts, ShaderScene(graphics, parts)
+        return known[name]
+
+    return make
+
+
+def casters(compute, made, name):
+    """Return both casters of a scene: shaders, then OpenCL."""
+    scene, parts, shaders = made(name)
+    split = split_light(scene.world, parts, SETTINGS)
+    lamps = [light.relative_to(parts.triangles.origin) for light in shining_lights(scene)]
+    rest = parts, lamps, split.bright, split.sky, SETTINGS
+    return ShaderShadowRays(shaders, *rest), ShadowRays(RayScene(compute, parts), *rest)
+
+
+def differences(ours, theirs):
+    """Return the mean difference over the mean, and the part of values that differ by over 1e-3 of it."""
+    scale = max(float(np.abs(theirs).mean()), 1e-20)
+    off = np.abs(ours - theirs) / scale
+    return float(off.mean()), float((off > 1e-3).mean())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_light_is_that_of_opencl(compute, made, name):
+    ours, theirs = (finished(caster.sampled()) for caster in casters(compute, made, name))
+    assert theirs[0].any()
+    for mine, other in zip(ours, theirs, strict=True):
+        mean, part = differences(mine, other)
+        assert mean < 1e-3
+        assert part < 0.03
+
+
+def test_masks_occlusion_and_light_groups_are_those_of_opencl(compute, made):
+    pair = casters(compute, made, "many")
+    scene = made("many")[0]
+    groups = replace(light_groups(scene), count=1)
+    for ours, theirs in (
+        [finished(caster.shadow_mask(1)) for caster in pair],
+        [finished(caster.ambient_occlusion()) for caster in pair],
+        [finished(caster.sampled_by_group(groups)) for caster in pair],
+    ):
+        assert ours.shape == theirs.shape
+        assert theirs.mean() > 0.05
+        assert differences(ours, theirs)[0] < 1e-3
+
+
+def test_records_of_receivers_are_those_of_opencl(graphics, compute):
+    scene = replace(scenes.sphere(), meshes=scenes.sphere().meshes)
+    parts = make_patch_scene(graphics, None, scene, replace(SETTINGS, resolution=64))
+    mine = receivers_on_host(parts.patches, parts.geometry)
+    buffer = pack_receivers(compute, parts.patches, parts.geometry)
+    theirs = np.zeros(len(mine), RECEIVER.dtype)
+    cl.enqueue_copy(compute.queue, theirs, buffer)
+    assert (mine["rank"] == theirs["rank"]).all()
+    for name in ("at", "height", "normal", "geometric", "edge1", "normal3"):
+        assert mine[name] == pytest.approx(theirs[name], rel=1e-5, abs=1e-6)

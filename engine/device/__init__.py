@@ -1,1 +1,1 @@
-"""The GL context, the CL queue, the copy between them, and the loading of shaders and kernels."""
+"""Devices: OpenGL context, OpenCL queue and buffers, and the loading of shaders and kernels."""

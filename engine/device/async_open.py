@@ -1,4 +1,4 @@
-"""An OpenCL device that is opened in a thread, while another one imports what bakes with it."""
+"""Asynchronous opening of an OpenCL device in a thread, while another thread imports the engine."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .planned_program import PlannedProgram
 
 
 class AsyncOpen:
-    """Opens a device; a context manager, which an error leaves with nothing open.
+    """Opens an OpenCL device in a thread; as a context manager it releases the device after an error.
 
-    open_device: opens it, given the programs that begin to be built at once
+    open_device:  opens the device, given the programs to build ahead
     """
 
     def __init__(self, open_device: Callable[[Iterator[PlannedProgram]], ComputeDevice]) -> None:
@@ -36,19 +36,19 @@ class AsyncOpen:
             self.compute().release()
 
     def build_ahead(self, programs: Sequence[PlannedProgram]) -> None:
-        """Tell which programs a card is to build, for which it waits; called once."""
+        """Set the programs that a GPU builds ahead, for which the thread waits; must be called once."""
         self._ahead.set_result(programs)
 
     def compute(self) -> ComputeDevice:
-        """Return the device once it is open; raises what `open_device` raises."""
+        """Return the device once it is open; re-raise the error of `open_device`."""
         return self._compute.result()
 
     def _open(self, open_device: Callable[[Iterator[PlannedProgram]], ComputeDevice]) -> None:
         try:
             self._compute.set_result(open_device(self._programs()))
-        except BaseException as error:  # noqa: BLE001 - who asks for the device gets it
+        except BaseException as error:  # noqa: BLE001 - the caller of `compute` gets it
             self._compute.set_exception(error)
 
     def _programs(self) -> Iterator[PlannedProgram]:
-        """Yield what `build_ahead` tells, once it does."""
+        """Yield the programs of `build_ahead` once they are set."""
         yield from self._ahead.result()

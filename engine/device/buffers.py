@@ -1,4 +1,4 @@
-"""Memory of the OpenCL device, filled."""
+"""OpenCL buffers: upload and download of arrays, and conversion between float3 and float4 rows."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from ..array_ops import any_in_rows, nonzero_rows
 from .cl_device import ComputeDevice
 from .opencl import cl
 
-#: Of arrays with this many rows about so many are looked at: if fewer than this part of them are not black,
-#: the rows that are not are uploaded alone.
+#: Arrays with at least `_MANY` rows are sampled at about `_ASKED` rows. If fewer than the fraction `_FEW` are
+#: nonzero, only nonzero rows are uploaded.
 _MANY, _ASKED, _FEW = 1 << 16, 1 << 10, 0.1
 
 
 def upload(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
-    """Return a buffer with the bits of an array."""
+    """Return a buffer with the contents of an array."""
     values, flags = np.ascontiguousarray(values), cl.mem_flags.READ_WRITE
     if not compute.is_staged(values.nbytes):
         return cl.Buffer(compute.context, flags | cl.mem_flags.COPY_HOST_PTR, hostbuf=values)
@@ -24,17 +24,17 @@ def upload(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
 
 
 def upload_rows_once(compute: ComputeDevice, values: np.ndarray) -> tuple[cl.Buffer, int]:
-    """Return values, (n, c), as float32 with all that lies between their rows, and how far apart these are.
+    """Upload values, (n, c), as float32 with the gaps between rows; return buffer and row stride.
 
-    Light is often three of four columns, which would take longer to copy than to upload. The one buffer of an
-    array that nobody changes; see `SharedBuffers`.
+    Light is often three of four columns, which take longer to compact than to upload. The buffer is cached by
+    array, so the array must not be changed; see `SharedBuffers`.
     """
     rows, apart = _rows_in_memory(values)
     return compute.shared.of(values, "rows", lambda: upload(compute, rows)), apart
 
 
 def _rows_in_memory(values: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return all float32 from the first to the last of values, (n, c), and how far apart their rows are."""
+    """Return a view of all float32 from the first to the last value of (n, c), and the row stride."""
     values = values.astype(np.float32, copy=False)
     (apart, step), (count, channels) = values.strides, values.shape
     size = values.itemsize
@@ -46,16 +46,17 @@ def _rows_in_memory(values: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def upload_once(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
-    """Return the one buffer with the bits of an array that nobody changes; see `SharedBuffers`."""
+    """Return the cached buffer of an array that must not be changed; see `SharedBuffers`."""
     return compute.shared.of(values, "bits", lambda: upload(compute, values))
 
 
 def replace_rows_once(
     compute: ComputeDevice, values: np.ndarray, changed: np.ndarray, rows: np.ndarray
 ) -> None:
-    """Make what `upload_once` returns of changed values, (n, 3) float32, of those before, on the device.
+    """Cache the buffer of `changed`, (n, 3) float32, as a device copy of `values` with some rows replaced.
 
-    values: uploaded once; rows: (k,) int64, where both differ
+    values:  array that `upload_once` has uploaded
+    rows:    (k,) int64, rows in which both differ
     """
     before, size = upload_once(compute, values), values.nbytes
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
@@ -69,11 +70,11 @@ def replace_rows_once(
 def insert_rows_once(
     compute: ComputeDevice, values: np.ndarray, joined: np.ndarray, inserted: np.ndarray
 ) -> None:
-    """Make what `upload_once` returns of values with others inserted, on the device, of what was there.
+    """Cache the buffer of `joined` as a device copy of `values` with rows inserted.
 
-    values    (n,) or (n, c) of 4 bytes each, uploaded once
-    joined    (n + k,) or (n + k, c), with the others
-    inserted  (k,) int64, rows of these, ascending
+    values:    (n,) or (n, c), 4 bytes each; `upload_once` has uploaded it
+    joined:    (n + k,) or (n + k, c), the result
+    inserted:  (k,) int64, rows of the new values in `joined`, ascending
     """
     before, columns = upload_once(compute, values), values[:1].size
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, joined.nbytes)
@@ -85,7 +86,7 @@ def insert_rows_once(
 
 
 def upload_float4(compute: ComputeDevice, values: np.ndarray, first: int = 0, last: int = 0) -> cl.Buffer:
-    """Return (n, 3) float32 as (first + n + last, 4): rows of zeros around the values; the fourth is 0."""
+    """Upload (n, 3) float32 as (first + n + last, 4), padded with zero rows; the fourth column is 0."""
     count, values = first + len(values) + last, values.astype(np.float32, copy=False)
     if _seems_sparse(values):
         return _sparse_float4(compute, values, first, count)
@@ -98,7 +99,7 @@ def upload_float4(compute: ComputeDevice, values: np.ndarray, first: int = 0, la
 
 
 def _seems_sparse(values: np.ndarray) -> bool:
-    """Return whether few rows of (n, 3) are not black, as far as some of them tell: few patches emit."""
+    """Return True if few sampled rows of (n, 3) are nonzero, such as emission."""
     if len(values) < _MANY:
         return False
     some = values[:: len(values) // _ASKED]
@@ -106,7 +107,7 @@ def _seems_sparse(values: np.ndarray) -> bool:
 
 
 def _sparse_float4(compute: ComputeDevice, values: np.ndarray, first: int, count: int) -> cl.Buffer:
-    """Return `count` float4 on the device, 0 but for the rows of values, (n, 3) float32, that are not."""
+    """Return `count` float4 on the device, 0 except for the nonzero rows of values, (n, 3) float32."""
     wide, places = zeros(compute, 16 * count), nonzero_rows(values)
     if len(places):
         (put,) = compute.kernels("float4_rows.cl", "scatter_colours")
@@ -116,17 +117,17 @@ def _sparse_float4(compute: ComputeDevice, values: np.ndarray, first: int, count
 
 
 def upload_float4_once(compute: ComputeDevice, values: np.ndarray, first: int = 0) -> cl.Buffer:
-    """Return the one buffer that `upload_float4` makes of an array that nobody changes."""
+    """Return the cached result of `upload_float4` for an array that must not be changed."""
     return compute.shared.of(values, _float4_form(first), lambda: upload_float4(compute, values, first))
 
 
 def _float4_form(first: int) -> str:
-    """Return what `SharedBuffers` calls float4 with rows of zeros before them."""
+    """Return the key of float4 rows after zero rows in `SharedBuffers`."""
     return f"float4 from {first}"
 
 
 def download_colors(compute: ComputeDevice, wide: cl.Buffer, count: int, planes: int = 1) -> np.ndarray:
-    """Return the first three numbers of float4, (planes, count, 3) float32; a buffer has (count, planes)."""
+    """Download the first three columns of float4, stored as (count, planes): (planes, count, 3) float32."""
     narrow = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, max(12 * planes * count, 4))
     (kernel,) = compute.kernels("float4_rows.cl", "to_float3")
     compute.run(kernel, planes * count, wide, np.int32(planes), np.int32(count), narrow)
@@ -134,9 +135,9 @@ def download_colors(compute: ComputeDevice, wide: cl.Buffer, count: int, planes:
 
 
 def download_colors_once(compute: ComputeDevice, wide: cl.Buffer, count: int) -> np.ndarray:
-    """Return the first three numbers of float4, (count, 3) float32, of which the fourth becomes 0.
+    """Download the first three columns of float4, (count, 3) float32, and clear the fourth on the device.
 
-    Nobody changes the array: whoever uploads it once as float4 gets the buffer that it came from.
+    The buffer becomes the cached upload of the array, which must not be changed.
     """
     colors: np.ndarray = download_colors(compute, wide, count)[0]
     (clear,) = compute.kernels("float4_rows.cl", "clear_fourth")
@@ -146,28 +147,28 @@ def download_colors_once(compute: ComputeDevice, wide: cl.Buffer, count: int) ->
 
 
 def zeros(compute: ComputeDevice, size: int) -> cl.Buffer:
-    """Return a buffer of `size` bytes, a multiple of 4, all 0."""
+    """Return a zero-filled buffer of `size` bytes, a multiple of 4."""
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
     cl.enqueue_fill_buffer(compute.queue, buffer, np.zeros(1, np.float32), 0, size)
     return buffer
 
 
 def words_of(count: int) -> int:
-    """Return the size of whole words, bytes, that hold so many bytes, one word at least."""
+    """Return the number of bytes, a multiple of 4 and at least 4, that holds `count` bytes."""
     return 4 * (count // 4 + 1)
 
 
 def download_bytes(compute: ComputeDevice, buffer: cl.Buffer, count: int) -> np.ndarray:
-    """Return `count` bytes of a buffer of `words_of` them, (count,) uint8; see `download`."""
+    """Return `count` bytes of a buffer of size `words_of(count)`, (count,) uint8; see `download`."""
     words = download(compute, buffer, (words_of(count) // 4,))
     return words.view(np.uint8)[:count]
 
 
 def download(compute: ComputeDevice, buffer: cl.Buffer, shape: tuple[int, ...], first: int = 0) -> np.ndarray:
-    """Return float32 of a buffer in a shape, from the byte `first` on, once all work before is done."""
+    """Return float32 values of a buffer, from byte `first` on; waits for all earlier commands."""
     values = np.empty(shape, np.float32)
     if not values.nbytes:
-        # OpenCL refuses to read nothing.
+        # OpenCL rejects empty reads.
         return values
     if compute.is_staged(values.nbytes):
         compute.staging.read(buffer, values, first)

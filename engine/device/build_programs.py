@@ -1,12 +1,11 @@
-"""Script of a process of `Builders`: builds OpenCL programs and writes their binaries to its output.
+"""Script of a builder process: builds OpenCL programs and writes their binaries to its output.
 
-It imports nothing of the engine. Its input is one JSON object: the names of platform and device, and of each
-program name, source, options and launches. For each program its output has a line with the name and the size
-of the binary, then its bytes.
+It imports nothing of the engine. Its input is one JSON object: platform name, device name, and for each
+program its name, source, options and launches. For each program it writes one line with the name and the size
+of the binary, then the bytes.
 
-A program with launches has no binary: PoCL compiles a kernel when it is launched, for one size of work
-groups, and keeps it in its own files. Each kernel is launched once with zeros in place of its arguments:
-counts of zero leave it nothing to do.
+A program with launches has no binary. PoCL compiles a kernel at its launch, for one work-group size, and
+caches it in its own files. Each kernel is launched once with zeros as arguments, so that it has no work.
 """
 
 import json
@@ -16,16 +15,16 @@ import sys
 import numpy as np
 import pyopencl as cl
 
-#: Size of the buffer that stands for all buffers of a launch, bytes, and where in it they begin: a kernel may
-#: access the element before the first one where a count is zero.
+#: Size in bytes of the buffer that replaces all buffers of a launch, and offset of its start. With a count of
+#: zero, a kernel may access the element before the first.
 _ROOM, _BEGIN = 32 << 20, 1 << 20
 
 
 def main() -> None:
-    """Build one program after the other; those that cannot be built are left out."""
+    """Build the programs one after another; skip programs that fail."""
     request = json.load(sys.stdin.buffer)
 
-    # What drivers print goes elsewhere.
+    # Keep the output free of messages that drivers print.
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     device = _device(request["platform"], request["device"])
@@ -40,7 +39,7 @@ def main() -> None:
         output.write(f"{name} {len(binary)}\n".encode() + binary)
         output.flush()
 
-    # PoCL's libraries may crash as they are unloaded.
+    # Exit at once: PoCL's libraries may crash when they are unloaded.
     os._exit(0)
 
 
@@ -60,14 +59,14 @@ def _launch(context: cl.Context, program: cl.Program, launches: list | None) -> 
 
 
 def _type(code: str) -> np.dtype | None:
-    """Return the type of an argument, None for memory; code: see `planned_program.argument_code`."""
+    """Return the type of an argument, None for memory; see `planned_program.argument_code`."""
     if code[0] in "bl":
         return None
     return np.dtype((np.void, int(code[1:]))) if code[0] == "v" else np.dtype(code)
 
 
 def _zero(code: str, zeros: cl.Buffer) -> object:
-    """Return an argument of zeros."""
+    """Return an argument with value zero."""
     if code == "b":
         return zeros
     if code[0] == "l":
@@ -76,7 +75,7 @@ def _zero(code: str, zeros: cl.Buffer) -> object:
 
 
 def _device(platform: str, name: str) -> cl.Device:
-    """Return the first device of these names."""
+    """Return the first device with these platform and device names."""
     return next(
         device
         for found in cl.get_platforms()

@@ -1,4 +1,4 @@
-"""Processes that build OpenCL programs: a driver may build one at a time in each."""
+"""Builder processes for OpenCL programs; a driver often builds only one program at a time in each process."""
 
 from __future__ import annotations
 
@@ -16,28 +16,29 @@ from typing import NamedTuple
 from .opencl import cl
 from .planned_program import Launch
 
-#: What runs in each process; a script, so that nothing else is imported there.
+#: Script of each process; it imports nothing of the engine.
 _SCRIPT = Path(__file__).with_name("build_programs.py")
 
-#: Most processes; memory that the device must have for any, and for each, bytes: they have contexts there.
+#: Maximum number of processes; device memory in bytes that is required for any process, and for each, since
+#: each opens a context.
 _MOST, _LEAST_ROOM, _ROOM = 6, 4 << 30, 5 << 28
 
-#: Seconds that a GPU's driver takes for a program, and the number of characters for which it takes one more
-#: second; that grows by its square. Measured on an H100.
+#: Expected seconds of a GPU driver for each program, and source length in characters that adds one second;
+#: the time grows with the square. Measured on an H100.
 _EACH, _LONG = 0.2, 60_000
 
-#: Seconds that PoCL takes for a program, and for each of its kernels. Measured on a core of an EPYC.
+#: Expected seconds of PoCL for each program and for each of its kernels. Measured on one core of an EPYC.
 _PARSED, _COMPILED = 0.25, 0.15
 
 #: Weight of the expected pace against the measured one, in expected seconds.
 _PRIOR = 2.0
 
-#: A driver that hangs is not waited for any longer, s; nor is a process that was ended.
+#: Seconds after which a hanging driver, and a process that was killed, is abandoned.
 _PATIENCE, _ENDING = 60.0, 2.0
 
 
 class Program(NamedTuple):
-    """Source and options of a program, and launches of its kernels if PoCL keeps them, else None."""
+    """Source and options of a program, and launches of its kernels if PoCL caches them, else None."""
 
     source: str
     options: Sequence[str]
@@ -45,12 +46,13 @@ class Program(NamedTuple):
 
 
 class Builders:
-    """Builds programs in processes beside this one, until all are built or `stop`.
+    """Builds programs in other processes, until all are built or `stop` is called.
 
-    device    whose programs they are
-    programs  by name, in the order in which a bake needs them
-    built     called in a thread with name and binary of each; the binary of one with launches is empty
-    pace      measured duration of earlier builds, as a multiple of the expected one
+    device:    device for which programs are built
+    programs:  programs by name, in the order in which a bake needs them
+    built:     called in a thread with name and binary of each program; the binary is empty for programs with
+               launches
+    pace:      duration of earlier builds as a multiple of the expected one
     """
 
     def __init__(
@@ -77,25 +79,25 @@ class Builders:
 
     @property
     def pending(self) -> set[str]:
-        """Names of the programs that processes still build."""
+        """Names of the programs that are not built yet."""
         with self._changed:
             return self._owner.keys() - self._done
 
     @property
     def pace(self) -> float:
-        """Duration of the builds as a multiple of the expected one; at first that of earlier builds."""
+        """Duration of the builds as a multiple of the expected one; initially the pace of earlier builds."""
         done = sum(self._costs[name] for name in self.names - self.pending) / max(1, len(self._processes))
         elapsed = time.perf_counter() - self._start_time
         return (elapsed + _PRIOR * self._pace) / (done + _PRIOR) if done else self._pace
 
     @property
     def seconds_left(self) -> float:
-        """Seconds until all programs are built, estimated."""
+        """Estimated seconds until all programs are built."""
         left = sum(self._costs[name] for name in self.pending)
         return left * self.pace / max(1, len(self._processes))
 
     def binary(self, name: str) -> bytes | None:
-        """Return the binary of a program once it is built; None if no process builds it, or it cannot."""
+        """Return the binary of a program once it is built; None if no process builds it or it fails."""
         process = self._owner.get(name)
         with self._changed:
             self._changed.wait_for(
@@ -107,7 +109,7 @@ class Builders:
         return binary
 
     def stop(self) -> None:
-        """End the processes, and wait until they are gone."""
+        """Kill the processes and wait for their end."""
         for process in self._processes:
             process.kill()
         for process in self._processes:
@@ -115,7 +117,7 @@ class Builders:
                 process.wait(_ENDING)
 
     def _start(self, device: cl.Device, programs: Mapping[str, Program]) -> None:
-        """Start a process, and a thread that takes what it builds; raises OSError if it cannot be started."""
+        """Start a process and a thread that receives its binaries; raises OSError."""
         command = [sys.executable, "-s", "-P", str(_SCRIPT)]
         search_path = os.pathsep.join(path for path in sys.path if path)
         process = subprocess.Popen(
@@ -132,7 +134,7 @@ class Builders:
         threading.Thread(target=self._follow, args=arguments, name="builders", daemon=True).start()
 
     def _follow(self, process: subprocess.Popen[bytes], request: bytes, names: Sequence[str]) -> None:
-        """Take binaries from a process until it ends: the name and the size in a line, then the bytes."""
+        """Receive binaries from a process until it ends: a line with name and size, then the bytes."""
         assert process.stdin is not None and process.stdout is not None
         with suppress(OSError, ValueError):
             process.stdin.write(request)
@@ -155,9 +157,9 @@ class Builders:
 
 
 def _processes(device: cl.Device) -> int:
-    """Return how many processes build for a device: none where they would take memory that a bake needs.
+    """Return the number of processes for a device; 0 if they would take memory that a bake needs.
 
-    For a CPU one a core, since this process waits for them; for a GPU one core is left to this process.
+    For a CPU it is one for each core, since this process waits. For a GPU one core is left to this process.
     """
     if device.global_mem_size < _LEAST_ROOM:
         return 0
@@ -168,7 +170,7 @@ def _processes(device: cl.Device) -> int:
 
 
 def _cost(program: Program) -> float:
-    """Return the seconds that a process is expected to take for a program."""
+    """Return the expected build time of a program in seconds."""
     if program.launches is None:
         return _EACH + (len(program.source) / _LONG) ** 2
     return _PARSED + _COMPILED * len(program.launches)
@@ -177,8 +179,8 @@ def _cost(program: Program) -> float:
 def _shares(programs: Mapping[str, Program], count: int) -> list[list[str]]:
     """Return the names of the programs of each process, in the order of `programs`.
 
-    Each is dealt to the process with the least work: the longest first (Graham 1969), but those that PoCL
-    keeps in their order, since a bake waits for the first ones.
+    Assigns each program to the process with the least work, the longest first (LPT scheduling, Graham 1969).
+    Programs with launches keep their order, since a bake waits for the first ones.
     """
     shares: list[list[str]] = [[] for _ in range(count)]
     seconds = [0.0] * count
@@ -193,7 +195,7 @@ def _shares(programs: Mapping[str, Program], count: int) -> list[list[str]]:
 
 
 def _flags() -> int:
-    """Return the flags of a process without a console, less urgent than this one; Windows alone has any."""
+    """Return the creation flags of a low-priority process without console; 0 except on Windows."""
     if sys.platform == "win32":
         return subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS
     return 0

@@ -1,4 +1,4 @@
-"""The OpenCL device the engine computes with."""
+"""OpenCL device: context, queue, programs and kernels."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from .staging import Staging
 from .time_slicer import TimeSlicer
 from .work_sizes import ON_PROCESSOR, KeptWorkSizes, WorkSizes
 
-#: Names of Mesa's platforms, in lower case.
+#: Lower-case names of Mesa's platforms.
 _MESA_PLATFORMS = ("rusticl", "clover")
 
-#: Least size of arrays that travel through page-locked memory, bytes.
+#: Minimum size in bytes of arrays that are copied through page-locked memory.
 _STAGED = 1 << 17
 
-#: Has functions of kernels that drivers may lack, as Mesa's do with another's library of them.
+#: Test kernel with built-in functions that an incomplete driver may lack, such as Mesa with a missing libclc.
 _PROBE = """
 __kernel void probe(__global float *x)
 {
@@ -41,16 +41,16 @@ __kernel void probe(__global float *x)
 
 
 class ComputeDevice:
-    """An OpenCL context and the in-order queue of bakes; the first GPU, else the first device that works.
+    """OpenCL context with the in-order queue of bakes, on the first GPU, else on the first working device.
 
-    cache_dir, opencl_device  see `Settings`
-    context_of                makes the context of a device
-    ahead                     programs that begin to be built at once, see `build_ahead`
-    shared                    what is uploaded once for several users
-    default_sizes             shapes of the groups of the hot kernels on such a device
-    work_sizes                the same as kept for this one, which may be others
+    cache_dir, opencl_device:  see `Settings`
+    context_of:                creates the context of a device
+    ahead:                     programs that are built ahead, see `build_ahead`
+    shared:                    cache of uploaded arrays
+    default_sizes:             default work-group sizes of the hot kernels for this kind of device
+    work_sizes:                measured sizes stored for this device, else the default
 
-    Raises DeviceError if there is no device that can build kernels.
+    Raises DeviceError if no device can build kernels.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class ComputeDevice:
             raise
 
     def _open(self, devices: list[cl.Device], cache_dir: str | None) -> None:
-        """Make the context of the first device that works, and what goes with it."""
+        """Create the context of the first working device, its queue and work-group sizes."""
         self.context = self._first_working_context(devices)
         if self.context.devices[0] != self.device:
             self._take(self.context.devices[0], cache_dir)
@@ -87,7 +87,7 @@ class ComputeDevice:
         self.work_sizes = self.kept_sizes(cache_dir).read(self.default_sizes)
 
     def _take(self, device: cl.Device, cache_dir: str | None) -> None:
-        """Take a device, which need not have a context yet."""
+        """Select a device, which need not have a context yet."""
         self.device, self._begun = device, set[ProgramParts]()
         folder = None if self._is_pocl and not self.processor else cache_dir
         self._programs = ProgramCache(device, folder, keeps_itself=self._is_pocl)
@@ -95,37 +95,36 @@ class ComputeDevice:
         self._prelude = ("pocl_inline.cl",) if self._is_pocl and self.processor else ()
 
     def kept_sizes(self, cache_dir: str | None) -> KeptWorkSizes:
-        """Return the shapes that a folder keeps for this device."""
+        """Return the store of work-group sizes in a folder for this device."""
         return KeptWorkSizes(cache_dir, f"{self.name}, {device_digest(self.device)}")
 
     @property
     def processor(self) -> bool:
-        """True for a CPU, which runs the items of a group one after the other."""
+        """True for a CPU, which runs the items of a group sequentially."""
         return bool(self.device.type & cl.device_type.CPU)
 
     @cached_property
     def staging(self) -> Staging:
-        """What large arrays travel through."""
+        """Page-locked memory for copies of large arrays."""
         return Staging(self.queue)
 
     def is_staged(self, size: int) -> bool:
-        """Return whether an array of `size` bytes travels by `staging`: a large one, not to a CPU."""
+        """Return True if an array of `size` bytes is copied through `staging`: large arrays, not on CPUs."""
         return size >= _STAGED and not self.processor
 
     @property
     def _is_pocl(self) -> bool:
-        """True for PoCL, which keeps its kernels in files itself, built for the sizes of groups they ran in.
+        """True for PoCL, which caches its kernels itself, for each work-group size.
 
-        Asked for the binary of a program it builds all kernels a second time, for groups of any size. On some
-        processors it calls what others inline; see kernels/device/pocl_inline.cl.
+        A request for a program's binary would build all kernels again for any group size. On some CPUs PoCL
+        calls functions that other drivers inline; see kernels/device/pocl_inline.cl.
         """
         return bool(self.device.platform.name == "Portable Computing Language")
 
     def kernels(self, source: str | Source, *names: str, options: Sequence[str] = ()) -> list[Kernel]:
-        """Build kernels/<source>, or several records and main files one after another.
+        """Build a program from files of kernels/ and device structs; return the named kernels.
 
-        Returns kernels in the names' order. Who asks for a kernel again gets the same one: making one takes
-        a while.
+        Programs and kernels are cached, since creating a kernel is slow.
         """
         key, program = self._program(source, options)
         for name in names:
@@ -134,12 +133,12 @@ class ComputeDevice:
         return [self._kernels[key, name] for name in names]
 
     def beside(self, source: Source, name: str, options: Sequence[str] = ()) -> SideQueue:
-        """Return a kernel that another thread starts while this one bakes."""
+        """Return a kernel on a side queue, which another thread starts during the bake."""
         _, program = self._program(source, options)
         return SideQueue(self._queue_beside, Kernel(program, name, self.device))
 
     def _program(self, source: str | Source, options: Sequence[str]) -> tuple[ProgramParts, cl.Program]:
-        """Return what a program is built of, and the program."""
+        """Return the parts of a program, which identify it, and the program."""
         parts = (source,) if isinstance(source, str) else source
         key = parts, tuple(options)
         if key not in self._built:
@@ -151,9 +150,9 @@ class ComputeDevice:
         return cl.CommandQueue(self.context)
 
     def build_ahead(self, programs: Iterable[PlannedProgram]) -> None:
-        """Begin to build the programs of this kind of device in other processes; each once.
+        """Start to build programs for this kind of device in other processes, each once.
 
-        Binaries of a GPU, and kernels that PoCL keeps for a CPU.
+        The results are binaries of a GPU, or kernels that PoCL caches for a CPU.
         """
         if self._is_pocl != self.processor:
             return
@@ -172,15 +171,15 @@ class ComputeDevice:
         self._own += [one.key for one, name in zip(new, named, strict=True) if name in left and one.is_early]
 
     def build_own(self) -> Iterator[None]:
-        """Build the programs that `build_ahead` left to this process and that direct light needs."""
+        """Build the programs for direct light that `build_ahead` left to this process; yield after each."""
         while self._own:
             self._program(*self._own.pop(0))
             yield
 
     def preparation(self, early: bool = False) -> Preparation | None:
-        """Return how far the builds of `build_ahead` are, None once they have ended.
+        """Return the progress of the builds of `build_ahead`; None once they have ended.
 
-        early: wait only for the programs that direct light needs
+        early:  True to wait only for the programs that direct light needs
         """
         left = self._programs.preparation(self._early if early else self._planned)
         if left is None and not early:
@@ -188,17 +187,17 @@ class ComputeDevice:
         return left
 
     def release(self) -> None:
-        """Build nothing ahead any more."""
+        """Stop the builds of programs ahead."""
         self._programs.stop()
 
     def _text(self, parts: Source) -> str:
         return program_source((*self._prelude, *parts))
 
     def slice_size(self, kernel: Kernel, *work: object, items: int = 1) -> TimeSlicer:
-        """Return the controller of slice sizes of a kernel for some work, which earlier work has adapted.
+        """Return the slice-size controller of a kernel for some work, adapted by earlier work.
 
-        work   what the time of an item depends on
-        items  work items that a kernel starts for each item of a slice
+        work:   values that affect the time of an item
+        items:  work items that a kernel starts for each item of a slice
         """
         key = (kernel, *work)
         if key not in self._slice_sizes:
@@ -206,11 +205,11 @@ class ComputeDevice:
         return self._slice_sizes[key]
 
     def run(self, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
-        """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond."""
+        """Run a kernel for at least `items` work items in each layer; it must ignore the surplus."""
         run_on(self.queue, kernel, items, *arguments, layers=layers)
 
     def run_texels(self, kernel: Kernel, shape: tuple[int, ...], *arguments: object) -> None:
-        """Run a kernel for at least every texel of images, (images, height, width); see texel.cl."""
+        """Run a kernel for at least each texel of images, (images, height, width); see texel.cl."""
         images, height, width = shape
         group = kernel.group(ITEMS, 1, 1)
         items = (-(-width // group[0]) * group[0], height, images)
@@ -219,8 +218,8 @@ class ComputeDevice:
     def _first_working_context(self, devices: list[cl.Device]) -> cl.Context:
         """Return a context of the first device that builds a kernel.
 
-        A PoCL older than the processor it runs on is listed but cannot build any. The first device is tried
-        twice if processes build for it: they may have what it lacks.
+        A PoCL that is older than its CPU is listed but cannot build any kernel. The first device is tried
+        twice if builder processes use it, since they may hold memory that it lacks.
         """
         failures: dict[str, str] = {}
         for device in [devices[0], *devices] if self._begun else devices:
@@ -235,13 +234,13 @@ class ComputeDevice:
 
 
 def _probed(context: cl.Context) -> cl.Context:
-    """Return a context that has built a kernel; raises cl.Error."""
+    """Return the context after building a test kernel; raises cl.Error."""
     build(context, _PROBE)
     return context
 
 
 def trouble_with(device: cl.Device) -> str:
-    """Return why a device cannot build kernels, empty if it can."""
+    """Return the reason why a device cannot build kernels; empty if it can."""
     try:
         _probed(cl.Context([device]))
     except cl.Error as error:
@@ -250,12 +249,12 @@ def trouble_with(device: cl.Device) -> str:
 
 
 def device_name(device: cl.Device) -> str:
-    """Return the name of a device as the settings have it: its platform's, and its own."""
+    """Return the name of a device for the settings: platform and device name."""
     return f"{device.platform.name.strip()}: {device.name.strip()}"
 
 
 def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
-    """Return the devices of a name, all of them without one; several platforms may offer the same."""
+    """Return the devices with a name, or all if the name is None; several platforms may offer one name."""
     chosen = [device for device in devices if name in (None, device_name(device))]
     if not chosen:
         offered = ", ".join(f"'{known}'" for known in dict.fromkeys(map(device_name, devices)))
@@ -267,9 +266,9 @@ def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
 
 
 def found_devices() -> list[cl.Device]:
-    """Return every device, the best kind first: GPU, accelerator, then anything else.
+    """Return all devices, best kind first: GPUs, accelerators, others.
 
-    Of one kind those of a vendor's driver precede those of Mesa's.
+    Within a kind, devices of a vendor's driver precede devices of Mesa's.
     """
     set_driver_options()
     load_opencl()
@@ -290,13 +289,13 @@ def _rank(device: cl.Device) -> tuple[int, bool]:
 
 
 def _reason(error: cl.Error) -> str:
-    """Return the most telling line of an OpenCL error."""
+    """Return the most informative line of an OpenCL error."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return next((line for line in lines if "error:" in line.lower()), lines[0])
 
 
 def remedy(system: str) -> str:
-    """Return what brings an OpenCL device to a system, by the name that `sys.platform` has there."""
+    """Return the remedy for a missing OpenCL device on a system, named as in `sys.platform`."""
     driver = "Install the current driver of your graphics card"
     if system == "linux":
         return (

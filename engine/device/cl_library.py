@@ -1,4 +1,4 @@
-"""The few OpenCL calls that PyOpenCL leaves out, made through ctypes on the library that it has loaded."""
+"""OpenCL functions that PyOpenCL lacks, called by ctypes on the same library."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ERROR = ctypes.POINTER(_INT)
 _POINTERS = ctypes.POINTER(_POINTER)
 _HANDOVER = (_INT, (_POINTER, _UINT, _POINTERS, _UINT, _POINTERS, _POINTERS))
 
-#: Result and arguments; what makes an object returns it, and tells an error by its last argument.
+#: Result and argument types; functions that create an object report errors in their last argument.
 SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "clCreateContext": (
         _POINTER,
@@ -40,14 +40,14 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 #: CL_DEVICE_TYPE_ALL.
 _ALL_DEVICES = 0xFFFFFFFF
 
-#: Functions of an extension that the loader of OpenCL does not export.
+#: Extension functions that the OpenCL loader does not export.
 _OF_PLATFORM = ("clEnqueueAcquireExternalMemObjectsKHR", "clEnqueueReleaseExternalMemObjectsKHR")
 
 
 def start_drivers() -> None:
-    """Have OpenCL load its drivers, and these find their devices.
+    """Load the OpenCL drivers and let them search their devices.
 
-    PyOpenCL would keep Python's lock meanwhile. Whatever goes wrong is told by those who use them.
+    PyOpenCL would hold Python's global lock meanwhile. Errors are reported later, on the first use.
     """
     with suppress(OSError, DeviceError):
         library, count, most = ctypes.CDLL(_loaded()), _UINT(), 64
@@ -62,10 +62,10 @@ def start_drivers() -> None:
 class ClLibrary:
     """OpenCL functions by name.
 
-    library   has the functions as attributes; None for what PyOpenCL has loaded
-    platform  its cl_platform_id
+    library:   object with the functions as attributes; None for the library that PyOpenCL has loaded
+    platform:  cl_platform_id
 
-    Raises DeviceError where a function is missing or fails.
+    Raises DeviceError if a function is missing or fails.
     """
 
     def __init__(self, platform: int, library: Any = None) -> None:
@@ -73,7 +73,7 @@ class ClLibrary:
         self._library = ctypes.CDLL(_loaded()) if library is None else library
 
     def make(self, name: str, *arguments: Any) -> int:
-        """Return the object that a function makes; its error argument is added."""
+        """Return the object that a function creates; appends the error argument."""
         error = _INT()
         made = self._function(name)(*arguments, ctypes.byref(error))
         if error.value or not made:
@@ -81,7 +81,7 @@ class ClLibrary:
         return int(made)
 
     def hand_over(self, name: str, queue: int, memory: int, after: Sequence[int] = ()) -> int:
-        """Enqueue that an object changes hands after events; return the event of it."""
+        """Enqueue the acquire or release of an object after events; return its event."""
         event = _POINTER()
         waits = (_POINTER * len(after))(*after) if after else None
         code = self._function(name)(
@@ -92,7 +92,7 @@ class ClLibrary:
         return int(event.value or 0)
 
     def _function(self, name: str) -> Any:
-        """Return a function, its types set."""
+        """Return a function with its types set."""
         result, arguments = SIGNATURES[name]
         if name in _OF_PLATFORM:
             find = self._function("clGetExtensionFunctionAddressForPlatform")
@@ -108,7 +108,7 @@ class ClLibrary:
 
 
 def _loaded() -> str:
-    """Return the file of the OpenCL library that PyOpenCL has loaded; a second one has other objects."""
+    """Return the path of the OpenCL library of PyOpenCL; a second library has separate objects."""
     if sys.platform == "win32":
         return "OpenCL.dll"
     if sys.platform == "darwin":

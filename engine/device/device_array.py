@@ -1,4 +1,4 @@
-"""Values of patches, or of other points, on the OpenCL device."""
+"""Arrays on the OpenCL device: colors or scalars of patches or other points."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .opencl import cl
 
 
 class DeviceArray:
-    """Colours of n points, or one number of each; NumPy reads them as an array, (n, c) float32.
+    """Array of n colors or scalars on the device; NumPy converts it to (n, c) float32.
 
-    buffer    (n, stride) float32, which nobody changes
-    stride    floats of a row, 1 for single numbers, else three or more
-    channels  c, 3 or 1
+    buffer:    (n, stride) float32, immutable
+    stride:    floats of each row: 1 for scalars, else three or more
+    channels:  c, 3 or 1
     """
 
     def __init__(self, compute: ComputeDevice, buffer: cl.Buffer, count: int, stride: int = 3) -> None:
@@ -34,19 +34,19 @@ class DeviceArray:
 
     @cached_property
     def rows(self) -> np.ndarray:
-        """All of them, (n, stride) float32, in the memory of the host."""
+        """All rows, (n, stride) float32, on the host."""
         return download(self._compute, self.buffer, (self._count, self.stride))
 
     @cached_property
     def colors(self) -> np.ndarray:
-        """The values, (n, c) float32, in the memory of the host: who uploads them gets what is there."""
+        """The values, (n, c) float32, on the host; their cached upload is this buffer."""
         colors: np.ndarray = self.rows[:, : self.channels]
         self._compute.shared.of(colors, "rows", lambda: self.buffer)
         return colors
 
     @property
     def fourth(self) -> np.ndarray:
-        """The fourth number of each row, (n,) float32, in the memory of the host; rows have four."""
+        """The fourth column, (n,) float32, on the host; rows must have four."""
         if "rows" in vars(self):
             return np.ascontiguousarray(self.rows[:, 3])
         compute = self._compute
@@ -56,7 +56,7 @@ class DeviceArray:
         return download(compute, taken, (self._count,))
 
     def channel_sums(self) -> DeviceArray:
-        """Return the sum of the channels of each colour."""
+        """Return the sum of the channels of each color."""
         compute = self._compute
         (kernel,) = compute.kernels("float4_rows.cl", "sum_channels")
         sums = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * max(1, self._count))
@@ -64,7 +64,7 @@ class DeviceArray:
         return DeviceArray(compute, sums, self._count, 1)
 
     def some(self, chosen: np.ndarray) -> np.ndarray:
-        """Return the values of some points, (k,) int64, as (k, c) float32 of the host."""
+        """Return values at indices, (k,) int64, on the host: (k, c) float32."""
         if "rows" in vars(self):
             return self.colors[chosen]
         if not len(chosen):
@@ -72,7 +72,7 @@ class DeviceArray:
         return self.taken(upload(self._compute, chosen.astype(np.uint32)), len(chosen)).colors
 
     def taken(self, chosen: cl.Buffer, count: int) -> DeviceArray:
-        """Return the values of some points by their numbers, uint32 or int32 on the device."""
+        """Return values at indices, uint32 or int32 on the device."""
         compute = self._compute
         (kernel,) = compute.kernels("float4_rows.cl", "take_colors")
         taken = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * self.channels * max(1, count))
@@ -81,7 +81,7 @@ class DeviceArray:
         return DeviceArray(compute, taken, count, self.channels)
 
     def black_at(self, places: np.ndarray) -> DeviceArray:
-        """Return the same values, but some of them, (k,) int64, 0."""
+        """Return a copy with 0 at indices, (k,) int64."""
         if not len(places):
             return self
         compute, size = self._compute, 4 * self.stride * self._count
@@ -95,7 +95,7 @@ class DeviceArray:
 
     @cached_property
     def float4(self) -> cl.Buffer:
-        """Colours as float4, of which the fourth is 0: the same buffer each time."""
+        """Colors as float4 with a fourth component of 0; cached."""
         compute, count = self._compute, self._count
         wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, count))
         (kernel,) = compute.kernels("float4_rows.cl", "widen_rows")
@@ -103,7 +103,7 @@ class DeviceArray:
         return wide
 
     def plus(self, others: Values, sign: int = 1) -> DeviceArray:
-        """Return float4 of these colours plus those of others times 1 or -1, from 0 on; the fourth is 0."""
+        """Return these colors plus others times 1 or -1, clamped to 0, as float4 with w = 0."""
         compute = self._compute
         (kernel,) = compute.kernels("float4_rows.cl", "add_colors")
         total = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * self._count)
@@ -113,44 +113,44 @@ class DeviceArray:
         return DeviceArray(compute, total, self._count, 4)
 
 
-#: Values of the host, (n, c) or (n,) float32, or of the device.
+#: Values on the host, (n, c) or (n,) float32, or on the device.
 Values: TypeAlias = np.ndarray | DeviceArray
 
 
 def rows_on_device(compute: ComputeDevice, values: Values) -> tuple[cl.Buffer, int]:
-    """Return values, (n, c), which nobody changes, on the device, and how many floats apart rows are."""
+    """Return the buffer of immutable values, (n, c), and their row stride in floats."""
     if isinstance(values, DeviceArray):
         return values.buffer, values.stride
     return upload_rows_once(compute, values)
 
 
 def float4_on_device(compute: ComputeDevice, values: Values) -> cl.Buffer:
-    """Return colours, (n, 3), on the device as float4, of which the fourth may be anything."""
+    """Return the buffer of colors, (n, 3), as float4 with an undefined fourth component."""
     if isinstance(values, DeviceArray) and values.stride == 4:
         return values.buffer
     return upload_float4(compute, np.asarray(values))
 
 
 def float4_once(compute: ComputeDevice, values: Values) -> cl.Buffer:
-    """Return colours, (n, 3), which nobody changes, as float4: the same buffer each time."""
+    """Return the cached buffer of immutable colors, (n, 3), as float4."""
     return values.float4 if isinstance(values, DeviceArray) else upload_float4_once(compute, values)
 
 
 def rows_of(values: Values) -> np.ndarray:
-    """Return values in the memory of the host, (n, c) float32 with all that is in their rows."""
+    """Return all columns of values on the host, (n, c) float32."""
     return values.rows if isinstance(values, DeviceArray) else values
 
 
 def channel_sums(values: Values) -> Values:
-    """Return the sum of the channels of colours, (n, 3), as (n, 1) float32, where they are."""
+    """Return the sum of the channels of colors, (n, 3), as (n, 1) float32, on the same device."""
     return values.channel_sums() if isinstance(values, DeviceArray) else channel_sum(values)[:, None]
 
 
 def values_at(values: Values, chosen: np.ndarray) -> np.ndarray:
-    """Return some rows of colours, (n, c), by their numbers, (k,) int64, in the memory of the host."""
+    """Return rows of colors, (n, c), at indices, (k,) int64, on the host."""
     return values.some(chosen) if isinstance(values, DeviceArray) else take_rows(values, chosen)
 
 
 def colors_on_host(values: Values) -> np.ndarray:
-    """Return the colours of values, (n, 3) float32, in the memory of the host; the same array each time."""
+    """Return the colors of values, (n, 3) float32, on the host; cached."""
     return values.colors if isinstance(values, DeviceArray) else values

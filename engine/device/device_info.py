@@ -1,4 +1,4 @@
-"""What devices a machine has, told without OpenGL or OpenCL."""
+"""Description of the machine's devices, without OpenGL or OpenCL objects."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """A device that OpenGL or OpenCL offers.
+    """Device of OpenGL or OpenCL.
 
-    api      "OpenGL" or "OpenCL"
-    name     OpenGL: the renderer; OpenCL: as `Settings.opencl_device` chooses it, platform: device
-    driver   version of the driver, as it tells it
-    memory   of an OpenCL device, bytes; 0 where it is unknown
-    use      what a bake uses it for, as the end of "used for"; empty if it does not
-    trouble  why it cannot be used; empty if it can
+    api:      "OpenGL" or "OpenCL"
+    name:     OpenGL: renderer; OpenCL: platform and device, as in `Settings.opencl_device`
+    driver:   version of the driver
+    memory:   memory of an OpenCL device, bytes; 0 if unknown
+    use:      role in a bake, which completes "used for"; empty if unused
+    trouble:  reason why it cannot be used; empty if it can
     """
 
     api: str
@@ -27,7 +27,7 @@ class DeviceInfo:
 
 @dataclass(frozen=True)
 class DeviceSurvey:
-    """All devices, the best of each API first, and what is missing: sentences with a remedy."""
+    """All devices, the best of each API first, and messages with a remedy for missing ones."""
 
     devices: tuple[DeviceInfo, ...]
     missing: tuple[str, ...] = ()

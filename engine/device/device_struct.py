@@ -1,4 +1,4 @@
-"""Records that host and device share: one description makes the NumPy dtype and the C struct."""
+"""Structs shared by host and device: one description yields the NumPy dtype and the C struct."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-#: What a field may be: NumPy type and shape. Kernels read three floats with vload3.
+#: Valid field types: NumPy type and shape. Kernels read three floats with vload3.
 _TYPES: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "float": (np.float32, ()),
     "int": (np.int32, ()),
@@ -14,7 +14,7 @@ _TYPES: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "int[2]": (np.int32, (2,)),
 }
 
-#: Records begin and end at multiples of this many bytes: devices then load four numbers at once.
+#: Alignment of structs in bytes; devices then load four numbers at once.
 _ALIGNMENT = 16
 
 #: Type, name, and unit and meaning of a field.
@@ -22,15 +22,14 @@ Field = tuple[str, str, str]
 
 
 class DeviceStruct:
-    """A C struct, and the NumPy dtype that has its layout.
+    """C struct with the NumPy dtype of the same layout.
 
-    name         of the struct
-    dtype        structured; fields with three or two components have shape (3,) or (2,)
-    declaration  of the struct in OpenCL C
-    glsl         declaration of the struct in GLSL, for std430 blocks; its keyword `uniform` gets a "_"
+    name:         name of the struct
+    dtype:        structured dtype; fields with several components have shape (3,) or (2,)
+    declaration:  declaration of the struct in OpenCL C
 
-    Every number has four bytes, so fields follow each other without gaps: a vector and a number after it are
-    loaded together if they begin at a multiple of 16 bytes. Padding at the end is a field, too.
+    All numbers have four bytes, so there are no gaps between fields. A vector and the number after it are
+    loaded together if they start at a multiple of 16 bytes. Padding at the end is a field too.
     """
 
     def __init__(self, name: str, *fields: Field) -> None:
@@ -47,18 +46,18 @@ class DeviceStruct:
         self.glsl = "\n".join([f"struct {name} {{", *lines, "};", ""]).replace(" uniform;", " uniform_;")
 
     def array(self, count: int, **values: object) -> np.ndarray:
-        """Return records, 0 but for the fields whose values are given, of one record or of each."""
+        """Return structs with fields set to one value or one value each; other fields are 0."""
         records = np.zeros(count, self.dtype)
         for name, value in values.items():
             records[name] = value
         return records
 
     def joined(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
-        """Return records of several arrays in one; np.concatenate takes 0.1 ms to compare each two dtypes."""
+        """Concatenate arrays of structs; np.concatenate would take 0.1 ms to compare each pair of dtypes."""
         return np.concatenate([records.view(np.uint8) for records in arrays]).view(self.dtype)
 
 
 def _declared(kind: str, name: str) -> str:
-    """Return a field as C declares it."""
+    """Return the declaration of a field in C."""
     scalar, bracket, count = kind.partition("[")
     return f"{scalar} {name}{bracket}{count}"

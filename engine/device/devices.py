@@ -1,4 +1,4 @@
-"""The devices of a bake: an OpenGL context to draw with, an OpenCL device to compute with."""
+"""Devices of a bake: an OpenGL context for drawing and an OpenCL device for computing."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from .cl_device import ComputeDevice
 from .gl_context import GraphicsContext
 from .opencl import cl
 
-#: What OpenCL says of a buffer that is larger than any may be.
+#: Text in the OpenCL error for a buffer above the maximum size.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"
 
 
 class Devices:
-    """Both devices, with what was built for them; they may serve several bakes, one after the other.
+    """Both devices with their programs; they may serve several bakes in sequence.
 
-    cache_dir, opencl_device  as in `Settings`
-    opening    of the OpenCL device, if it has begun
-    compute    None if there is no OpenCL; `missing` then tells why and the remedy
+    cache_dir, opencl_device:  see `Settings`
+    opening:                   OpenCL device that is being opened; None to open it here
+    compute:                   OpenCL device; None if there is none, and then `missing` holds reason and
+                               remedy
 
-    Raises DeviceError if there is no OpenGL, or if the chosen OpenCL device is not there or does not work.
+    Raises DeviceError without OpenGL, or if the chosen OpenCL device is missing or fails.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class Devices:
                 raise
             self.missing = str(error)
 
-        # OpenGL comes second: programs are built meanwhile.
+        # OpenGL comes second, while programs are built.
         try:
             self.graphics = GraphicsContext()
         except BaseException:
@@ -51,17 +52,17 @@ class Devices:
 
     @staticmethod
     def begin_opening(cache_dir: str | None, opencl_device: str | None) -> AsyncOpen:
-        """Begin to open an OpenCL device for devices of the same parameters."""
+        """Start to open an OpenCL device for these parameters."""
         return AsyncOpen(lambda ahead: ComputeDevice(cache_dir, opencl_device, ahead=ahead))
 
     @property
     def on_card(self) -> bool:
-        """True if a graphics card computes, False if a processor does."""
+        """True if a GPU computes, False if a CPU does."""
         return self.compute is not None and not self.compute.processor
 
     @contextmanager
     def failures_told(self) -> Iterator[None]:
-        """Turn into a DeviceError what OpenGL refuses, and that the memory of the OpenCL device is full."""
+        """Context manager that converts OpenGL errors and OpenCL memory errors to DeviceError."""
         try:
             yield
         except moderngl.Error:
@@ -77,11 +78,11 @@ class Devices:
             ) from error
 
     def clear(self) -> None:
-        """Free what the last bake left on the devices, but keep contexts, shaders and kernels."""
+        """Release the data of the last bake, but keep contexts and programs."""
         self.graphics.clear()
 
     def release(self) -> None:
-        """Free everything."""
+        """Release everything."""
         self.graphics.release()
         self._release_compute()
 
@@ -91,6 +92,6 @@ class Devices:
 
 
 def _is_memory_error(error: Exception) -> bool:
-    """Return True if OpenCL reports that memory is full, or a buffer larger than any may be."""
+    """Return True if OpenCL reports full memory or a buffer above the maximum size."""
     too_large = isinstance(error, cl.Error) and _TOO_LARGE in str(error)
     return isinstance(error, cl.MemoryError) or too_large

@@ -1,4 +1,4 @@
-"""Displays that may depend on an OpenCL device: long kernels stop their pictures."""
+"""Detection of displays that depend on an OpenCL device, which long kernels would freeze."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from pathlib import Path
 
 from .opencl import cl
 
-#: Names of cards for data centers, which drive no display: NVIDIA, AMD, Intel. From the makers' lists.
+#: Names of data-center GPUs of NVIDIA, AMD and Intel, which drive no display. Source: the makers' lists.
 _DATA_CENTER = re.compile(
     r"\b(Tesla|GH200|GB[23]00|[ABHV][12]00|H800|A800|A30|A40|A10G?|A16|A2|L4|L40S?|P100|P40|P4|T4|K80|H20|B300"
     r"|Instinct|MI\d{2,3}[A-Z]?|gfx90[8a]|gfx94\w|gfx950|Data Center GPU)\b"
 )
 
-#: Variables of a process that belongs to a window system.
+#: Environment variables of processes in a window system.
 _VARIABLES = ("DISPLAY", "WAYLAND_DISPLAY")
 
-#: Sockets of X servers, and states of a card's connectors, below the root of Linux.
+#: Linux paths of X server sockets and of the states of GPU connectors.
 _SOCKETS, _CONNECTORS = ("tmp/.X11-unix", "X*"), ("sys/class/drm", "card*-*/status")
 
 
 def may_have_display(device: cl.Device) -> bool:
-    """Return True unless a device surely drives no display.
+    """Return True unless a device certainly drives no display.
 
-    Processors, accelerators and cards for data centers drive none. Other cards may, unless Linux shows no
-    window system: no variable of one, no X server, no monitor at any card.
+    CPUs, accelerators and data-center GPUs drive none. Other GPUs may, unless Linux shows no window system:
+    no environment variable, no X server, no connected monitor.
     """
     if not device.type & cl.device_type.GPU or is_data_center_card(device.name):
         return False
@@ -35,12 +35,12 @@ def may_have_display(device: cl.Device) -> bool:
 
 
 def is_data_center_card(name: str) -> bool:
-    """Return True for the name of a card that has no output for a display, or whose maker disables it."""
+    """Return True for the name of a GPU without display output, or with output disabled by the maker."""
     return "GeForce" not in name and bool(_DATA_CENTER.search(name))
 
 
 def has_window_system(environment: Mapping[str, str], root: Path) -> bool:
-    """Return True if Linux shows a window system of any user; root: of its files."""
+    """Return True if Linux shows a window system of any user; root: root of the file system."""
     if any(environment.get(name) for name in _VARIABLES):
         return True
     folder, pattern = _SOCKETS
@@ -51,7 +51,7 @@ def has_window_system(environment: Mapping[str, str], root: Path) -> bool:
 
 
 def _is_connected(status: Path) -> bool:
-    """Return True if a monitor is at a connector; one that cannot be read counts."""
+    """Return True if a monitor is connected; an unreadable connector counts as connected."""
     try:
         return status.read_text(encoding="ascii").strip() != "disconnected"
     except (OSError, UnicodeError):

@@ -1,4 +1,4 @@
-"""Environment variables of OpenCL drivers and of the loader, set before OpenCL is loaded."""
+"""Environment variables of OpenCL drivers and the loader, set before OpenCL is loaded."""
 
 from __future__ import annotations
 
@@ -8,28 +8,27 @@ import sys
 from collections.abc import MutableMapping
 from pathlib import Path
 
-#: Intel's driver for processors joins work items to vectors: with that, kernels return NaN on an AMD EPYC
-#: (2026.2), or shadows that are not there; without it they return what PoCL's do, and build faster.
+#: Disables vectorization in Intel's CPU driver. With it, kernels return NaN or false shadows on an AMD EPYC
+#: (version 2026.2, measured); without it they match PoCL and build faster.
 _OPTIONS = {"CL_CONFIG_CPU_VECTORIZER_MODE": "1"}
 
-#: Mesa's driver by the name of the kernel's driver of a GPU. rusticl offers no device of a driver that
-#: RUSTICL_ENABLE does not list.
+#: Mesa driver for each kernel driver of a GPU. rusticl offers only drivers that RUSTICL_ENABLE lists.
 _MESA_DRIVERS = {
     "amdgpu": "radeonsi", "radeon": "radeonsi", "i915": "iris", "xe": "iris", "nouveau": "nouveau",
     "asahi": "asahi", "msm": "freedreno", "panfrost": "panfrost", "panthor": "panfrost", "v3d": "v3d",
 }  # fmt: skip
 
-#: Mesa's driver for CPUs, on machines without a GPU that Mesa serves.
+#: Mesa driver for CPUs, on machines without a GPU that Mesa supports.
 _SOFTWARE = "llvmpipe"
 
-#: Folder of ICD files, which name OpenCL drivers, where the loader looks.
+#: Folder of ICD files, which name the OpenCL drivers.
 _VENDORS = "etc/OpenCL/vendors"
 
 
 def set_driver_options(environment: MutableMapping[str, str] = os.environ, root: Path = Path("/")) -> None:
     """Set the variables that the user has not set.
 
-    root  of the file system
+    root:  root of the file system
     """
     for name, value in _OPTIONS.items():
         environment.setdefault(name, value)

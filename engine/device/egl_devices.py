@@ -1,4 +1,4 @@
-"""Which device of EGL is which graphics card of CUDA's, so that a process draws where it computes."""
+"""Mapping from CUDA devices to EGL devices, so that a process draws on the GPU where it computes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 import sys
 from ctypes import CFUNCTYPE, POINTER, byref, c_char_p, c_int, c_ssize_t, c_uint, c_void_p
 
-#: EGL_CUDA_DEVICE_NV of the extension EGL_NV_device_cuda; devices at most.
+#: EGL_CUDA_DEVICE_NV of extension EGL_NV_device_cuda, and maximum number of devices.
 _CUDA_DEVICE, _MOST = 0x323A, 64
 
 _QueryDevices = CFUNCTYPE(c_uint, c_int, POINTER(c_void_p), POINTER(c_int))
@@ -14,7 +14,7 @@ _QueryAttribute = CFUNCTYPE(c_uint, c_void_p, c_int, POINTER(c_ssize_t))
 
 
 def egl_devices() -> dict[int, int]:
-    """Return the number of EGL's device by the number of CUDA's; empty where EGL does not tell."""
+    """Return the EGL device index for each CUDA device index; empty if EGL does not report it."""
     if not sys.platform.startswith("linux"):
         return {}
     try:

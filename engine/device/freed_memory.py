@@ -1,20 +1,19 @@
-"""Memory that a bake has freed stays with the process: pages need not be mapped anew by the next one."""
+"""Heap settings that keep freed memory in the process, so that the next bake need not map pages again."""
 
 from __future__ import annotations
 
 import ctypes
 import sys
 
-#: Parameters of mallopt (glibc, malloc.h): free memory at the end of the heap that is given back, and how
-#: many blocks are mapped apart, which are given back as soon as they are freed.
+#: Parameters of mallopt (glibc, malloc.h): trim threshold, and maximum number of separately mapped blocks.
 _TRIM_THRESHOLD, _MMAP_MAX = -1, -4
 
-#: Free memory that the process keeps at most while it works, bytes.
+#: Maximum free memory that the process keeps, bytes.
 _KEPT = (1 << 31) - 1
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep what is freed, where it is glibc; others decide for themselves."""
+    """Let glibc keep freed memory; other C libraries are left alone."""
     library = _glibc()
     if library is not None:
         library.mallopt(_TRIM_THRESHOLD, _KEPT)
@@ -22,14 +21,14 @@ def keep_freed_memory() -> None:
 
 
 def give_back_freed_memory() -> None:
-    """Give what is free back to the system."""
+    """Return free memory to the system."""
     library = _glibc()
     if library is not None:
         library.malloc_trim(0)
 
 
 def _glibc() -> ctypes.CDLL | None:
-    """Return this process's glibc, None if it runs on another C library."""
+    """Return glibc, or None if the process uses another C library."""
     if not sys.platform.startswith("linux"):
         return None
     library = ctypes.CDLL(None)

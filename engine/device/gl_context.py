@@ -1,4 +1,4 @@
-"""The OpenGL context the engine draws with."""
+"""OpenGL context for drawing."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ _REMEDY = {
     "darwin": "OpenGL 4.1 is part of macOS 10.9 and later; update the system.",
 }
 
-#: OpenGL versions: what the engine makes use of, and what it needs.
+#: OpenGL versions: the version that the engine uses if available, and the minimum.
 _WANTED, _NEEDED = 450, 410
 
 
 class GraphicsContext:
-    """A standalone OpenGL 4.1+ context and what it can do.
+    """Standalone OpenGL 4.1+ context with its capabilities.
 
-    computes        it has compute shaders
-    indirect        it takes draw commands from a buffer
-    reversed_depth  depth runs from 1, near, to 0
+    computes:        True if it has compute shaders
+    indirect:        True if it takes draw commands from a buffer
+    reversed_depth:  True if depth runs from 1 (near) to 0
+
     Raises DeviceError if no driver offers one.
     """
 
@@ -46,20 +47,20 @@ class GraphicsContext:
         self._taken: dict[tuple, int] = {}
         self.context.gc_mode = "context_gc"
 
-        # Compute shaders and draws whose commands lie in a buffer came together, with OpenGL 4.3.
+        # Compute shaders and indirect draws both require OpenGL 4.3.
         self.computes = self.indirect = self.context.version_code >= 430
 
-        # Reversed depth keeps its precision at every distance; it needs OpenGL 4.5.
+        # Reversed depth keeps its precision at all distances; it requires OpenGL 4.5.
         self.reversed_depth = self.context.version_code >= 450 and "glClipControl" in self.raw
         if self.reversed_depth:
             self.raw("glClipControl", LOWER_LEFT, ZERO_TO_ONE)
 
     def use(self) -> None:
-        """Make the context current: something else in this process may have made another so."""
+        """Make the context current, in case another context of this process is."""
         self.context.__enter__()
 
     def check(self, task: str) -> None:
-        """Raise a DeviceError if OpenGL has failed since the last check; the message says at what task."""
+        """Raise DeviceError with the task's name if OpenGL has reported an error since the last check."""
         error = self.context.error
         if error == "GL_OUT_OF_MEMORY":
             raise DeviceMemoryError(
@@ -73,9 +74,9 @@ class GraphicsContext:
             )
 
     def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:
-        """Link shaders/<name>.<stage> of the stages vert, geom and frag, or take an unused one.
+        """Link shaders/<name>.<stage> for the stages vert, geom and frag, or reuse an unused program.
 
-        features  defined in capitals in all stages; see `shader_source`
+        features:  macros that are defined in all stages, in capitals; see `shader_source`
         """
         key = (name, tuple(stages), tuple(features))
         program: moderngl.Program = self._unused(key, lambda: self._link(*key))
@@ -100,7 +101,7 @@ class GraphicsContext:
         return program
 
     def _unused(self, key: tuple, build: Callable[[], Any]) -> Any:
-        """Return a program of its own for everyone who asks; those of earlier bakes are used again."""
+        """Return a separate program for each caller; programs of earlier bakes are reused."""
         built, taken = self._programs.setdefault(key, []), self._taken.get(key, 0)
         if taken == len(built):
             built.append(build())
@@ -108,13 +109,13 @@ class GraphicsContext:
         return built[taken]
 
     def discard(self, *resources: Any) -> None:
-        """Release ModernGL objects; no framebuffer of theirs stays bound."""
+        """Release ModernGL objects; unbinds their framebuffers."""
         self._parking.use()
         for resource in resources:
             resource.release()
 
     def collect(self) -> None:
-        """Release what nobody refers to any more; programs stay."""
+        """Release unreferenced objects except programs."""
         self._parking.use()
         while self.context.objects:
             unused = self.context.objects.popleft()
@@ -123,17 +124,17 @@ class GraphicsContext:
         self.raw.delete_unused()
 
     def clear(self) -> None:
-        """Release what the last bake left; its programs are the next one's."""
+        """Release the data of the last bake; keep its programs for the next."""
         self.collect()
         self._taken.clear()
 
     def release(self) -> None:
-        """Destroy the context and everything made in it."""
+        """Destroy the context and all of its objects."""
         self.context.release()
 
 
 def _create_context() -> moderngl.Context:
-    """Return a context of the version wanted, if there is one: drivers may give no more than asked for."""
+    """Return a context of the wanted version if possible; drivers may give exactly the requested one."""
     options: dict[str, str] = {}
     if sys.platform.startswith("linux"):
         options = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}

@@ -1,4 +1,4 @@
-"""How hemicubes drawn by OpenGL reach OpenCL: one copy through the host for each batch."""
+"""Copy of hemicubes from OpenGL to OpenCL through host memory, once for each batch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .opencl import cl
 
 
 class HostCopy:
-    """An OpenCL buffer of the size of a texture array, filled from it through host memory.
+    """OpenCL buffer with a copy of an OpenGL texture array.
 
     The array is (layers, height, width, 4) float32, or (layers, height, width) uint32, in both.
     """
@@ -37,4 +37,4 @@ class HostCopy:
         return self.buffer
 
     def release(self) -> None:
-        """Do nothing: the buffer is OpenCL's own."""
+        """Do nothing; OpenCL owns the buffer."""

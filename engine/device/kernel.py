@@ -1,4 +1,4 @@
-"""An OpenCL kernel that starts quickly, in groups that its device can run."""
+"""OpenCL kernel with fast launches and work groups that fit the device."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 from .opencl import cl
 
-#: Work items of a group whose items have nothing to do with each other.
+#: Work-group size of kernels with independent items.
 ITEMS = 64
 
 
 class Kernel:
-    """A kernel of a program; it learns the types of its scalar arguments from its first call.
+    """Kernel of a program that derives its scalar argument types from the first call.
 
-    Starting a kernel whose types are known takes a quarter of the host's time.
+    A launch with known types takes a quarter of the host time.
 
-    most_items       the most work items that a group of this kernel may have
-    preferred_items  work items that the device runs in lockstep: the least efficient size of a group
+    most_items:       maximum work-group size of this kernel
+    preferred_items:  items that the device runs in lockstep, the minimum efficient group size
     """
 
     def __init__(self, program: cl.Program, name: str, device: cl.Device) -> None:
@@ -31,17 +31,17 @@ class Kernel:
         self._groups: dict[tuple[int, ...], tuple[int, ...]] = {}
 
     def group(self, *sides: int) -> tuple[int, ...]:
-        """Return the work group of this kernel that is nearest to one of these sides, powers of two.
+        """Return the work-group size closest to the given sides, powers of two, that the device runs.
 
-        Sides are halved, the last first, until the device can run it: how many items that is may depend on
-        the kernel, as on the registers that it needs.
+        Sides are halved, the last first, until the group fits. The limit depends on the kernel, for example
+        on its registers.
         """
         if sides not in self._groups:
             self._groups[sides] = self._nearest(sides)
         return self._groups[sides]
 
     def _nearest(self, sides: tuple[int, ...]) -> tuple[int, ...]:
-        """Return what `group` returns."""
+        """Compute the result of `group`."""
         fitting = [_halved(side, most) for side, most in zip(sides, self._sides, strict=False)]
         for axis in reversed(range(len(fitting))):
             others = math.prod(fitting) // fitting[axis]
@@ -55,9 +55,9 @@ class Kernel:
         group: tuple[int, ...],
         *arguments: object,
     ) -> cl.Event:
-        """Start `items` work items, in groups of one size: PoCL fails to choose one where groups are small.
+        """Launch `items` work items in groups of one size; PoCL fails to choose one for small groups.
 
-        arguments  buffers, local memory, NumPy scalars, and arrays for vectors
+        arguments:  buffers, local memory, NumPy scalars, and arrays for vectors
         """
         if not self._typed:
             self._kernel.set_arg_types([_type(argument) for argument in arguments])
@@ -66,23 +66,23 @@ class Kernel:
 
 
 def run_on(queue: cl.CommandQueue, kernel: Kernel, items: int, *arguments: object, layers: int = 1) -> None:
-    """Run a kernel for at least `items` work items of each layer; it has to ignore those beyond.
+    """Run a kernel for at least `items` work items in each layer; it must ignore the surplus.
 
-    Work groups have one size whatever the number of items, since PoCL compiles a kernel anew for each.
+    The work-group size does not depend on the number of items, since PoCL compiles a kernel for each size.
     """
     (size,) = kernel.group(ITEMS)
     kernel(queue, (-(-items // size) * size, layers), (size, 1), *arguments)
 
 
 def _halved(side: int, most: int) -> int:
-    """Return a power of two halved until it is at most `most`, but no more often than to 1."""
+    """Halve a power of two until it is at most `most`, but not below 1."""
     while side > max(most, 1):
         side //= 2
     return side
 
 
 def _type(argument: object) -> np.dtype | None:
-    """Return what an argument's bits are: a number, a vector's bytes, or None for memory."""
+    """Return the type of an argument: dtype of a number, bytes of a vector, or None for memory."""
     if isinstance(argument, np.generic):
         return argument.dtype
     return np.dtype((np.void, argument.nbytes)) if isinstance(argument, np.ndarray) else None

@@ -1,4 +1,4 @@
-"""OpenCL programs that a bake is about to need, described before a device is open."""
+"""OpenCL programs that a bake will need, described before a device is open."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 from .device_struct import DeviceStruct
 from .opencl import cl
 
-#: Records and main files of kernels/, one after another; files include what they need.
+#: Device structs and main files of kernels/, concatenated; files include further files.
 Source = tuple[str | DeviceStruct, ...]
 
-#: Parts of a program, and its build options.
+#: Parts of a program and its build options.
 ProgramParts = tuple[Source, tuple[str, ...]]
 
 
 class Launch(NamedTuple):
-    """First launch of a kernel: PoCL compiles a kernel for the work group that it is launched with.
+    """First launch of a kernel; PoCL compiles a kernel for the work-group size of its launch.
 
-    name       of the kernel
-    group      work items of a group along each axis
-    arguments  a code for each argument, see `argument_code`
+    name:       name of the kernel
+    group:      work-group size along each axis
+    arguments:  code of each argument, see `argument_code`
     """
 
     name: str
@@ -31,12 +31,12 @@ class Launch(NamedTuple):
 
 
 class PlannedProgram(NamedTuple):
-    """A program that a bake is about to need.
+    """Program that a bake will need.
 
-    parts, options  of the source, see `ComputeDevice.kernels`
-    is_early        True if direct light is computed or displayed with it
-    for_processor   True for the program that a CPU uses, False for that of a GPU
-    launches        first launch of each of its kernels, for a CPU
+    parts, options:  see `ComputeDevice.kernels`
+    is_early:        True if direct light or its display needs it
+    for_processor:   True for a CPU, False for a GPU
+    launches:        first launch of each of its kernels, for a CPU
     """
 
     parts: Source
@@ -52,7 +52,7 @@ class PlannedProgram(NamedTuple):
 
 
 def argument_code(argument: object) -> str:
-    """Return what a kernel must know of an argument to be launched with an empty one.
+    """Return a code that suffices to launch a kernel with a zero argument.
 
     "b" for a buffer, "l" and the bytes of local memory, "v" and the bytes of a vector, else a NumPy dtype.
     """

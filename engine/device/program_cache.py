@@ -1,7 +1,7 @@
-"""Cache of built OpenCL programs in files: a device builds each source once, for all processes.
+"""File cache of built OpenCL programs: each source is built once for each device.
 
-PyOpenCL leaves that to NVIDIA's driver, which does it as its own settings say. PoCL keeps compiled kernels in
-its own files: here an empty file records that a program's kernels were compiled.
+PyOpenCL leaves caching to NVIDIA's driver and its own settings. PoCL caches kernels in its own files; here an
+empty file records that the kernels of a program were compiled.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import NamedTuple
 from .builders import Builders, Program
 from .opencl import cl
 
-#: Threads that load programs of earlier processes, and the most programs that are kept of a device.
+#: Threads that load cached programs, and maximum number of cached programs for each device.
 _THREADS, _MOST = 4, 96
 
-#: Least number of a GPU's programs that is worth other processes, number of the first ones, which are left to
-#: this process, and least number of PoCL's programs.
+#: Minimum number of GPU programs that justifies builder processes, number of first programs that this process
+#: builds itself, and minimum number of PoCL programs.
 _MANY, _OWN, _FEW = 8, 3, 3
 
-#: Bytes of the checksum of a program.
+#: Size of a program's checksum, bytes.
 _CHECKSUM = 16
 
 #: File of the build pace of each device, as a multiple of the expected duration.
@@ -34,10 +34,10 @@ _PACES = "build_paces.json"
 
 
 class Preparation(NamedTuple):
-    """How far the programs are that other processes build for a device.
+    """Progress of the programs that other processes build for a device.
 
-    done, total   numbers of programs
-    seconds_left  estimated
+    done, total:   numbers of programs
+    seconds_left:  estimated remaining time
     """
 
     done: int
@@ -46,10 +46,10 @@ class Preparation(NamedTuple):
 
 
 class ProgramCache:
-    """Programs of a device; of one context of the device after `open`.
+    """Program cache of a device; `open` binds it to a context.
 
-    folder        where programs are kept, in a folder for each device and driver; None keeps none
-    keeps_itself  True for PoCL, whose compiled kernels stay in its own files
+    folder:        folder with a subfolder for each device and driver; None for no cache
+    keeps_itself:  True for PoCL, which caches compiled kernels itself
     """
 
     def __init__(self, device: cl.Device, folder: str | None, keeps_itself: bool = False) -> None:
@@ -60,9 +60,9 @@ class ProgramCache:
         self._known, self._builders = {path.name for path in self._files}, list[Builders]()
 
     def open(self, context: cl.Context) -> None:
-        """Take the device's context, and load the programs of earlier processes.
+        """Set the device's context and load cached programs in threads.
 
-        Threads do that at once: building does not hold Python's lock.
+        Building does not hold Python's global lock.
         """
         self._context = context
         if self._files and not self._keeps_itself:
@@ -71,7 +71,7 @@ class ProgramCache:
             threads.shutdown(wait=False)
 
     def build(self, source: str, options: Sequence[str] = ()) -> cl.Program:
-        """Return a program of some source, ready for kernels; raises cl.Error if it cannot be built."""
+        """Return a program, from the cache or built from source; raises cl.Error."""
         name = program_name(source, options)
         self._known.add(name)
         if name in self._loading:
@@ -86,10 +86,12 @@ class ProgramCache:
         return program
 
     def begin(self, programs: Iterable[Program]) -> set[str]:
-        """Begin to build programs in other processes, which can keep them, before `build` needs them.
+        """Start to build programs in other processes, before `build` needs them.
 
-        programs: in the order of need. A GPU's first ones are left to this process, which would wait for the
-        others to start; so are few. Returns the names of the programs that are left.
+        The first programs of a GPU are left to this process, since it would only wait for the others to
+        start. Small numbers are left to it too. Returns the names of the programs left to this process.
+
+        programs:  programs in the order of need
         """
         named = {program_name(program.source, program.options): program for program in programs}
         missing = {name: named[name] for name in named if name not in self._known}
@@ -102,9 +104,9 @@ class ProgramCache:
         return missing.keys() - others.keys()
 
     def preparation(self, wanted: set[str]) -> Preparation | None:
-        """Return how far all builds in other processes are, None once those of `wanted` have ended.
+        """Return the progress of all builds in other processes; None once the wanted ones have ended.
 
-        wanted: names of programs, see `program_name`
+        wanted:  names of programs, see `program_name`
         """
         if not any(wanted & builders.pending for builders in self._builders):
             return None
@@ -113,7 +115,7 @@ class ProgramCache:
         return Preparation(done, total, max(builders.seconds_left for builders in self._builders))
 
     def keep_pace(self) -> None:
-        """Record the pace of builds that have ended, for the estimate of the next ones on this device."""
+        """Record the pace of finished builds, for the next estimate on this device."""
         ended = [builders for builders in self._builders if builders.names and not builders.pending]
         if self._paces is not None and ended:
             with suppress(OSError):
@@ -124,11 +126,11 @@ class ProgramCache:
 
     @property
     def _key(self) -> str:
-        """Name of the device in the file of paces: a new version of its driver starts with the old pace."""
+        """Name of the device in the pace file, independent of the driver version."""
         return f"{self._device.platform.name}: {self._device.name}"
 
     def _read_paces(self) -> dict[str, float]:
-        """Return the build paces of devices by name; none if the file is missing or damaged."""
+        """Return the build paces of devices by name; empty if the file is missing or damaged."""
         if self._paces is None:
             return {}
         with suppress(OSError, ValueError, AttributeError):
@@ -137,12 +139,12 @@ class ProgramCache:
         return {}
 
     def stop(self) -> None:
-        """Have nothing built ahead any more."""
+        """Stop all builds in other processes."""
         for builders in self._builders:
             builders.stop()
 
     def _built_ahead(self, name: str) -> cl.Program | None:
-        """Return a program that another process has built, or is building; None if none does."""
+        """Return a program that another process has built or is building; None if there is none."""
         for builders in self._builders:
             binary = builders.binary(name)
             if binary:
@@ -151,9 +153,9 @@ class ProgramCache:
         return None
 
     def _load(self, path: Path) -> cl.Program:
-        """Return the program of a file; raises cl.Error or OSError if it is none of this device, or damaged.
+        """Return the program of a file; raise cl.Error or OSError if it is damaged or of another device.
 
-        A driver may crash on a binary that is not whole, so that its checksum is looked at before.
+        The checksum is tested first, since a driver may crash on a damaged binary.
         """
         content = path.read_bytes()
         checksum, binary = content[:_CHECKSUM], content[_CHECKSUM:]
@@ -162,19 +164,19 @@ class ProgramCache:
         return cl.Program(self._context, [self._device], [binary]).build()
 
     def _mark(self, name: str) -> None:
-        """Note that a program is in use: those that are not for long are removed."""
+        """Update the time stamp of a program; programs that are unused for long are removed."""
         if self._folder is not None:
             with suppress(OSError):
                 os.utime(self._folder / name)
 
     def _store(self, name: str, program: cl.Program) -> None:
-        """Keep a program; a folder that cannot be written stops nothing. Under its name a file is whole."""
+        """Store a program; errors are ignored. The file is written atomically."""
         if self._folder is not None and not self._keeps_itself:
             with suppress(cl.Error):
                 self._keep(name, program.get_info(cl.program_info.BINARIES)[0])
 
     def _keep(self, name: str, binary: bytes) -> None:
-        """Write the file of a program, as `_store`."""
+        """Write the file of a program; see `_store`."""
         if self._folder is None:
             return
         with suppress(OSError):
@@ -185,22 +187,22 @@ class ProgramCache:
 
 
 def program_name(source: str, options: Sequence[str]) -> str:
-    """Return the name of a program: a digest of its source and options."""
+    """Return the name of a program: a hash of its source and options."""
     return hashlib.blake2b("\0".join([source, *options]).encode(), digest_size=20).hexdigest()
 
 
 def build(context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:
-    """Return a program built from source, and kept by nobody but the driver; raises cl.Error."""
+    """Return a program built from source without PyOpenCL's cache; raises cl.Error."""
     return cl.Program(context, source).build(list(options), cache_dir=False)
 
 
 def _checksum(binary: bytes) -> bytes:
-    """Return what a file of a program begins with."""
+    """Return the checksum at the start of a program file."""
     return hashlib.blake2b(binary, digest_size=_CHECKSUM).digest()
 
 
 def _newest(folder: Path | None) -> list[Path]:
-    """Return the programs in a folder that were used last; remove the others."""
+    """Return the most recently used programs in a folder; remove the others."""
     if folder is None or not folder.is_dir():
         return []
     with suppress(OSError):
@@ -212,7 +214,7 @@ def _newest(folder: Path | None) -> list[Path]:
 
 
 def device_digest(device: cl.Device) -> str:
-    """Return a name for all that binaries of a device depend on beside their source."""
+    """Return a hash of everything besides the source that determines the binaries of a device."""
     platform = device.platform
     facts = (
         platform.vendor, platform.name, platform.version, device.vendor, device.name, device.version,

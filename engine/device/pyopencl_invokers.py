@@ -1,4 +1,4 @@
-"""The Python that PyOpenCL generates to start kernels: kept in memory, and nowhere else."""
+"""In-memory cache for the launch code that PyOpenCL generates."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from .opencl import load_opencl
 
 
 class InvokerCache:
-    """Stands in for the database in which PyOpenCL keeps what it has generated.
+    """Replacement for PyOpenCL's database of generated launch code.
 
-    What starts a kernel depends on all but the first item of its key, the name, so that kernels with like
-    arguments share it: Python takes half a millisecond to compile it. What PyOpenCL says of a wrong number of
-    arguments may have the name of another one.
+    The code depends on all parts of its key except the first, the kernel's name. Kernels with equal argument
+    types therefore share it, since Python takes 0.5 ms to compile it. PyOpenCL's message about a wrong number
+    of arguments may name another kernel.
     """
 
     def __init__(self, *_names: str, **_options: object) -> None:
@@ -23,15 +23,15 @@ class InvokerCache:
         return self._made[key[1:]]
 
     def store_if_not_present(self, key: tuple, value: object) -> None:
-        """Keep a value, as the database does."""
+        """Store a value if the key is new, like the database."""
         self._made.setdefault(key[1:], value)
 
 
 def keep_starters_in_memory() -> None:
-    """Have PyOpenCL keep what it generates to start kernels in this process.
+    """Let PyOpenCL keep generated launch code in memory.
 
-    It would open a database in the user's cache folder when this module of its is imported, for which it has
-    no setting: the file would stay behind when the add-on is removed, and all bakes fail once it is deleted.
+    Otherwise it opens a database in the user's cache folder, which no setting disables. The file would stay
+    behind when the add-on is removed, and deleting it would break all later bakes.
     """
     load_opencl()
     persistent_dict: Any = importlib.import_module("pytools.persistent_dict")

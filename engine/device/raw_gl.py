@@ -1,4 +1,4 @@
-"""The few OpenGL calls that ModernGL does not offer, made through ctypes on the current context."""
+"""OpenGL functions that ModernGL lacks, called by ctypes on the current context."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class RawGL:
-    """Core OpenGL functions by name; valid while the context that was current at creation is."""
+    """Core OpenGL functions by name; valid while the context at creation exists."""
 
     def __init__(self) -> None:
         address_of = _address_finder()
@@ -95,22 +95,22 @@ class RawGL:
         return depth
 
     def delete_unused(self) -> None:
-        """Delete the depth arrays that nobody refers to any more."""
+        """Delete unreferenced depth arrays."""
         while self._unused:
             self("glDeleteTextures", 1, ctypes.byref(_UINT(self._unused.pop())))
 
     def instances_from(self, vertex_array: int, location: int, buffer: int, offset: int) -> None:
-        """Let an attribute of one unsigned integer an instance start at a byte of a buffer."""
+        """Bind a per-instance unsigned integer attribute to a byte offset of a buffer."""
         self("glBindVertexArray", vertex_array)
         self("glBindBuffer", ARRAY_BUFFER, buffer)
         self("glVertexAttribIPointer", location, 1, UNSIGNED_INT, 0, offset)
 
     def set_viewports(self, viewports: np.ndarray) -> None:
-        """Set the first viewports: x, y, width and height, (k, 4) float32 without gaps."""
+        """Set the first viewports: x, y, width and height, (k, 4) float32, contiguous."""
         self("glViewportArrayv", 0, len(viewports), viewports.ctypes.data)
 
     def clear_integers(self, value: int) -> None:
-        """Clear the colours, unsigned integers, of all layers of the bound framebuffer."""
+        """Clear the unsigned integer colors of all layers of the bound framebuffer."""
         self("glClearBufferuiv", COLOR, 0, (_UINT * 4)(value, value, value, value))
 
     def clear_depth(self, depth: float) -> None:
@@ -118,13 +118,13 @@ class RawGL:
         self("glClearBufferfv", DEPTH, 0, (_FLOAT * 1)(depth))
 
     def fence(self) -> int:
-        """Put a fence into the queue; return its GLsync."""
+        """Insert a fence into the queue; return its GLsync."""
         fence = self("glFenceSync", SYNC_GPU_COMMANDS_COMPLETE, 0)
         self("glFlush")
         return int(fence)
 
     def imported_buffer(self, descriptor: int, size: int, kind: int) -> int:
-        """Return a buffer in memory that a file descriptor of a kind stands for (GL_EXT_memory_object_fd)."""
+        """Return a buffer in memory imported by a file descriptor (GL_EXT_memory_object_fd)."""
         memory, buffer = _UINT(), _UINT()
         self("glCreateMemoryObjectsEXT", 1, ctypes.byref(memory))
         self("glImportMemoryFdEXT", memory.value, size, kind, descriptor)
@@ -133,7 +133,7 @@ class RawGL:
         return buffer.value
 
     def read_texture_array(self, texture: int, integers: bool, buffer: int) -> None:
-        """Copy a texture array of 4 floats or of one unsigned integer into a buffer."""
+        """Copy a texture array of 4 floats or one unsigned integer into a buffer."""
         self("glBindTexture", TEXTURE_2D_ARRAY, texture)
         self("glBindBuffer", PIXEL_PACK_BUFFER, buffer)
         kind = (RED_INTEGER, UNSIGNED_INT) if integers else (RGBA, FLOAT)
@@ -147,19 +147,19 @@ class RawGL:
 
 
 class DepthArray:
-    """A depth texture array of an OpenGL name."""
+    """Depth texture array with an OpenGL name."""
 
     def __init__(self, raw: RawGL, name: int) -> None:
         self._raw, self.name = raw, name
 
     def use(self, unit: int) -> None:
-        """Bind it to a texture unit."""
+        """Bind the array to a texture unit."""
         self._raw("glActiveTexture", TEXTURE0 + unit)
         self._raw("glBindTexture", TEXTURE_2D_ARRAY, self.name)
 
 
 def _address_finder() -> Callable[[str], int | None]:
-    """Return the platform's way to ask for the address of a GL function."""
+    """Return the platform's function that finds the address of an OpenGL function."""
     if sys.platform == "win32":
         library = ctypes.WinDLL("opengl32")
         library.wglGetProcAddress.restype = _POINTER
@@ -175,7 +175,7 @@ def _address_finder() -> Callable[[str], int | None]:
 
 
 def _exported(library: ctypes.CDLL, name: str) -> int | None:
-    """Return the address of a symbol a library exports, or None."""
+    """Return the address of an exported symbol, or None."""
     try:
         return ctypes.cast(getattr(library, name), _POINTER).value
     except AttributeError:

@@ -1,4 +1,4 @@
-"""Buffers of arrays that several users upload alike: each is made once, and lives as long as its array."""
+"""Cache of uploaded buffers by array; a buffer lives as long as its array."""
 
 from __future__ import annotations
 
@@ -11,13 +11,18 @@ from .opencl import cl
 
 
 class SharedBuffers:
-    """Buffers by the array that they are made of, which nobody changes afterwards."""
+    """Buffers by their source array, which must not change afterwards."""
 
     def __init__(self) -> None:
         self._made: dict[tuple[int, str], cl.Buffer] = {}
 
     def of(self, array: np.ndarray, form: str, make: Callable[[], cl.Buffer]) -> cl.Buffer:
-        """Return the buffer of an array in one of its forms on the device, made if there is none."""
+        """Return the buffer of an array in one of its device layouts, created on first use.
+
+        array:  source array
+        form:   name of the layout
+        make:   creates the buffer
+        """
         key = id(array), form
         if key not in self._made:
             self._made[key] = make()

@@ -1,4 +1,4 @@
-"""Limits of slices of work, by device."""
+"""Limits of slice sizes by device."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from .kernel import ITEMS
 from .opencl import cl
 from .time_slicer import SliceLimits
 
-#: Longest slice where a display may wait for the device, and elsewhere, s. Chosen: ten images a second are
-#: still usable, and a bake is to be cancelled within half a second.
+#: Maximum time of a slice if a display may depend on the device, and otherwise, s. Chosen: ten frames a
+#: second are usable, and a cancel takes at most half a second.
 _WITH_DISPLAY, _WITHOUT = 0.1, 0.4
 
-#: Groups of the size that a kernel prefers which fill a compute unit of a card. 64 groups of 32 items
-#: are the 2,048 threads of an NVIDIA multiprocessor; other makers have about as many.
+#: Work groups of preferred size that fill a compute unit of a GPU. 64 groups of 32 items are the 2,048
+#: threads of an NVIDIA multiprocessor; other makers have similar numbers.
 _GROUPS = 64
 
-#: Items of the first slice, unless that leaves compute units without any. Chosen.
+#: Minimum items of the first slice. Chosen.
 _FIRST = 256
 
 
 def slice_limits(device: cl.Device, preferred: int, items: int) -> SliceLimits:
     """Return the limits of slices of a kernel on a device.
 
-    preferred  size of work groups that the kernel prefers, work items
-    items      work items of each item of a slice
+    preferred:  preferred work-group size of the kernel
+    items:      work items for each item of a slice
     """
     units = int(device.max_compute_units)
     least = max(1, units * max(ITEMS // items, 1))
@@ -35,5 +35,5 @@ def slice_limits(device: cl.Device, preferred: int, items: int) -> SliceLimits:
 
 
 def drawing_limits(hemicubes: int) -> SliceLimits:
-    """Return the limits of slices that OpenGL draws, of at least so many hemicubes: a display may wait."""
+    """Return the limits of slices that OpenGL draws, of at least `hemicubes` hemicubes."""
     return SliceLimits(hemicubes, hemicubes, hemicubes, _WITH_DISPLAY)

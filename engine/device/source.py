@@ -1,4 +1,4 @@
-"""Reads shader and kernel sources from the folders beside the engine, and digests all of them."""
+"""Loader and hash of shader and kernel sources."""
 
 from __future__ import annotations
 
@@ -12,20 +12,18 @@ from .device_struct import DeviceStruct
 
 _ROOT = Path(__file__).resolve().parents[2]
 
-#: Folders whose files decide the bits of a bake.
+#: Folders whose files determine the bits of a bake.
 _PARTS = ("engine", "kernels", "shaders")
 
-#: First line of a file that a program includes once, and the line that includes a file.
+#: Include guard at the start of a file, and pattern of include lines.
 _GUARD, _INCLUDE = "#pragma once\n", re.compile(r'^#include "(.+)"$', flags=re.MULTILINE)
 
 
 def shader_source(name: str, features: Sequence[str] = (), records: Sequence[DeviceStruct] = ()) -> str:
-    """Return the text of a GLSL file of shaders/, with the names of features defined after its first line.
+    """Return the text of a GLSL file of shaders/, with macros for features after its first line.
 
-    The first line is the #version. A line `#include "other"` includes the file `other` of shaders/.
-    A fragment shader also gets <feature>.glsl where that file exists.
-
-    records: structs that are declared before the rest
+    The first line is the #version. A line `#include "other"` includes a file of shaders/. A fragment shader
+    also includes <feature>.glsl if that file exists.
     """
     version, _, rest = _included("shaders", name, set()).partition("\n")
     lines = [version, *(f"#define {feature.upper()}" for feature in features)]
@@ -38,7 +36,7 @@ def shader_source(name: str, features: Sequence[str] = (), records: Sequence[Dev
 def program_source(parts: Sequence[str | DeviceStruct]) -> str:
     """Return the text of an OpenCL program: C declarations of device structs, and files of kernels/.
 
-    A line `#include "other.cl"` includes that file of kernels/. Files with an include guard appear once.
+    A line `#include "other.cl"` includes a file of kernels/. Files with an include guard appear once.
     """
     once = set[str]()
     return "\n".join(
@@ -49,9 +47,9 @@ def program_source(parts: Sequence[str | DeviceStruct]) -> str:
 
 @cache
 def _files(folder: str) -> dict[str, Path]:
-    """Return the files of a folder and its subfolders by their names.
+    """Return the files of a folder and its subfolders by name.
 
-    Raises a ValueError if two files have one name.
+    Raises ValueError if two files have the same name.
     """
     paths = [path for path in sorted((_ROOT / folder).rglob("*.*")) if path.is_file()]
     files = {path.name: path for path in paths}
@@ -62,9 +60,9 @@ def _files(folder: str) -> dict[str, Path]:
 
 
 def _included(folder: str, name: str, once: set[str]) -> str:
-    """Return the text of a file of a folder, with the texts of other files in place of #include lines.
+    """Return the text of a file with included files in place of #include lines.
 
-    once: files of this text that begin with the include guard `#pragma once`. They are included only once.
+    once:  guarded files that are included already
     """
     if name in once:
         return ""
@@ -77,7 +75,7 @@ def _included(folder: str, name: str, once: set[str]) -> str:
 
 @cache
 def source_digest() -> str:
-    """Return a digest of all source files that decide what a bake computes, hexadecimal."""
+    """Return a hexadecimal hash of all source files that determine the result of a bake."""
     digest = hashlib.sha256()
     for part in _PARTS:
         for path in sorted((_ROOT / part).rglob("*.*")):

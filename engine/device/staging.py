@@ -1,4 +1,4 @@
-"""Page-locked memory, through which arrays travel to a graphics card and back."""
+"""Page-locked staging memory for copies to and from a GPU."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from .opencl import cl
 
-#: Chunks of page-locked memory, and the size of each, bytes: one is filled while the others are on their way.
+#: Number of page-locked chunks and size of each, bytes; one is filled while the others are transferred.
 _CHUNKS, _CHUNK = 4, 1 << 22
 
 
@@ -17,7 +17,7 @@ class Staging:
 
     A driver that is given other memory copies it into chunks of its own, and the host waits for all.
 
-    queue  in order
+    queue:  in order
     """
 
     def __init__(self, queue: cl.CommandQueue) -> None:
@@ -32,7 +32,7 @@ class Staging:
         self._next = 0
 
     def write(self, buffer: cl.Buffer, values: np.ndarray) -> None:
-        """Fill a buffer with the bits of a contiguous array, which may change once this returns."""
+        """Write a contiguous array into a buffer; the array may change after the call returns."""
         source = values.reshape(-1).view(np.uint8)
         for first in range(0, len(source), _CHUNK):
             part = source[first : first + _CHUNK]
@@ -45,7 +45,7 @@ class Staging:
         self._queue.flush()
 
     def read(self, buffer: cl.Buffer, values: np.ndarray, first: int = 0) -> None:
-        """Fill a contiguous array with a buffer's bits from the byte `first` on, once all before is done."""
+        """Read a buffer from byte `first` into a contiguous array; waits for all earlier commands."""
         target = values.reshape(-1).view(np.uint8)
         waiting: list[tuple[int, np.ndarray]] = []
         for start in range(0, len(target), _CHUNK):
@@ -62,13 +62,13 @@ class Staging:
             self._arrive(*arrival)
 
     def _free(self) -> int:
-        """Return the chunk that was taken longest ago, once what was copied through it has arrived."""
+        """Return the least recently used chunk once its copy has ended."""
         slot, self._next = self._next, (self._next + 1) % _CHUNKS
         self._wait(slot)
         return slot
 
     def _arrive(self, slot: int, part: np.ndarray) -> None:
-        """Take what was copied into a chunk out of it."""
+        """Copy the contents of a chunk into its part of the array."""
         self._wait(slot)
         part[:] = self._chunks[slot][: len(part)]
 

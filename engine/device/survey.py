@@ -1,4 +1,4 @@
-"""Finds out which devices there are, which of them work, and what a bake uses each for."""
+"""Survey of the machine's devices: which work, and their role in a bake."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .opencl import cl
 
 
 def survey(opencl_device: str | None) -> DeviceSurvey:
-    """Return every device; `opencl_device` is the one that the settings choose."""
+    """Return all devices; opencl_device: device that the settings choose."""
     missing: list[str] = []
     compute = _opencl(opencl_device, missing)
     graphics = _opengl(alone=not compute, missing=missing)
@@ -20,7 +20,7 @@ def survey(opencl_device: str | None) -> DeviceSurvey:
 
 
 def _opengl(alone: bool, missing: list[str]) -> list[DeviceInfo]:
-    """Return the OpenGL device; alone it has to do what OpenCL would."""
+    """Return the OpenGL device; alone: True if it must also replace OpenCL."""
     try:
         graphics = GraphicsContext()
     except DeviceError as error:
@@ -33,7 +33,7 @@ def _opengl(alone: bool, missing: list[str]) -> list[DeviceInfo]:
 
 
 def _opencl(chosen: str | None, missing: list[str]) -> list[DeviceInfo]:
-    """Return every OpenCL device once, though several platforms offer it under one name."""
+    """Return each OpenCL device once, even if several platforms offer it by one name."""
     try:
         devices = found_devices()
     except DeviceError as error:

@@ -1,4 +1,4 @@
-"""Work on many items in slices, whose size a controller adapts to the device."""
+"""Time slicing: work in slices whose size a controller adapts to the device."""
 
 from __future__ import annotations
 
@@ -8,39 +8,40 @@ from dataclasses import dataclass
 
 from .opencl import cl
 
-#: A shorter slice is mostly launch latency, so that size grows whatever the throughput does, s. Chosen.
+#: Seconds below which a slice is mostly launch latency, so that the size grows regardless of throughput.
+#: Chosen.
 _SHORT = 0.02
 
-#: A slice that takes longer is not doubled: twice its time must pass before a cancel is noticed, s. Chosen.
+#: Seconds above which a slice is not doubled, since a cancel would wait for twice the time. Chosen.
 _DOUBLED = 0.25
 
-#: Throughput of a larger slice over the throughput of a smaller one that makes it worth its latency. Chosen.
+#: Minimum ratio of throughputs that justifies a larger slice with its latency. Chosen.
 _GAIN = 1.1
 
-#: A slice of half the items that takes more than this part of the time gains no latency. Chosen.
+#: Fraction of the time above which half a slice gains no latency. Chosen.
 _SAME = 0.9
 
-#: Full slices until a size that was rejected is tried again, since costs of items vary. Chosen.
+#: Full slices until a rejected size is tried again, since costs vary. Chosen.
 _REST = 16
 
-#: Part of the longest time that the next slice remembers: one spike is forgotten after ten slices. Chosen.
+#: Decay of the remembered maximum time at each slice; a spike is forgotten after ten slices. Chosen.
 _FADE = 0.8
 
-#: Throughput of half a slice over the throughput of a slice too long that shows an interruption. Chosen.
+#: Ratio of throughputs of half a slice and a slow slice that indicates an interruption. Chosen.
 _INTERRUPTED = 2.0
 
-#: Largest growth of very short slices. Chosen.
+#: Maximum growth factor of very short slices. Chosen.
 _LEAP = 8
 
 
 @dataclass(frozen=True)
 class SliceLimits:
-    """Bounds of the size of slices.
+    """Bounds of slice sizes.
 
-    first    items of the first slice
-    least    fewest items of a slice, unless fewer are left
-    fill     items below which a device is partly idle
-    longest  time of a slice, s
+    first:    items of the first slice
+    least:    minimum items of a slice, except the last
+    fill:     items below which the device is partly idle
+    longest:  maximum time of a slice, s
     """
 
     first: int
@@ -51,7 +52,7 @@ class SliceLimits:
 
 @dataclass(frozen=True)
 class _Slice:
-    """A slice that was run: its items, and its time in s."""
+    """Completed slice: items and time, s."""
 
     items: int
     seconds: float
@@ -63,11 +64,11 @@ class _Slice:
 
 
 class TimeSlicer:
-    """A controller of the number of items in a slice, driven by items per second.
+    """Controller of the number of items in a slice, driven by throughput.
 
-    It doubles the size while that raises the throughput by a tenth, and halves it above the longest time.
-    Below `SliceLimits.fill` it doubles in any case: a device that is partly idle takes the same time for more
-    items. A size that brought nothing is left again, and tried again some slices later.
+    It doubles the size while the throughput rises by a tenth, and halves it above the maximum time. Below
+    `SliceLimits.fill` it always doubles, since a partly idle device takes the same time for more items. A
+    size without gain is dropped, and tried again some slices later.
     """
 
     def __init__(self, limits: SliceLimits) -> None:
@@ -79,7 +80,7 @@ class TimeSlicer:
     def run(self, first: int, last: int, work: Callable[[int, int], object]) -> Generator[int, None, None]:
         """Call work(start, end) for slices of first ... last; yield the end of each.
 
-        work  returns when its slice is done
+        work:  returns when its slice is complete
         """
         start, self._allowed = first, self._limits.longest
         while start < last:
@@ -90,7 +91,7 @@ class TimeSlicer:
             yield end
 
     def _adapt(self, done: _Slice) -> None:
-        """Choose the size of the next slice; one that was cut short only tells that items take too long."""
+        """Choose the size of the next slice; a shortened last slice only counts if it is too slow."""
         allowed = self._longest_allowed(done.items)
         if done.items < self._items and done.seconds <= allowed:
             return
@@ -106,13 +107,13 @@ class TimeSlicer:
             self._grow(done)
 
     def _longest_allowed(self, items: int) -> float:
-        """Return the longest time of a slice of so many items, s; it is raised for a partly idle device."""
+        """Return the maximum time of a slice with `items` items, s; it is higher for a partly idle device."""
         return self._allowed if items < self._limits.fill else self._limits.longest
 
     def _undoes(self, before: _Slice, done: _Slice) -> bool:
-        """Return True if a slice of half the items shows that the whole one was not too large.
+        """Return True if a slice of half the items shows that the full one was not too large.
 
-        Either something else delayed the whole one, or the device is partly idle and takes as long for half.
+        Either an interruption delayed the full slice, or the device is partly idle and half takes as long.
         """
         if before.items < self._limits.fill and done.seconds > _SAME * before.seconds:
             self._allowed = max(done.seconds, before.seconds) / _SAME
@@ -120,21 +121,21 @@ class TimeSlicer:
         return done.throughput > _INTERRUPTED * before.throughput
 
     def _pays(self, before: _Slice, done: _Slice) -> bool:
-        """Return True if a larger slice is to stay."""
+        """Return True if a larger slice pays."""
         short = done.items <= self._limits.fill or before.seconds < _SHORT
         return short or done.throughput > _GAIN * before.throughput
 
     def _may_grow(self, items: int) -> bool:
-        """Return True if the next slice may have twice the items, by the longest time of late."""
+        """Return True if the next slice may double, given recent maximum times."""
         if self._longest < _SHORT:
             return True
         latency = items < self._limits.fill and self._allowed > self._limits.longest
         return not self._rest and (latency or self._longest <= min(_DOUBLED, self._limits.longest))
 
     def _grow(self, done: _Slice) -> None:
-        """Double the size, more than once if a time that grows alike stays within the limits.
+        """Double the size, repeatedly while the expected time stays within the limits.
 
-        A full device takes longer for more items, a partly idle one need not.
+        A full device takes proportionally longer for more items; a partly idle one need not.
         """
         full, factor = done.items >= self._limits.fill, 2
         within = _SHORT if full else self._limits.longest / 2
@@ -144,7 +145,7 @@ class TimeSlicer:
         self._longest *= factor if full else 0
 
     def _is_idle(self, done: _Slice, factor: int) -> bool:
-        """Return True if a slice of `factor` times the items does not fill the device either."""
+        """Return True if a slice of `factor` times the items still leaves the device partly idle."""
         return done.items * factor < self._limits.fill
 
     def _halve(self, done: _Slice) -> None:
@@ -159,9 +160,9 @@ def sliced(
     launch: Callable[[int, int], object],
     size: TimeSlicer,
 ) -> Generator[int, None, None]:
-    """Call launch(start, end) for slices of first ... last; yield the end of each once it is done.
+    """Call launch(start, end) for slices of first ... last; yield the end of each after the queue finishes.
 
-    size: of slices of the same work before
+    size:  controller from earlier slices of the same work
     """
 
     def work(start: int, end: int) -> None:

@@ -1,4 +1,4 @@
-"""Work-group shapes of the kernels that take most of a bake (paper, V.C), and those kept for a device."""
+"""Work-group sizes of the hot kernels (paper, V.C), and a file of measured ones for each device."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class WorkSizes:
-    """Work items along each axis of a group, powers of two; a device that cannot run so many halves them.
+    """Work-group sizes along each axis, powers of two; a device that cannot run them halves them.
 
-    look           items that find together what a patch sees
-    gather         items that sum together what a patch has kept
-    multiply       the paper's first kernel: texels along x and y, and layers
-    reduce_row     its second: columns, and rows of hemicubes
-    reduce_column  its third: the most items, of the columns of a hemicube
+    look:           items that trace the visibility of one patch
+    gather:         items that sum the cached samples of one patch
+    multiply:       first kernel of the paper: texels along x and y, and layers
+    reduce_row:     second kernel of the paper: columns, and rows of hemicubes
+    reduce_column:  third kernel of the paper: maximum items, in columns of a hemicube
     """
 
     look: tuple[int] = (64,)
@@ -26,15 +26,15 @@ class WorkSizes:
     reduce_column: tuple[int] = (256,)
 
 
-#: A processor runs the items of a group one after the other.
+#: Sizes for a CPU, which runs the items of a group sequentially.
 ON_PROCESSOR = WorkSizes(look=(1,), gather=(1,))
 
 
 class KeptWorkSizes:
-    """The shapes that were found best for a device, in a file; one that is damaged is as good as none.
+    """File of the best measured work-group sizes of a device; a damaged file counts as missing.
 
-    folder  of the file; None for no file
-    device  a name for the device and its driver
+    folder:  folder of the file; None for no file
+    device:  name of the device and its driver
     """
 
     def __init__(self, folder: str | None, device: str) -> None:
@@ -42,13 +42,13 @@ class KeptWorkSizes:
         self._device = device
 
     def read(self, default: WorkSizes) -> WorkSizes:
-        """Return the shapes of the device, those of `default` where none are kept."""
+        """Return the sizes of the device, with `default` for missing ones."""
         with suppress(AttributeError, TypeError, ValueError):
             return WorkSizes(**asdict(default) | _checked(self._known().get(self._device, {})))
         return default
 
     def keep(self, best: WorkSizes, default: WorkSizes) -> None:
-        """Keep the shapes that differ from the default; raises OSError if the file cannot be written."""
+        """Store the sizes that differ from the default; raises OSError."""
         if self._path is None:
             return
         usual, known = asdict(default), self._known()
@@ -59,7 +59,7 @@ class KeptWorkSizes:
         partial.replace(self._path)
 
     def _known(self) -> dict[str, dict]:
-        """Return the shapes that the file has, by device."""
+        """Return the stored sizes by device."""
         with suppress(OSError, ValueError):
             if self._path is not None:
                 known = json.loads(self._path.read_text(encoding="utf-8"))
@@ -68,7 +68,7 @@ class KeptWorkSizes:
 
 
 def _checked(kept: dict) -> dict[str, tuple[int, ...]]:
-    """Return shapes by kernel; raises AttributeError, TypeError or ValueError for what is none."""
+    """Return sizes by kernel; raise AttributeError, TypeError or ValueError for invalid ones."""
     axes = {name: len(sides) for name, sides in asdict(WorkSizes()).items()}
     for name, sides in kept.items():
         if len(sides) != axes.get(name) or not all(type(side) is int and _is_size(side) for side in sides):
@@ -77,5 +77,5 @@ def _checked(kept: dict) -> dict[str, tuple[int, ...]]:
 
 
 def _is_size(side: int) -> bool:
-    """Return True for powers of two that OpenCL devices may run."""
+    """Return True for powers of two that OpenCL devices may support."""
     return 1 <= side <= 1024 and side & (side - 1) == 0

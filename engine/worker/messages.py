@@ -129,7 +129,8 @@ class _Packer(pickle.Pickler):
 class _Unpacker(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         """Return this process's own record or note of a name; all else as it is called."""
-        return ObjectMessage if name == "Note" else RECORDS.get(name) or super().find_class(module, name)
+        own = ObjectMessage if name == ObjectMessage.__name__ else RECORDS.get(name)
+        return own or super().find_class(module, name)
 
 
 def describe_error(error: Exception, traceback: str) -> tuple[str, str, str]:

@@ -17,6 +17,7 @@ import pytest
 
 from engine.bake_result import BakeResult
 from engine.errors import DeviceError, SceneError, SettingsError, WorkerError
+from engine.object_message import ObjectMessage, object_message
 from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
 from engine.worker import messages, shared_block
@@ -143,6 +144,21 @@ def test_lightmap_is_the_one_of_the_same_bake_in_process(start):
 
 def test_scene_and_settings_arrive_bit_for_bit(start):
     assert _same(_finish(start("return_scene").bake(_scene(), SETTINGS))[1], (_scene(), SETTINGS))
+
+
+def test_messages_about_objects_arrive_from_a_package_of_another_name():
+    """In the worker the package is `engine`, in Blender the module of an extension."""
+    parcel = Parcel(object_message("Objects {}: overlap. Unwrap.", ["Würfel"], "unwrap"))
+    memory = bytearray(parcel.size)
+    parcel.write(memoryview(memory))
+    there = memoryview(bytes(memory).replace(b"engine.object_message", b"others.object_message"))
+    with pytest.raises(ModuleNotFoundError):
+        __import__("others.object_message")
+    arrived = messages.read(there)
+    assert type(arrived) is ObjectMessage
+    assert (str(arrived), arrived.objects, arrived.fix) == (
+        "Objects 'Würfel': overlap. Unwrap.", ("Würfel",), "unwrap",
+    )  # fmt: skip
 
 
 def test_process_starts_with_the_first_bake_and_serves_the_next(start):

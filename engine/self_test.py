@@ -1,4 +1,4 @@
-"""A bake whose result is known tells whether a machine computes light right."""
+"""Self test: a bake with a known result, the furnace test."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from .progress import Progress, Schedule, Stage
 from .scene.model import Light, Material, Mesh, Scene
 from .settings import Settings
 
-#: A bake in this process or in another one, which may have nothing to tell at times.
+#: Bake in this process or another one, which may have no progress to report.
 Bake = Callable[[Scene, Settings], Generator[Progress | None, None, BakeResult]]
 
-#: Reflectance and emission of the furnace; in a closed room of one material E/pi is everywhere
-#: emission / (1 - reflectance).
+#: Reflectance and emission of the furnace. In a closed room of one material E/pi is emission / (1 -
+#: reflectance) everywhere.
 _REFLECTANCE, _EMISSION = 0.5, 1.0
 _EXPECTED = _EMISSION / (1 - _REFLECTANCE)
 
-#: Largest difference of a texel from that, relative to it, which a machine that works stays below.
+#: Maximum relative error of a texel on a working machine.
 TOLERANCE = 0.01
 
-#: Width of the lightmap and of a wall in it, texels: a prime, so that no size is a round one by chance.
+#: Width of the lightmap and of each wall in it, texels; primes, to cover uneven sizes.
 _RESOLUTION, _WALL = 53, 13
 
 _SETTINGS = Settings(
@@ -36,17 +36,17 @@ _SETTINGS = Settings(
     intermediates=False,
 )
 
-#: Seconds that one of its bakes is expected to take.
+#: Expected seconds of one bake.
 _PACE = 2.0
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a test that went well has found.
+    """Result of a passed self test.
 
-    error    largest difference of a texel from the light that is known, relative to it
-    devices  as in `Report`
-    notes    what is missing, as sentences with a remedy
+    error:    maximum relative error of a texel
+    devices:  see `Report`
+    notes:    messages about missing devices, with a remedy
     """
 
     error: float
@@ -55,10 +55,11 @@ class Verdict:
 
 
 def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, None, Verdict]:
-    """Bake a furnace by drawing and by casting rays; yields the bakes' progress.
+    """Bake a furnace with raster and with rays; yield the progress.
 
-    settings: the machine's are taken from it: OpenCL device, memory, cache
-    Raises DeviceError if a result is wrong, and what a bake raises.
+    settings:  settings of the machine: OpenCL device, memory, cache
+
+    Raises DeviceError if a result is wrong, and errors of the bake.
     """
     base = replace(
         _SETTINGS,
@@ -78,7 +79,7 @@ def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, 
 
 
 def _checked(lightmap: BakeResult, way: str) -> float:
-    """Return the error of a bake; raises DeviceError if it is too large."""
+    """Return the error of a bake; raise DeviceError if it is too large."""
     light = lightmap.image[lightmap.has_patch]
     error = float(np.abs(light / _EXPECTED - 1).max()) if len(light) else np.inf
     if error <= TOLERANCE:
@@ -91,7 +92,7 @@ def _checked(lightmap: BakeResult, way: str) -> float:
 
 
 def furnace(lights: tuple[Light, ...] = ()) -> Scene:
-    """Return a closed cube, seen from inside, whose walls reflect half and shine."""
+    """Return a closed cube, seen from inside, whose walls reflect half of the light and emit."""
     corners = _walls()
     split = np.array([[0, 1, 2], [0, 2, 3]])
     positions = corners[:, split].reshape(-1, 3, 3)
@@ -112,7 +113,7 @@ def furnace(lights: tuple[Light, ...] = ()) -> Scene:
 
 
 def _walls() -> np.ndarray:
-    """Return the walls of a cube of 1 m, (6, 4, 3) float32, counter-clockwise from inside."""
+    """Return the walls of a cube of 1 m, (6, 4, 3) float32, counter-clockwise seen from inside."""
     unit = np.eye(3, dtype=np.float32)
     walls = []
     for axis in range(3):
@@ -123,7 +124,7 @@ def _walls() -> np.ndarray:
 
 
 def _charts() -> np.ndarray:
-    """Return the lightmap UVs of the walls, (6, 4, 2) float32: three in a row, on borders of texels."""
+    """Return the lightmap UVs of the walls, (6, 4, 2) float32, three in a row, aligned to texels."""
     square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * _WALL
     start = np.array([(wall % 3, wall // 3) for wall in range(6)]) * (_WALL + 4) + 1
     return ((start[:, None] + square) / _RESOLUTION).astype(np.float32)

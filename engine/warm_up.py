@@ -1,4 +1,4 @@
-"""Builds what most bakes need before the first one is asked for."""
+"""Warm-up bake: builds the programs that most bakes need before the first bake."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from .self_test import furnace
 from .session import warm_up as bake_and_forget
 from .settings import Settings
 
-#: As most bakes are, but small.
+#: Typical settings, but small.
 SMALL: dict[str, Any] = {"resolution": 53, "samples": 64, "hemicube": 16, "checkpoint_space": 0}
 
 
 def warm_up(settings: dict[str, Any]) -> Generator[Progress, None, None]:
-    """Open the devices that settings choose, and build shaders and kernels, in the session of this process.
+    """Open the chosen devices and build programs in the session of this process.
 
-    settings  values of `Settings` by name
+    settings:  values of `Settings` by name
     """
     yield from bake_and_forget(warm_up_scene(), Settings(**settings | SMALL))
 
 
 def warm_up_scene() -> Scene:
-    """Return a room that has what most scenes have: a lamp, a shadow, a texture, and a seam off texels."""
+    """Return a room with typical features: a light, a shadow, a texture, and a seam off the texel grid."""
     lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.9]), np.eye(3), np.ones(3, np.float32), radius=0.05)
     room = furnace((lamp,))
     return replace(room, meshes=(*room.meshes, _shelf()), materials=(*room.materials, _painted()))
 
 
 def _shelf() -> Mesh:
-    """Return two squares that continue each other in the world, each with a chart of its own."""
+    """Return two adjacent squares with separate charts."""
     square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
     split = np.array([[0, 1, 2], [0, 2, 3]])
     places = np.concatenate([0.3 * square + (0.2 + 0.3 * side, 0.3) for side in (0, 1)])[:, None]
@@ -56,7 +56,7 @@ def _shelf() -> Mesh:
 
 
 def _painted() -> Material:
-    """Return a material with an image."""
+    """Return a material with an image texture."""
     pixels = np.random.default_rng(5).random((8, 8, 3), np.float32)
     white, black = np.ones(3, np.float32), np.zeros(3, np.float32)
     return Material("Painted", white, black, reflectance_map=Texture("Paint", pixels, "UVMap"))

@@ -1,4 +1,4 @@
-"""OpenCL programs that most bakes need, listed before the bake needs the first kernel."""
+"""OpenCL programs that most bakes need, known before the bake needs the first kernel."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ from ..visibility.rays.receiver_records import RECEIVER, TEXEL_STEP
 from ..visibility.sample_counts import sample_bytes
 from ..visibility.views.viewpoints import FRAME
 
-#: Written by tools/common_programs.py: the programs of a GPU ("card") and of a CPU ("processor") in the order
-#: of need. Of each: whether direct light needs it, parts, options, and launches of its kernels. Parts are
-#: names of records, and main files of kernels/.
+#: File of tools/common_programs.py: programs of a GPU ("card") and a CPU ("processor") in the order of need.
+#: Each entry holds: needed by direct light, parts, options, and launches of its kernels. Parts are names of
+#: device structs and main files of kernels/.
 PROGRAMS = Path(__file__).resolve().parents[2] / "kernels" / "common_programs.json"
 
-#: Records that kernels and host share, by the name of their struct.
+#: Device structs by name.
 _RECORDS = {
     record.name: record
     for record in (BOX, EMITTER, FRAME, LIGHT_NODE, LINK, MODULATION, RECEIVER, TEXEL_STEP, TRANSMITTANCE)
 }
 
-#: Options of narrow samples and of see-through surfaces; the latter follows another one where rays are
-#: traced.
+#: Options of 16-bit samples and of tinted surfaces; in programs that trace rays, cut-out options follow this
+#: option.
 _NARROW, _TINTED, _BEFORE_CUTOUTS = "-DNARROW", "-DTINTED", "-DSTACK"
 
-#: Number of buffers of the hierarchy and of cut-outs among the arguments of kernels that trace rays.
+#: Numbers of buffers for the hierarchy and for cut-outs among the arguments of kernels that trace rays.
 _HIERARCHY, _CUTOUTS = 2, 4
 
-#: Names of the two lists: of a GPU, and of a CPU.
+#: Names of the two lists: GPU and CPU.
 DEVICES = ("card", "processor")
 
-#: Fraction of a lightmap's texels that are patches, estimated.
+#: Estimated fraction of lightmap texels that are patches.
 _COVERED = 0.75
 
 
 def common_programs(scene: Scene, settings: Settings) -> list[PlannedProgram]:
-    """Return the programs that a bake is about to need, of a GPU and of a CPU."""
+    """Return the programs that a bake needs soon, for a GPU and for a CPU."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
     tinted = is_tinted(scene)
     cutouts = cutout_options(tinted) if has_cutouts(scene) else ()
@@ -54,7 +54,7 @@ def common_programs(scene: Scene, settings: Settings) -> list[PlannedProgram]:
 
 @cache
 def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[PlannedProgram]:
-    """Return the programs for narrow, wide or tinted samples, with the options of cut-outs."""
+    """Return the programs for 16-bit, 32-bit or tinted samples, with cut-out options."""
     listed = json.loads(PROGRAMS.read_text(encoding="utf-8"))
     planned = []
     for device in DEVICES:
@@ -79,9 +79,9 @@ def _with_cutouts(launch: Launch, tinted: bool) -> Launch:
 
 
 def _fitting(options: list[str], narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> tuple[str, ...]:
-    """Return options of narrow samples, without cut-outs, as a bake has them.
+    """Return options of programs for 16-bit samples without cut-outs, adapted to a bake.
 
-    What casts rays has the option of tints among those of cut-outs.
+    In programs that trace rays, the tint option is one of the cut-out options.
     """
     fitting = []
     for option in options:

@@ -1,4 +1,4 @@
-"""What a bake will take, told before it starts."""
+"""Estimate of a bake's time and memory before it starts."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .stages import BakeStages, Extent
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a bake is expected to take.
+    """Expected cost of a bake.
 
-    patches       number of patches
-    sample_bytes  memory of the device that what patches see takes, if all of it is kept
-    seconds       wall time
-    measured      whether the time rests on earlier bakes; else on guesses for a processor
+    patches:       number of patches
+    sample_bytes:  device memory for visibility samples if all are cached
+    seconds:       wall time
+    measured:      True if the time rests on earlier bakes, False for guesses for a CPU
     """
 
     patches: int
@@ -30,10 +30,10 @@ class Estimate:
 def estimate(
     extent: Extent, patches: int, settings: Settings, paces: Mapping[str, float], preparing: float = 0.0
 ) -> Estimate:
-    """Return what a bake is expected to take.
+    """Return the expected cost of a bake.
 
-    paces      seconds that a unit of each stage took in earlier bakes, see `BakeStages`
-    preparing  seconds until the kernels of the device are built; NaN if unknown
+    paces:      seconds for each unit of each stage in earlier bakes, see `BakeStages`
+    preparing:  seconds until the kernels of the device are built; NaN if unknown
     """
     stages = BakeStages(extent, settings, dict(paces))
     seconds = stages.foretell(patches) + (preparing if math.isfinite(preparing) else 0.0)

@@ -1,4 +1,4 @@
-"""Settings of bakes on machines without OpenCL: OpenGL 4.3 casts rays and sums light."""
+"""Settings for machines without OpenCL: OpenGL 4.3 traces rays and sums light."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .tinted import settings_for_tints
 
 
 def without_opencl(devices: Devices, scene: Scene, settings: Settings) -> tuple[Settings, tuple[str, ...]]:
-    """Return the settings of a bake, changed where there is no OpenCL, and sentences for the user.
+    """Return the settings, adapted if there is no OpenCL, and messages for the user.
 
-    Raises DeviceError if the bake needs OpenCL and there is none, or OpenGL is older than 4.3.
+    Raises DeviceError if the bake needs OpenCL, or if OpenGL is older than 4.3.
     """
     settings, tints = settings_for_tints(scene, settings)
     if devices.compute is not None:

@@ -1,4 +1,4 @@
-"""How fast hemicubes were drawn on this machine, from one bake to the next."""
+"""File of raster rates of this machine, from one bake to the next."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from pathlib import Path
 
 
 class DrawingRates:
-    """The highest rates at which a device drew hemicubes of one width, texels a second, in a file.
+    """Maximum rates at which a device drew hemicubes of one width, texels per second, in a file.
 
-    Of scenes by the power of two of their triangles: fewer are drawn no slower, so each rate of these bounds
-    that of a scene, and the lowest most closely. A file that cannot be read or written is as good as none.
+    Rates are stored by the power of two of the scene's triangles. Fewer triangles draw no slower, so the
+    lowest rate of smaller scenes bounds the rate of a scene. An unreadable file counts as empty.
 
-    folder  of the file; None for no file
-    device  name of the OpenGL renderer
+    folder:    folder of the file; None for no file
+    device:    name of the OpenGL renderer
+    hemicube:  width of the hemicubes, texels
     """
 
     def __init__(self, folder: str | None, device: str, hemicube: int) -> None:
@@ -23,13 +24,13 @@ class DrawingRates:
         self._name = f"{device}, {hemicube}"
 
     def bound(self, triangles: int) -> float:
-        """Return the rate that drawing a scene will hardly exceed; infinite where nothing is known of it."""
+        """Return the expected maximum rate for a scene; infinity if unknown."""
         known = self._known().get(self._name, {})
         rates = [rate for size, rate in known.items() if int(size) <= triangles.bit_length()]
         return min(rates, default=math.inf)
 
     def learn(self, triangles: int, rate: float) -> None:
-        """Note a rate that was measured."""
+        """Record a measured rate."""
         if self._path is None:
             return
         known = self._known()
@@ -42,7 +43,7 @@ class DrawingRates:
             partial.replace(self._path)
 
     def _known(self) -> dict[str, dict[str, float]]:
-        """Return the rates by the device and hemicube, and the binary digits of the number of triangles."""
+        """Return the rates by device and hemicube width, then by bit length of the number of triangles."""
         with suppress(OSError, ValueError, AttributeError, TypeError):
             if self._path is not None:
                 known = json.loads(self._path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The stages of a bake: how much work is in each, and what it costs."""
+"""Stages of a bake with their amounts of work and costs."""
 
 from __future__ import annotations
 
@@ -24,52 +24,52 @@ if TYPE_CHECKING:
     from ..solve.solution import Solution
     from .solver_choice import SolverChoice
 
-#: Seconds, guessed until they are measured, to open devices and to choose a method;
+#: Guessed seconds, until measured, to open devices and to choose a method.
 _OPENING, _CHOOSING = 0.5, 0.5
 
-#: of the host for a texel of a lightmap; of a processor to cast a ray or to draw a texel of a hemicube.
+#: Guessed seconds of the host for each lightmap texel, and of a CPU for each ray or hemicube texel.
 _TEXEL, _RAY = 1e-7, 2e-7
 
-#: Seconds that a processor takes to denoise a texel.
+#: Guessed seconds of a CPU to denoise a texel.
 _FILTERED = 1.5e-6
 
-#: A graphics card casts rays faster than a processor by about this factor.
+#: Approximate speed-up of ray casting on a GPU over a CPU.
 _CARD = 500
 
-#: What a triangle costs the host, in texels.
+#: Cost of a triangle on the host, in texels.
 _TRIANGLE = 5
 
-#: To look up a kept sample costs this part of finding it.
+#: Cost of a cached sample, as a fraction of computing it.
 _LOOK_UP = 0.02
 
-#: Fraction of a lightmap's texels that are patches, and their mean reflectance, before they are known.
+#: Assumed fraction of lightmap texels that are patches, and their mean reflectance.
 _COVERAGE, _REFLECTANCE = 0.6, 0.6
 
-#: Samples that adaptive bakes find, as a part of those of all patches, before it is known.
+#: Assumed fraction of samples that adaptive bakes compute.
 _ADAPTED = 0.5
 
-#: Fraction of the patches whose texels show more than their centre, before it is known.
+#: Assumed fraction of patches with supersampled texels.
 _REFINED = 0.15
 
-#: What the pace of finding what patches see is called.
+#: Names of the paces of visibility samples.
 _FINDING = ("Visibility rays", "Visibility raster")
 
-#: A stage that was shorter than this tells nothing about a longer one, s.
+#: Duration in seconds below which a stage is too short to predict a longer one.
 _SHORTEST = 0.02
 
-#: A stage that takes this long tells as much as all bakes before it, s.
+#: Duration in seconds at which a stage weighs as much as all earlier bakes.
 _LONG = 1.0
 
-#: Name of the stages that wait for programs, and time between two looks, s.
+#: Name of the stages that wait for programs, and seconds between polls.
 PREPARING, _POLL = "Preparing for this device (once)", 0.02
 
-#: Least time between two images of a bake that follows its scene, s.
+#: Minimum time between two images of Live, s.
 _BETWEEN_IMAGES = 0.02
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How large a scene is: numbers of lightmaps, triangles, lamps that shine, and light groups."""
+    """Size of a scene: numbers of lightmaps, triangles, lights with nonzero strength, and light groups."""
 
     atlases: int
     triangles: int
@@ -85,25 +85,22 @@ class Extent:
 
 
 def _filtered_images(settings: Settings) -> int:
-    """Return how many images Denoise filters of a lightmap: two a signed map.
-
-    See `postprocess.directional_denoising`.
-    """
+    """Return the number of images that the denoiser filters for each lightmap; signed maps are two images."""
     return sum(OUTPUTS[name].denoised_images for name in settings.outputs)
 
 
 class BakeStages(Schedule):
-    """What a bake does, one stage after the other; each counts its work in units of its own.
+    """Schedule of a bake; each stage has its own unit of work.
 
         starting   once                    visibility  samples of patches
-        patches    texels                  bounces     samples of patches, times sweeps
+        patches    texels                  bounces     samples of patches, times iterations
         first      shadow rays             final       samples of patches
         direct     shadow rays             outputs     rays
         choosing   once                    denoising   texels
         texels     samples of patches      images      texels
         light_groups  samples of patches
 
-    paces  seconds that a unit of each stage took in earlier bakes, by its name; `learn` adds to them
+    paces:  seconds for each unit of each stage in earlier bakes, by name; `learn` updates them
     """
 
     def __init__(self, extent: Extent, settings: Settings, paces: dict[str, float]) -> None:
@@ -158,16 +155,16 @@ class BakeStages(Schedule):
         }
 
     def opened(self, card: bool) -> None:
-        """Learn what computes: a graphics card or a processor."""
+        """Set the device: True for a GPU, False for a CPU."""
         for stage in self._casting:
             if card and not stage.measured:
                 stage.pace /= _CARD
         self.end()
 
     def prepare(self, compute: ComputeDevice | None, early: bool) -> Generator[Progress, None, None]:
-        """Wait until programs are built that other processes build for the device.
+        """Wait until other processes have built the programs for the device.
 
-        early: only the programs that direct light needs
+        early:  True to wait only for the programs that direct light needs
         """
         if compute is None or compute.preparation(early) is None:
             return
@@ -181,7 +178,7 @@ class BakeStages(Schedule):
         yield self.end()
 
     def _prepared(self, stage: Stage, left: Preparation | None) -> Progress:
-        """Return the progress of a preparation that has come this far."""
+        """Return the progress of a preparation."""
         if left is None:
             return self.end()
         stage.amount, stage.forecast = left.total, left.seconds_left
@@ -189,7 +186,7 @@ class BakeStages(Schedule):
         return self.progress(left.done / left.total, f"{PREPARING}: {left.done} of {left.total}")
 
     def foretell(self, patches: int) -> float:
-        """Return the seconds that a bake of a number of patches is expected to take, before it starts."""
+        """Return the expected seconds of a bake of `patches` patches, before it starts."""
         found = [name for name in _FINDING if name in self._paces]
         for name in sorted(found, key=self._paces.__getitem__)[:1]:
             self._foresee(self.visibility, name, _RAY)
@@ -201,23 +198,23 @@ class BakeStages(Schedule):
         return sum(stage.seconds_left for stage in self._names)
 
     def listed(self, patches: int, reflectance: float) -> Progress:
-        """Learn how many patches there are, and their mean reflectance, the last step of listing them."""
+        """Set the number of patches and their mean reflectance; end the stage that lists them."""
         self._reflectance = reflectance
         self._size(patches)
         return self.end()
 
     def sampling(self, part: float) -> None:
-        """Learn that shadow rays are cast from a part of the patches alone."""
+        """Set the fraction of patches that cast shadow rays."""
         self.first.amount *= part
         self.direct.amount *= part
 
     def lit(self, image: np.ndarray) -> Progress:
-        """Return the progress after direct light, with lightmaps that hold nothing else yet."""
+        """Return the progress after direct light, with lightmaps that hold only direct light."""
         self._shown = time.perf_counter()
         return self.progress(1.0, self.direct.name, intermediate=image)
 
     def chosen(self, choice: SolverChoice) -> Progress:
-        """Learn how patches gather, as the last step of choosing it."""
+        """Set the chosen gather; end the stage that chooses it."""
         self._kept, self._found = choice.method == "cached", choice.found
         self._samples_of_sweep = choice.patches * choice.samples
         finding, looking = f"Visibility {choice.visibility}", f"Bounces {choice.method} {choice.visibility}"
@@ -231,7 +228,7 @@ class BakeStages(Schedule):
         return self.end()
 
     def iterate(self, solution: Solution) -> Generator[Progress, None, None]:
-        """Do one iteration of a solution."""
+        """Run one iteration of a solution."""
         stage, self._name = self._stage_of_iteration(solution)
         self.begin(stage)
         yield self._about(solution, 0.0)
@@ -246,25 +243,25 @@ class BakeStages(Schedule):
 
     @property
     def has_shown(self) -> bool:
-        """Whether any lightmaps were shown."""
+        """True if any lightmaps were shown."""
         return self._shown > -math.inf
 
     @property
     def image_due(self) -> bool:
-        """Whether the last lightmaps were shown long enough ago: cards iterate faster than anybody sees."""
+        """True if the last lightmaps were shown long enough ago; GPUs iterate faster than a display shows."""
         return time.perf_counter() - self._shown >= _BETWEEN_IMAGES
 
     def iterated(self, solution: Solution, image: np.ndarray | None) -> Progress:
-        """Return the progress after an iteration, with the lightmaps so far."""
+        """Return the progress after an iteration, with the current lightmaps."""
         self._shown = self._shown if image is None else time.perf_counter()
         self.advance(self.current.done)
         return self._about(solution, 1.0, image)
 
     def learn(self) -> None:
-        """Keep the paces of this bake for the next one; patches that an earlier bake had made tell none.
+        """Store the paces of this bake for the next one, except the pace of reused patches.
 
-        What begins and ends a stage weighs most in short ones: beside the pace of earlier bakes, or what was
-        expected before the first one, theirs counts little. The mean of both is geometric, as in `Stage`.
+        Fixed costs dominate short stages, so these weigh little against the pace of earlier bakes or the
+        expected one. The mean of both is geometric, as in `Stage`.
         """
         for stage, name in self._names.items():
             if stage is self.patches and self._found:
@@ -280,13 +277,13 @@ class BakeStages(Schedule):
         return stage
 
     def _foresee(self, stage: Stage, name: str, guess: float, tried: float = math.nan) -> None:
-        """Set the pace of a stage: that of a trial, else that of an earlier bake, else a guess."""
+        """Set the pace of a stage: from a trial, else from an earlier bake, else a guess."""
         self._names[stage] = name
         stage.measured = not math.isnan(tried) or name in self._paces
         stage.pace = self._paces.get(name, guess) if math.isnan(tried) else tried
 
     def _size(self, patches: int) -> None:
-        """Set the work of what is done for each patch."""
+        """Set the amounts of work that depend on the number of patches."""
         settings = self._settings
         self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, MOST_LIGHTS)
         self.visibility.amount = patches * expected_samples(settings) * (_ADAPTED if settings.adaptive else 1)
@@ -304,7 +301,7 @@ class BakeStages(Schedule):
         self._expect_sweeps()
 
     def _expect_sweeps(self) -> None:
-        """Set the work of the bounces to come."""
+        """Set the amount of work of the remaining bounces."""
         sweeps = iterations_left(self._residuals, self._settings, self._reflectance)
         if self._finds_first and not self._residuals:
             sweeps -= 1
@@ -312,11 +309,11 @@ class BakeStages(Schedule):
 
     @property
     def _finds_first(self) -> bool:
-        """True if the first sweep finds what the later ones look up."""
+        """True if the first iteration computes the samples that later ones look up."""
         return self._kept and not self._found
 
     def _stage_of_iteration(self, solution: Solution) -> tuple[Stage, str]:
-        """Return the stage that the next iteration belongs to, and its name."""
+        """Return the stage of the next iteration, and its name."""
         if solution.gathers_finally:
             return self.final, self.final.name
         if self._finds_first and not self._residuals:
@@ -324,7 +321,7 @@ class BakeStages(Schedule):
         return self.bounces, f"Bounce {solution.iterations + 1}"
 
     def _about(self, solution: Solution, fraction: float, image: np.ndarray | None = None) -> Progress:
-        """Return the progress with what is known of a solution."""
+        """Return the progress with facts about a solution."""
         energies = solution.energies
         return self.progress(
             fraction, self._name, iteration=solution.iterations, residual=solution.residual,

@@ -1,1 +1,1 @@
-"""The bake in a process of its own."""
+"""Worker process: bakes outside of Blender's process."""

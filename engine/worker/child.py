@@ -1,25 +1,24 @@
-"""What runs in the worker process: `python -m engine.worker.child HANDLE`, of the connection it inherits.
+"""Main module of the worker process: `python -m engine.worker.child HANDLE`, with an inherited connection.
 
-The process says that it is there. The parent owns one block of shared memory a bake; parent and worker
-take turns in using it:
+The parent owns one block of shared memory for each bake; parent and worker take turns to use it:
 
     parent                            worker
                                   <-  ready
     bake BLOCK (its arguments)    ->
-                                  <-  grow SIZE                   the next object does not fit
+                                  <-  grow SIZE                   the next object is too large
     turn BLOCK (a larger one)     ->
-                                  <-  progress (in the block)     the newest one
+                                  <-  progress (in the block)     the newest
     turn BLOCK (taken)            ->
                                   <-  lightmap or error (in the block); the bake is over
     cancel                        ->
                                   <-  cancelled; the bake is over
-    follow BLOCK MODULE:FUNCTION  ->                              as bake, but goes on until cancelled
+    follow BLOCK MODULE:FUNCTION  ->                              like bake, until cancelled
                                   <-  settled COUNT (a lightmap in the block, after COUNT changes)
-    update BLOCK (changes)        ->                              while it goes on; a block for each
-                                  <-  read BLOCK                  it is not needed any more
-    call MODULE:FUNCTION (builtins) ->                            between bakes; nothing is answered
+    update BLOCK (changes)        ->                              during follow; a block for each
+                                  <-  read BLOCK                  the block is free
+    call MODULE:FUNCTION (builtins) ->                            between bakes, without a reply
     prepare MODULE:FUNCTION (builtins) ->                         between bakes, until the next message
-                                  <-  preparing STAGE SECONDS     its stage, and the time that is left
+                                  <-  preparing STAGE SECONDS     its stage and remaining time
 """
 
 from __future__ import annotations
@@ -43,28 +42,28 @@ from ..progress import Progress
 from . import messages
 from .shared_block import BorrowedBlock
 
-#: How much less urgent than the parent the work here is.
+#: Increase of the worker's nice value.
 _NICENESS = 5
 
-#: A process that has nothing to do for so long, s, gives its free memory back.
+#: Idle time in seconds after which the process returns its free memory.
 _IDLE = 20.0
 
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection
 
-#: A bake, or any other work that tells its progress: what it returns travels as the lightmap does. One that
-#: follows its scene yields each lightmap once it is finished, and is sent lists of changes.
+#: Generator of a bake or other work with progress; its result is sent like a lightmap. A generator that
+#: follows its scene yields each finished lightmap and receives lists of changes.
 Bake = Callable[..., Generator[Progress | BakeResult, list[Any] | None, Any]]
 
 
 class _CancelError(Exception):
-    """The parent has cancelled the bake."""
+    """Signal that the parent has cancelled the bake."""
 
 
 class _Outbox:
-    """The worker's end of the protocol above, from the moment a bake has begun.
+    """Worker's side of the protocol during a bake.
 
-    taken  number of changes that the bake has taken
+    taken:  number of changes that the bake has received
     """
 
     def __init__(self, connection: Connection[Any, Any], block: str) -> None:
@@ -74,7 +73,7 @@ class _Outbox:
         self.taken = 0
 
     def offer(self, kind: str, value: object, *facts: int) -> bool:
-        """Send an object if it is our turn and the block is large enough; return whether it went."""
+        """Send an object if the worker has the turn and the block is large enough; return True if sent."""
         if self._block is None:
             return False
         parcel = messages.Parcel(value)
@@ -85,12 +84,12 @@ class _Outbox:
         return fits
 
     def send(self, kind: str, value: object, *facts: int) -> None:
-        """Send an object, after waiting for our turn and for space."""
+        """Send an object after waiting for the turn and a large enough block."""
         while not self.offer(kind, value, *facts):
             self.listen(None)
 
     def listen(self, patience: float | None = 0) -> None:
-        """Hear what the parent says within `patience` s (None: for ever); raise _CancelError on a cancel."""
+        """Process a message within `patience` s (None: no limit); raise _CancelError on a cancel."""
         if self._connection.poll(patience):
             request, *names = self._connection.recv()
             if request == "cancel":
@@ -101,9 +100,9 @@ class _Outbox:
                 (self._block,) = names
 
     def changes(self, patience: float | None = 0) -> list[Any] | None:
-        """Return the changes that have come since the last call, after waiting for some if need be.
+        """Return the changes since the last call; None if there are none.
 
-        patience: 0 returns None if there are none, None waits
+        patience:  0 to return at once, None to wait for changes
         """
         self.listen(0)
         while patience is None and not self._changes:
@@ -113,14 +112,14 @@ class _Outbox:
         return changes or None
 
     def _read_changes(self, name: str) -> None:
-        """Read changes from a block of their own."""
+        """Read changes from their own block."""
         with BorrowedBlock(name) as block:
             self._changes.append(block.read())
         self._connection.send(("read", name))
 
 
 def serve(connection: Connection[Any, Any], bake: Bake) -> None:
-    """Bake whatever the parent asks for; raise EOFError or OSError when it is gone."""
+    """Serve the parent's requests; raise EOFError or OSError when the parent is gone."""
     while True:
         if not connection.poll(_IDLE):
             give_back_freed_memory()
@@ -139,7 +138,7 @@ def serve(connection: Connection[Any, Any], bake: Bake) -> None:
 
 
 def _call(function: str, *arguments: object) -> None:
-    """Run a function that nobody waits for; why it fails is printed."""
+    """Run a function without a reply; print its error."""
     try:
         found(function)(*arguments)
     except Exception:  # noqa: BLE001
@@ -165,7 +164,7 @@ def _prepare(connection: Connection[Any, Any], function: str, *arguments: object
 
 
 def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
-    """Run one bake and send what comes of it."""
+    """Run one bake and send its outcome."""
     with BorrowedBlock(name) as block:
         arguments = block.read()
     outbox = _Outbox(connection, name)
@@ -176,7 +175,7 @@ def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
 
 
 def _outcome(bake: Bake, arguments: tuple[object, ...], outbox: _Outbox) -> tuple[str, object]:
-    """Return "lightmap" and it, or "error" and its description."""
+    """Return "lightmap" and the result, or "error" and its description."""
     try:
         with closing(bake(*arguments)) as job:
             _report(job, outbox)
@@ -189,7 +188,7 @@ def _outcome(bake: Bake, arguments: tuple[object, ...], outbox: _Outbox) -> tupl
 
 
 def _report(job: Generator[Progress | BakeResult, list[Any] | None, Any], outbox: _Outbox) -> NoReturn:
-    """Run a bake to its StopIteration; after each slice offer the newest progress and lightmaps."""
+    """Run a bake until StopIteration; after each slice offer the newest progress and lightmaps."""
     newest = next(job)
     while True:
         if isinstance(newest, BakeResult):
@@ -205,7 +204,7 @@ def _report(job: Generator[Progress | BakeResult, list[Any] | None, Any], outbox
 
 
 def _inherited(handle: int) -> Connection[Any, Any]:
-    """Return the connection of a handle that the parent gave; programs started from here do not get it."""
+    """Return the connection of a handle from the parent; child processes do not inherit it."""
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, False)
         return PipeConnection(handle)
@@ -214,13 +213,13 @@ def _inherited(handle: int) -> Connection[Any, Any]:
 
 
 def _yield_to_the_window() -> None:
-    """Let Blender's window have the processor first; on Windows the parent asks for it."""
+    """Lower this process's priority below Blender's; on Windows the parent does so."""
     if sys.platform != "win32":
         os.nice(_NICENESS)
 
 
 def found(name: str) -> Callable[..., Any]:
-    """Return the function "module:function"."""
+    """Return the function named "module:function"."""
     module, function = name.split(":")
     return getattr(importlib.import_module(module), function)
 
@@ -234,7 +233,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
 
-    # Ctrl-C in a terminal is for the parent, which then says what to do here.
+    # The parent handles Ctrl-C and then sends requests.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.enable()
     _yield_to_the_window()

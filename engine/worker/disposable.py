@@ -1,4 +1,4 @@
-"""Work in a process of its own that is killed where another is asked to end: nothing is lost with it."""
+"""Work in a disposable process, which is killed instead of asked to end."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..errors import WorkerError
 from ..progress import Progress
 from .worker import Worker
 
-#: Processes that are started for one piece of work.
+#: Maximum number of processes for one piece of work.
 _ATTEMPTS = 2
 
 
@@ -21,11 +21,10 @@ def run_apart(
     patience: float,
     attempts: int = _ATTEMPTS,
 ) -> Generator[Progress | None, None, Any]:
-    """Yield the newest progress, or None; return what a worker's generator returns for some arguments.
+    """Yield the newest progress or None; return the result of a worker's generator.
 
-    The process ends with the work. One that dies, or says nothing for `patience` s, is replaced until there
-    have been `attempts`; then a WorkerError is raised. Closing the generator kills it at once, in the middle
-    of whatever it does.
+    The process ends with the work. If it dies or is silent for `patience` s, another process repeats the
+    work, up to `attempts` times. Then WorkerError is raised. Closing the generator kills the process at once.
     """
     for attempt in range(1, attempts + 1):
         worker = make_worker()
@@ -45,7 +44,7 @@ def run_apart(
 def _watched(
     work: Generator[Progress | None, None, Any], patience: float
 ) -> Generator[Progress | None, None, Any]:
-    """Yield what work yields; raise a WorkerError once it has been silent for too long."""
+    """Yield the steps of the work; raise WorkerError if it is silent for too long."""
     heard = time.monotonic()
     while True:
         try:

@@ -1,7 +1,7 @@
-"""Objects of the engine as bytes: what the parent and its worker process tell each other.
+"""Serialization of engine objects for messages between a parent and its worker.
 
-The package is called `engine` in the worker, and perhaps `bl_ext.user_default.hemibake.engine` in
-Blender: an object travels as its class and its fields, and of the class only the name counts.
+The package is named `engine` in the worker, and for example `bl_ext.user_default.hemibake.engine` in Blender.
+An object is therefore sent as class name and fields.
 
     bytes  | count | size of part 0 | ... | part 0: pickle | part 1 ... : arrays |
            '-------- 64-bit integers -----'
@@ -32,7 +32,7 @@ from ..unwrap.chart_options import ChartOptions
 from ..unwrap.polygon_mesh import MeshCharts, PolygonMesh
 from ..unwrap.unwrapping import PackJob, PackResult, Unwrapped
 
-#: The dataclasses that may travel, by name.
+#: Dataclasses that can be sent, by name.
 RECORDS: dict[str, type] = {
     record.__name__: record
     for record in (
@@ -62,12 +62,12 @@ RECORDS: dict[str, type] = {
     )
 }
 
-#: Returns all fields of such a dataclass.
+#: Function that returns all fields of each dataclass.
 _FIELDS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
     record: attrgetter(*(field.name for field in fields(record))) for record in RECORDS.values()
 }
 
-#: The errors that arrive as what they were, by name; all others arrive as a WorkerError.
+#: Errors that keep their class, by name; all others become a WorkerError.
 ERRORS: dict[str, type[errors.EngineError]] = {
     error.__name__: error
     for error in (
@@ -82,10 +82,10 @@ ERRORS: dict[str, type[errors.EngineError]] = {
 
 
 class Parcel:
-    """An object ready to travel: a pickle, and the arrays it refers to, not copied yet."""
+    """Serialized object: a pickle, and the arrays that it refers to, not yet copied."""
 
     def __init__(self, value: object) -> None:
-        """Pack the builtins, NumPy arrays and records that `value` consists of."""
+        """Serialize the builtins, NumPy arrays and records in `value`."""
         arrays: list[pickle.PickleBuffer] = []
         stream = io.BytesIO()
         _Packer(stream, protocol=5, buffer_callback=arrays.append).dump(value)
@@ -95,7 +95,7 @@ class Parcel:
         self.size = len(self._head) + sum(sizes)
 
     def write(self, memory: memoryview) -> None:
-        """Copy head and parts, one after the other, into `memory`, of at least `size` bytes."""
+        """Copy header and parts into `memory`, of at least `size` bytes."""
         start = 0
         for part in (memoryview(self._head), *self._parts):
             end = start + len(part)
@@ -104,11 +104,11 @@ class Parcel:
 
 
 def read(memory: memoryview) -> Any:
-    """Return the object that `Parcel.write` left in `memory`; its arrays are copies."""
+    """Return the object that `Parcel.write` stored in `memory`; its arrays are copies."""
     (count,) = struct.unpack_from("<Q", memory)
     sizes = struct.unpack_from(f"<{count}Q", memory, 8)
 
-    # Each part becomes memory of its own, so that the block may be used again at once.
+    # Copy each part, so that the block can be reused at once.
     start = 8 * (count + 1)
     parts = []
     for size in sizes:
@@ -119,7 +119,7 @@ def read(memory: memoryview) -> Any:
 
 class _Packer(pickle.Pickler):
     def reducer_override(self, value: Any) -> Any:
-        """Return a record or note as its class and fields; it is not asked about builtins."""
+        """Return a record or message as class and fields; not called for builtins."""
         if type(value) is ObjectMessage:
             return ObjectMessage, (str(value), value.objects, value.fix)
         values = _FIELDS.get(type(value))
@@ -128,19 +128,19 @@ class _Packer(pickle.Pickler):
 
 class _Unpacker(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
-        """Return this process's own record or note of a name; all else as it is called."""
+        """Return this process's record or message class with a name; others by module."""
         own = ObjectMessage if name == ObjectMessage.__name__ else RECORDS.get(name)
         return own or super().find_class(module, name)
 
 
 def describe_error(error: Exception, traceback: str) -> tuple[str, str, str]:
-    """Return the class name ("" if it is no EngineError), message and traceback of an error."""
+    """Return the class name (empty for other errors), message and traceback of an EngineError."""
     known = (kind.__name__ for kind in type(error).__mro__ if ERRORS.get(kind.__name__) is kind)
     return next(known, ""), str(error), traceback
 
 
 def rebuild_error(name: str, message: str, traceback: str) -> errors.EngineError:
-    """Return the error that `describe_error` described; an unknown one as a WorkerError."""
+    """Return the error from its description; a WorkerError for unknown classes."""
     if name:
         return ERRORS[name](message)
     return errors.WorkerError(

@@ -1,4 +1,4 @@
-"""The worker process as its parent sees it: started, connected to, spoken with, ended."""
+"""Worker process from the parent's side: start, connection, messages, end."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from typing import Any, NoReturn
 
 from ..errors import WorkerError
 
-#: What a person may do when the process does not come up.
+#: Remedy in errors if the process does not start.
 START_REMEDY = "Restart Blender, or install Hemibake again; if that does not help,"
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a process is there for.
+    """Purpose of a process.
 
-    name    as a person knows it
-    remedy  what a person may do when the process dies at work
+    name:    name for the user
+    remedy:  remedy if the process dies at work
     """
 
     name: str
@@ -40,29 +40,29 @@ BAKING = Job(
 )
 UNWRAPPING = Job("unwrapping", "Your scene is untouched. Try again; if it happens again,")
 
-#: How much of the worker's log an error shows, bytes.
+#: Bytes of the worker's log in an error.
 LOG_TAIL = 4000
 
-#: How long a message is waited for before the caller gets its turn again, s.
+#: Seconds to wait for a message before the caller regains control.
 POLL = 0.002
 
-#: How long the process may take to end or to give up a bake before it is killed, s.
+#: Seconds to wait for the process to end or to cancel a bake before it is killed.
 PATIENCE = 2.0
 
 
 class WorkerProcess:
-    """A child process that runs `engine.worker.child`, and the connection to it.
+    """Child process that runs `engine.worker.child`, with its connection.
 
-    answered  True once the process has said that it is there
+    answered:  True once the process has reported that it is ready
     """
 
     def __init__(self, executable: str, search_path: Sequence[str], bake: str, job: Job = BAKING) -> None:
         """Start the process with `search_path` as its PYTHONPATH; `bake` is "module:function".
 
-        Raise a WorkerError if the executable cannot be run.
+        Raises WorkerError if the executable cannot be run.
         """
-        # The process inherits its end of the connection, which closes when this one dies; its log has
-        # no name. So nothing stays behind, whichever of the two is killed, and when.
+        # The process inherits its end of the connection, which closes when this process dies; its log has no
+        # file name. Nothing remains, whichever process is killed.
         self._connection, inherited = Pipe()
         self.answered, self._job = False, job
         self._log, self._printed = tempfile.TemporaryFile(buffering=0), 0  # noqa: SIM115
@@ -79,7 +79,7 @@ class WorkerProcess:
             ) from error
 
     def _spawn(self, command: list[str], environment: dict[str, str], handle: int) -> subprocess.Popen[bytes]:
-        """Start a process that inherits a handle, the last word of its command line."""
+        """Start a process that inherits a handle, the last argument of its command line."""
         return subprocess.Popen(
             [*command, str(handle)],
             stdin=subprocess.DEVNULL,
@@ -95,7 +95,7 @@ class WorkerProcess:
         return self.popen.poll() is None
 
     def connect(self, limit: float) -> Generator[None, None, None]:
-        """Yield until the process has answered; raise a WorkerError if it has not within `limit` s."""
+        """Yield until the process is ready; raise WorkerError if it is not within `limit` s."""
         deadline = time.monotonic() + limit
         while self.receive() is None:
             if time.monotonic() > deadline:
@@ -104,7 +104,7 @@ class WorkerProcess:
         self.answered = True
 
     def send(self, *message: object) -> None:
-        """Send a short message; raise a WorkerError if the process is dead."""
+        """Send a short message; raise WorkerError if the process is dead."""
         try:
             with _pipe_errors():
                 self._link.send(message)
@@ -112,7 +112,7 @@ class WorkerProcess:
             self._fail_ended()
 
     def receive(self, patience: float = POLL) -> tuple[Any, ...] | None:
-        """Return the next message, or None after `patience` s; raise a WorkerError if the process is dead."""
+        """Return the next message, or None after `patience` s; raise WorkerError if the process is dead."""
         try:
             if not self._link.poll(patience):
                 return None
@@ -122,7 +122,7 @@ class WorkerProcess:
             self._fail_ended()
 
     def preparation(self) -> tuple[str, float] | None:
-        """Return the last of the waiting reports of a preparation; None if there is none."""
+        """Return the latest report of a preparation; None if there is none."""
         last = None
         while message := self.receive(0):
             kind, *facts = message
@@ -131,12 +131,12 @@ class WorkerProcess:
         return last
 
     def cancel(self) -> None:
-        """Have the process give up its bake, or end it if it has not within PATIENCE s."""
+        """Cancel the bake; kill the process if it has not cancelled within PATIENCE s."""
         deadline = time.monotonic() + PATIENCE
         with suppress(WorkerError):
             self.send("cancel")
 
-            # What it said before it heard that is of no interest any more.
+            # Earlier messages are obsolete.
             while self.receive(max(0, deadline - time.monotonic())) != ("cancelled",):
                 if time.monotonic() > deadline:
                     self.popen.kill()
@@ -148,14 +148,14 @@ class WorkerProcess:
         return self._connection
 
     def _fail_ended(self) -> NoReturn:
-        """Raise a WorkerError because the process has closed its end, and so is about to leave."""
+        """Raise WorkerError because the process has closed its end of the connection."""
         self._wait()
         if self.answered:
             self._fail("ended in the middle of its work", self._job.remedy)
         self._fail("could not start", START_REMEDY)
 
     def _fail(self, what: str, remedy: str) -> NoReturn:
-        """End the process and raise a WorkerError with its exit status and the end of its log."""
+        """End the process and raise WorkerError with its exit status and the end of its log."""
         code = self._end()
         tail = self._log_tail()
         self.stop()
@@ -165,15 +165,15 @@ class WorkerProcess:
         )
 
     def _log_tail(self) -> str:
-        """Return the end of what an ended process printed."""
+        """Return the end of the log of an ended process."""
         size = self._log.seek(0, os.SEEK_END)
         self._log.seek(max(0, size - LOG_TAIL))
         return self._log.read().decode(errors="replace")
 
     def printed(self) -> str:
-        """Return what the process has printed since the last call; it has to be idle.
+        """Return the output since the last call; the process must be idle.
 
-        Both have one position in the file, which has to stay at its end.
+        Both processes share one file position, which must stay at the end.
         """
         self._log.seek(self._printed)
         text = self._log.read()
@@ -181,7 +181,7 @@ class WorkerProcess:
         return text.decode(errors="replace")
 
     def stop(self) -> None:
-        """End the process and remove what it leaves; may be called again."""
+        """End the process and release its resources; may be called repeatedly."""
         self._end()
         self._close()
 
@@ -190,14 +190,14 @@ class WorkerProcess:
         self._log.close()
 
     def _end(self) -> int:
-        # A closed connection asks the process to leave; one that has not answered yet may not hear that.
+        # Closing the connection asks the process to end; a process that is not ready may not notice.
         self._connection.close()
         if not self.answered:
             self.popen.kill()
         return self._wait()
 
     def _wait(self) -> int:
-        """Return the exit status of the process; it is killed if it does not leave within PATIENCE s."""
+        """Return the exit status of the process; kill it if it does not end within PATIENCE s."""
         try:
             return self.popen.wait(PATIENCE)
         except subprocess.TimeoutExpired:
@@ -207,7 +207,7 @@ class WorkerProcess:
 
 @contextmanager
 def _pipe_errors() -> Iterator[None]:
-    """Make writing to a dead process an OSError: Blender lets SIGPIPE end it, as Python alone does not."""
+    """Convert writes to a dead process into OSError; Blender leaves SIGPIPE enabled, unlike Python."""
     if sys.platform == "win32":
         yield
         return
@@ -222,7 +222,7 @@ def _pipe_errors() -> Iterator[None]:
 
 
 def _inheritance(handle: int) -> dict[str, Any]:
-    """Return the options of Popen that let a process inherit a handle: a file descriptor if not Windows."""
+    """Return the Popen options to inherit a handle: a file descriptor except on Windows."""
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, True)
         startup = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})
@@ -232,13 +232,13 @@ def _inheritance(handle: int) -> dict[str, Any]:
 
 
 def _environment(search_path: Sequence[str]) -> dict[str, str]:
-    """Return the child's environment: what this Python ignores, the child does not see either."""
+    """Return the child's environment, without variables that this Python ignores."""
     isolated = bool(sys.flags.ignore_environment)
     environment = {
         key: value for key, value in os.environ.items() if not (isolated and key.startswith("PYTHON"))
     }
 
-    # Whatever the engine is called here, in the child it is the package `engine` of this folder.
+    # In the child, this package is named `engine` whatever its name is here.
     home = str(Path(__file__).resolve().parents[2])
     folders = [os.path.abspath(folder) for folder in search_path]
     environment["PYTHONPATH"] = os.pathsep.join([home, *folders])

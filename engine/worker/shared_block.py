@@ -1,4 +1,4 @@
-"""A block of memory that the parent and its worker process both see."""
+"""Shared memory block between the parent and its worker process."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from . import messages
 
 
 class SharedBlock:
-    """Shared memory that holds one object at a time; made inside `with`, removed at its end."""
+    """Shared memory that holds one object at a time; a context manager that removes it at the end."""
 
     def __init__(self, parcel: messages.Parcel) -> None:
-        """Hold the object in `parcel`; raise a WorkerError if there is no room for it."""
+        """Store the object in `parcel`; raise WorkerError if memory is short."""
         self._memory = _create(parcel.size)
         parcel.write(_view(self._memory))
 
@@ -30,7 +30,7 @@ class SharedBlock:
 
     @property
     def name(self) -> str:
-        """The name under which the worker opens the block; another one after `grow`."""
+        """Name with which the worker opens the block; changes after `grow`."""
         return self._memory.name
 
     def read(self) -> Any:
@@ -38,17 +38,17 @@ class SharedBlock:
         return messages.read(_view(self._memory))
 
     def grow(self, size: int) -> None:
-        """Become an empty block of `size` bytes; raise a WorkerError if there is no room for it."""
+        """Replace the block by an empty one of `size` bytes; raise WorkerError if memory is short."""
         larger = _create(size)
         _remove(self._memory)
         self._memory = larger
 
 
 class BorrowedBlock:
-    """The worker's view of a block: open inside `with`, never removed from here."""
+    """Worker's view of a block; a context manager that never removes it."""
 
     def __init__(self, name: str) -> None:
-        """Open the block that the parent calls `name`."""
+        """Open the block with a name."""
         self._memory = _attach(name)
 
     def __enter__(self) -> Self:
@@ -62,7 +62,7 @@ class BorrowedBlock:
         return messages.read(_view(self._memory))
 
     def write(self, parcel: messages.Parcel) -> bool:
-        """Put an object into the block if it fits; return whether it did."""
+        """Store an object in the block if it fits; return True if it does."""
         if parcel.size > self._memory.size:
             return False
         parcel.write(_view(self._memory))
@@ -70,7 +70,7 @@ class BorrowedBlock:
 
 
 def _create(size: int) -> SharedMemory:
-    """Create a block; look for room first, since Linux ends a process that finds none when it writes."""
+    """Create a block; test for space first, since Linux kills a process that writes without it."""
     if size > _room():
         raise _no_room(size)
     try:
@@ -80,7 +80,7 @@ def _create(size: int) -> SharedMemory:
 
 
 def _room() -> float:
-    """Return how much shared memory is free, bytes; infinity where the system does not say."""
+    """Return the free shared memory, bytes; infinity if unknown."""
     if sys.platform != "linux" or not Path("/dev/shm").exists():
         return math.inf
     room = os.statvfs("/dev/shm")
@@ -98,10 +98,10 @@ def _remove(memory: SharedMemory) -> None:
 
 
 def _attach(name: str) -> SharedMemory:
-    """Open a block without becoming responsible for it.
+    """Open a block without registering it for removal.
 
-    Until Python 3.13 brought `track`, opening a block also made the resource tracker remove it
-    (python/cpython#82300), which would take it from the parent and print a warning.
+    Before Python 3.13 introduced `track`, opening a block also registered it with the resource tracker
+    (python/cpython#82300), which would remove it from the parent and print a warning.
     """
     if sys.version_info >= (3, 13):
         return SharedMemory(name, track=False)

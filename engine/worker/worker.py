@@ -1,4 +1,4 @@
-"""A bake in a process of its own: cancel is always possible, and a driver crash stays there."""
+"""Worker: bakes in a child process, so that a cancel always works and a driver crash is contained."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .shared_block import SharedBlock
 
 Bake = Generator[Progress | None, None, Any]
 
-#: What a child does, lightmaps of a bake that goes on included.
+#: Generator of a child's steps, including the lightmaps of Live.
 Steps = Generator[Any, None, Any]
 
 
 class Worker:
     """Runs `engine.bake` in a child process that stays alive between bakes.
 
-    The process is started by the first bake or call, and again by the one after it died. It ends with
-    `stop`, and by itself when the parent dies. The protocol is in `engine.worker.child`.
+    The first bake or call starts the process, and so does the first one after its death. It ends with `stop`,
+    or when the parent dies. The protocol is in `engine.worker.child`.
     """
 
     def __init__(
@@ -37,14 +37,13 @@ class Worker:
         start_limit: float = 60,
         job: Job = BAKING,
     ) -> None:
-        """Prepare a worker; nothing is started yet.
+        """Prepare a worker without starting the process.
 
-        executable   the Python to run
-        search_path  where it finds its modules; None for the `sys.path` of this process
-        bake         "module:function" of the generator that the child runs, as seen there; another one
-                     than a bake is run with `run`
-        start_limit  how long the child may take until it answers, s
-        job          what it is there for, as errors say
+        executable:   path of the Python to run
+        search_path:  module search path of the child; None for the `sys.path` of this process
+        bake:         "module:function" of the generator that the child runs, importable there
+        start_limit:  maximum time until the child is ready, s
+        job:          purpose of the process, for errors
         """
         self._executable = executable
         self._search_path = tuple(sys.path if search_path is None else search_path)
@@ -56,44 +55,44 @@ class Worker:
 
     @property
     def process(self) -> subprocess.Popen[bytes] | None:
-        """The child process, or None before the first bake and after `stop`."""
+        """Child process; None before the first bake and after `stop`."""
         return self._child.popen if self._child else None
 
     @property
     def alive(self) -> bool:
-        """True while a child process runs."""
+        """True while the child process runs."""
         return self._child is not None and self._child.alive
 
     def bake(self, scene: Scene, settings: Settings) -> Bake:
-        """Bake in the child, see `run`; returns the Lightmap."""
+        """Bake in the child, see `run`; return the `BakeResult`."""
         return (yield from self.run(scene, settings))
 
     def run(self, *arguments: object) -> Generator[Progress | None, None, Any]:
-        """Let the child work: each `next` yields the newest Progress, or None.
+        """Run the child's generator; each `next` yields the newest Progress, or None.
 
-        A `next` takes a few ms; where lightmaps arrived as long as copying them.
-        Returns what the child's generator returns. Raises the child's SceneError, SettingsError or
-        DeviceError, or a WorkerError if the child has a bug, dies, cannot be started or is at work
-        already. Closing the generator cancels the bake, within about 2 s.
+        A `next` takes a few ms, and longer if lightmaps are copied. Returns the result of the child's
+        generator. Raises the child's SceneError, SettingsError or DeviceError. Raises WorkerError if the
+        child has a bug, dies, cannot start or is busy. Closing the generator cancels the bake within about 2
+        s.
         """
         return (yield from self._run(arguments, ("bake",)))
 
     def follow(
         self, function: str, *arguments: object
     ) -> Generator[Progress | BakeResult | None, None, None]:
-        """Let "module:function", as `engine.session:live`, work in the child until the generator is closed.
+        """Run "module:function", such as `engine.session:live`, in the child until the generator is closed.
 
-        Yields as `run`, and each Lightmap that is finished, of all changes so far; raises the same errors.
-        `update` sends changes.
+        Yields as `run`, and each finished lightmap of all changes so far; raises the same errors. `update`
+        sends changes.
         """
         yield from self._run(arguments, ("follow", function))
 
     def update(self, changes: object) -> None:
-        """Send changes to the child that follows; they leave with the next step of `follow`."""
+        """Send changes to a child in `follow`; they leave with its next step."""
         self._updates.append(messages.Parcel(changes))
 
     def _run(self, arguments: tuple[object, ...], request: tuple[str, ...]) -> Steps:
-        """Let the child do what a message asks for, with arguments."""
+        """Send a request with arguments to the child and relay its steps."""
         if self._busy:
             raise WorkerError("Another bake is running. Wait until it is done, or cancel it.")
         self._busy = True
@@ -106,25 +105,27 @@ class Worker:
             self._busy = False
 
     def call(self, function: str, *arguments: object) -> None:
-        """Have the child run "module:function" before its next bake; start it if there is none.
+        """Run "module:function" in the child before its next bake; start the child if needed.
 
-        arguments: builtins. Does not wait, and does nothing while a bake runs. Raises a WorkerError if the
-        child cannot be started.
+        Does not wait, and does nothing during a bake. Raises WorkerError if the child cannot start.
+
+        arguments:  builtins
         """
         if not self._busy:
             self._child_process().send("call", function, *arguments)
 
     def prepare(self, function: str, *arguments: object) -> None:
-        """Have the child run the generator "module:function" until its next bake or call.
+        """Run the generator "module:function" in the child until its next bake or call.
 
-        arguments: builtins. Starts the child if there is none; does nothing while a bake runs. Raises a
-        WorkerError if the child cannot be started.
+        Starts the child if needed; does nothing during a bake. Raises WorkerError if the child cannot start.
+
+        arguments:  builtins
         """
         if not self._busy:
             self._child_process().send("prepare", function, *arguments)
 
     def preparation(self) -> tuple[str, float] | None:
-        """Return stage and seconds left that an idle child has reported last; None without a new report.
+        """Return the latest stage and seconds left of an idle child; None without a new report.
 
         The stage is empty once `prepare` has ended.
         """
@@ -133,9 +134,9 @@ class Worker:
         return self._child.preparation()
 
     def printed(self) -> str:
-        """Return what an idle child has printed since the last call.
+        """Return the output of an idle child since the last call.
 
-        The last words of one that died are in the error that told of it.
+        The last output of a dead child is in the error that reported its death.
         """
         return self._child.printed() if self._child and self._child.alive else ""
 
@@ -146,7 +147,7 @@ class Worker:
             self._child = None
 
     def _ready_child(self) -> Generator[None, None, WorkerProcess]:
-        """Return the child, started and connected to; yield meanwhile."""
+        """Return the ready child, started if needed; yield meanwhile."""
         child = self._child_process()
         if child.answered:
             return child
@@ -158,14 +159,14 @@ class Worker:
         return child
 
     def _child_process(self) -> WorkerProcess:
-        """Return the child, started if there is none; it may have to be connected to."""
+        """Return the child, started if needed; it may not be ready yet."""
         if not self.alive:
             self.stop()
             self._child = WorkerProcess(self._executable, self._search_path, self._bake, self._job)
         return self._child  # type: ignore[return-value]
 
     def _converse(self, child: WorkerProcess, block: SharedBlock, request: tuple[str, ...]) -> Steps:
-        """Have the child work on what is in the block; cancel it if anything goes wrong on this side."""
+        """Let the child process the arguments in the block; cancel it after an error on this side."""
         work, *function = request
         try:
             child.send(work, block.name, *function)
@@ -177,7 +178,7 @@ class Worker:
         if kind == "lightmap":
             return outcome
 
-        # A bug may leave the child in any state, so the next bake gets a new one.
+        # A bug may leave the child in an undefined state, so the next bake gets a new one.
         error = messages.rebuild_error(*outcome)
         if isinstance(error, WorkerError):
             self.stop()
@@ -186,10 +187,10 @@ class Worker:
     def _relay(
         self, child: WorkerProcess, block: SharedBlock
     ) -> Generator[Progress | BakeResult | None, None, str]:
-        """Yield the child's progress until the bake is over; return what the block then holds.
+        """Yield the child's progress until the bake ends; return the kind of object in the block.
 
-        Where the bake goes on, changes are sent meanwhile, and each lightmap that is finished is yielded,
-        too, unless changes are on their way: it is of the scene before them.
+        In `follow`, also sends changes and yields each finished lightmap. A lightmap is skipped if later
+        changes are under way, since it shows the scene before them.
         """
         with _Changes(child) as changes:
             while True:
@@ -209,9 +210,9 @@ class Worker:
 
 
 class _Changes:
-    """Changes on their way to the child, in a block each until they are read; used inside `with`.
+    """Changes under way to the child, each in a block until the child has read it; a context manager.
 
-    sent  number of all so far
+    sent:  number of changes so far
     """
 
     def __init__(self, child: WorkerProcess) -> None:
@@ -225,7 +226,7 @@ class _Changes:
             self.drop(name)
 
     def send(self, updates: list[messages.Parcel]) -> None:
-        """Send all changes of a list, and empty it."""
+        """Send all changes of a list and empty it."""
         while updates:
             block = SharedBlock(updates.pop(0))
             self._blocks[block.name] = block
@@ -233,5 +234,5 @@ class _Changes:
             self.sent += 1
 
     def drop(self, name: str) -> None:
-        """Remove a block that is not needed any more."""
+        """Remove a block after use."""
         self._blocks.pop(name).__exit__()

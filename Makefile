@@ -9,13 +9,14 @@ READY45 := .venv-bpy45/.ready
 READY42 := .venv-bpy42/.ready
 READY51 := .venv-bpy51/.ready
 READY52 := .venv-bpy52/.ready
+READY53 := .venv-bpy53/.ready
 
 # What packages bring with them, for every platform.
 WHEELS := out/wheels/.ready
 WHEELS_DASK := out/wheels_dask/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-fast test-4.2 test-4.5 test-5.1 test-5.2 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-fast test-4.2 test-4.5 test-5.1 test-5.2 test-5.3 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
@@ -41,8 +42,9 @@ test-4.2: $(READY42) ## the tests of Blender in 4.2
 test-4.5: $(READY45) ## the tests of Blender in 4.5
 test-5.1: $(READY51) ## the tests of Blender in 5.1; needs Python 3.13
 test-5.2: $(READY52) ## the tests of Blender in 5.2; needs Python 3.13
+test-5.3: $(READY53) ## the tests of Blender in 5.3; needs Python 3.13
 
-test-4.2 test-4.5 test-5.1 test-5.2: test-%:
+test-4.2 test-4.5 test-5.1 test-5.2 test-5.3: test-%:
 	@tools/system_packages.sh .venv-bpy$(subst .,,$*)/bin/python
 	.venv-bpy$(subst .,,$*)/bin/python -m pytest tests/blender -m "not long and not one_version" $(PARALLEL)
 
@@ -59,13 +61,13 @@ fuzz: setup ## 3,000 random scenes and 500 random .blend files, about an hour; S
 	.venv/bin/python -m pytest tests/fuzz --hypothesis-profile=long --hypothesis-seed=$(SEED)
 
 package: $(READY50) $(WHEELS) ## build the files to drag into Blender, one for each platform; in out/package
-	.venv/bin/python -m tools.package out/wheels out/package
+	.venv/bin/python -m tools.package out/wheels out/package --sizes README.md
 
 package-dask: $(READY50) $(WHEELS_DASK) ## the same files with Dask, for bakes by several devices; in out/package_dask
-	.venv/bin/python -m tools.package out/wheels_dask out/package_dask
+	.venv/bin/python -m tools.package out/wheels_dask out/package_dask --sizes docs/user/several_devices.md
 
-test-package: ## install the package into Blender 4.2 to 5.2, bake, upgrade, remove it, without a network
-	@$(MAKE) --keep-going --no-print-directory $(READY42) $(READY45) $(READY51) $(READY52) || \
+test-package: ## install the package into Blender 4.2 to 5.3, bake, upgrade, remove it, without a network
+	@$(MAKE) --keep-going --no-print-directory $(READY42) $(READY45) $(READY51) $(READY52) $(READY53) || \
 	    echo "Blenders whose environment could not be made are not tested." >&2
 	@$(MAKE) --no-print-directory test-package-short
 
@@ -111,7 +113,7 @@ COMPILE = set -e; $(1) -m venv out/locks; out/locks/bin/pip install --quiet pip-
 locks: ## pin the newest versions that requirements/*.in allow; needs Python 3.11 and 3.13
 	$(call COMPILE,$(PYTHON),bpy50 bpy45 bpy42,--allow-unsafe)
 	$(call COMPILE,$(PYTHON),wheels wheels_dask,--unsafe-package numpy)
-	$(call COMPILE,$(PYTHON313),bpy51 bpy52,--allow-unsafe)
+	$(call COMPILE,$(PYTHON313),bpy51 bpy52 bpy53,--allow-unsafe)
 
 clean: ## remove what was made: environments, results, caches
 	rm -rf .venv .venv-bpy4? .venv-bpy5? out .mypy_cache .pytest_cache .ruff_cache
@@ -122,8 +124,8 @@ $(READY50): requirements/bpy50.txt
 	$(environment)
 
 # Blender 5.1 brought Python 3.13.
-$(READY51) $(READY52): needed := 3.13
-$(READY51) $(READY52): python = $(PYTHON313)
+$(READY51) $(READY52) $(READY53): needed := 3.13
+$(READY51) $(READY52) $(READY53): python = $(PYTHON313)
 needed := 3.11
 python = $(PYTHON)
 

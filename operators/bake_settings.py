@@ -7,6 +7,7 @@ from typing import Any
 from ..engine.setting_types import Span
 from ..engine.settings import Settings, check_settings, descriptions, kept_with_scene
 from .denoise_library import denoise_library
+from .network import check_online_access
 from .preferences import machine_settings
 from .properties import HemibakeSceneProperties
 from .scene.units import metres_per_unit
@@ -21,6 +22,7 @@ def read_settings(properties: HemibakeSceneProperties) -> Settings:
     values |= {name: values[name] / scale for name in _lengths() if name in values}
     settings = Settings(**values, **_machine())
     check_settings(settings)
+    check_online_access(settings.scheduler)
     return settings
 
 

@@ -40,6 +40,7 @@ def run(given: argparse.Namespace, heard: signals.Signals) -> dict:
     """Bake in a Blender of its own and return the report."""
     command.check_paths(given)
     with blender(), heard.heard():
+        allow_network()
         command.prepare(given)
         if given.verify is not None:
             check_verify(given.verify)
@@ -48,6 +49,13 @@ def run(given: argparse.Namespace, heard: signals.Signals) -> dict:
             report["verify"], path = verify_bake(given.verify, given.out.resolve())
             report["files"].append(path)
         return command.save(given, report)
+
+
+def allow_network() -> None:
+    """Let this Blender, which runs nothing but this command, use the scheduler that its options name."""
+    import bpy
+
+    bpy.context.preferences.system.use_online_access = True
 
 
 def check_verify(samples: int) -> None:

@@ -1,6 +1,6 @@
-"""Builds the packages for Blender, and a page that lists their contents.
+"""Builds the packages for Blender, a page that lists their contents, and the sizes that the docs quote.
 
-python -m tools.package out/wheels out/package
+python -m tools.package out/wheels out/package --sizes README.md
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tools.packages.archive import build
 from tools.packages.contents import page
+from tools.packages.sizes import with_sizes
 from tools.packages.wheels import wheels_in
 
 
@@ -22,6 +23,9 @@ def main() -> None:
     packages = build(wheels, options.out, options.version)
     contents = options.out / "CONTENTS.md"
     contents.write_text(page(packages, wheels), encoding="utf-8", newline="\n")
+    for path in options.sizes:
+        text = path.read_text(encoding="utf-8")
+        path.write_text(with_sizes(text, packages), encoding="utf-8", newline="\n")
     for path in (*packages, contents):
         print(f"{path}  {path.stat().st_size:,} bytes")
 
@@ -31,6 +35,9 @@ def parse() -> argparse.Namespace:
     parser.add_argument("wheels", type=Path, help="folder of the wheels of all platforms")
     parser.add_argument("out", type=Path, help="folder for the packages")
     parser.add_argument("--version", help="instead of the manifest's")
+    parser.add_argument(
+        "--sizes", type=Path, action="append", default=[], help="page that quotes the sizes: renew them"
+    )
     return parser.parse_args()
 
 

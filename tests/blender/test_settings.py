@@ -92,6 +92,34 @@ def test_chosen_device_that_is_not_there_is_told_by_the_bake(preferences):
         bpy.ops.hemibake.bake()
 
 
+@pytest.mark.parametrize(
+    ("scheduler", "refused"),
+    [
+        ("tcp://farm:8786", True),
+        ("tls://10.0.0.7:8786", True),
+        ("all", False),
+        ("tcp://localhost:8786", False),
+    ],
+)
+def test_a_scheduler_on_the_network_needs_online_access(preferences, scheduler, refused):
+    """Blender's preferences give it, to all extensions at once."""
+    import bpy
+
+    preferences.scheduler = scheduler
+    system = bpy.context.preferences.system
+    system.use_online_access = False
+    if refused:
+        with pytest.raises(part("engine.errors").SettingsError, match=f"'{scheduler}'.*--online-mode"):
+            read()
+    else:
+        assert read().scheduler == scheduler
+    system.use_online_access = True
+    try:
+        assert read().scheduler == scheduler
+    finally:
+        system.use_online_access = False
+
+
 def test_every_setting_for_people_is_a_property_with_name_and_tooltip():
     import bpy
 

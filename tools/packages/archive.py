@@ -24,6 +24,9 @@ MANIFEST = "blender_manifest.toml"
 #: wheels that do not bring theirs along.
 _DOCUMENTS = ("LICENSE", "README.md", "licenses")
 
+#: Permission of the package with Dask, the only one that connects to other machines.
+_NETWORK = 'network = "Share a bake with the workers of a Dask scheduler that the user names"'
+
 #: 1980-01-01, the first day that a zip file knows, seconds.
 _FIRST_DAY = 315532800
 
@@ -64,7 +67,10 @@ def _stage(wheels: Sequence[Wheel], folder: Path, version: str | None) -> None:
 
 
 def packaged_manifest(text: str, wheels: Sequence[str], version: str | None = None) -> str:
-    """Return a checkout's manifest with the platforms, the wheels by their file names, and a version."""
+    """Return a checkout's manifest with the platforms, the wheels by their file names, and a version.
+
+    A package with Dask asks for the permission to use the network.
+    """
     lists = {
         "platforms": [platform.name for platform in PLATFORMS],
         "wheels": [f"./wheels/{name}" for name in wheels],
@@ -73,8 +79,10 @@ def packaged_manifest(text: str, wheels: Sequence[str], version: str | None = No
     if version:
         text = re.sub(r'^version = ".*"$', f'version = "{version}"', text, count=1, flags=re.MULTILINE)
 
-    # Keys of the top level come before the first table.
+    # Keys of the top level come before the first table, [permissions] is the last one.
     head, bracket, tables = text.partition("\n[")
+    if any(name.startswith("distributed-") for name in wheels):
+        tables = f"{tables.rstrip()}\n{_NETWORK}\n"
     return "\n".join((head.rstrip("\n"), "", *lines, bracket + tables))
 
 

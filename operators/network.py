@@ -18,6 +18,6 @@ def check_online_access(scheduler: str) -> None:
         return
     if not bpy.app.online_access:
         raise SettingsError(
-            f"Scheduler '{scheduler}': Blender does not allow online access. Allow it in Blender's preferences "
+            f"Scheduler '{scheduler}': Blender does not allow online access. Allow it in its preferences "
             "under System > Network, start Blender with --online-mode, or leave the scheduler empty."
         )

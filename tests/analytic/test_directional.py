@@ -122,7 +122,7 @@ def test_spherical_harmonics_of_a_sun_point_at_it(angle):
 
 def test_spherical_harmonics_are_told_apart_from_the_fit():
     outputs = ("combined", "dominant_direction", "spherical_harmonics")
-    with pytest.raises(SettingsError, match="bake one of both"):
+    with pytest.raises(SettingsError, match="Remove one of both"):
         check_settings(dataclasses.replace(SETTINGS, outputs=outputs))
 
 

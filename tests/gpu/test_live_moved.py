@@ -161,7 +161,7 @@ def test_rows_are_those_of_a_first_look(lively, device, case):
     for _ in range(EDITS):
         live.update(edit(live.scene, random))
         report = finished(live.converge()).report
-        again += any("found again where something has moved" in reason for reason in report.reasons)
+        again += any("recomputed where objects moved" in reason for reason in report.reasons)
         assert_as_found_anew(session, settings)
     assert again >= EDITS - 3
 

@@ -108,7 +108,7 @@ def test_rays_that_follow_the_cosine_find_the_same_light(paper):
 def test_what_does_not_fit_the_memory_is_streamed(paper, visibility):
     settings = dataclasses.replace(SETTINGS, method="cached", visibility=visibility, memory_budget=1 << 18)
     report = drive(paper[0], settings).report
-    assert report.method == "stream" and any("0 MiB may be used" in reason for reason in report.reasons)
+    assert report.method == "stream" and any("limit is 0 MiB" in reason for reason in report.reasons)
 
 
 def test_hemicubes_are_drawn_in_whole_batches_however_little_memory_there_is(paper, monkeypatch):
@@ -170,7 +170,7 @@ def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
     monkeypatch.setattr(sample_counts, "_NARROW", 0)
     many = drive(nine_quad_room(), settings)
     assert (few.image == many.image).all()
-    taken = [re.search(r"see takes ([\d,]+) MiB", each.report.reasons[-1])[1] for each in (few, many)]
+    taken = [re.search(r"data needs ([\d,]+) MiB", each.report.reasons[-1])[1] for each in (few, many)]
     assert abs(int(taken[1]) - 2 * int(taken[0])) <= 1
 
 

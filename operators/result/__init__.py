@@ -1,1 +1,1 @@
-"""engine.BakeResult -> Blender: images, files, preview materials."""
+"""Results of a bake in Blender: images, files and preview materials."""

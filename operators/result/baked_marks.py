@@ -1,4 +1,4 @@
-"""What a bake writes on the scene's list of lightmaps and on objects: the preview and later bakes read it."""
+"""Records of a bake on the scene's lightmap list and on objects, for the preview and later bakes."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def mark_lightmaps(
     settings: Settings,
     kept: PreservedTexels,
 ) -> None:
-    """Write on each lightmap in a scene's list which maps it has beside light, and how much of it is used.
+    """Record on each lightmap of a scene which other maps it has, and its texel usage.
 
-    The latter is known where all of its objects were baked.
+    The usage is known only if all objects of the lightmap were baked.
     """
     groups = light_group_names(read.scene) if settings.by_light_groups else []
     partial = {atlas for atlas, _ in kept.objects()}
@@ -47,10 +47,10 @@ def mark_objects(
     uv_layer: str,
     lost: Mapping[int, str],
 ) -> None:
-    """Write on each baked object which image, of the first output, and which UV layer and UVs belong to it.
+    """Record on each baked object its image of the first output, its UV layer and UV transform.
 
-    images  atlas after atlas, of the first output first
-    lost    session uids and names of objects without lightmap UVs, which stay as they are
+    images:  images of the first output, one for each atlas
+    lost:    session uids and names of objects without lightmap UVs, which stay unchanged
     """
     claim_bake_id(scene)
     image_of = dict(zip(read.scene.atlases, images, strict=False))

@@ -1,4 +1,4 @@
-"""Tells what the files of lightmaps cannot hold."""
+"""Warnings about light that the lightmap files cannot represent."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ..scene import ReadScene
 from ..scene.uvs.uv_faults import covered_texels
 from .lightmap_files import LightmapFile
 
-#: Fraction of a lightmap's texels that may become black without a word: the far end of a light's fading.
+#: Maximum fraction of a lightmap's texels that may become black without a warning: the far falloff of lights.
 _DARK = 0.01
 
 
 def clipping_notes(
     read: ReadScene, files: Sequence[LightmapFile], has_patch: np.ndarray
 ) -> Iterator[ObjectMessage]:
-    """Yield a sentence for each thing that a file cannot hold of its lightmap.
+    """Yield a warning for each kind of clipping in a file.
 
-    files      one a lightmap, atlas after atlas for each output
-    has_patch  (atlases, h, w) bool, texels that are baked: no others count
+    files:      one file for each lightmap, all atlases of each output in turn
+    has_patch:  (atlases, h, w) bool, baked texels; others are ignored
     """
     for index, file in enumerate(files):
         limits, atlas = file.format.limits(file.encoding), index % len(has_patch)
@@ -36,7 +36,7 @@ def clipping_notes(
 
 
 def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield what a file cannot hold, with {} for its objects, and the texels, (h, w) bool."""
+    """Yield a warning with {} for the objects, and the clipped texels, (h, w) bool."""
     clipping, all_texels = find_clipping(file.light, limits, counted), max(int(counted.sum()), 1)
     bright, dark = (
         max(texels.sum() / all_texels, 0.001) if texels.any() else 0.0
@@ -50,7 +50,7 @@ def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Itera
 
 
 def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, fraction: float) -> str:
-    """Return what became of texels that are too bright, this fraction of all, with {} for their objects."""
+    """Return the warning about texels above the maximum, with {} for the objects."""
     brightest = np.where(clipped, np.abs(file.light).max(axis=-1), -np.inf)
     row, column = np.unravel_index(int(brightest.argmax()), clipped.shape)
     height, width = clipped.shape
@@ -63,7 +63,7 @@ def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, fractio
 
 
 def _remedy_for_bright(file: LightmapFile, most: float) -> str:
-    """Return what holds light up to a value."""
+    """Return the remedy that makes a value representable."""
     if isinstance(file.encoding, Srgb) and np.isfinite(most):
         return f"Choose an Exposure of {np.floor(-10 * np.log2(most)) / 10:g}, or another format"
     if file.format.name in RANGED:
@@ -78,7 +78,7 @@ def _remedy_for_dark(file: LightmapFile) -> str:
 
 
 def _objects_at(read: ReadScene, atlas: int, texels: np.ndarray) -> list[str]:
-    """Return the names of the objects that have charts at texels of an atlas, (h, w) bool."""
+    """Return the names of the objects with charts at texels of an atlas, (h, w) bool."""
     resolution = len(texels)
     chosen = np.pad(texels, ((0, 0), (0, 1))).ravel()
     names = [

@@ -1,4 +1,4 @@
-"""What lightmaps show: the atlas, the output and the objects of each, as the manifest tells it."""
+"""Contents of the lightmaps for the manifest: atlas, output and objects of each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .preserved_texels import PreservedTexels
 def lightmap_contents(
     scene: bpy.types.Scene, read: ReadScene, settings: Settings, uv_layer: str, kept: PreservedTexels
 ) -> list[dict]:
-    """Return "atlas", "output" and "objects" of each lightmap, output after output as they are baked."""
+    """Return "atlas", "output" and "objects" of each lightmap, all atlases of each output in turn."""
     objects = _objects_by_atlas(read, uv_layer)
     for atlas, obj in kept.objects():
         objects.setdefault(atlas, []).append({**named(obj), **_as_before(bake_record(obj, scene))})
@@ -34,14 +34,14 @@ def lightmap_contents(
 
 
 def decoding(output: str) -> dict[str, str]:
-    """Return how a map of directions is read, JSON-ready; nothing of other outputs."""
+    """Return the decoding formula of a directional map, JSON-ready; empty for other outputs."""
     return {"decode": DECODING[output]} if output in DECODING else {}
 
 
 def named(obj: bpy.types.Object) -> dict[str, str]:
-    """Return what tells an object from all others, JSON-ready: its name, and its library if linked.
+    """Return the identity of an object, JSON-ready: its name, and its library if linked.
 
-    Local and linked objects may have one name.
+    A local and a linked object may have the same name.
     """
     library = {} if obj.library is None else {"library": obj.library.filepath}
     return {"object": obj.name, **library}
@@ -55,9 +55,9 @@ def chosen_names(
     resolution: int,
     blend: str,
 ) -> list[str]:
-    """Return the names that a person's template gives to the lightmaps of a .blend, in the same order.
+    """Return the names that a user's template gives to the lightmaps of a .blend, in order.
 
-    Raises SettingsError, see `names_by_template`; there are none without a template.
+    Raises SettingsError, see `names_by_template`. Returns an empty list without a template.
     """
     known = {
         "file": Path(blend).stem or "untitled",
@@ -70,7 +70,7 @@ def chosen_names(
 
 
 def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
-    """Return the objects and instances in each atlas: lightmap UV = UV of the mesh * scale + offset."""
+    """Return the objects and instances in each atlas; lightmap UV = UV of the mesh * scale + offset."""
     found: dict[str, list[dict]] = {}
     uids = [uid for uid, *_ in (*read.objects, *read.instances)]
     present = {obj.session_uid: obj for obj in find_all(bpy.data.objects, uids)}
@@ -90,7 +90,7 @@ def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
 
 
 def _as_before(known: Record) -> dict:
-    """Return where the last bake of an object has put its charts, JSON-ready."""
+    """Return the UV transform of an object's last bake, JSON-ready."""
     return {
         "uv_layer": known.uv_layer,
         "scale": float(known.uv_scale),
@@ -99,7 +99,7 @@ def _as_before(known: Record) -> dict:
 
 
 def _placed(place: UvTransform, obj: bpy.types.Object, uv_layer: str) -> dict:
-    """Return where charts of an object lie in their atlas, JSON-ready."""
+    """Return the UV layer and UV transform of an object in its atlas, JSON-ready."""
     return {
         "uv_layer": lightmap_layer(obj, uv_layer),
         "scale": float(place.scale),

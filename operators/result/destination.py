@@ -1,4 +1,4 @@
-"""Where lightmaps are stored: decided, and tried, before a bake."""
+"""Destination of lightmap files, chosen and tested before a bake."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from .manifest import NAME, is_ours, read_manifest
 
 @dataclass(frozen=True)
 class Destination:
-    """Where the lightmaps of a bake go.
+    """Destination of the lightmaps of a bake.
 
-    folder     None where the .blend has no folder yet: they are packed into it
-    stems      file name of each lightmap, without its ending
-    packed_as  folder that packed images name as theirs
-    blend      the .blend as seen from the folder, empty for one that is not saved
-    formats    of each lightmap's files
+    folder:     folder of the files; None to pack images into a .blend without a folder
+    stems:      file name of each lightmap, without extension
+    packed_as:  folder in the paths of packed images
+    blend:      path of the .blend relative to the folder; empty if unsaved
+    formats:    file format of each lightmap
     """
 
     folder: Path | None
@@ -37,13 +37,13 @@ class Destination:
 
     @property
     def names(self) -> list[str]:
-        """Name of the file of each lightmap that Blender shows."""
+        """File name of each lightmap that Blender shows."""
         pairs = zip(self.stems, self.formats, strict=True)
         return [f"{stem}{format.endings[0]}" for stem, format in pairs]
 
     @property
     def paths(self) -> list[Path]:
-        """Path of the file of each lightmap that Blender shows."""
+        """Path of each lightmap file that Blender shows."""
         return [self.folder / name for name in self.names] if self.folder else []
 
 
@@ -56,15 +56,15 @@ def choose_destination(
     chosen: Sequence[str] = (),
     blend: str | None = None,
 ) -> Destination:
-    """Return where the lightmaps of a scene go; raises EngineError if they cannot be written there.
+    """Return the destination of a scene's lightmaps; raise EngineError if it is not writable.
 
-    Files are called after the .blend and the atlas, and after the atlas alone in a folder that is not
-    relative to the .blend; also after the scene if another scene has that file. A file that another
-    .blend or anything but Hemibake wrote is not replaced: ours then gets a number.
+    Files are named after the .blend and the atlas, or only the atlas in a folder that is not relative to the
+    .blend. The scene's name is added if another scene has that file. A file of another .blend or another
+    program is never replaced; the new file gets a number instead.
 
-    formats  of each lightmap's files; OpenEXR without any
-    chosen   names of a person's instead, without endings, all different: where one is taken is an error
-    blend    path of the .blend; None for what it is now, which saving it elsewhere changes
+    formats:  file format of each lightmap; OpenEXR if empty
+    chosen:   distinct names from the user, without extension; a taken one is an error
+    blend:    path of the .blend; None for the current one, which saving elsewhere changes
     """
     blend = bpy.data.filepath if blend is None else blend
     formats = tuple(formats) or (PLAIN,) * len(atlases)
@@ -93,9 +93,9 @@ def choose_destination(
 
 
 class _Taken:
-    """Which names of files of a folder are others'.
+    """Names of files in a folder that belong to others.
 
-    of_scenes  those of other scenes of the .blend, in lower case, without their endings
+    of_scenes:  files of other scenes of the .blend, lower case, without extension
     """
 
     def __init__(self, scene: bpy.types.Scene, folder: Path, blend: str, endings: Sequence[str]) -> None:
@@ -105,11 +105,11 @@ class _Taken:
         self.of_scenes = {path.stem.casefold() for path in others if path.parent == folder}
 
     def is_free(self, stem: str) -> bool:
-        """Return whether there is no file of a name, or only such as Hemibake wrote for the same .blend."""
+        """Return True if no file has the name, or only files that Hemibake wrote for the same .blend."""
         return all(self._may_write(f"{stem}{ending}") for ending in self._endings)
 
     def check(self, stems: Sequence[str]) -> None:
-        """Raise EngineError if one of some names is not free."""
+        """Raise EngineError if one of the names is taken."""
         for stem in stems:
             if stem.casefold() in self.of_scenes:
                 raise EngineError(
@@ -129,9 +129,9 @@ class _Taken:
 
 
 def blend_from(folder: Path, blend: str | None = None) -> str:
-    """Return the path of the .blend as seen from a folder; absolute if it is on another drive.
+    """Return the path of the .blend relative to a folder; absolute if it is on another drive.
 
-    blend: see `choose_destination`
+    blend:  see `choose_destination`
     """
     blend = bpy.data.filepath if blend is None else blend
     try:
@@ -141,7 +141,7 @@ def blend_from(folder: Path, blend: str | None = None) -> str:
 
 
 def try_folder(folder: Path, changes: Rollback) -> None:
-    """Make a folder and write a file into it; raises OSError."""
+    """Create a folder and write a file into it, as a test; raises OSError."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     changes.add(lambda: _remove_folders(made))
     folder.mkdir(parents=True, exist_ok=True)
@@ -150,7 +150,7 @@ def try_folder(folder: Path, changes: Rollback) -> None:
 
 
 def _remove_folders(folders: list[Path]) -> None:
-    """Remove folders that are empty, the innermost first."""
+    """Remove empty folders, the innermost first."""
     for folder in folders:
         if not folder.is_dir() or any(folder.iterdir()):
             return
@@ -167,7 +167,7 @@ def _files_of_other_scenes(scene: bpy.types.Scene) -> Iterator[Path]:
 def _stems(
     scene: str, stem: str, atlases: Sequence[str], others: set[str], is_free: Callable[[str], bool]
 ) -> Iterator[str]:
-    """Yield a name for each atlas, different from each other and from `others` in any case."""
+    """Yield a name for each atlas; names differ from each other and from `others`, ignoring case."""
     taken = set(others)
     for atlas in atlases:
         name = next(
@@ -180,7 +180,7 @@ def _stems(
 
 
 def _candidates(scene: str, stem: str, atlas: str, others: set[str]) -> Iterator[str]:
-    """Yield names for an atlas, the best first."""
+    """Yield candidate names for an atlas, the best first."""
     parts = [part for part in (stem, atlas) if part]
     if file_name("_".join(parts)).casefold() in others:
         parts.insert(-1, scene)

@@ -1,4 +1,4 @@
-"""The images that tell how the light of a lightmap changes with the normal."""
+"""Images of the directional maps of lightmaps."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import bpy
 from ...engine.outputs import DIRECTIONAL_MAPS, DOMINANT_DIRECTION, PROJECTED_MAPS
 from .images import map_name
 
-#: Names of the maps that shade normal maps, L0 first, by what a lightmap's `directional` says of them.
+#: Names of the maps for normal mapping, L0 first, by the lightmap property `directional`.
 _MAPS = {"DIRECTIONAL": DIRECTIONAL_MAPS, "SPHERICAL_HARMONICS": PROJECTED_MAPS}
 
 
 @dataclass(frozen=True)
 class DirectionalImages:
-    """Maps that shade normal maps, beside some lightmaps.
+    """Maps for normal mapping of several lightmaps.
 
-    kind  "DIRECTIONAL" or "SPHERICAL_HARMONICS"
-    l0    beside each lightmap
-    l1    of each axis of the world, beside each lightmap
+    kind:  "DIRECTIONAL" or "SPHERICAL_HARMONICS"
+    l0:    L0 map of each lightmap
+    l1:    L1 maps of each lightmap, for each world axis
     """
 
     kind: str
@@ -29,21 +29,21 @@ class DirectionalImages:
 
 
 def directional_kind(outputs: Collection[str]) -> str:
-    """Return which maps that shade normal maps the outputs of a bake are, as a lightmap's `directional`."""
+    """Return the kind of maps for normal mapping among the outputs, for the property `directional`."""
     return next((kind for kind in _MAPS if kind.lower() in outputs), "NONE")
 
 
 def directional_images(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str, bpy.types.Image]:
-    """Return the directional maps of a lightmap by their outputs, L0 first; nothing unless all are there.
+    """Return the directional maps of a lightmap by output, L0 first; empty if one is missing.
 
-    Those of a bake before the last one of the lightmap do not count.
+    Maps of an earlier bake than the lightmap's last one are ignored.
     """
     entry = _entry(scene, lightmap)
     return _images(scene, entry.name, _MAPS.get(entry.directional, ())) if entry is not None else {}
 
 
 def all_directional_images(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str, bpy.types.Image]:
-    """Return the same and the dominant direction, if the last bake of the lightmap made it."""
+    """Return the same maps, and the dominant direction if the last bake of the lightmap made it."""
     entry, found = _entry(scene, lightmap), directional_images(scene, lightmap)
     if entry is None or not entry.has_dominant_direction:
         return found
@@ -51,7 +51,7 @@ def all_directional_images(scene: bpy.types.Scene, lightmap: bpy.types.Image) ->
 
 
 def images_beside(scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]) -> DirectionalImages | None:
-    """Return the directional maps of some lightmaps; None unless all have them, and of one kind."""
+    """Return the directional maps of several lightmaps; None unless all have them, of one kind."""
     found = [directional_images(scene, lightmap) for lightmap in lightmaps]
     for kind, (l0, *axes) in _MAPS.items():
         if all(l0 in maps for maps in found):
@@ -61,12 +61,12 @@ def images_beside(scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]) 
 
 
 def _entry(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> bpy.types.PropertyGroup | None:
-    """Return what a scene's list says of a lightmap."""
+    """Return a lightmap's entry in the scene's list."""
     return next((entry for entry in scene.hemibake.lightmaps if entry.image == lightmap), None)
 
 
 def _images(scene: bpy.types.Scene, atlas: str, names: Sequence[str]) -> dict[str, bpy.types.Image]:
-    """Return the images of an atlas' maps by their outputs; nothing unless all are there."""
+    """Return the images of an atlas's maps by output; empty if one is missing."""
     found = {name: scene.hemibake.lightmaps.get(map_name(atlas, name)) for name in names}
     if not all(entry and entry.image and entry.image.size[0] for entry in found.values()):
         return {}

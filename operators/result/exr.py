@@ -1,4 +1,4 @@
-"""Lightmaps as OpenEXR files."""
+"""Writer of lightmaps as OpenEXR files."""
 
 from __future__ import annotations
 
@@ -12,17 +12,20 @@ from ..file_format import PLAIN, FileFormat
 from ..working_space import REC709, from_rec709, is_rec709
 from .files import try_to_write
 
-#: More bytes than a pixel takes: three channels of 32 bits, and its part of the header.
+#: Upper bound of the bytes for each pixel: three channels of 32 bits and a share of the header.
 _PIXEL = 16
 
 
 def write_exr(path: Path, pixels: np.ndarray, format: FileFormat = PLAIN, is_colour: bool = True) -> None:
-    """Write pixels, (h, w, 3) float32 linear Rec.709, bottom row first; bit-exact without a loss by format.
+    """Write pixels, (h, w, 3) float32, linear Rec.709, bottom row first; bit-exact for lossless formats.
 
-    In another working space than Rec.709 colours are converted there and back, which rounds them.
-    is_colour: False for pixels that are no colours. Raises OSError or RuntimeError.
-    Blender converts generated float images to the display's colours unless they are marked as data, so a
-    data image that lives only here is saved. Depth and codec are a scene's, so one is made that holds them.
+    In a working space other than Rec.709, colors are converted there and back, which rounds them. Blender
+    converts generated float images to display colors unless they are marked as data, so the pixels are saved
+    from a temporary data image. Depth and codec belong to a scene, so a temporary scene holds them.
+
+    is_colour:  False for pixels that are no colors
+
+    Raises OSError or RuntimeError.
     """
     height, width = pixels.shape[:2]
     plain = is_rec709()
@@ -38,7 +41,7 @@ def write_exr(path: Path, pixels: np.ndarray, format: FileFormat = PLAIN, is_col
         image.save_render(str(path), scene=scene)
         _check_end(path)
     except RuntimeError:
-        # Blender takes a full disk for an invalid argument: writing as much tells what it was.
+        # Blender reports a full disk as an invalid argument; writing as many bytes finds the cause.
         try_to_write(path, image.size[0] * image.size[1] * _PIXEL)
         raise
     finally:
@@ -47,7 +50,7 @@ def write_exr(path: Path, pixels: np.ndarray, format: FileFormat = PLAIN, is_col
 
 
 def _set_up(settings: bpy.types.ImageFormatSettings, format: FileFormat) -> None:
-    """Choose what OpenEXR files hold, and how they are compressed."""
+    """Set the contents and compression of OpenEXR files."""
     if hasattr(settings, "media_type"):
         settings.media_type = "IMAGE"
     settings.file_format, settings.color_mode = "OPEN_EXR", "RGB"
@@ -55,18 +58,18 @@ def _set_up(settings: bpy.types.ImageFormatSettings, format: FileFormat) -> None
 
 
 def _tag(settings: bpy.types.ImageFormatSettings, is_colour: bool) -> None:
-    """Let files hold linear Rec.709, or the pixels as they are, where the working space is another one."""
+    """Let files store linear Rec.709, or unconverted pixels, if the working space is another one."""
     settings.color_management = "OVERRIDE"
     settings.linear_colorspace_settings.name = REC709 if is_colour else "Non-Color"
 
 
 def _held(pixels: np.ndarray, format: FileFormat) -> np.ndarray:
-    """Return pixels within what a channel holds: half floats would be infinite beyond."""
+    """Return pixels clamped to the range of a channel; half floats would become infinite."""
     return np.clip(pixels, -Half().largest, Half().largest) if format.stores_half else pixels
 
 
 def _check_end(path: Path) -> None:
-    """Raise the OSError that kept Blender from writing the last bytes of a file, which it does not notice."""
+    """Raise the OSError of writing the last bytes of a file, which Blender does not report."""
     size = path.stat().st_size
     with path.open("ab", buffering=0) as file:
         file.write(b"\0")
@@ -74,7 +77,7 @@ def _check_end(path: Path) -> None:
 
 
 def rgba(pixels: np.ndarray) -> np.ndarray:
-    """Return (h, w, 3) as the flat RGBA float32 with alpha 1 that Blender takes."""
+    """Return (h, w, 3) as flat RGBA float32 with alpha 1, as Blender expects."""
     result = np.ones((*pixels.shape[:2], 4), np.float32)
     result[..., :3] = pixels
     return result.reshape(-1)

@@ -1,4 +1,4 @@
-"""Names of files after a person's template."""
+"""File names from a user's template."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from collections.abc import Mapping, Sequence
 
 from ...engine.errors import SettingsError
 
-#: What a template may name.
+#: Fields of a template.
 FIELDS = ("file", "scene", "lightmap", "output", "format", "resolution")
 
 _KNOWN = f"Fields are {', '.join(f'{{{field}}}' for field in FIELDS)}."
 
-#: Longest file name without its ending, bytes: file systems allow 255 in all.
+#: Maximum length of a file name without extension, bytes; file systems allow 255 in total.
 _LONGEST = 200
 
 
 def names_by_template(template: str, images: Sequence[Mapping[str, str]]) -> list[str]:
-    """Return the names, without endings, that a template gives to images.
+    """Return the names, without extension, that a template gives to images.
 
-    images  of each the values of FIELDS
+    images:  values of FIELDS for each image
 
-    Raises SettingsError for what is no template, and for one that gives several images one name.
+    Raises SettingsError for an invalid template, and for a template with equal names for several images.
     """
     parts = _parts(template)
     names = [file_name("".join(text + values.get(field, "") for text, field in parts)) for values in images]
@@ -38,14 +38,14 @@ def names_by_template(template: str, images: Sequence[Mapping[str, str]]) -> lis
 
 
 def file_name(name: str) -> str:
-    """Return a name without what file systems refuse: reserved characters, dots at the end, great length."""
+    """Return a valid file name: without reserved characters or trailing dots, and short enough."""
     plain = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name)
     short = plain.encode()[:_LONGEST].decode(errors="ignore").rstrip(". ")
     return short or "Lightmap"
 
 
 def _parts(template: str) -> list[tuple[str, str]]:
-    """Return a template as pairs of a text and the field after it; raises SettingsError."""
+    """Return a template as pairs of a text and the following field; raise SettingsError."""
     try:
         parsed = list(string.Formatter().parse(template))
     except ValueError as error:
@@ -66,7 +66,7 @@ def _told(values: Mapping[str, str]) -> str:
 
 
 def _remedy(template: str, one: Mapping[str, str], other: Mapping[str, str]) -> str:
-    """Return what tells two images apart."""
+    """Return the remedy that makes two names differ."""
     fields = [f"{{{field}}}" for field in FIELDS if one[field].casefold() != other[field].casefold()]
     missing = [field for field in fields if field not in template]
     return f"Add {' and '.join(missing)} to it" if missing else "Give one of them another name"

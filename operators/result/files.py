@@ -1,4 +1,4 @@
-"""Files that replace others at once: until the new ones are whole the old ones stay."""
+"""Atomic replacement of several files: old files stay until all new ones are complete."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import BinaryIO
 
 from ..rollback import Rollback
 
-#: How the name of a folder of unfinished files starts, and the file in it that its process holds locked.
+#: Name prefix of a folder of unfinished files, and the file in it that its process keeps locked.
 _PREFIX, _LOCK = ".hemibake-", "lock"
 
-#: Zeros that are written at a time to find out why a file cannot be written.
+#: Zeros that are written at once to find the cause of a write error.
 _BLOCK = bytes(1 << 20)
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -25,9 +25,9 @@ _FULL = {errno.ENOSPC, errno.EDQUOT}
 
 @contextmanager
 def staging_folder(folder: Path) -> Iterator[Path]:
-    """Yield a new folder inside another one for unfinished files, and remove it; raises OSError.
+    """Yield a new temporary folder for unfinished files, and remove it; raises OSError.
 
-    Folders left behind by processes that were killed are removed first: a lock ends with its process.
+    Removes folders of dead processes first; a lock ends with its process.
     """
     for left in folder.glob(f"{_PREFIX}*"):
         if _is_abandoned(left):
@@ -36,16 +36,16 @@ def staging_folder(folder: Path) -> Iterator[Path]:
         tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder) as staging,
         (Path(staging) / _LOCK).open("wb") as file,
     ):
-        # A file system without locks keeps abandoned folders.
+        # Without file locks, abandoned folders remain.
         with suppress(OSError):
             _lock(file)
         yield Path(staging)
 
 
 def replace_all(staged: Sequence[Path], paths: Sequence[Path], backup: Path) -> None:
-    """Move files to their paths; if one cannot be moved, what was there before comes back; raises OSError.
+    """Move files to their paths; after an error restore the old files and raise OSError.
 
-    backup  a folder of the same file system; at no time is a path without its old or its new file
+    backup:  folder on the same file system; each path always has its old or its new file
     """
     changes = Rollback()
     try:
@@ -63,19 +63,19 @@ def replace_all(staged: Sequence[Path], paths: Sequence[Path], backup: Path) -> 
 
 
 def try_to_write(path: Path, size: int) -> None:
-    """Write a number of bytes into a file; raises the OSError that says why that cannot be done."""
+    """Write `size` bytes into a file; raise the OSError that explains why this fails."""
     with path.open("wb") as file:
         for start in range(0, size, len(_BLOCK)):
             file.write(_BLOCK[: size - start])
 
 
 def reason(error: OSError | RuntimeError) -> str:
-    """Return in words why a file could not be written."""
+    """Return the reason of a write error in words."""
     return "the disk is full" if getattr(error, "errno", None) in _FULL else str(error).strip()
 
 
 def _duplicate(path: Path, other: Path) -> None:
-    """Give a file a second name, or copy it where the file system knows one name only."""
+    """Create a hard link of a file, or a copy if the file system has no links."""
     try:
         os.link(path, other)
     except OSError:
@@ -83,7 +83,7 @@ def _duplicate(path: Path, other: Path) -> None:
 
 
 def _is_abandoned(staging: Path) -> bool:
-    """Return whether the process is gone that made a folder of unfinished files."""
+    """Return True if the process that made a folder of unfinished files is gone."""
     try:
         with (staging / _LOCK).open("rb+") as file:
             _lock(file)
@@ -96,11 +96,11 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(file: BinaryIO) -> None:
-        """Lock a file until it is closed; raises OSError if another process has."""
+        """Lock a file until it is closed; raise OSError if another process has locked it."""
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
 else:
     import fcntl
 
     def _lock(file: BinaryIO) -> None:
-        """Lock a file until it is closed; raises OSError if another process has."""
+        """Lock a file until it is closed; raise OSError if another process has locked it."""
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

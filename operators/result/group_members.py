@@ -1,4 +1,4 @@
-"""Who is in which light group: a group of another name with the same members has been renamed."""
+"""Members of each light group; detects renamed groups by their members."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import bpy
 
-#: The world among the members of a light group: no object has this name.
+#: Key of the world among the members of a light group; no object has an empty name.
 _WORLD = ""
 
-#: Names of the members of each light group, by its name.
+#: Names of the members of each light group.
 Members = Mapping[str, Sequence[str]]
 
 
 def group_members(scene: bpy.types.Scene) -> dict[str, list[str]]:
-    """Return the names of the objects of a scene in each light group that has any, with its world."""
+    """Return the names of the objects in each light group of a scene that has members, with its world."""
     members: dict[str, list[str]] = {}
     for obj in scene.objects:
         members.setdefault(obj.lightgroup, []).append(obj.name)
@@ -25,7 +25,7 @@ def group_members(scene: bpy.types.Scene) -> dict[str, list[str]]:
 
 
 def renamed_groups(before: Members, after: Members) -> dict[str, str]:
-    """Return the new name of each light group that is gone, where one is new with most of its members."""
+    """Return the new name of each missing light group: a new group with most of its members."""
     gone = [name for name in before if name not in after]
     new = [name for name in after if name not in before]
     found: dict[str, str] = {}

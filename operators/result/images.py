@@ -1,4 +1,4 @@
-"""Lightmaps as float images, in Blender and on disk."""
+"""Lightmap images in Blender and their files."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from .files import reason, replace_all, staging_folder
 from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
 
-#: Custom property that marks an image as ours; its value is the atlas name.
+#: Custom property that marks a lightmap image; its value is the atlas name.
 MARK = "hemibake_atlas"
 
-#: Custom property of an image: True if a bake packed it, since the .blend had no folder yet or files failed.
+#: Custom property of an image: True if a bake packed it, for lack of a folder or after a write error.
 _PACKED = "hemibake_packed"
 
-#: The colour space of images that hold no colours, where the working space is not Rec.709.
+#: Color space of images without colors, if the working space is not Rec.709.
 _DATA = "Non-Color"
 
 
 def map_name(atlas: str, output: str) -> str:
-    """Return the name, in a scene's list and of the image, of what a lightmap has beside its first output."""
+    """Return the name of a further output's map of a lightmap, in the scene's list and of the image."""
     return f"{atlas} {output.replace('_', ' ', 1)}"
 
 
 def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes: Rollback) -> bpy.types.Image:
-    """Return a scene's own image of an atlas at a resolution, made if there is none.
+    """Return a scene's image of an atlas at a resolution, created if there is none.
 
-    An image that another scene has, too (the scene was copied), is left to that one. An image of that
-    name that is not ours stays as it is: ours then gets Blender's number suffix. A new one is the scene's
-    own once it is given to `remember`.
+    An image that another scene uses too, as after copying a scene, is left to that scene. A foreign image
+    with the name stays unchanged; the new image then gets Blender's number suffix. A new image becomes the
+    scene's own with `remember`.
     """
     entry = scene.hemibake.lightmaps.get(atlas)
     image = entry and entry.image
@@ -57,12 +57,12 @@ def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes:
 
 
 def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image, beside: str = "") -> None:
-    """Write on a scene which image an atlas has; an undo step must follow.
+    """Store a scene's image of an atlas; an undo step must follow.
 
-    beside: the atlas that it is a map beside, of another output; empty if it is the atlas itself
+    An undo frees images that no undo step holds, but does not change scenes that no step has changed. A
+    pointer from such a scene to such an image would crash Blender.
 
-    An undo frees images that no step knows, and leaves scenes that no step has changed as they are: a
-    pointer from such a scene to such an image would bring Blender down.
+    beside:  atlas of which this is a further output's map; empty for the atlas itself
     """
     entry = scene.hemibake.lightmaps.get(atlas)
     if entry is None:
@@ -72,7 +72,7 @@ def remember(scene: bpy.types.Scene, atlas: str, image: bpy.types.Image, beside:
 
 
 def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
-    """Write a lightmap, (h, w, 3) float32 linear Rec.709, bottom row first, into an image."""
+    """Write a lightmap, (h, w, 3) float32, linear Rec.709, bottom row first, into an image."""
     image.pixels.foreach_set(rgba(from_rec709(pixels) if holds_colours(image) else pixels))
     image.update()
 
@@ -80,15 +80,15 @@ def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
 def store(
     images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination, facts: list[dict]
 ) -> list[LightmapFile]:
-    """Write the files of each lightmap, let its image use the one that Blender shows, and return them.
+    """Write the files of each lightmap, assign the shown file to its image, and return the files.
 
-    images     show the lightmaps already
-    lightmaps  (images, h, w, 3) float32, scene-linear, bottom row first
-    facts      what the manifest tells of each
+    An image that the user has packed stays packed. Without a folder the images are packed into the .blend,
+    and there are no files. If writing fails, old files stay, the images are packed, and EngineError is
+    raised.
 
-    An image that the user has packed stays packed. Without a folder the images are packed into the .blend and
-    there are no files. If the files cannot be written, old files stay, the images are packed, and an
-    EngineError says so.
+    images:     images that show the lightmaps already
+    lightmaps:  (images, h, w, 3) float32, scene-linear, bottom row first
+    facts:      manifest entries of each
     """
     if destination.folder is None:
         _pack_all(images, lightmaps, destination)
@@ -108,12 +108,12 @@ def store(
 
 
 def holds_colours(image: bpy.types.Image) -> bool:
-    """Return True if Blender converts the pixels of a lightmap's image to its working space."""
+    """Return True if Blender converts the pixels of a lightmap image to its working space."""
     return image.colorspace_settings.name != _DATA
 
 
 def _set_space(image: bpy.types.Image) -> None:
-    """Set the colour space of a lightmap's image."""
+    """Set the color space of a lightmap image."""
     suffixes = tuple(map_name("", output) for output in RATIO_MAPS)
     is_ratio = not is_rec709() and image[MARK].endswith(suffixes)
     space = _DATA if is_ratio else REC709
@@ -127,7 +127,7 @@ def _belongs_to_another(image: bpy.types.Image, scene: bpy.types.Scene) -> bool:
 
 
 def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types.Image:
-    """Return a new image, called after the scene as well if another scene has a lightmap of that name."""
+    """Return a new image, named after the scene too if another scene has a lightmap of that name."""
     same = bpy.data.images.get(atlas)
     name = f"{atlas} {scene.name}" if same is not None and _belongs_to_another(same, scene) else atlas
     image = bpy.data.images.new(name, resolution, resolution, alpha=True, float_buffer=True)
@@ -137,7 +137,7 @@ def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types
 
 
 def _write_all(files: Sequence[LightmapFile], destination: Destination) -> None:
-    """Write all files and the manifest, or none: the manifest comes first and knows old and new files."""
+    """Write all files and the manifest, or none; the manifest is moved first and lists old and new files."""
     folder, names = destination.folder, [file.name for file in files]
     with staging_folder(folder) as staging:
         staged = [staging / f"{index}{Path(name).suffix}" for index, name in enumerate(names)]
@@ -149,7 +149,7 @@ def _write_all(files: Sequence[LightmapFile], destination: Destination) -> None:
 
 
 def _use_file(image: bpy.types.Image, path: str) -> None:
-    """Let an image show a file, with a path relative to the .blend where there is one."""
+    """Assign a file to an image, with a path relative to the .blend if possible."""
     is_packed = _is_packed_by_user(image)
     image.pop(_PACKED, None)
     _forget(image)
@@ -169,14 +169,14 @@ def _is_packed_by_user(image: bpy.types.Image) -> bool:
 
 
 def _forget(image: bpy.types.Image) -> None:
-    """Drop the pixels and the packed file of an image; Blender drops pixels when the source changes."""
+    """Drop the pixels and the packed file of an image; changing the source drops the pixels."""
     if image.packed_file:
         image.unpack(method="REMOVE")
     image.source = "GENERATED"
 
 
 def _relative(path: str) -> str:
-    """Return a path relative to the .blend; as it is where there is no such path (another drive)."""
+    """Return a path relative to the .blend; unchanged on another drive."""
     try:
         return bpy.path.relpath(path)
     except ValueError:
@@ -184,7 +184,7 @@ def _relative(path: str) -> str:
 
 
 def _pack_all(images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination) -> None:
-    """Pack what the images show, under the paths they would have."""
+    """Pack the images into the .blend, with the paths that their files would have."""
     for image, pixels, name in zip(images, lightmaps, destination.names, strict=True):
         image[_PACKED] = not _is_packed_by_user(image)
         image.filepath_raw = f"{destination.packed_as.rstrip('/')}/{name}"
@@ -196,7 +196,7 @@ def _pack_all(images: list[bpy.types.Image], lightmaps: np.ndarray, destination:
 
 
 def _pack_file(image: bpy.types.Image, pixels: np.ndarray) -> None:
-    """Pack pixels as a file of the image's colour space; Blender would pack those of its working space."""
+    """Pack pixels as a file in the image's color space; Blender would use its working space."""
     with tempfile.TemporaryDirectory(prefix="hemibake-") as folder:
         path = Path(folder) / "lightmap.exr"
         write_exr(path, pixels, is_colour=holds_colours(image))
@@ -214,7 +214,7 @@ def _remove(uid: int) -> None:
 
 
 def _restorer(image: bpy.types.Image):
-    """Return a step that gives an image the pixels and the file it has now."""
+    """Return a function that restores the current pixels and file of an image."""
     uid, size, source = image.session_uid, tuple(image.size), image.source
     path, dirty = image.filepath_raw, image.is_dirty
     packed = image.packed_file and image.packed_file.data

@@ -1,12 +1,12 @@
-"""Where the charts of each instance are, as a table that a shader reads.
+"""Table of the lightmap UV transforms of an object's instances, for shaders.
 
-All instances of an object wear its materials; what tells them apart is the random number of each, which the
-Object Info node gives. A perfect hash of two levels finds an instance by its number (Fredman, Komlós and
-Szemerédi 1984): of B buckets, number r is in bucket floor(r B); a bucket has m slots, of which frac(r B) m is
-that of r. B and all m are powers of two, so that the arithmetic is exact in float32. In one image lie
+All instances share the object's materials and differ by a random number from the Object Info node. A
+two-level perfect hash finds an instance by this number r (Fredman, Komlós and Szemerédi 1984). Of B buckets,
+r is in bucket floor(r B). Of the bucket's m slots, r is in slot floor(frac(r B) m). B and all m are powers of
+two, so the arithmetic is exact in float32. One image holds
 
     B texels   (first slot, m) of each bucket
-    then       slots: (offset u, offset v, scale, index of the lightmap), zeros where a slot is empty
+    then       slots: (offset u, offset v, scale, index of the lightmap); zero for empty slots
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ import numpy as np
 from ..scene.bake_records import bake_record
 from ..scene.objects.items import name_hash
 
-#: Width of a table, texels, and the most slots of a bucket: numbers have 24 bits.
+#: Width of a table, texels, and maximum slots of a bucket; numbers have 24 bits.
 _WIDTH = 256
 _MOST_SLOTS = 1 << 16
 
 
 @dataclass(frozen=True)
 class InstanceUvTransform:
-    """Where the charts of an instance are: lightmap uv = uv of the mesh * scale + offset.
+    """UV transform of an instance: lightmap UV = UV of the mesh * scale + offset.
 
-    bits  the random number of the instance x (2^32 - 1)
+    bits:   random number of the instance times (2^32 - 1)
+    image:  lightmap of the instance
     """
 
     bits: int
@@ -41,14 +42,14 @@ class InstanceUvTransform:
 
 @dataclass(frozen=True)
 class PlaceTable:
-    """The table of all instances of an object: (rows, _WIDTH, 4) float32, and the number of buckets."""
+    """Table of all instances of an object: (rows, _WIDTH, 4) float32, and the number of buckets."""
 
     texels: np.ndarray
     buckets: int
 
 
 def baked_instances(scene: bpy.types.Scene) -> dict[tuple[bpy.types.Object, str, tuple[int, ...]], dict]:
-    """Return what bakes have written down of instances, by instancer, object's name and persistent id."""
+    """Return the recorded data of baked instances, by instancer, object name and persistent id."""
     return {
         (obj, entry["object"], tuple(entry["persistent_id"])): entry
         for obj in scene.objects
@@ -60,7 +61,7 @@ def baked_instances(scene: bpy.types.Scene) -> dict[tuple[bpy.types.Object, str,
 def instance_places(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
 ) -> dict[bpy.types.Object, list[InstanceUvTransform]]:
-    """Return the places of the baked instances of each object, and that of the object itself."""
+    """Return the UV transforms of the baked instances of each object, and of the object itself."""
     baked = baked_instances(scene)
     places: dict[bpy.types.Object, list[InstanceUvTransform]] = {}
     for instance in depsgraph.object_instances if baked else ():
@@ -82,16 +83,16 @@ def instance_places(
 
 
 def instance_image(scene: bpy.types.Scene, entry: dict) -> bpy.types.Image | None:
-    """Return the lightmap of an instance, whatever it is called now, by what a bake has written down of it.
+    """Return the lightmap of an instance from its recorded data, even if the image was renamed.
 
-    Bakes of earlier versions wrote its name only.
+    Bakes of earlier versions recorded only the image's name.
     """
     lightmap = scene.hemibake.lightmaps.get(entry.get("atlas", ""))
     return lightmap.image if lightmap and lightmap.image else bpy.data.images.get(entry["image"])
 
 
 def place_table(places: Sequence[InstanceUvTransform], images: Sequence[bpy.types.Image]) -> PlaceTable:
-    """Return the table of places, one for each number."""
+    """Return the table of UV transforms, one for each random number."""
     numbers = shader_numbers([place.bits for place in places])
     buckets = 1 << max(len(places) - 1, 0).bit_length()
     bucket, rest = _split(numbers, buckets)
@@ -115,20 +116,20 @@ def place_table(places: Sequence[InstanceUvTransform], images: Sequence[bpy.type
 
 
 def shader_numbers(bits: Sequence[int]) -> np.ndarray:
-    """Return the numbers in [0, 1) that shaders see, float32; 1 itself is made the largest below it."""
+    """Return the random numbers as shaders get them, float32 in [0, 1); 1 is rounded down."""
     numbers = np.array(bits, np.uint32).astype(np.float32) * np.float32(1 / 0xFFFFFFFF)
     return np.minimum(numbers, np.float32(1 - 2**-24))
 
 
 def _split(numbers: np.ndarray, buckets: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the bucket of each number, and where in it the number is, in [0, 1)."""
+    """Return the bucket of each number, and its position in the bucket, in [0, 1)."""
     scaled = numbers * np.float32(buckets)
     bucket = np.floor(scaled)
     return bucket.astype(int), scaled - bucket
 
 
 def _slot_count(rest: np.ndarray) -> int:
-    """Return the smallest power of two of slots that tells numbers apart; equal ones share a slot."""
+    """Return the smallest power of two of slots that separates the numbers; equal numbers share a slot."""
     rest = np.unique(rest)
     count = 1
     while count < _MOST_SLOTS and len(np.unique(np.floor(rest * count))) < len(rest):

@@ -1,7 +1,7 @@
-"""The node group that mixes light groups in the preview: a colour and a strength of each.
+"""Node group that mixes light groups in the preview, with a color and a strength for each.
 
-Colours and strengths are nodes inside of the group, which all preview materials of a scene share: a change
-shows at once, and they take keyframes and drivers as any node does.
+Colors and strengths are nodes inside the group, which all preview materials of a scene share. A change shows
+at once, and they support keyframes and drivers.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import bpy
 from .group_members import group_members, renamed_groups
 from .nodes import make_node
 
-#: Width of a column of nodes, and height of the rows of a light group.
+#: Width of a node column, and height of the rows of a light group.
 _COLUMN, _ROW = 200, 220
 
-#: What a mixer remembers of who was in which light group.
+#: Custom property with the members of each light group at the last update.
 _MEMBERS = "hemibake_members"
 
 
 def group_images(
     scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]
 ) -> dict[str, tuple[bpy.types.Image, ...]]:
-    """Return the maps of each light group beside some lightmaps, by its name; nothing unless all have them.
+    """Return the maps of each light group of several lightmaps, by name; empty if one is missing.
 
-    Those of a bake before the last one of a lightmap do not count.
+    Maps of an earlier bake than a lightmap's last one are ignored.
     """
     found = [_maps_beside(scene, lightmap) for lightmap in lightmaps]
     if not found or any(maps.keys() != found[0].keys() for maps in found):
@@ -35,7 +35,7 @@ def group_images(
 
 
 def _maps_beside(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str, bpy.types.Image]:
-    """Return the maps of light groups beside a lightmap, by group."""
+    """Return the light group maps of a lightmap, by group."""
     entries = scene.hemibake.lightmaps
     atlas = next((entry.name for entry in entries if entry.image == lightmap), None)
     if atlas is None or not entries[atlas].light_groups:
@@ -48,10 +48,9 @@ def _maps_beside(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str,
 
 
 def light_mixer(scene: bpy.types.Scene, groups: Sequence[str]) -> bpy.types.NodeTree:
-    """Return the mixer of a scene, with an input for each light group, in their order.
+    """Return the mixer of a scene, with an input for each light group in order.
 
-    Colours and strengths of groups that it has already stay as they are, with their animation; so do those
-    of groups that have another name by now.
+    Colors and strengths of existing groups are kept with their animation, even if a group was renamed.
     """
     tree = scene.hemibake.light_mixer
     if tree is None or _is_of_another(tree, scene):
@@ -67,7 +66,7 @@ def light_mixer(scene: bpy.types.Scene, groups: Sequence[str]) -> bpy.types.Node
 
 
 def mixed_groups(tree: bpy.types.NodeTree) -> list[tuple[str, bpy.types.NodeSocket, bpy.types.NodeSocket]]:
-    """Return each light group of a mixer, with what holds its colour and its strength."""
+    """Return each light group of a mixer, with the sockets of its color and strength."""
     nodes = tree.nodes
     return [
         (name, nodes[_color(name)].outputs[0], nodes[_strength(name)].outputs[0])
@@ -77,7 +76,7 @@ def mixed_groups(tree: bpy.types.NodeTree) -> list[tuple[str, bpy.types.NodeSock
 
 
 def _is_of_another(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bool:
-    """Return whether another scene has a mixer, too: the scene was copied."""
+    """Return True if another scene uses the mixer too, as after copying a scene."""
     return any(other.hemibake.light_mixer == tree for other in bpy.data.scenes if other != scene)
 
 
@@ -95,7 +94,7 @@ def _strength(group: str) -> str:
 
 
 def _rename(tree: bpy.types.NodeTree, names: Mapping[str, str]) -> None:
-    """Name what holds colours and strengths after light groups' new names; animation follows."""
+    """Rename the color and strength nodes after renamed light groups; animation follows."""
     for old, new in names.items():
         for name in (_color, _strength):
             node = tree.nodes.get(name(old))
@@ -104,7 +103,7 @@ def _rename(tree: bpy.types.NodeTree, names: Mapping[str, str]) -> None:
 
 
 def _build(tree: bpy.types.NodeTree, groups: Sequence[str]) -> None:
-    """Make inputs and nodes for some groups; what holds their colours and strengths stays if it is there."""
+    """Create inputs and nodes for groups; existing color and strength nodes are kept."""
     kept = {name(group) for group in groups for name in (_color, _strength)}
     for node in [node for node in tree.nodes if node.name not in kept]:
         tree.nodes.remove(node)
@@ -113,7 +112,7 @@ def _build(tree: bpy.types.NodeTree, groups: Sequence[str]) -> None:
         tree.interface.new_socket(group, in_out="INPUT", socket_type="NodeSocketVector")
     tree.interface.new_socket("Light", in_out="OUTPUT", socket_type="NodeSocketVector")
 
-    # Light = sum of map x colour x strength.
+    # Light = sum of map x color x strength.
     inputs = tree.nodes.new("NodeGroupInput")
     light: bpy.types.NodeSocket | tuple[float, ...] = (0.0, 0.0, 0.0)
     for row, group in enumerate(groups):
@@ -132,7 +131,7 @@ def _build(tree: bpy.types.NodeTree, groups: Sequence[str]) -> None:
 def _holder(
     tree: bpy.types.NodeTree, kind: str, name: str, at: tuple[float, float], value: object
 ) -> bpy.types.NodeSocket:
-    """Return the output of the node of a name that holds a value, made if it is not there."""
+    """Return the output of the named value node, created if it does not exist."""
     node = tree.nodes.get(name)
     if node is None:
         node = tree.nodes.new(kind)

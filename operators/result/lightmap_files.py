@@ -1,4 +1,4 @@
-"""The files of lightmaps: what is in each, and what the manifest tells of it."""
+"""Lightmap files: contents, encoding and manifest entry of each."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .exr import write_exr
 
 @dataclass(frozen=True)
 class LightmapFile:
-    """A file of a lightmap.
+    """File of a lightmap.
 
-    name      with its ending
-    format    of this file
-    encoding  what makes bytes of light; None for OpenEXR
-    light     (h, w, 3) float32, scene-linear, bottom row first
-    facts     what the manifest tells of the lightmap
+    name:      file name with extension
+    format:    file format
+    encoding:  encoding of light as bytes; None for OpenEXR
+    light:     (h, w, 3) float32, scene-linear, bottom row first
+    facts:     manifest entries of the lightmap
     """
 
     name: str
@@ -37,7 +37,7 @@ class LightmapFile:
     facts: dict
 
     def write(self, path: Path) -> None:
-        """Write the file under a path; raises OSError or RuntimeError."""
+        """Write the file to a path; raises OSError or RuntimeError."""
         if self.encoding is None:
             write_exr(path, self.light, self.format, self.facts["output"] not in RATIO_MAPS)
             return
@@ -49,7 +49,7 @@ class LightmapFile:
 
     @property
     def entry(self) -> dict:
-        """What the manifest tells of the file."""
+        """Manifest entry of the file."""
         told = {"format": self.format.name, "encoding": _in_words(self), "intensity": 1.0}
         if self.encoding is not None:
             told |= {
@@ -64,9 +64,9 @@ class LightmapFile:
 def lightmap_files(
     lightmaps: np.ndarray, destination: Destination, facts: Sequence[dict]
 ) -> Iterator[LightmapFile]:
-    """Yield the files of lightmaps, (m, h, w, 3) float32; those that Blender shows before those for engines.
+    """Yield the files of lightmaps, (m, h, w, 3) float32, first those for Blender, then for engines.
 
-    facts  what the manifest tells of each lightmap, its output among it
+    facts:  manifest entries of each lightmap, including its output
     """
     brightest = _brightest(lightmaps, [fact["output"] for fact in facts])
     each = list(zip(lightmaps, destination.stems, destination.formats, facts, strict=True))
@@ -82,7 +82,7 @@ def lightmap_files(
 
 
 def _brightest(lightmaps: np.ndarray, outputs: Sequence[str]) -> dict[str, float]:
-    """Return the largest value, of either sign, of all lightmaps of each output."""
+    """Return the maximum absolute value of all lightmaps of each output."""
     found: dict[str, float] = {}
     for light, output in zip(lightmaps, outputs, strict=True):
         found[output] = max(found.get(output, 0.0), float(np.abs(light).max()))
@@ -90,7 +90,7 @@ def _brightest(lightmaps: np.ndarray, outputs: Sequence[str]) -> dict[str, float
 
 
 def _in_words(file: LightmapFile) -> str:
-    """Return how the pixels of a file are stored."""
+    """Return a description of the pixel format of a file."""
     format = file.format
     match format.name:
         case "exr":
@@ -105,5 +105,5 @@ def _in_words(file: LightmapFile) -> str:
 
 
 def _parameters(encoding: Encoding) -> dict[str, float]:
-    """Return what an encoding was made with, by name."""
+    """Return the parameters of an encoding, by name."""
     return {name: getattr(encoding, name) for name in ("exposure", "gamma") if hasattr(encoding, name)}

@@ -1,4 +1,4 @@
-"""Nodes that read a lightmap where an object, or each instance of it, has its charts."""
+"""Shader nodes that read a lightmap at the UVs of an object or of each of its instances."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ import bpy
 from .directional_images import DirectionalImages
 from .nodes import Feed, make_node
 
-#: Where the nodes are: above those of the material.
+#: Position of the nodes, above the nodes of the material, and column width.
 _TOP, _COLUMN = 600, 180
 
 
 @dataclass(frozen=True)
 class ShownLightmap:
-    """Where the light of an object is: lightmap uv = uv of the layer * scale + offset.
+    """Lightmap of an object: lightmap UV = UV of the layer * scale + offset.
 
-    images       of which an object without instances has one
-    directional  maps beside the images; None if some have none
-    groups       of each light group its maps beside the images; empty if some have none
-    mixer        node group that adds their light up, one input a group; None without groups
-    table        places of the object's instances instead of scale and offset, see `instance_places`
-    buckets      of the table
+    images:       lightmap images; an object without instances has one
+    directional:  directional maps of the images; None if one is missing
+    uv_layer:     UV layer of the lightmap
+    groups:       maps of each light group of the images; empty if one is missing
+    mixer:        node group that adds the light groups, one input for each; None without groups
+    table:        UV transforms of the instances instead of scale and offset, see `instance_places`
+    buckets:      number of buckets of the table
     """
 
     images: tuple[bpy.types.Image, ...]
@@ -38,9 +39,9 @@ class ShownLightmap:
 
 
 class LightmapNodes:
-    """Nodes of a tree that read the light of a surface: UV Map -> scale, offset -> Image Texture.
+    """Nodes of a tree that read the light of a surface: UV Map, scale and offset, Image Texture.
 
-    colour  E/pi of the surface; of light groups, as they are mixed
+    colour:  socket with E/pi of the surface, mixed from light groups if there are any
     """
 
     def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
@@ -52,13 +53,13 @@ class LightmapNodes:
 
     @property
     def has_directions(self) -> bool:
-        """Whether there are maps to shade tilted normals with."""
+        """True if there are maps for normal mapping."""
         return self._lightmap.directional is not None
 
     def shaded(self, normal: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return E/pi of a normal n' in world space, not below 0, as the manifest tells it (`DECODING`).
+        """Return the socket of E/pi for a normal n' in world space, clamped to 0, see `DECODING`.
 
-        Of Directional E(n)/pi + L1 . (n' - n), of Spherical Harmonics SH L0 (1 + 2 SH L1 . n').
+        Directional: E(n)/pi + L1 . (n' - n). Spherical Harmonics: SH L0 (1 + 2 SH L1 . n').
         """
         nodes = self._nodes
         if self._lightmap.directional.kind == "SPHERICAL_HARMONICS":
@@ -68,7 +69,7 @@ class LightmapNodes:
         return self._tilted(self.colour, nodes.vector("SUBTRACT", normal, surface))
 
     def _tilted(self, light: Feed, direction: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return light + L1 . direction, not below 0."""
+        """Return light + L1 . direction, clamped to 0."""
         nodes = self._nodes
         axes = nodes.make("ShaderNodeSeparateXYZ", direction).node.outputs
         for l1, along in zip(self._l1, axes, strict=True):
@@ -77,30 +78,30 @@ class LightmapNodes:
 
     @cached_property
     def _l0(self) -> bpy.types.NodeSocket:
-        """The L0 of the light."""
+        """L0 of the light."""
         return self._in_proportion(self._light(self._lightmap.directional.l0))
 
     @cached_property
     def _l1(self) -> list[bpy.types.NodeSocket]:
-        """The L1 of the light, axis after axis; that of Spherical Harmonics is in parts of L0."""
+        """L1 of the light for each axis; for Spherical Harmonics divided by L0."""
         l1 = [self._light(images) for images in self._lightmap.directional.l1]
         if self._lightmap.directional.kind == "SPHERICAL_HARMONICS":
             return l1
         return [self._in_proportion(light) for light in l1]
 
     def _in_proportion(self, light: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return a part of all light in the proportion that mixed light has to it."""
+        """Scale a part of all light by the ratio of mixed light to all light."""
         if self._lightmap.mixer is None:
             return light
         return self._nodes.vector("MULTIPLY", light, self._proportion)
 
     @cached_property
     def _proportion(self) -> bpy.types.NodeSocket:
-        """Mixed light in parts of all light."""
+        """Ratio of mixed light to all light."""
         return self._nodes.vector("DIVIDE", self.colour, self._light(self._lightmap.images))
 
     def _mixed(self, mixer: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-        """Return the light of all groups as a node group adds it up."""
+        """Return the light of all groups, added by the mixer."""
         maps = [self._light(images) for images in self._lightmap.groups]
         return self._nodes.make("ShaderNodeGroup", *maps, node_tree=mixer)
 
@@ -111,9 +112,9 @@ class LightmapNodes:
         return self._nodes.vector("MULTIPLY_ADD", uv, scale, offset)
 
     def _placed_by_number(self, uv: bpy.types.NodeSocket, table: bpy.types.Image) -> bpy.types.NodeSocket:
-        """Return the lightmap UV of an instance, and find which of the images is its.
+        """Return the lightmap UV of an instance, and select its image.
 
-        Its place comes by its random number r: bucket floor(r B), then slot frac(r B) m of it.
+        The instance is found by its random number r: bucket floor(r B), then slot floor(frac(r B) m).
         """
         nodes, buckets = self._nodes, float(self._lightmap.buckets)
         info = nodes.make("ShaderNodeObjectInfo").node.outputs["Random"]
@@ -132,7 +133,7 @@ class LightmapNodes:
         return nodes.vector("MULTIPLY_ADD", uv, scale, place)
 
     def _light(self, images: tuple[bpy.types.Image, ...]) -> bpy.types.NodeSocket:
-        """Return the colour of the image that counts, of one for each lightmap."""
+        """Return the color of the selected image, given one image for each lightmap."""
         nodes = self._nodes
         if not self._is_image:
             return nodes.picture(images[0], self._uv)
@@ -149,25 +150,25 @@ class _Row:
         self._tree, self._x = tree, 0
 
     def make(self, kind: str, *inputs: Feed, **settings: object) -> bpy.types.NodeSocket:
-        """Return the first output of the next node."""
+        """Return the first output of a new node."""
         self._x += _COLUMN
         return make_node(self._tree, kind, (self._x, _TOP), *inputs, **settings)
 
     def number(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
-        """Return a number."""
+        """Return the result of a scalar operation."""
         return self.make("ShaderNodeMath", *inputs, operation=operation)
 
     def vector(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
-        """Return a vector."""
+        """Return the result of a vector operation."""
         return self.make("ShaderNodeVectorMath", *inputs, operation=operation)
 
     def picture(self, image: bpy.types.Image, uv: Feed, **settings: object) -> bpy.types.NodeSocket:
-        """Return the colour of an image, smooth, with its border texels beyond it."""
+        """Return the color of an image, interpolated linearly, clamped to the edge."""
         settings = {"interpolation": "Linear", "extension": "EXTEND", **settings}
         return self.make("ShaderNodeTexImage", uv, image=image, **settings)
 
     def texel(self, image: bpy.types.Image, index: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return a texel of an image, counted row by row."""
+        """Return a texel of an image by its index, row by row."""
         width, height = image.size
         row = self.number("FLOOR", self.number("DIVIDE", index, float(width)))
         column = self.number("MODULO", index, float(width))

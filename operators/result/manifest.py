@@ -35,14 +35,14 @@ _VERSION = 2
 
 
 def read_manifest(folder: Path) -> dict[str, dict]:
-    """Return what the manifest of a folder tells of each file; nothing if there is none that can be read."""
+    """Return the manifest entries of a folder by file; empty if there is no readable manifest."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         return dict(json.loads((folder / NAME).read_text(encoding="utf-8"))["lightmaps"])
     return {}
 
 
 def is_ours(known: dict[str, dict], path: Path, blend: str) -> bool:
-    """Return whether Hemibake wrote a file for a .blend and nobody has changed it; raises OSError."""
+    """Return True if Hemibake wrote a file for a .blend and it is unchanged; raises OSError."""
     entry = known.get(path.name)
     if entry is None or entry.get("blend") != blend or not path.is_file():
         return False
@@ -52,10 +52,10 @@ def is_ours(known: dict[str, dict], path: Path, blend: str) -> bool:
 def write_manifest(
     path: Path, folder: Path, staged: Sequence[Path], names: Sequence[str], facts: Sequence[dict]
 ) -> None:
-    """Write the manifest that a folder has once staged files have got their names; raises OSError.
+    """Write the manifest of a folder for the time after the staged files are renamed; raises OSError.
 
-    facts  of each file: "blend", "atlas", "output", "objects", how it is encoded, and "decode" if a formula
-           is needed to use it
+    facts:  entry of each file: "blend", "atlas", "output", "objects", its encoding, and "decode" if a formula
+            is needed to use it
     """
     known = {name: entry for name, entry in read_manifest(folder).items() if (folder / name).exists()}
     for new, name, fact in zip(staged, names, facts, strict=True):
@@ -69,12 +69,12 @@ def write_manifest(
 
 
 def manifest(known: Mapping[str, dict]) -> dict:
-    """Return what a manifest holds, of what is known of each file."""
+    """Return the contents of a manifest from the entries of its files."""
     return {"version": _VERSION, "lightmaps": dict(known), "objects": _by_object(known)}
 
 
 def _by_object(known: Mapping[str, dict]) -> list[dict]:
-    """Return what is known of files as the maps of each object, by their outputs; the last written count."""
+    """Return the maps of each object by output; later files replace earlier ones."""
     found: dict[str, dict] = {}
     for name, entry in known.items():
         for place in entry.get("objects", ()) if "shown_for" not in entry else ():
@@ -85,6 +85,6 @@ def _by_object(known: Mapping[str, dict]) -> list[dict]:
 
 
 def _checksum(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes, hexadecimal; raises OSError."""
+    """Return the SHA-256 of a file, hexadecimal; raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

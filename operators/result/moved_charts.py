@@ -1,4 +1,4 @@
-"""Objects whose lightmap UVs have changed since they were baked: they may show light of other places."""
+"""Detection of objects whose lightmap UVs changed since their bake, so that the lightmap does not fit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.uv_digest import digest_of
 from ..scene.uvs.uv_targets import evaluated_mesh
 
-#: What it means for objects, whose names go where {} is.
+#: Warning for such objects; {} is replaced by their names.
 MOVED_CHARTS = (
     "Lightmap UVs, or faces, that have changed since they were baked: {}. The lightmap may show wrong light "
     "there. Bake again."
@@ -23,16 +23,16 @@ MOVED_CHARTS = (
 
 
 def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, scene: bpy.types.Scene) -> bool:
-    """Return whether the lightmap UVs of an object are other ones than those of its last bake.
+    """Return True if the lightmap UVs of an object differ from its last bake.
 
-    False without a bake that wrote them down, of a UV layer that is gone, and in modes that leave modifiers
-    out of the mesh, as Edit and Sculpt Mode do.
+    False without a recorded bake, if the UV layer is missing, and in modes such as Edit and Sculpt, which
+    leave modifiers out of the mesh.
 
-    mesh: as modifiers make it
+    mesh:  mesh after modifiers
     """
     known = bake_record(obj, scene)
 
-    # The layer of an object that only instances show is none of its properties.
+    # The record of an object that only its instances show has no UV layer.
     layer = known.uv_layer or lightmap_layer(obj, scene.hemibake.uv_layer)
     leaves_out = obj.mode != "OBJECT" and len(obj.modifiers) > 0
     if not known.baked_uvs or leaves_out or layer not in mesh.uv_layers:
@@ -41,11 +41,11 @@ def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, scene: bpy.typ
 
 
 def warn_changed_uvs(objects: Iterable[bpy.types.Object], context: SceneContext) -> list[str]:
-    """Return a sentence that names the objects with other lightmap UVs than were baked; none without any."""
+    """Return a warning that names the objects with changed lightmap UVs; empty if there are none."""
     shown, scene = Evaluation(context.evaluated_depsgraph_get()), context.scene
     moved = _moved(objects, shown, scene)
     if moved:
-        # The viewport may have other faces than were baked.
+        # The viewport may have other faces than the render.
         moved = evaluate(context, lambda evaluation: _moved(moved, evaluation, scene), moved)
     return [object_message(MOVED_CHARTS, [obj.name for obj in moved])] if moved else []
 
@@ -53,7 +53,7 @@ def warn_changed_uvs(objects: Iterable[bpy.types.Object], context: SceneContext)
 def _moved(
     objects: Iterable[bpy.types.Object], evaluation: Evaluation, scene: bpy.types.Scene
 ) -> list[bpy.types.Object]:
-    """Return the objects whose meshes in an evaluation have other lightmap UVs than were baked."""
+    """Return the objects whose evaluated meshes have other lightmap UVs than at their bake."""
     moved = []
     for obj in objects:
         with evaluated_mesh(obj, evaluation) as mesh:

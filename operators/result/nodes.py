@@ -1,4 +1,4 @@
-"""Shader nodes made in one call."""
+"""Helpers that create shader nodes in one call."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import bpy
 
-#: What an input is fed with: an output, another input, of which it takes the link or the value, or a value.
+#: Source of an input: an output, another input whose link or value is copied, or a value.
 Feed = bpy.types.NodeSocket | float | Sequence[float]
 
 
 def make_node(
     tree: bpy.types.NodeTree, kind: str, location: tuple[float, float], *inputs: Feed, **settings: object
 ) -> bpy.types.NodeSocket:
-    """Return the first output of a new node whose first inputs are fed."""
+    """Return the first output of a new node with its first inputs connected."""
     node = tree.nodes.new(kind)
     node.location = location
     for name, value in settings.items():
@@ -24,7 +24,7 @@ def make_node(
 
 
 def feed(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, source: Feed) -> None:
-    """Feed an input, whatever has fed it before."""
+    """Connect an input to a source, replacing its links."""
     for link in list(socket.links):
         tree.links.remove(link)
     if not isinstance(source, bpy.types.NodeSocket):
@@ -39,5 +39,5 @@ def feed(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, source: Feed) -
 
 
 def feeding_output(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
-    """Return the output that is linked to an input, None if the input's own value counts."""
+    """Return the output that is linked to an input; None if the input's own value applies."""
     return next((link.from_socket for link in socket.links if not link.is_muted), None)

@@ -1,4 +1,4 @@
-"""Texels of lightmaps that belong to objects which are not baked now: they stay as they are."""
+"""Texels of lightmaps that belong to objects outside of the current bake and stay unchanged."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from ..scene.uvs.uv_targets import evaluated_mesh
 from ..working_space import to_rec709
 from .images import holds_colours
 
-#: Whose a texel is.
+#: Owner of a texel.
 _NOBODY, _BAKED, _KEPT = range(3)
 
 
 class PreservedTexels:
-    """What the images of a bake's atlases show of objects that were baked before and are not baked now."""
+    """Texels in a bake's images of objects that were baked before and are not baked now."""
 
     def __init__(
         self, context: SceneContext, read: ReadScene, names: Sequence[str], settings: Settings, partial: bool
     ) -> None:
-        """Take the texels from the images as they are; raises SceneError if these have another size.
+        """Read the texels from the images; raise SceneError if the images have another size.
 
-        names    of the images, atlas after atlas for each output
-        partial  False if all objects are baked: nothing is kept
+        names:    names of the images, all atlases of each output in turn
+        partial:  False if all objects are baked, so that nothing is preserved
         """
         self._context, self._read, self._settings = context, read, settings
         self._masks: dict[int, np.ndarray] = {}
@@ -49,7 +49,7 @@ class PreservedTexels:
                 self._pixels[index] = _image_pixels(self._image(name), settings.resolution)
 
     def merge(self, lightmaps: np.ndarray) -> np.ndarray:
-        """Return the lightmaps of the first m images, (m, h, w, 3), with the texels that are kept."""
+        """Return the lightmaps of the first m images, (m, h, w, 3), with the preserved texels."""
         merged = lightmaps.copy() if self._pixels else lightmaps
         for index, pixels in self._pixels.items():
             mask = self._masks[index % len(self._read.scene.atlases)]
@@ -58,7 +58,7 @@ class PreservedTexels:
         return merged
 
     def objects(self) -> Iterator[tuple[str, bpy.types.Object]]:
-        """Yield the objects that keep their texels, each with its atlas."""
+        """Yield the objects with preserved texels, each with its atlas."""
         for atlas, uids in self._objects.items():
             for obj in find_all(bpy.data.objects, uids):
                 yield atlas, obj
@@ -68,7 +68,7 @@ class PreservedTexels:
         return entry and entry.image
 
     def _others(self, atlas: str) -> list[bpy.types.Object]:
-        """Return the objects that show an atlas's image and are not baked; raises SceneError."""
+        """Return the objects that show an atlas's image and are not baked now; raise SceneError."""
         image, baked = self._image(atlas), {uid for uid, _ in self._read.objects}
         if image is None:
             return []
@@ -87,7 +87,7 @@ class PreservedTexels:
         return others
 
     def _kept(self, atlas: int, others: Sequence[bpy.types.Object]) -> np.ndarray:
-        """Return which texels of an atlas are kept, (h, w) bool: those of others and their margins."""
+        """Return the preserved texels of an atlas, (h, w) bool: texels of other objects and their margins."""
         resolution = self._settings.resolution
         owner = np.full((resolution, resolution), _NOBODY, np.uint8)
         for mesh in self._read.scene.meshes:
@@ -102,14 +102,14 @@ class PreservedTexels:
             if uvs is not None:
                 _claim(owner, uvs, _KEPT)
 
-        # Texels that a chart touches without covering their centres lie around those that it does.
+        # Texels that a chart touches without covering their centre are neighbours of covered ones.
         for _ in range(self._settings.margin + 1):
             _grow(owner)
         return owner == _KEPT
 
 
 def _lightmap_uvs(obj: bpy.types.Object, known: Record, evaluation: Evaluation) -> np.ndarray | None:
-    """Return the UVs of an object's triangles in its lightmap, (t, 3, 2); None without usable ones."""
+    """Return the UVs of an object's triangles in its lightmap, (t, 3, 2); None if unusable."""
     with evaluated_mesh(obj, evaluation) as mesh:
         shown = mesh if mesh is not None else obj.data
         if known.uv_layer not in shown.uv_layers:
@@ -119,7 +119,7 @@ def _lightmap_uvs(obj: bpy.types.Object, known: Record, evaluation: Evaluation) 
 
 
 def _claim(owner: np.ndarray, uvs: np.ndarray, whose: int) -> None:
-    """Write whose the texels are that triangles cover; the first one has them."""
+    """Assign the free texels that triangles cover to an owner."""
     resolution = len(owner)
     texels, _ = covered_texels(uvs, resolution)
     row, column = np.divmod(texels, resolution + 1)
@@ -128,7 +128,7 @@ def _claim(owner: np.ndarray, uvs: np.ndarray, whose: int) -> None:
 
 
 def _grow(owner: np.ndarray) -> None:
-    """Give texels that are nobody's to the owner of one of their eight neighbours."""
+    """Assign free texels to the owner of one of their eight neighbours."""
     padded = np.pad(owner, 1)
     height, width = owner.shape
     for y, x in ((0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)):
@@ -137,7 +137,7 @@ def _grow(owner: np.ndarray) -> None:
 
 
 def _image_pixels(image: bpy.types.Image | None, resolution: int) -> np.ndarray:
-    """Return what an image shows, (h, w, 3) float32; black without one of this size."""
+    """Return the pixels of an image, (h, w, 3) float32; black if there is none of this size."""
     pixels = np.zeros((resolution, resolution, 4), np.float32)
     if image is not None and tuple(image.size) == (resolution, resolution):
         image.pixels.foreach_get(pixels.reshape(-1))

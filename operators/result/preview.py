@@ -1,7 +1,7 @@
-"""Objects that show their lightmaps, and their own materials again.
+"""Preview of lightmaps on objects: shows and removes preview materials.
 
-The preview materials sit in slots linked to the object; what was there is remembered on the object
-(`HemibakeObjectProperties.slots`), so that it survives saving and comes back exactly.
+Preview materials use slots linked to the object. The original slots are stored on the object
+(`HemibakeObjectProperties.slots`), so they survive saving and are restored exactly.
 """
 
 from __future__ import annotations
@@ -22,36 +22,36 @@ from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
 from .preview_material import MARK, preview_material, remove_unused_previews
 
-#: The indices of all material slots of an object.
+#: Indices of all material slots of an object.
 ALL_SLOTS = range(1 << 15)
 
 
 def has_preview(obj: bpy.types.Object) -> bool:
-    """Return whether an object shows its lightmap."""
+    """Return True if an object shows its lightmap."""
     return len(obj.hemibake.slots) > 0
 
 
 def previewed(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    """Yield the objects of a scene that show their lightmaps, and those that only its instances may show."""
+    """Yield the objects of a scene that show their lightmaps, and objects that only instances show."""
     for obj in bpy.data.objects:
         if has_preview(obj) and (obj.name in scene.objects or not obj.users_scene):
             yield obj
 
 
 def is_previewed(scene: bpy.types.Scene) -> bool:
-    """Return whether an object of a scene is to show its lightmap, whatever materials it wears."""
+    """Return True if an object of a scene has a preview, even if other materials are assigned now."""
     return any(True for _ in previewed(scene))
 
 
 def shows_preview(scene: bpy.types.Scene) -> bool:
-    """Return whether an object of a scene shows its lightmap; quick without a preview, for panels."""
+    """Return True if an object of a scene shows its lightmap; fast without a preview, for panels."""
     return any(MARK in material for material in bpy.data.materials) and is_previewed(scene)
 
 
 def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[int, list[str]]:
-    """Let the baked objects and instances of a scene show their lightmaps.
+    """Show the lightmaps of the baked objects and instances of a scene.
 
-    Returns how many objects do, and sentences for the user.
+    Returns the number of objects and messages for the user.
     """
     instances = instance_places(scene, depsgraph)
     baked = [obj for obj in scene.objects if obj.type == "MESH" and bake_record(obj, scene).image]
@@ -72,7 +72,7 @@ def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tupl
 
 
 def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
-    """Give objects their own materials back and remove preview materials that nobody uses."""
+    """Restore the materials of objects and remove unused preview materials."""
     for obj in objects:
         _give_back(obj)
     for obj in objects:
@@ -84,9 +84,9 @@ def hide_preview(objects: Sequence[bpy.types.Object]) -> None:
 
 
 def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Let a scene that shows its lightmaps show those of now: new objects, maps and places, own materials.
+    """Update the preview of a scene to its current objects, maps, UV transforms and materials.
 
-    Slots that were added for the preview stay where they are: the mesh may be in Edit Mode.
+    Slots that were added for the preview stay, since the mesh may be in Edit Mode.
     """
     shown = list(previewed(scene))
     for obj in shown:
@@ -99,9 +99,9 @@ def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Non
 
 
 def switch_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Let objects that show the lightmaps of another scene show those of this one; return True if any did.
+    """Switch objects from the lightmaps of another scene to this scene's; return True if any changed.
 
-    Objects without a lightmap in this scene show their own materials until a scene with one is shown.
+    Objects without a lightmap in this scene show their own materials until another scene is shown.
     """
     shown = list(previewed(scene))
     for obj in shown:
@@ -113,9 +113,9 @@ def switch_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bo
 
 
 def set_preview_aside(scene: bpy.types.Scene) -> None:
-    """Give the objects of a scene their own materials until `refresh_preview`, as before an undo.
+    """Restore the materials of a scene's objects until `refresh_preview`, as needed before an undo.
 
-    An undo frees preview materials that no step knows, even those that an object still refers to.
+    An undo frees preview materials that no undo step holds, even if an object uses them.
     """
     for obj in previewed(scene):
         _give_back(obj)
@@ -123,9 +123,9 @@ def set_preview_aside(scene: bpy.types.Scene) -> None:
 
 
 def refresh_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, changed: Container[int]) -> None:
-    """Let objects that show their lightmaps show their materials as these are now.
+    """Update the preview to the current state of materials.
 
-    changed: session uids of materials; slots that were filled or added since are refreshed anyhow
+    changed:  session uids of materials; new or refilled slots are always updated
     """
     stale = {obj: slots for obj in previewed(scene) if (slots := _stale_slots(obj, changed))}
     instances = instance_places(scene, depsgraph) if stale else {}
@@ -141,7 +141,7 @@ def refresh_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, chan
 
 
 def _stale_slots(obj: bpy.types.Object, changed: Container[int]) -> list[int]:
-    """Return the indices of slots that do not show their own material as it is now."""
+    """Return the indices of slots whose preview is missing or out of date."""
     stale = []
     for index, (slot, own) in enumerate(zip(obj.material_slots, own_slots(obj), strict=True)):
         material = own.material if own.link == "OBJECT" else obj.data.materials[index]
@@ -152,7 +152,7 @@ def _stale_slots(obj: bpy.types.Object, changed: Container[int]) -> list[int]:
 
 
 def _give_back(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None:
-    """Put an object's own materials back into slots where there are none of its own."""
+    """Restore an object's own materials in slots that contain a preview or nothing."""
     for index, (slot, own) in enumerate(zip(obj.material_slots, own_slots(obj), strict=True)):
         if index in slots and not is_filled(slot):
             link, slot.link = own.link, "OBJECT"
@@ -160,7 +160,7 @@ def _give_back(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None
 
 
 def _remove_slot(mesh: bpy.types.Mesh) -> None:
-    """Take the only slot away from a mesh; the faces keep the indices that Blender would drop."""
+    """Remove the only slot of a mesh and keep the faces' material indices, which Blender would drop."""
     before = read_array(mesh.polygons, "material_index", 1, np.int32)[:, 0]
     stored = "material_index" in mesh.attributes or before.any()
     mesh.materials.clear()
@@ -169,7 +169,7 @@ def _remove_slot(mesh: bpy.types.Mesh) -> None:
 
 
 def _remember(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None:
-    """Store what slots of an object hold; one without slots gets one."""
+    """Store the contents of an object's slots; add a slot if there is none."""
     if not obj.material_slots:
         obj.data.materials.append(None)
         obj.hemibake.slot_added = True
@@ -195,7 +195,7 @@ def _show_slot(slot: bpy.types.MaterialSlot, lightmap: ShownLightmap, made: dict
 def _shown_lightmap(
     obj: bpy.types.Object, instances: list[InstanceUvTransform] | None, scene: bpy.types.Scene
 ) -> ShownLightmap:
-    """Return where the light of an object, or of all its instances, is; the layer where it was not baked."""
+    """Return the lightmap of an object or of its instances; the UV layer may be the default one."""
     own = bake_record(obj, scene)
     if instances is None:
         place = own.uv_layer, own.uv_scale, tuple(own.uv_offset)
@@ -215,7 +215,7 @@ def _shown_lightmap(
 
 
 def _with_groups(lightmap: ShownLightmap, scene: bpy.types.Scene) -> ShownLightmap:
-    """Return a lightmap mixed from its light groups, if it has maps of them."""
+    """Return the lightmap with its light groups and mixer, if it has their maps."""
     groups = group_images(scene, lightmap.images)
     if not groups:
         return lightmap

@@ -1,9 +1,8 @@
-"""A copy of a material that shows a lightmap: its nodes, with diffuse shaders that emit.
+"""Preview material: a copy of a material that shows a lightmap through emission.
 
-Each shader that a bake counts as diffuse is replaced by Emission shaders of what it sends out, reflectance x
-lightmap + emission. All other nodes are those of the material: what colours, mixes or hides its shaders,
-textures, groups, transparency and culled backs, does the same to the emission. Metal, glass and gloss, which
-have no diffuse light, still mirror what is around them.
+Each diffuse shader is replaced by Emission shaders of its exitant radiance, reflectance x lightmap +
+emission. All other nodes stay, so that textures, groups, mixing, transparency and culling act on the emission
+as before. Metal, glass and gloss still reflect their environment.
 """
 
 from __future__ import annotations
@@ -14,15 +13,15 @@ from ..compat import new_node_tree, node_tree
 from .lightmap_nodes import LightmapNodes, ShownLightmap
 from .nodes import Feed, feed, feeding_output, make_node
 
-#: Custom property that marks a preview material, and what is made for it alone: node groups and images.
+#: Custom property that marks a preview material and its own node groups and images.
 MARK = "hemibake_preview"
 
-#: Width of a column of nodes.
+#: Width of a node column.
 _COLUMN = 180
 
 
 def preview_material(original: bpy.types.Material | None, lightmap: ShownLightmap) -> bpy.types.Material:
-    """Return a copy of a material that shows a lightmap; no material is Cycles' grey."""
+    """Return a copy of a material that shows a lightmap; no material counts as Cycles' default grey."""
     material = bpy.data.materials.new("(no material)") if original is None else original.copy()
     material.name = f"{'(no material)' if original is None else original.name} (lightmap)"
     material.use_fake_user = False
@@ -34,7 +33,7 @@ def preview_material(original: bpy.types.Material | None, lightmap: ShownLightma
 
 
 def remove_unused_previews() -> None:
-    """Remove preview materials that nobody uses, then their node groups, the outer ones first, and images."""
+    """Remove unused preview materials, then their node groups, outer ones first, and images."""
     for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
         while unused := [item for item in collection if item.get(MARK) and not item.users]:
             for item in unused:
@@ -42,7 +41,7 @@ def remove_unused_previews() -> None:
 
 
 def _plain_nodes(material: bpy.types.Material) -> None:
-    """Give a material without nodes those of its colour."""
+    """Create nodes with the color of a material without nodes."""
     tree = new_node_tree(material)
     tree.nodes.clear()
     shader, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
@@ -51,7 +50,7 @@ def _plain_nodes(material: bpy.types.Material) -> None:
 
 
 class _Relighting:
-    """Replaces the diffuse shaders of a tree, and of copies of the groups in it."""
+    """Replacement of the diffuse shaders in a tree and in copies of its groups."""
 
     def __init__(self, lightmap: ShownLightmap) -> None:
         self._lightmap = lightmap
@@ -76,19 +75,19 @@ class _Relighting:
 
 
 def _has_diffuse(tree: bpy.types.NodeTree) -> bool:
-    """Return whether a tree, or a group in it, has a diffuse shader."""
+    """Return True if a tree or a group in it has a diffuse shader."""
     groups = (getattr(node, "node_tree", None) for node in tree.nodes)
     return any(map(_is_diffuse, tree.nodes)) or any(_has_diffuse(group) for group in groups if group)
 
 
 def _is_diffuse(node: bpy.types.Node) -> bool:
-    """Return whether a node is in use and makes diffuse light."""
+    """Return True if a node is active and diffuse."""
     glossy = getattr(node, "component", "DIFFUSE") == "GLOSSY"
     return node.bl_idname in _REPLACEMENTS and not node.mute and not glossy
 
 
 class _LitTree:
-    """A node tree whose shaders are being replaced."""
+    """Node tree whose shaders are being replaced."""
 
     def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
         self._tree, self._lightmap = tree, lightmap
@@ -97,7 +96,7 @@ class _LitTree:
     def make(
         self, kind: str, beside: bpy.types.Node, column: int, *inputs: Feed, **settings: object
     ) -> bpy.types.NodeSocket:
-        """Return the first output of a new node in a column beside another one."""
+        """Return the first output of a new node, in a column next to another node."""
         x, y = beside.location
         place = (x + _COLUMN * column, y - _COLUMN * (len(inputs) - 1))
         output = make_node(self._tree, kind, place, *inputs, **settings)
@@ -105,11 +104,11 @@ class _LitTree:
         return output
 
     def feed(self, socket: bpy.types.NodeSocket, source: Feed) -> None:
-        """Feed an input."""
+        """Connect an input."""
         feed(self._tree, socket, source)
 
     def reflected(self, node: bpy.types.Node, colour: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return a shader of the colour that an input has x lightmap."""
+        """Return an emission shader of an input's color times the lightmap."""
         label = "Reflectance x lightmap"
         inputs = (colour, self._light_on(node))
         product = self.make("ShaderNodeVectorMath", node, 1, *inputs, operation="MULTIPLY", label=label)
@@ -120,7 +119,7 @@ class _LitTree:
         self._tree.nodes.remove(node)
 
     def _light_on(self, node: bpy.types.Node) -> bpy.types.NodeSocket:
-        """Return E/pi of a shader: of its normal, if one feeds it and the lightmap has directional maps."""
+        """Return the socket of E/pi for a shader; directional maps apply its own normal."""
         if self._light is None:
             self._light = LightmapNodes(self._tree, self._lightmap)
         normal = feeding_output(node.inputs["Normal"]) if "Normal" in node.inputs else None
@@ -130,12 +129,12 @@ class _LitTree:
 
 
 def _holds(socket: bpy.types.NodeSocket, value: float) -> bool:
-    """Return whether an input is a constant of this value."""
+    """Return True if an input is unlinked and has this value."""
     return feeding_output(socket) is None and socket.default_value == value
 
 
 def _diffuse(lit: _LitTree, node: bpy.types.Node) -> None:
-    """A shader with nothing but a diffuse colour."""
+    """Replace a purely diffuse shader."""
     targets = _targets(node)
     shader = lit.reflected(node, node.inputs["Color"])
     for socket in targets:
@@ -144,7 +143,7 @@ def _diffuse(lit: _LitTree, node: bpy.types.Node) -> None:
 
 
 def _principled(lit: _LitTree, node: bpy.types.Node) -> None:
-    """Reflection and emission, as far as alpha lets them; the node itself stays for metal and glass."""
+    """Replace diffuse part and emission of a Principled BSDF, with alpha; metal and glass stay."""
     targets = _targets(node)
     shader = lit.reflected(node, node.inputs["Base Color"])
     colour, strength, alpha = (node.inputs[name] for name in ("Emission Color", "Emission Strength", "Alpha"))
@@ -167,9 +166,9 @@ def _principled(lit: _LitTree, node: bpy.types.Node) -> None:
 
 
 def _mirrored(lit: _LitTree, node: bpy.types.Node, shader: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Mix the diffuse part, w = (1 - metallic)(1 - transmission), with a Principled BSDF of the rest.
+    """Mix the diffuse part, weight w = (1 - metallic)(1 - transmission), with a Principled BSDF of the rest.
 
-    The rest is metal and glass, of which metallic / (1 - w) is metal.
+    The rest consists of metal and glass; the fraction metallic / (1 - w) is metal.
     """
     metallic, transmission = node.inputs["Metallic"], node.inputs["Transmission Weight"]
 
@@ -185,7 +184,7 @@ def _mirrored(lit: _LitTree, node: bpy.types.Node, shader: bpy.types.NodeSocket)
 
 
 def _targets(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
-    """Return the inputs that a shader feeds."""
+    """Return the inputs that a shader is linked to."""
     return [link.to_socket for link in node.outputs[0].links if not link.is_muted]
 
 

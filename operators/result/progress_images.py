@@ -1,4 +1,4 @@
-"""The images of one bake, in which its lightmaps appear as they become better."""
+"""Images of one bake, which show its lightmaps while they improve."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .preserved_texels import PreservedTexels
 
 
 def image_names(atlases: Sequence[str], outputs: Sequence[str]) -> list[str]:
-    """Return the name of every image: the atlas, and for outputs after the first what it shows, too."""
+    """Return the name of each image: the atlas, followed by the output for outputs after the first."""
     return [*atlases, *(images.map_name(atlas, output) for output in outputs[1:] for atlas in atlases)]
 
 
 class ProgressImages:
-    """Images in Blender of all lightmaps of a bake; each is made once there is something to show in it.
+    """Blender images of all lightmaps of a bake, created when there is something to show.
 
-    atlases     of the scene
-    names       of the images, see `image_names`
-    resolution  width of each, texels
-    kept        texels that are not baked now
-    changes     takes new and changed images back
+    atlases:     atlases of the scene
+    names:       names of the images, see `image_names`
+    resolution:  width of each, texels
+    kept:        texels outside of the current bake
+    changes:     undoes new and changed images
     """
 
     def __init__(
@@ -43,9 +43,9 @@ class ProgressImages:
         self.uids: list[int] = []
 
     def show(self, lightmaps: np.ndarray) -> np.ndarray:
-        """Put lightmaps, (m, h, w, 3) float32, into the first m images, with the texels that are kept.
+        """Show lightmaps, (m, h, w, 3) float32, in the first m images, with preserved texels.
 
-        Returns what they show, of the same shape. Images that are gone are made anew.
+        Returns the shown pixels, same shape. Missing images are created again.
         """
         scene, merged = self._context.scene, self._kept.merge(lightmaps)
         for index, pixels in enumerate(merged):
@@ -57,11 +57,11 @@ class ProgressImages:
         return merged
 
     def found(self) -> list[bpy.types.Image]:
-        """Return the images as they are shown; None for one that is gone."""
+        """Return the images; None for missing ones."""
         return [find(bpy.data.images, uid) for uid in self.uids]
 
     def keep(self) -> None:
-        """Write on the scene which images it has from now on; an undo step must follow."""
+        """Store the images on the scene; an undo step must follow."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         for index, (name, image) in enumerate(zip(self._names, self.found(), strict=False)):
             if scene is not None and image is not None:

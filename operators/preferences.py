@@ -45,9 +45,10 @@ def known_devices() -> DeviceSurvey | None:
 
 
 def guide() -> Path | None:
-    """Return the page that explains Hemibake, if the package has it."""
-    path = Path(__file__).parents[1] / "README.md"
-    return path if path.is_file() else None
+    """Return the first page of the guide: HTML in a package, Markdown in a checkout; None without one."""
+    root = Path(__file__).parents[1]
+    pages = (root / "guide" / "user" / "guide.html", root / "docs" / "user" / "guide.md")
+    return next((page for page in pages if page.is_file()), None)
 
 
 def _chosen_device() -> str | None:

@@ -15,13 +15,13 @@ from pathlib import Path
 from zipfile import ZipFile, ZipInfo
 
 from tools.headless import PARTS, ROOT
+from tools.packages.guide import write_guide
 from tools.packages.platforms import PLATFORMS
 from tools.packages.wheels import Wheel
 
 MANIFEST = "blender_manifest.toml"
 
-#: Beside what Blender loads: the guide that the preferences open, the licences of Hemibake, and those of
-#: wheels that do not bring theirs along.
+#: Documents besides what Blender loads: licences of Hemibake, and of wheels that do not contain theirs.
 _DOCUMENTS = ("LICENSE", "README.md", "licenses")
 
 #: Permission of the package with Dask, the only one that connects to other machines.
@@ -58,6 +58,7 @@ def _stage(wheels: Sequence[Wheel], folder: Path, version: str | None) -> None:
             shutil.copytree(ROOT / part, folder / part, ignore=ignored)
         else:
             shutil.copyfile(ROOT / part, folder / part)
+    write_guide(folder / "guide")
     (folder / "wheels").mkdir()
     for wheel in wheels:
         shutil.copyfile(wheel.path, folder / "wheels" / wheel.path.name)

@@ -35,3 +35,12 @@ class PatchFileError(EngineError):
 
 class WorkerError(EngineError):
     """Worker process that could not start or that died during a bake."""
+
+
+class WorkerCrashError(WorkerError):
+    """Worker process that crashed, as drivers do.
+
+    process: its identifier
+    """
+
+    process = 0

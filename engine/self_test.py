@@ -61,13 +61,7 @@ def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, 
 
     Raises DeviceError if a result is wrong, and errors of the bake.
     """
-    base = replace(
-        _SETTINGS,
-        opencl_device=settings.opencl_device,
-        memory_budget=settings.memory_budget,
-        batch_bytes=settings.batch_bytes,
-        cache_dir=settings.cache_dir,
-    )
+    base = furnace_settings(settings)
     drawing, casting = Stage("Drawing", pace=_PACE), Stage("Casting rays", pace=_PACE)
     schedule = Schedule([drawing, casting])
     drawn = yield from schedule.include(drawing, bake(furnace(), replace(base, visibility="raster")))
@@ -78,10 +72,27 @@ def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, 
     return Verdict(error, devices, drawn.report.warnings)
 
 
-def _checked(lightmap: BakeResult, way: str) -> float:
-    """Return the error of a bake; raise DeviceError if it is too large."""
+def furnace_settings(settings: Settings) -> Settings:
+    """Return the settings of the self-test's bakes on the machine of the given settings."""
+    return replace(
+        _SETTINGS,
+        opencl_device=settings.opencl_device,
+        memory_budget=settings.memory_budget,
+        batch_bytes=settings.batch_bytes,
+        cache_dir=settings.cache_dir,
+    )
+
+
+def largest_error(lightmap: BakeResult) -> float:
+    """Return the largest error of a furnace's light, relative to the known light; infinite without light."""
     light = lightmap.image[lightmap.has_patch]
     error = float(np.abs(light / _EXPECTED - 1).max()) if len(light) else np.inf
+    return error if np.isfinite(error) else np.inf
+
+
+def _checked(lightmap: BakeResult, way: str) -> float:
+    """Return the error of a bake; raise DeviceError if it is too large."""
+    error = largest_error(lightmap)
     if error <= TOLERANCE:
         return error
     devices = " and ".join(f"'{name}'" for name in lightmap.report.devices.values())

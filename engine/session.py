@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from .bake_result import BakeResult
 from .device.device_info import DeviceSurvey
+from .device.device_records import DeviceKey
 from .device.packages import require_packages
 from .errors import DeviceError, DeviceMemoryError, SettingsError
 from .live import Live
@@ -91,14 +92,19 @@ class Session:
         """
         return Live(partial(self._bake_checked, paces=paces), scene, settings)
 
-    def warm_up(self, scene: Scene, settings: Settings) -> Generator[Progress, None, None]:
+    @property
+    def device(self) -> DeviceKey | None:
+        """OpenCL device of the last bake, None without OpenCL."""
+        return self._devices.compute.key if self._devices and self._devices.compute else None
+
+    def warm_up(self, scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
         """Bake a scene to build the programs that similar bakes need; closing keeps what was built.
 
         Its times are not kept for the estimates of other bakes.
         """
         paces, self._is_warming_up = dict(self._paces), True
         try:
-            yield from self.bake(scene, settings)
+            return (yield from self.bake(scene, settings))
         finally:
             self._paces, self._is_warming_up = paces, False
             self.forget()
@@ -143,7 +149,8 @@ class Session:
             raise
         kept.checkpoints.finish()
         stages.learn()
-        warnings = (*lightmap.report.warnings, *(workers.warnings if workers else ()))
+        skipped = devices.compute.notes if devices.compute else ()
+        warnings = (*lightmap.report.warnings, *skipped, *(workers.warnings if workers else ()))
         resumed = tuple(kept.checkpoints.resumed)
         report = replace(lightmap.report, paces=dict(self._paces), warnings=warnings, resumed=resumed)
         lightmap = replace(lightmap, report=report)
@@ -274,9 +281,14 @@ def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceS
     return survey(opencl_device)
 
 
-def warm_up(scene: Scene, settings: Settings) -> Generator[Progress, None, None]:
-    """Prepare the session of this process; see `Session.warm_up`."""
-    yield from _session.warm_up(scene, settings)
+def warm_up(scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
+    """Prepare the process-wide session; see `Session.warm_up`."""
+    return (yield from _session.warm_up(scene, settings))
+
+
+def device() -> DeviceKey | None:
+    """Return the OpenCL device of the process-wide session; see `Session.device`."""
+    return _session.device
 
 
 def forget() -> None:

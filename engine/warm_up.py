@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from . import session
+from .device.device_records import DeviceRecords
 from .progress import Progress
 from .scene.model import Light, Material, Mesh, Scene
 from .scene.texture import Texture
-from .self_test import furnace
-from .session import warm_up as bake_and_forget
+from .self_test import TOLERANCE, furnace, furnace_settings, largest_error
 from .settings import Settings
 
 #: Typical settings, but small.
@@ -24,7 +25,26 @@ def warm_up(settings: dict[str, Any]) -> Generator[Progress, None, None]:
 
     settings:  values of `Settings` by name
     """
-    yield from bake_and_forget(warm_up_scene(), Settings(**settings | SMALL))
+    chosen = Settings(**settings | SMALL)
+    yield from session.warm_up(warm_up_scene(), chosen)
+    yield from check_device(chosen)
+
+
+def check_device(settings: Settings) -> Generator[Progress, None, None]:
+    """Compare the light of the session's OpenCL device with known light, once a version of its driver.
+
+    Bakes skip a device whose light is wrong, unless the user chooses it by its name.
+    """
+    device, records = session.device(), DeviceRecords(settings.cache_dir)
+    if device is None or settings.opencl_device is not None or records.is_tested(device):
+        return
+    lightmap = yield from session.warm_up(furnace(), replace(furnace_settings(settings), visibility="rays"))
+    error = largest_error(lightmap)
+    if error <= TOLERANCE:
+        records.keep_tested(device)
+    else:
+        records.skip(device, f"computes light that is wrong by {error:.1%}")
+        session.close()
 
 
 def warm_up_scene() -> Scene:

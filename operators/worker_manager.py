@@ -78,7 +78,11 @@ class WorkerManager:
 
     def bake_in_worker(self) -> Callable:
         """Return an `engine.bake` that the worker does."""
-        return lambda scene, settings: self.worker().run(scene, settings, dict(self.paces))
+        from ..engine.worker.crash_recovery import bake_without_crashing_device
+
+        return lambda scene, settings: bake_without_crashing_device(
+            self.worker(), scene, settings, self.paces
+        )
 
     def worker(self) -> Worker:
         """Return the worker; it starts its process, anew if that has died, with the next bake."""

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import DeviceError
 from .builders import Program
 from .cl_library import start_drivers
+from .device_records import DeviceKey, DeviceRecords
 from .driver_options import set_driver_options
 from .kernel import ITEMS, Kernel, run_on
 from .opencl import cl, load_opencl
@@ -46,6 +47,7 @@ class ComputeDevice:
     cache_dir, opencl_device:  see `Settings`
     context_of:                creates the context of a device
     ahead:                     programs that are built ahead, see `build_ahead`
+    key, notes:                of the device, and sentences about devices that are skipped
     shared:                    cache of uploaded arrays
     default_sizes:             default work-group sizes of the hot kernels for this kind of device
     work_sizes:                measured sizes stored for this device, else the default
@@ -66,7 +68,8 @@ class ComputeDevice:
         self._kernels: dict[tuple, Kernel] = {}
         self.shared = SharedBuffers()
         self._slice_sizes: dict[tuple, TimeSlicer] = {}
-        devices = _chosen(found_devices(), opencl_device)
+        self._records = DeviceRecords(cache_dir)
+        devices, self.notes = _usable(_chosen(found_devices(), opencl_device), opencl_device, self._records)
         self._take(devices[0], cache_dir)
         self.build_ahead(ahead)
         try:
@@ -91,6 +94,8 @@ class ComputeDevice:
         self.device, self._begun = device, set[ProgramParts]()
         folder = None if self._is_pocl and not self.processor else cache_dir
         self._programs = ProgramCache(device, folder, keeps_itself=self._is_pocl)
+        self.key = DeviceKey(device_digest(device), device_name(device))
+        self._records.use(self.key)
         self._early, self._planned, self._own = set[str](), set[str](), list[ProgramParts]()
         self._prelude = ("pocl_inline.cl",) if self._is_pocl and self.processor else ()
 
@@ -189,6 +194,7 @@ class ComputeDevice:
     def release(self) -> None:
         """Stop the builds of programs ahead."""
         self._programs.stop()
+        self._records.leave()
 
     def _text(self, parts: Source) -> str:
         return program_source((*self._prelude, *parts))
@@ -263,6 +269,26 @@ def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
             "Hemibake's preferences."
         )
     return chosen
+
+
+def _usable(
+    devices: list[cl.Device], chosen: str | None, records: DeviceRecords
+) -> tuple[list[cl.Device], tuple[str, ...]]:
+    """Return the devices that bakes do not skip, and sentences about skipped ones.
+
+    chosen: name of the device that the user has chosen, which is never skipped
+
+    Raises DeviceError if no device is left.
+    """
+    skipped = {} if chosen else records.skipped()
+    if not skipped:
+        return devices, ()
+    digests = [device_digest(device) for device in devices]
+    notes = tuple(dict.fromkeys(skipped[digest] for digest in digests if digest in skipped))
+    usable = [device for device, digest in zip(devices, digests, strict=True) if digest not in skipped]
+    if not usable:
+        raise DeviceError(" ".join(("No OpenCL device works.", *notes)))
+    return usable, notes
 
 
 def found_devices() -> list[cl.Device]:

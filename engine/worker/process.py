@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..errors import WorkerError
+from ..errors import WorkerCrashError, WorkerError
 
 #: Remedy in errors if the process does not start.
 START_REMEDY = "Restart Blender, or install Hemibake again; if that does not help,"
@@ -39,6 +39,9 @@ BAKING = Job(
     "again, update the graphics driver, lower the resolution, or",
 )
 UNWRAPPING = Job("unwrapping", "Your scene is untouched. Try again; if it happens again,")
+
+#: The least exit status of Windows for a fault, such as an access violation.
+_WINDOWS_FAULT = 0xC0000000
 
 #: Bytes of the worker's log in an error.
 LOG_TAIL = 4000
@@ -159,10 +162,14 @@ class WorkerProcess:
         code = self._end()
         tail = self._log_tail()
         self.stop()
-        raise WorkerError(
+        error = WorkerCrashError if _is_crash(code) else WorkerError
+        failure = error(
             f"The {self._job.name} process {what} (exit status {code}). {remedy} report it together with "
             f"these lines.\n{tail}"
         )
+        if isinstance(failure, WorkerCrashError):
+            failure.process = self.popen.pid
+        raise failure
 
     def _log_tail(self) -> str:
         """Return the end of the log of an ended process."""
@@ -203,6 +210,13 @@ class WorkerProcess:
         except subprocess.TimeoutExpired:
             self.popen.kill()
             return self.popen.wait()
+
+
+def _is_crash(code: int) -> bool:
+    """Return True if the exit status of a process is that of a crash: a fault, not a kill from outside."""
+    if sys.platform == "win32":
+        return code & 0xFFFFFFFF >= _WINDOWS_FAULT
+    return -code in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGILL, signal.SIGFPE)
 
 
 @contextmanager

@@ -16,12 +16,14 @@ import numpy as np
 import pytest
 
 from engine.bake_result import BakeResult
-from engine.errors import DeviceError, SceneError, SettingsError, WorkerError
+from engine.device.device_records import DeviceKey, DeviceRecords
+from engine.errors import DeviceError, SceneError, SettingsError, WorkerCrashError, WorkerError
 from engine.object_message import ObjectMessage, object_message
 from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
 from engine.worker import messages, shared_block
 from engine.worker import process as worker_process
+from engine.worker.crash_recovery import bake_without_crashing_device
 from engine.worker.messages import Parcel
 from engine.worker.worker import Worker
 
@@ -339,6 +341,45 @@ def test_a_call_in_the_middle_of_a_bake_is_left_out(start, tmp_path):
 def test_crash_shows_exit_status_and_last_words(start):
     with pytest.raises(WorkerError, match=r"(?s)exit status 3.*last words"):
         _finish(start("crash").bake(_scene(), SETTINGS))
+
+
+def test_a_bake_goes_on_without_a_device_whose_driver_crashes(start, tmp_path):
+    """Later workers skip it as well, until its driver has another version."""
+    settings = replace(SETTINGS, cache_dir=str(tmp_path))
+    worker, scene = start("crash_on_device"), _scene()
+    assert isinstance(_finish(bake_without_crashing_device(worker, scene, settings, {}))[1], BakeResult)
+    (sentence,) = DeviceRecords(str(tmp_path)).skipped().values()
+    assert "'Platform: Crashing': its driver crashed" in sentence and "Update the driver" in sentence
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["skipped_devices.json"]
+    again = start("crash_on_device")
+    assert isinstance(_finish(again.run(scene, settings, {}))[1], BakeResult)
+
+
+@pytest.mark.parametrize("changes", [{"max_bounces": 13}, {"opencl_device": "Platform: Crashing"}])
+def test_a_crash_that_another_device_does_not_end_or_that_is_chosen_is_an_error(start, tmp_path, changes):
+    settings = replace(SETTINGS, cache_dir=str(tmp_path), **changes)
+    with pytest.raises(WorkerCrashError):
+        _finish(bake_without_crashing_device(start("crash_on_device"), _scene(), settings, {}))
+    assert DeviceRecords(str(tmp_path)).skipped() == {}
+
+
+def test_a_process_that_ends_without_a_fault_blames_no_device(start, tmp_path):
+    settings = replace(SETTINGS, cache_dir=str(tmp_path))
+    DeviceRecords(str(tmp_path)).use(DeviceKey("c3", "Platform: Other"))
+    with pytest.raises(WorkerError) as caught:
+        _finish(start("crash").run(_scene(), settings))
+    assert not isinstance(caught.value, WorkerCrashError)
+
+
+@pytest.mark.parametrize("content", ["", "[1]", '{"a": 1}', "{"])
+def test_damaged_records_of_devices_count_as_none(tmp_path, content):
+    (tmp_path / "skipped_devices.json").write_text(content)
+    records, device = DeviceRecords(str(tmp_path)), DeviceKey("d4", "Platform: Device")
+    assert records.skipped() == {}
+    records.skip(device, "crashed")
+    assert list(records.skipped()) == ["d4"]
+    records.unskip(device)
+    assert records.skipped() == {} and not DeviceRecords(None).skipped()
 
 
 def test_second_bake_at_once_is_refused(start):

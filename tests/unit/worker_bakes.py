@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine.bake_result import BakeResult, Report
+from engine.device.device_records import DeviceKey, DeviceRecords
 from engine.errors import DeviceError, SceneError, SettingsError
 from engine.progress import Progress
 
@@ -87,6 +88,20 @@ def chatter(scene, settings):
         sys.stderr.write("x" * 100)
         yield Progress(f"Bounce {index}", index / CHATTER, iteration=index)
     return _lightmap(scene, settings)
+
+
+#: A device whose driver crashes.
+CRASHING = DeviceKey("a1b2", "Platform: Crashing")
+
+
+def crash_on_device(scene, settings, paces):
+    """Use a device and crash as its driver does, unless the device is skipped."""
+    records = DeviceRecords(settings.cache_dir)
+    if CRASHING.digest in records.skipped() and settings.max_bounces != 13:
+        return _lightmap(scene, settings)
+    records.use(CRASHING)
+    yield Progress("Patches", 0.0)
+    os.abort()
 
 
 def prepare(file):

@@ -33,8 +33,8 @@ def node_tree(datablock: bpy.types.Material | bpy.types.World) -> bpy.types.Node
 
 
 def light_nodes(lamp: bpy.types.Light) -> bpy.types.NodeTree | None:
-    """Return the nodes of a light that uses nodes, else None."""
-    return lamp.node_tree if lamp.use_nodes else None
+    """Return the nodes of a light that uses nodes, else None; Blender 5.3 deprecated `use_nodes`."""
+    return lamp.node_tree if bpy.app.version >= (5, 3, 0) or lamp.use_nodes else None
 
 
 def light_power(lamp: bpy.types.Light) -> float:

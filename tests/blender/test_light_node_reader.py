@@ -49,7 +49,9 @@ def noded(kind="POINT", **values):
     import bpy
 
     data = bpy.data.lights.new("Lamp", kind)
-    data.energy, data.use_nodes = 40, True
+    data.energy = 40
+    if data.node_tree is None:
+        data.use_nodes = True
     for name, value in values.items():
         setattr(data, name, value)
     obj = bpy_link(bpy.data.objects.new("Lamp", data))

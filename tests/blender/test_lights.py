@@ -141,7 +141,8 @@ def test_light_linking_is_named():
 
 def test_nodes_of_a_light_multiply_its_power():
     obj = lamp("POINT", energy=4 * np.pi)
-    obj.data.use_nodes = True
+    if obj.data.node_tree is None:
+        obj.data.use_nodes = True
     emission = next(node for node in obj.data.node_tree.nodes if node.bl_idname == "ShaderNodeEmission")
     emission.inputs["Strength"].default_value = 2.5
     assert read_light().strength == pytest.approx([2.5, 2.5, 2.5])
@@ -150,7 +151,8 @@ def test_nodes_of_a_light_multiply_its_power():
 def noded(kind="POINT", **values):
     """Return a lamp that shines 1 W/sr with nodes, its tree and its Emission."""
     obj = lamp(kind, energy=4 * np.pi, **values)
-    obj.data.use_nodes = True
+    if obj.data.node_tree is None:
+        obj.data.use_nodes = True
     tree = obj.data.node_tree
     return obj, tree, next(node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission")
 

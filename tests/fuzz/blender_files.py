@@ -374,7 +374,8 @@ def _lamp(lamp: Lamp, name: str, folder: Path) -> None:
     obj.location, obj.scale = lamp.location, lamp.scale
     bpy.context.scene.collection.objects.link(obj)
     if lamp.nodes != "none":
-        light.use_nodes = True
+        if light.node_tree is None:
+            light.use_nodes = True
         _lamp_nodes(lamp.nodes, light.node_tree, folder)
 
 

@@ -122,7 +122,8 @@ def _glow():
     import bpy
 
     material = bpy.data.materials.new("Glow")
-    material.use_nodes = True
+    if material.node_tree is None:
+        material.use_nodes = True
     node = material.node_tree.nodes["Principled BSDF"]
     node.inputs["Base Color"].default_value = (0.5, 0.5, 0.5, 1)
     node.inputs["Emission Strength"].default_value = 1.0

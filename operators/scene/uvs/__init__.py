@@ -1,1 +1,1 @@
-"""Lightmap UVs: made where they are missing, checked where they are there."""
+"""Makes lightmap UVs for objects that have none, and checks the lightmap UVs that objects have."""

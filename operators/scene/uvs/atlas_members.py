@@ -1,4 +1,4 @@
-"""The other objects of an atlas: they make room for new charts, or keep the atlas to themselves."""
+"""Repacks the earlier objects of an atlas with newly unwrapped ones, or gives these another atlas."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from .uv_targets import UnwrapMesh, Users
 
 
 class AtlasMembers:
-    """Objects of a scene that had lightmap UVs before others of their atlas have got some.
+    """Finds the objects that had lightmap UVs in an atlas before other objects of the atlas got theirs.
 
-    movable  session uids of objects whose charts may be packed again, if their UVs are as they were made
+    movable:  session uids of objects whose charts may be repacked if their UVs are still as Hemibake made
+              them
     """
 
     def __init__(
@@ -32,9 +33,11 @@ class AtlasMembers:
         self._uv_layer, self._movable = uv_layer, movable
 
     def users_to_move(self, fresh: Sequence[UnwrapMesh]) -> Generator[None, None, list[Users]]:
-        """Return the users of meshes that are packed again with new ones of their atlas.
+        """Return the users of the meshes that must be repacked together with the new meshes of their atlas.
 
-        Of an atlas all are, or none: those with tiles do not count. Raises MeshChangedError.
+        An atlas is repacked with all its earlier objects, or with none of them if one may not be repacked.
+        Objects whose mesh has a tile of its own are not counted. Raises MeshChangedError if an object is
+        gone.
         """
         multi_user = multi_user_sources(self._uv_layer)
         others: dict[str, list[int]] = {target.atlas: [] for target in fresh}
@@ -55,7 +58,7 @@ class AtlasMembers:
         return users
 
     def leave_to_them(self, pages: Sequence[PackedPage], changes: Rollback) -> list[str]:
-        """Give a page a new atlas where others, or an earlier page, have its atlas; return notes on it."""
+        """Rename the atlas of each page if other objects or an earlier page use that atlas; return notes."""
         taken = {obj.hemibake.atlas for obj in bpy.data.objects}
         full = {obj.hemibake.atlas for obj in self._without({uid for page in pages for uid in page.uids})}
         notes = []
@@ -75,12 +78,12 @@ class AtlasMembers:
         return notes
 
     def _without(self, fresh: set[int]) -> list[bpy.types.Object]:
-        """Return the objects of the scene that have lightmap UVs, but for those with new ones."""
+        """Return the scene's mesh objects with lightmap UVs, except those whose session uids are `fresh`."""
         meshes = [obj for obj in self._context.scene.objects if obj.type == "MESH"]
         return [obj for obj in meshes if obj.session_uid not in fresh and has_uvs(obj, self._uv_layer)]
 
     def _may_move(self, obj: bpy.types.Object) -> bool:
-        """Return whether the charts of an object may be packed again: its own UVs, as they were made."""
+        """Return whether an object's UVs are in its own mesh and unchanged since Hemibake made them."""
         own = obj.data.is_editable and uv_modifier(obj, self._uv_layer) is None
         movable = own and obj.session_uid in self._movable
         return movable and is_made([obj], lightmap_layer(obj, self._uv_layer))

@@ -1,7 +1,7 @@
-"""Charts by Blender's own operators, for machines without xatlas.
+"""Cuts meshes into charts by Blender's Smart UV Project operator, for machines without xatlas.
 
-They run on a mesh of their own in a scene of its own: nothing that the user sees is selected, edited or
-left.
+The operator runs on a temporary mesh in a temporary scene. Nothing in the user's scene is selected or edited,
+and both are removed afterwards.
 """
 
 from __future__ import annotations
@@ -17,25 +17,28 @@ from ....engine.unwrap.polygon_mesh import PolygonMesh, areas, signed_areas
 from ..objects.meshes import read_array, read_uvs
 from .uv_faults import covered_texels
 
-#: Largest angle between the faces of a chart and the direction along which they are projected.
+#: Angle limit of Smart UV Project: largest angle between a face normal and the projection direction of its
+#: chart, radians.
 _ANGLE = radians(66)
 
-#: Least area of a triangle in its chart, relative to its part of it: at a grazing angle it gets less.
+#: Triangles are dropped from a chart if their UV area is less than this fraction of their surface area.
+#: Projection at a grazing angle shrinks them so.
 _LEAST_PART = 0.3
 
-#: Texels along the wider side of a chart when it is looked for triangles that lie on each other.
+#: Width and height, in cells, of the grid on which a chart is rasterized to find overlapping triangles.
 _GRID = 512
 
-#: Triangles are in one plane if the cosine between each and the mean normal is at least this.
+#: A chart counts as planar if the cosine between each triangle normal and the mean normal is at least this.
 _FLAT = 0.9999
 
 _NAME = ".Hemibake UVs"
 
 
 def segment(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Return the UV of each triangle corner, (t, 3, 2) metres, and chart, (t,), -1 for none.
+    """Cut a mesh by Smart UV Project; return corner UVs, (t, 3, 2) float64 in metres, and charts, (t,) int64.
 
-    Smart UV Project makes the charts; one that lies on itself, or is turned over in part, is none.
+    The chart of a triangle is -1 if the projection turned it over or shrank it too much. All triangles of a
+    chart that overlaps itself are -1 as well.
     """
     centre = (mesh.positions.min(axis=0) + mesh.positions.max(axis=0)) / 2
     uvs = _edited_uvs(mesh.positions - centre, mesh.corners, mesh.starts, _project)
@@ -56,9 +59,11 @@ def _edited_uvs(
     starts: np.ndarray,
     edit: Callable[[], None],
 ) -> np.ndarray | None:
-    """Return the UVs of the loops, (l, 2) float32, after an edit; None if Blender drops faces there.
+    """Return the loops' UVs, (l, 2) float32, after `edit` ran in edit mode; None if faces were dropped.
 
-    positions  (v, 3), vertices; corners (l,) and starts (p + 1,) as in `PolygonMesh`
+    positions:  (v, 3) float64, vertex positions
+    corners:    (l,) integers, vertex of each loop
+    starts:     (p + 1,) integers, first loop of each polygon, as in `PolygonMesh`
     """
     size = np.ptp(positions, axis=0).max(initial=1e-30)
     mesh = bpy.data.meshes.new(_NAME)
@@ -82,7 +87,7 @@ def _edited_uvs(
 
 @contextmanager
 def _edit_mode(mesh: bpy.types.Mesh) -> Iterator[None]:
-    """Have operators work on a mesh in edit mode, in a scene of its own."""
+    """Enter edit mode on a mesh in a temporary scene, so that operators act on that mesh."""
     scene, obj = bpy.data.scenes.new(_NAME), bpy.data.objects.new(_NAME, mesh)
     try:
         scene.collection.objects.link(obj)
@@ -100,9 +105,10 @@ def _edit_mode(mesh: bpy.types.Mesh) -> Iterator[None]:
 
 
 def _islands(mesh: PolygonMesh, uvs: np.ndarray) -> np.ndarray:
-    """Return the UV island of each polygon, (p,): neighbours have a corner with one vertex and UV in common.
+    """Return the UV island of each polygon, (p,) int64: polygons that share a vertex and its UV are joined.
 
-    The least number of a neighbour spreads until nothing changes; numbers follow chains in each round.
+    Connected components by label propagation: each polygon takes the smallest label of its neighbours.
+    Pointer jumping shortens chains of labels in each round. It ends when no label changes.
     """
     places = np.c_[mesh.corners, np.ascontiguousarray(uvs, np.float32).view(np.int32)]
     _, place = np.unique(places, axis=0, return_inverse=True)
@@ -120,13 +126,14 @@ def _islands(mesh: PolygonMesh, uvs: np.ndarray) -> np.ndarray:
 
 
 def _checked(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the UVs of charts in metres, and the charts, -1 where they are of no use."""
+    """Return charts' UVs scaled to metres, and the chart of each triangle, with -1 for unusable triangles."""
     corners = mesh.positions[mesh.corners[mesh.triangles]]
     space, flat, charts = areas(corners), signed_areas(uvs), chart.max(initial=-1) + 1
     total = [np.bincount(chart, values, charts) for values in (space, flat, np.abs(flat))]
     uvs = uvs * np.sqrt(total[0] / np.maximum(total[2], 1e-30))[chart][:, None, None]
 
-    # A triangle that is turned over lies on its neighbour; a chart that is all of these is mirrored.
+    # A turned-over triangle overlaps its neighbour. If the signed area of a whole chart is negative, the
+    # chart is mirrored and still usable.
     lost = signed_areas(uvs) * np.sign(total[1])[chart] < _LEAST_PART * space
     for bent in _bent_charts(corners, chart):
         members = (chart == bent) & ~lost
@@ -136,7 +143,7 @@ def _checked(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> tuple[np.
 
 
 def _overlap(uvs: np.ndarray) -> bool:
-    """Return whether the centre of a texel lies in several triangles, (t, 3, 2)."""
+    """Return whether two triangles, (t, 3, 2) UVs, cover the centre of the same grid cell."""
     points = uvs.reshape(-1, 2)
     low = points.min(axis=0, initial=np.inf)
     size = float((points - low).max(initial=0.0))
@@ -144,7 +151,7 @@ def _overlap(uvs: np.ndarray) -> bool:
 
 
 def _bent_charts(corners: np.ndarray, chart: np.ndarray) -> np.ndarray:
-    """Return the charts whose triangles, (t, 3, 3), are not all in one plane: they may lie on themselves."""
+    """Return the non-planar charts, (k,) int64, which may overlap themselves; `corners` is (t, 3, 3)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     mean = np.stack([np.bincount(chart, values) for values in normal.T], axis=1)
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)

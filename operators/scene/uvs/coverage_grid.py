@@ -1,4 +1,4 @@
-"""Which part of an atlas charts cover, on a coarse grid: enough to see whose charts lie on whose."""
+"""Rasterizes charts into a coarse grid over the atlas, to find objects whose charts overlap."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ import numpy as np
 
 from .uv_faults import count_covers
 
-#: Most cells along each side of an atlas.
+#: Largest number of cells along each side of the grid.
 LARGEST_GRID = 512
 
-#: Cells that two may both cover: of an object with many cells, and the fraction of all that it has.
+#: Overlapping cells that are tolerated as rounding errors: this many if an object covers more than _MANY
+#: cells, or this fraction of its covered cells if that is more.
 _ALLOWED, _MANY = 2, 16
 _ALLOWED_FRACTION = 0.005
 
 
 @dataclass(frozen=True)
 class CoverageGrid:
-    """The cells of a grid over an atlas whose centres an object's charts cover.
+    """Cells of a grid over the atlas whose centres are covered by the charts of one object.
 
-    row, column  of the first cell
-    covered      (h, w) bool, from that cell on
-    doubled      number of cells that several triangles cover
+    row:      grid row of the first row of `covered`
+    column:   grid column of the first column of `covered`
+    covered:  (h, w) bool, cells in the bounding box of the charts
+    doubled:  number of cells covered by two or more triangles
     """
 
     row: int
@@ -34,28 +36,28 @@ class CoverageGrid:
 
     @cached_property
     def cells(self) -> int:
-        """Number of cells that are covered."""
+        """Number of covered cells."""
         return int(self.covered.sum())
 
     @property
     def overlaps(self) -> bool:
-        """Whether the charts lie on each other, but for roundings."""
+        """Whether charts of this object overlap each other by more than rounding errors."""
         return self.doubled > max(_ALLOWED_FRACTION * self.cells, _ALLOWED)
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """The part of the grid that it lies in."""
+        """Slices of the rows and columns of the grid that `covered` stands for."""
         height, width = self.covered.shape
         return slice(self.row, self.row + height), slice(self.column, self.column + width)
 
     def meets(self, taken: np.ndarray) -> bool:
-        """Return whether cells of the whole grid, (g, g) bool, are covered, but for roundings."""
+        """Return whether the object covers cells set in `taken`, (g, g) bool, beyond rounding errors."""
         allowed = max(_ALLOWED_FRACTION * self.cells, _ALLOWED if self.cells > _MANY else 0)
         return int((taken[self.window] & self.covered).sum()) > allowed
 
 
 def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, CoverageGrid]:
-    """Return the cells under triangles, (t, 3, 2) within 0-1; yields after every few milliseconds of work."""
+    """Rasterize triangles, (t, 3, 2) UVs within 0-1, into a grid; yields every few milliseconds."""
     corners = np.clip(uvs.astype(np.float64), 0, 1) * grid
     columns = [corners[..., axis] for axis in range(2)]
     low = np.clip(np.floor([column.min() for column in columns]), 0, grid - 1)
@@ -67,7 +69,7 @@ def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Coverage
 
 
 def find_overlapping(footprints: Sequence[CoverageGrid], grid: int) -> Generator[None, None, list[bool]]:
-    """Return of each object whether its charts lie on those of others; yields after each of them."""
+    """Return for each object whether its charts overlap those of other objects; yields after each object."""
     count = np.zeros((grid, grid), np.int32)
     for footprint in footprints:
         count[footprint.window] += footprint.covered

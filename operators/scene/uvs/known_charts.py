@@ -1,4 +1,4 @@
-"""Charts as a lightmap UV layer has them: what is packed again keeps its shape."""
+"""Recovers the charts of an existing lightmap UV layer, so that repacking keeps their shapes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..objects.meshes import read_uvs
 from .uv_digest import digest_of
 from .uv_faults import is_finite
 
-#: UVs of neighbours are the same if they agree to this many parts of a lightmap.
+#: UVs of neighbouring polygons count as equal if they round to the same multiple of 1 / _STEPS.
 _STEPS = 1 << 20
 
 
 def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
-    """Return whether the UV layer of objects that show one mesh is as Hemibake made it."""
+    """Return whether the UV layer is as Hemibake made it, for all objects that use one mesh."""
     mesh = objects[0].data
     if layer not in mesh.uv_layers:
         return False
@@ -27,10 +27,10 @@ def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
 
 
 def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> MeshCharts | None:
-    """Return the charts that a UV layer, (l, 2) float32, has; None if it has none that can be packed.
+    """Return the charts of a UV layer, (l, 2) float32; None if a chart has no UV area, or UVs are not finite.
 
-    Neighbours that have a UV of a common vertex in common are of one chart. Each gets the size of its
-    surface.
+    Polygons that share a vertex and its UV belong to one chart (connected components). Each chart is scaled
+    such that its UV area equals its surface area.
     """
     if not is_finite(uvs) or not len(mesh.triangles):
         return None
@@ -39,7 +39,7 @@ def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> MeshCharts | None:
     polygons = len(mesh.starts) - 1
     of_loop = np.repeat(np.arange(polygons), np.diff(mesh.starts))
 
-    # Each place links its polygons to the first of them.
+    # Link all polygons that share a vertex and its UV to the first of them.
     place = place.reshape(-1)
     first = np.full(place.max(initial=-1) + 1, polygons)
     np.minimum.at(first, place, of_loop)

@@ -1,4 +1,4 @@
-"""Which UV layer holds the lightmap UVs of an object, and which layers look as if they could."""
+"""Names the lightmap UV layer of an object, and ranks UV layers by how likely they hold lightmap UVs."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ import numpy as np
 from ..objects.meshes import read_array, read_uvs
 from .uv_faults import is_finite, is_inside, overlap
 
-#: What such layers are called by people and other programs, in small letters.
+#: Lower-case parts of the names that users and other programs give to lightmap UV layers.
 _NAMES = ("light", "bake", "uv2", "uvmap2", "uvmap.001", "uvchannel_2", "texcoord_1", "st1")
 
-#: Most triangles that are looked at before a list of layers is shown, and most meshes for each layer.
+#: Limits of the check for overlaps before the list of layers is shown: loops checked in total, and meshes
+#: checked for each layer name.
 _MOST_TRIANGLES, _MOST_MESHES = 20_000, 4
 
 
 def lightmap_layer(obj: bpy.types.Object, uv_layer: str) -> str:
-    """Return the name of an object's lightmap UV layer: its own choice, else `uv_layer`, the scene's."""
+    """Return the name of an object's lightmap UV layer: its own setting, else the scene's (`uv_layer`)."""
     return obj.hemibake.own_uv_layer or uv_layer
 
 
 @dataclass
 class _Layer:
-    """A name of UV layers, and what is known of these.
+    """UV layers of one name on several meshes.
 
-    meshes    that have it
-    first     whether it is the first layer of one
-    usable    whether it is free of overlaps and within 0-1 on every mesh that was looked at
+    meshes:  the meshes that have a layer of this name
+    first:   True if it is the first of several layers of one of the meshes
+    usable:  True if it has no overlaps and stays within 0-1 on each mesh that was checked
     """
 
     name: str
@@ -39,13 +40,13 @@ class _Layer:
 
     @property
     def rank(self) -> tuple:
-        """Its place in a list: those that look most like lightmap UVs come first."""
+        """Sort key for a list of layers: those most likely to hold lightmap UVs come first."""
         named = any(word in self.name.lower() for word in _NAMES)
         return (not self.usable, not named, self.first, -len(self.meshes), self.name)
 
 
 def offered_layers(objects: Iterable[bpy.types.Object]) -> list[tuple[str, str]]:
-    """Return name and description of the UV layers of objects, the likeliest lightmap UVs first."""
+    """Return name and description of the UV layers of objects, the most likely lightmap UVs first."""
     meshes = list(dict.fromkeys(obj.data for obj in objects if obj.type == "MESH"))
     layers: dict[str, _Layer] = {}
     for mesh in meshes:
@@ -65,14 +66,14 @@ def offered_layers(objects: Iterable[bpy.types.Object]) -> list[tuple[str, str]]
 
 
 def layer_triangles(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    """Return a UV layer at the corners of a mesh's triangles, (t, 3, 2) float32."""
+    """Return the UVs of a layer at the corners of the mesh's triangles, (t, 3, 2) float32."""
     mesh.calc_loop_triangles()
     loops = read_array(mesh.loop_triangles, "loops", 3, np.int32)
     return read_uvs(mesh.uv_layers[name])[loops]
 
 
 def _usable(mesh: bpy.types.Mesh, name: str) -> bool:
-    """Return whether a layer gives each part of a mesh a place of its own; true while the mesh is edited."""
+    """Return whether a layer's UVs are finite, within 0-1 and free of overlaps; True in edit mode."""
     if mesh.is_editmode:
         return True
     uvs = layer_triangles(mesh, name)

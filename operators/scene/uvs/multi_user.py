@@ -1,4 +1,4 @@
-"""Which lightmap UVs several objects or instances show."""
+"""Finds lightmap UVs that several objects or instances share."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from .uv_modifier import uv_source
 
 
 def multi_user_sources(uv_layer: str) -> set[int]:
-    """Return the sources of lightmap UVs (see `uv_source`) that several objects, or instances, may show.
+    """Return the session uids of UV sources (see `uv_source`) that several objects or instances share.
 
-    Their charts have a square to themselves, and each object and instance a tile for it in an atlas.
+    The charts of a shared source are packed into a square of their own. Each object or instance gets a tile
+    for that square in an atlas.
     """
     objects = [obj for obj in bpy.data.objects if obj.type == "MESH"]
     sources = {obj.session_uid: {obj.data.session_uid, uv_source(obj, uv_layer)} for obj in objects}
@@ -22,7 +23,7 @@ def multi_user_sources(uv_layer: str) -> set[int]:
 
 
 def instanced_objects() -> set[int]:
-    """Return the session uids of objects in no scene, and of those in collections that are instanced."""
+    """Return the session uids of objects that are in no scene, or in a collection that is instanced."""
     shown = {obj.session_uid for scene in bpy.data.scenes for obj in scene.objects}
     collections = {obj.instance_collection for obj in bpy.data.objects if obj.instance_collection}
     members = {obj.session_uid for collection in collections for obj in collection.all_objects}

@@ -1,4 +1,4 @@
-"""The squares that new lightmap UVs are packed into: an atlas, or the tile of a mesh of several objects."""
+"""Lists the squares that new charts are packed into: an atlas, or the tile of a mesh with several users."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .multi_user import instanced_objects, multi_user_sources
 from .object_lookup import ObjectLookup
 from .uv_targets import UnwrapMesh
 
-#: Least width that the tile of a mesh is packed for, texels.
+#: Smallest width for which the tile of a shared mesh is packed, texels.
 _LEAST_TILE = 64
 
 
 def mip_width(properties: bpy.types.PropertyGroup) -> int:
-    """Return the width of a texel of the coarsest mip level with padding, in texels of the lightmap."""
+    """Return the width of one texel of the coarsest padded mip level, in texels of the lightmap."""
     return 1 << properties.mip_level
 
 
@@ -30,12 +30,12 @@ def squares_of(
     properties: bpy.types.PropertyGroup,
     one_page: bool,
 ) -> tuple[list[PackJob], list[str | None]]:
-    """Return the squares whose meshes have to lie side by side, and the atlas of each, None for a tile.
+    """Return the packing jobs, and the atlas of each job, None for the tile of a shared mesh.
 
-    targets     with their areas
-    resolution  width of lightmaps, texels
-    properties  how charts are laid: the scene's settings
-    one_page    True if no atlas is spread over several lightmaps, however dense
+    targets:     meshes to pack, with measured areas
+    resolution:  width of lightmaps, texels
+    properties:  the scene's settings of packing: padding, mip level, alignment, number of lightmaps, density
+    one_page:    True if no atlas may be spread over several lightmaps, whatever density is wanted
     """
     multi_user, instanced = multi_user_sources(uv_layer), instanced_objects()
     squares: list[PackJob] = []
@@ -58,14 +58,14 @@ def squares_of(
 
 
 def _pages_and_density(properties: bpy.types.PropertyGroup) -> tuple[int, float]:
-    """Return over how many lightmaps new UVs are spread, and the texels per unit wanted, 0 for any."""
+    """Return the number of lightmaps to spread UVs over, and the wanted texels per unit, 0 for no target."""
     if properties.size_mode == "DENSITY":
         return 1, texels_per_unit(properties)
     return properties.lightmap_count, 0.0
 
 
 def _by_atlas(targets: Sequence[UnwrapMesh]) -> dict[str, list[int]]:
-    """Return which targets, by number, belong to each atlas."""
+    """Return the indices of the targets of each atlas, by the name of the atlas."""
     groups: dict[str, list[int]] = {}
     for index, target in enumerate(targets):
         groups.setdefault(target.atlas, []).append(index)
@@ -73,7 +73,7 @@ def _by_atlas(targets: Sequence[UnwrapMesh]) -> dict[str, list[int]]:
 
 
 def _is_tiled(target: UnwrapMesh, objects: ObjectLookup, multi_user: set[int], instanced: set[int]) -> bool:
-    """Return whether several objects, or instances, may show a mesh, which gets a square to itself."""
+    """Return whether several objects or instances may use the mesh, which then gets a tile of its own."""
     first = objects[target.uids[0]]
     if target.topology is None:
         return first.data.session_uid in multi_user
@@ -81,6 +81,6 @@ def _is_tiled(target: UnwrapMesh, objects: ObjectLookup, multi_user: set[int], i
 
 
 def _tile_width(area: float, total: float, resolution: int) -> int:
-    """Return about how many texels wide the tile of a mesh will be, of the total area of its atlas."""
+    """Return the estimated width of a mesh's tile, texels: the root of its fraction of the atlas's area."""
     scale = np.sqrt(area / total) if total > 0 else 1.0
     return int(np.clip(resolution * scale, min(_LEAST_TILE, resolution), resolution))

@@ -1,4 +1,4 @@
-"""A page of lightmap UVs: meshes whose charts lie side by side."""
+"""A page of lightmap UVs: meshes whose charts are packed into one square."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from .uv_targets import UnwrapMesh
 
 @dataclass(frozen=True)
 class PackedPage:
-    """Meshes whose charts lie side by side.
+    """Meshes whose charts are packed into one square.
 
-    uvs    of each mesh, (l, 2) float32, at the corners of its polygons
-    atlas  None for the tile of a mesh that several objects show
+    targets:  the meshes
+    uvs:      UVs of each mesh, (l, 2) float32 at its loops
+    atlas:    name of the atlas; None for the tile of a mesh that several objects use
     """
 
     targets: list[UnwrapMesh]
@@ -29,17 +30,17 @@ class PackedPage:
 
     @property
     def uids(self) -> list[int]:
-        """The session uids of the objects."""
+        """Session uids of the objects that use the meshes."""
         return [uid for target in self.targets for uid in target.uids]
 
     @property
     def digests(self) -> dict[str, str]:
-        """What tells the UVs of each mesh from others, by the mesh's name."""
+        """SHA-256 digest of the UVs of each mesh, by the mesh's name."""
         pairs = zip(self.targets, self.uvs, strict=True)
         return {target.mesh.name: digest_of(uvs) for target, uvs in pairs}
 
     def store(self, objects: ObjectLookup, changes: Rollback) -> None:
-        """Store the UVs: in layers of the objects' own meshes, or by modifiers."""
+        """Store the UVs in a layer of the objects' own mesh, or in a UV modifier for an evaluated mesh."""
         for target, uvs in zip(self.targets, self.uvs, strict=True):
             users = objects.of(target.uids)
             if target.topology is None:

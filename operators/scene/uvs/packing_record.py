@@ -1,4 +1,4 @@
-"""How atlases have been packed: one that would come out the same is left alone."""
+"""Records how each atlas was packed, so that an atlas with unchanged input is not packed again."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from .uv_targets import UnwrapMesh
 
 
 class PackingRecord:
-    """Keeps in the scene's list of lightmaps how each has been packed last.
+    """Stores in the scene's list of lightmaps a digest of the input of the last packing of each.
 
-    resolution  width of lightmaps, texels
+    resolution:  width of lightmaps, texels
     """
 
     def __init__(self, context: SceneContext, resolution: int) -> None:
         self._context, self._resolution = context, resolution
 
     def is_current(self, targets: Sequence[UnwrapMesh], digests: dict[str, str]) -> bool:
-        """Return whether the atlas of targets, with their areas, still is as it was packed last.
+        """Return whether the recorded digest of the targets' atlas equals the digest of the targets now.
 
-        digests: of the UVs that they have, by the mesh's name
+        targets:  meshes of one atlas, with measured areas
+        digests:  digest of the present UVs of each mesh, by the mesh's name
         """
         entry = self._entry(targets[0].atlas) if targets else None
         known = all(target.mesh.name in digests for target in targets)
         return entry is not None and known and entry.packing == self._digest(targets, digests)
 
     def keep(self, pages: Sequence[PackedPage], changes: Rollback) -> None:
-        """Keep with the atlas of each page how it has been packed now."""
+        """Record the digest of the packing of each page with the page's atlas."""
         for page in pages:
             entry = self._entry(page.atlas)
             if entry is not None:
@@ -41,7 +42,7 @@ class PackingRecord:
                 entry.packing = self._digest(page.targets, page.digests)
 
     def _entry(self, atlas: str | None) -> bpy.types.PropertyGroup | None:
-        """Return the atlas of a name in the scene's list, None if it is not there."""
+        """Return the entry of an atlas in the scene's list of lightmaps, None if the list has none."""
         return self._context.scene.hemibake.lightmaps.get(atlas) if atlas is not None else None
 
     def _set(self, name: str, packing: str) -> None:
@@ -50,7 +51,7 @@ class PackingRecord:
             entry.packing = packing
 
     def _digest(self, targets: Sequence[UnwrapMesh], digests: dict[str, str]) -> str:
-        """Return a text that tells how charts are packed, for which surfaces, and to which sizes."""
+        """Return the SHA-256 digest of the packing settings, and of each mesh's area fraction and UVs."""
         properties = self._context.scene.hemibake
         parts = [str(self._resolution), str(properties.padding), str(properties.mip_level)]
         parts.append(str(properties.align_charts))

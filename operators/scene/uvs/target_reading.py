@@ -1,4 +1,4 @@
-"""Reads the meshes that are to be unwrapped, a few at a time, with the charts they keep and their areas."""
+"""Reads the meshes to unwrap in short slices, with the charts that they keep and their surface areas."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from .uv_digest import digest_of
 from .uv_targets import Leave, UnwrapMesh, Users, own_target
 from .wall_cuts import find_wall_edges, walls_of
 
-#: Longest time that areas are measured before a window has its turn, s.
+#: Longest time that areas are measured before control returns to Blender's window, s.
 _SLICE = 0.015
 
-#: Numbers that the area of a triangle takes: its corners, and what is made of them.
+#: Floats of working memory that the area of one triangle takes: its corners and temporaries.
 _NUMBERS = 27
 
 
 class TargetReader:
-    """Reads objects' own meshes.
+    """Reads the own meshes of objects, without modifiers.
 
-    leave    called with an object that can have no lightmap UVs, and why
-    digests  what tells the UVs of charts that are kept from others, by the mesh's name
+    leave:    called with each object that cannot have lightmap UVs, and the reason
+    digests:  digest of the UVs of each mesh that keeps its charts, by the mesh's name
     """
 
     def __init__(self, context: SceneContext, objects: ObjectLookup, leave: Leave) -> None:
@@ -38,7 +38,7 @@ class TargetReader:
         self.digests: dict[str, str] = {}
 
     def read(self, users: Sequence[Users], keeps_charts: bool) -> Generator[None, None, list[UnwrapMesh]]:
-        """Read meshes, with the charts that they have if these are kept; raises MeshChangedError."""
+        """Read the mesh of each group of users, with its charts if kept; raises MeshChangedError."""
         targets = []
         for mesh in users:
             yield from self._objects.pause()
@@ -53,20 +53,20 @@ class TargetReader:
         return targets
 
     def _with_charts(self, obj: bpy.types.Object, target: UnwrapMesh) -> UnwrapMesh:
-        """Return a target with the charts that its layer has."""
+        """Return the target with the charts of its present UV layer, and record the digest of the UVs."""
         uvs = read_uvs(obj.data.uv_layers[target.layer])
         self.digests[target.mesh.name] = digest_of(uvs)
         return replace(target, charts=known_charts(target.mesh, uvs))
 
     def _parted(self, obj: bpy.types.Object, mesh: PolygonMesh) -> PolygonMesh:
-        """Return an object's mesh, parted along walls that stand on its edges."""
+        """Return the object's mesh with chart boundaries (`parted`) along walls that stand on its edges."""
         others = [other for other in visible_objects(self._context) if other != obj]
         walls = walls_of(others, self._context.evaluated_depsgraph_get())
         return replace(mesh, parted=find_wall_edges(obj, mesh, walls))
 
 
 def with_areas(targets: Sequence[UnwrapMesh]) -> Generator[None, None, list[UnwrapMesh]]:
-    """Return targets with their areas, which are measured some triangles at a time."""
+    """Return the targets with measured areas; yields between slices of a few milliseconds."""
     measured, began = [], time.perf_counter()
     for target in targets:
         mesh, area = target.mesh, 0.0

@@ -1,4 +1,4 @@
-"""Lightmap UVs for objects that have none, or whose modifiers spoil them."""
+"""Makes lightmap UVs for objects that have none, or whose modifiers make their UVs overlap."""
 
 from __future__ import annotations
 
@@ -30,24 +30,30 @@ from .uv_node_group import NAME, remove_unused_uvs
 from .uv_targets import UnwrapMesh, evaluated_mesh, evaluated_targets, may_lack_uvs, users_of_meshes
 from .viewport_uvs import project_for_viewport
 
-#: Unwrappings of meshes that change meanwhile, before it is done in one piece.
+#: Attempts that run in slices and are restarted when a mesh changes; the attempt after them runs without
+#: yielding.
 _ATTEMPTS = 3
 
 
 class UvAction(Enum):
-    """What is done with the lightmap UVs that objects have: nothing, packed again, or made anew."""
+    """What is done with the lightmap UVs that objects have already.
+
+    NONE:     they stay as they are
+    PACKING:  their charts are packed again
+    CHARTS:   they are cut into new charts
+    """
 
     NONE, PACKING, CHARTS = range(3)
 
 
 @dataclass
 class UnwrapSummary:
-    """What unwrapping did.
+    """Outcome of unwrapping.
 
-    objects  those that have got lightmap UVs
-    moved    those whose charts were packed again to make room for others
-    skipped  those that need UVs but cannot have them
-    notes    sentences for the user
+    objects:  objects that got lightmap UVs
+    moved:    objects whose charts were repacked to make room for those of other objects
+    skipped:  objects that need lightmap UVs but cannot have them
+    notes:    sentences for the user
     """
 
     objects: list[bpy.types.Object] = field(default_factory=list)
@@ -65,20 +71,23 @@ def unwrap_missing(
     anew: UvAction = UvAction.NONE,
     movable: Sequence[bpy.types.Object] = (),
 ) -> Generator[Progress | None, None, UnwrapSummary]:
-    """Give lightmap UVs to each object with faces that has none, in slices; return what was done.
+    """Give lightmap UVs to each object with faces that has none; runs in slices and returns a summary.
 
-    Raises SceneError without a layer's name, or once the scene is gone. Datablocks are looked up again
-    after each yield, and what needs an undo step is made after the last one, which must follow at once.
+    The UVs go into a layer of the object's own mesh. Modifiers may copy or make faces, so that this layer
+    overlaps or is missing on the evaluated mesh. In that case the evaluated mesh is unwrapped, and a last
+    modifier stores its UVs. That modifier is made again once it no longer fits the evaluated mesh.
 
-    An object's own mesh gets a layer. Where modifiers copy or make faces, so that the layer overlaps or is
-    missing on what they make, this is unwrapped instead and a last modifier keeps the UVs; it is made
-    anew once it no longer fits. All new UVs of an atlas are packed together, for an image of `resolution`
-    texels. If other objects hold that atlas already, their charts are packed again with the new ones; where
-    that may not be, the new ones move to a fresh atlas. Other UV layers, the selection and the mode stay as
-    they are. An object that cannot have UVs is skipped, with a note.
+    All new UVs of an atlas are packed together for an image of `resolution` texels. If other objects use the
+    atlas already, their charts are repacked with the new ones. If these may not be repacked, the new ones get
+    another atlas. Other UV layers, the selection and the mode do not change. An object that cannot have UVs
+    is skipped, with a note.
 
-    anew     what is done with the UVs that objects have
-    movable  objects whose charts may be packed again, if their UVs are as they were made
+    Raises SceneError if the layer has no name or the scene was deleted. Datablocks are looked up again after
+    each yield. Changes that need an undo step are made after the last yield, and the step must follow at
+    once.
+
+    anew:     what is done with the UVs that objects have already
+    movable:  objects whose charts may be repacked if their UVs are still as Hemibake made them
     """
     if not uv_layer:
         raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
@@ -96,7 +105,7 @@ def unwrap_missing(
 
 
 class _Unwrapping:
-    """Unwraps objects' own meshes first, then what modifiers make where that did not do."""
+    """Unwraps the own meshes of objects, then evaluated meshes of objects where that is not enough."""
 
     def __init__(
         self,
@@ -119,8 +128,8 @@ class _Unwrapping:
         self._packings = PackingRecord(context, resolution)
 
     def unwrap(self, uids: Sequence[int]) -> Generator[Progress | None, None, UnwrapSummary]:
-        """Make all UVs that are missing; warn where they cannot be as usual."""
-        # Nothing of the scene is changed before a yield, or all is taken back.
+        """Make all missing UVs, and note the objects that cannot have any."""
+        # Changes before a yield are temporary: all of them are undone before the next yield.
         trial = Rollback()
         objects = self._prepare(uids, trial)
         users = users_of_meshes(objects, self._uv_layer, self._anew is not UvAction.NONE)
@@ -135,7 +144,7 @@ class _Unwrapping:
                 return self._made
         pages = yield from self._pack(own)
 
-        # What modifiers make is known only once the objects' own meshes have their layer.
+        # The evaluated meshes are known only once the objects' own meshes have their UV layer.
         trial = Rollback()
         objects = self._prepare(uids, trial)
         self._store(pages, trial)
@@ -158,7 +167,7 @@ class _Unwrapping:
         return self._made
 
     def _prepare(self, uids: Sequence[int], changes: Rollback) -> list[bpy.types.Object]:
-        """Return the objects, edited meshes as they are, without modifiers whose UVs fit no longer."""
+        """Write edit-mode changes to the meshes, remove outdated UV modifiers; return the objects."""
         remove_unused_uvs()
         self._context.view_layer.update()
         objects = find_all(bpy.data.objects, uids)
@@ -173,7 +182,7 @@ class _Unwrapping:
     def _outdated(
         self, kept: Sequence[tuple[bpy.types.Object, bpy.types.Modifier]]
     ) -> list[bpy.types.Object]:
-        """Return the objects whose UV modifier has to be made again."""
+        """Return the objects whose UV modifier must be made again."""
         if self._anew is not UvAction.NONE or not kept:
             return [obj for obj, _ in kept]
         return evaluate(
@@ -185,7 +194,7 @@ class _Unwrapping:
     def _evaluated_targets(
         self, objects: Sequence[bpy.types.Object], own: Sequence[UnwrapMesh]
     ) -> list[UnwrapMesh]:
-        """Return what modifiers make such that it needs UVs of its own."""
+        """Return the evaluated meshes of objects that need lightmap UVs in a UV modifier."""
         made = {self._objects[uid].data.session_uid for target in own for uid in target.uids}
         rest = [
             obj for obj in objects if obj.session_uid not in self._left and may_lack_uvs(obj, self._uv_layer)
@@ -199,12 +208,12 @@ class _Unwrapping:
         )
 
     def _leave(self, obj: bpy.types.Object, trouble: str) -> None:
-        """Let an object go without lightmap UVs."""
+        """Skip an object, and record the reason."""
         self._left.append(obj.session_uid)
         self._troubles.add(trouble, obj.name)
 
     def _pack(self, targets: Sequence[UnwrapMesh]) -> Generator[Progress | None, None, list[PackedPage]]:
-        """Lay the charts of each atlas, and of each mesh that several show, side by side."""
+        """Cut and pack the charts of each atlas and of each shared mesh; return the pages."""
         if not targets:
             return []
         targets = yield from with_areas(targets)
@@ -233,7 +242,7 @@ class _Unwrapping:
         ]
 
     def _look_up(self, targets: Sequence[UnwrapMesh]) -> None:
-        """Find the objects of targets again; raise MeshChangedError if their meshes are others."""
+        """Renew the references to the targets' objects; raises MeshChangedError if a mesh changed."""
         self._objects.look_up()
         for target in targets:
             objects = self._objects.of(target.uids)
@@ -243,12 +252,12 @@ class _Unwrapping:
                     raise MeshChangedError
 
     def _store(self, pages: Sequence[PackedPage], changes: Rollback) -> None:
-        """Store the UVs of all pages."""
+        """Store the UVs of all pages in layers or UV modifiers."""
         for page in pages:
             page.store(self._objects, changes)
 
     def _finish(self, pages: Sequence[PackedPage]) -> None:
-        """Say who has got UVs, and who has none."""
+        """Fill the summary: objects with new UVs, repacked objects, skipped objects, and notes."""
         targets = [target for page in pages for target in page.targets]
         uids = list(dict.fromkeys(uid for target in targets for uid in target.uids))
         self._made.objects = self._objects.of(uid for uid in uids if uid not in self._moving)
@@ -268,12 +277,12 @@ class _Unwrapping:
 
 
 def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: Evaluation) -> bool:
-    """Return whether what an object's modifiers make has changed since its UVs were made."""
+    """Return whether the evaluated mesh of an object no longer fits the UVs of its UV modifier."""
     with evaluated_mesh(obj, evaluation) as mesh:
         return mesh is not None and not fits(modifier, mesh)
 
 
 def _without(targets: Sequence[UnwrapMesh], replaced: Sequence[UnwrapMesh]) -> list[UnwrapMesh]:
-    """Return the targets that have an object which no other target has replaced."""
+    """Return the targets that have an object which is in none of the replacing targets."""
     gone = {uid for target in replaced for uid in target.uids}
     return [target for target in targets if any(uid not in gone for uid in target.uids)]

@@ -1,4 +1,4 @@
-"""Unwrapping in a process of its own, which xatlas may bring down or keep busy for long."""
+"""Runs unwrapping in a separate process, because xatlas may crash or run for a long time."""
 
 from __future__ import annotations
 
@@ -17,15 +17,17 @@ from ....engine.unwrap.unwrapping import PackJob, Unwrapped
 from ...worker_manager import new_worker
 from . import blender_charts
 
-#: The generators that the process runs: all of the work, or only the part that xatlas does.
+#: Generators that the worker process runs: the whole of unwrapping, or only the cutting into charts by
+#: xatlas.
 _UNWRAP = "engine.unwrap.unwrapping:unwrap"
 _CUT = "engine.unwrap.unwrapping:cut"
 
-#: How long xatlas may be silent: about ten times what it takes for meshes as slow as any measured, s.
+#: Time without a message after which the worker counts as hung: a base, and an addition for each triangle, s.
+#: It is about ten times what the slowest measured meshes took.
 _PATIENCE, _PATIENCE_PER_TRIANGLE = 60.0, 2e-3
 
-#: Triangles from which on meshes are cut in several processes at once, how many these are at most, and what
-#: part of all work that is.
+#: Meshes with at least _MANY triangles in total are cut in several processes at once. _MOST_PROCESSES limits
+#: their number, and _CUTTING is the fraction of the progress that cutting stands for.
 _MANY, _MOST_PROCESSES, _CUTTING = 200_000, 4, 0.6
 
 KnownCharts = tuple[MeshCharts | None, ...]
@@ -37,11 +39,11 @@ def unwrap_in_process(
     squares: Sequence[PackJob],
     cutting: ChartOptions,
 ) -> Generator[Progress | None, None, tuple[Unwrapped, list[int]]]:
-    """Do the work of `engine.unwrap.unwrapping.unwrap` in another process; closing kills that.
+    """Run `engine.unwrap.unwrapping.unwrap` in another process; closing the generator ends that process.
 
-    Returns what that does, and the meshes, by number, that xatlas cannot cut: Blender makes their charts, as
-    it does for all where there is no xatlas. Raises WorkerError if the process dies or hangs without xatlas,
-    too.
+    Returns the result and the indices of meshes that xatlas cannot cut. Blender's Smart UV Project cuts
+    those, or all meshes if xatlas is not installed. Raises WorkerError if the process dies or hangs even
+    without xatlas.
     """
     known, failed = tuple(charts), []
     if not has_xatlas():
@@ -63,7 +65,7 @@ def unwrap_in_process(
 def _run(
     work: str, meshes: Sequence[PolygonMesh], arguments: tuple[object, ...] = (), attempts: int = 2
 ) -> Generator:
-    """Do some work on meshes in a process of its own."""
+    """Run a generator of the engine on meshes in a separate process, with a time-out by triangle count."""
     from ....engine.worker.disposable import run_apart
     from ....engine.worker.process import UNWRAPPING
 
@@ -75,7 +77,7 @@ def _run(
 def _after(
     part: float, work: Generator[Progress | None, None, Unwrapped]
 ) -> Generator[Progress | None, None, Unwrapped]:
-    """Do work of which some part is done already."""
+    """Run work as the rest of a larger task of which the fraction `part` is done; adapts the progress."""
 
     def told(progress: Progress | None) -> Progress | None:
         return progress and replace(progress, overall=part + (1 - part) * progress.overall)
@@ -86,7 +88,7 @@ def _after(
 def _cut_side_by_side(
     meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: ChartOptions
 ) -> Generator[Progress | None, None, KnownCharts]:
-    """Return the charts of all meshes, cut in a process for each core; of few triangles those known before.
+    """Return the charts of all meshes, cut in several processes; `charts` itself if triangles are few.
 
     Raises WorkerError if one of the processes dies or hangs.
     """
@@ -118,7 +120,7 @@ def _cut_side_by_side(
 
 
 def _groups(meshes: Sequence[PolygonMesh], chosen: Sequence[int]) -> list[list[int]]:
-    """Return which meshes each process cuts: the largest first, each to the one with the fewest triangles."""
+    """Return the mesh indices for each process; greedy: the largest mesh goes to the least loaded process."""
     triangles = sum(len(meshes[index].triangles) for index in chosen)
     if triangles < _MANY:
         return []
@@ -135,9 +137,10 @@ def _groups(meshes: Sequence[PolygonMesh], chosen: Sequence[int]) -> list[list[i
 def _cut_each(
     meshes: Sequence[PolygonMesh], charts: KnownCharts, cutting: ChartOptions
 ) -> Generator[Progress | None, None, tuple[KnownCharts, list[int]]]:
-    """Return the charts of all meshes, and those that xatlas cannot cut: it is tried on ever smaller halves.
+    """Cut all meshes; return their charts, and the indices of meshes that make xatlas fail.
 
-    Raises WorkerError if the process cannot even be started.
+    Bisection: if a group of meshes makes the process die or hang, its halves are tried separately. A single
+    mesh that fails is cut by Blender. Raises WorkerError if the process cannot even be started.
     """
     yield from _run(_CUT, (), (cutting,))
     known, failed = list(charts), []
@@ -161,7 +164,7 @@ def _cut_each(
 def _charts_by_blender(
     meshes: Sequence[PolygonMesh], charts: KnownCharts
 ) -> Generator[Progress | None, None, KnownCharts]:
-    """Return the charts of all meshes; those that are not known are made by Blender's own operators."""
+    """Return the charts of all meshes, with unknown ones cut by Blender's Smart UV Project."""
     complete = []
     for number, (mesh, known) in enumerate(zip(meshes, charts, strict=True)):
         yield Progress("Unwrapping", number / len(meshes))

@@ -1,4 +1,4 @@
-"""Digests of UV layers: they tell whether lightmap UVs are those of before."""
+"""SHA-256 digests of UV layers, which tell whether lightmap UVs have changed."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ import numpy as np
 
 
 def digest_of(uvs: np.ndarray) -> str:
-    """Return a text that tells UVs, (l, 2) float32, from others."""
+    """Return the SHA-256 digest of UVs, (l, 2) float32, as a hexadecimal text."""
     return hashlib.sha256(np.ascontiguousarray(uvs, np.float32).tobytes()).hexdigest()

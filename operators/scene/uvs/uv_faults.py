@@ -1,4 +1,4 @@
-"""Lightmap UVs that cannot hold light: found before they reach a bake."""
+"""Detects lightmap UVs that cannot hold light: not finite, outside 0-1, overlapping, or without texels."""
 
 from __future__ import annotations
 
@@ -11,36 +11,39 @@ from ....engine.progress import finished
 from ....engine.scene.checks import UV_TOLERANCE
 from ....engine.unwrap.triangle_spans import triangle_spans
 
-#: Texels along the wider side of the charts' box when overlaps are looked for, and triangles at a time.
+#: Cells along each side of the grid over the UVs' bounding box in which overlaps are searched, and triangles
+#: rasterized at a time.
 _GRID = 512
 _CHUNK = 1 << 13
 
-#: Layers of which it is remembered whether triangles lie on each other: each bake asks that of all again.
+#: Number of UV layers whose result of the overlap test is cached, because each bake asks for all of them
+#: again.
 _REMEMBERED = 256
 
-#: What is remembered, by digests of UVs; what was looked at last comes last.
+#: Cached results of the overlap test by digest of the UVs, least recently used first.
 _overlapping: dict[bytes, bool] = {}
 
-#: Fraction of the covered texels that several triangles may cover.
+#: Fraction of the covered cells that may be covered by two or more triangles.
 _DOUBLED = 0.0025
 
-#: Fraction of the surface that may have next to no texels, and what that is relative to the mean.
+#: Fraction of the surface area that may get almost no UV area. A triangle gets almost none if its UV area per
+#: surface area is less than _FLAT times the mean.
 _MISSING = 0.005
 _FLAT = 0.01
 
 
 def is_finite(uvs: np.ndarray) -> bool:
-    """Return whether all UVs are numbers."""
+    """Return whether all UVs are finite numbers."""
     return bool(np.isfinite(uvs).all())
 
 
 def is_inside(uvs: np.ndarray) -> bool:
-    """Return whether all UVs lie in a lightmap; true without any."""
+    """Return whether all UVs lie within 0-1, up to a tolerance; True for no UVs."""
     return not uvs.size or bool(uvs.min() >= -UV_TOLERANCE and uvs.max() <= 1 + UV_TOLERANCE)
 
 
 def overlap(uvs: np.ndarray) -> bool:
-    """Return whether triangles, (t, 3, 2) finite, lie on each other by more than a rounding's worth."""
+    """Return whether triangles, (t, 3, 2) finite UVs, overlap beyond rounding errors; cached."""
     key = hashlib.blake2b(np.ascontiguousarray(uvs)).digest()
     known = _overlapping.pop(key, None)
     _overlapping[key] = _overlap(uvs) if known is None else known
@@ -50,7 +53,7 @@ def overlap(uvs: np.ndarray) -> bool:
 
 
 def _overlap(uvs: np.ndarray) -> bool:
-    """Return what `overlap` does, found anew."""
+    """Return whether triangles overlap, without the cache: by total area, else by rasterization."""
     low = uvs.reshape(-1, 2).min(axis=0, initial=np.inf)
     size = float((uvs.reshape(-1, 2).max(axis=0, initial=-np.inf) - low).max())
     if not size > 0:
@@ -63,9 +66,10 @@ def _overlap(uvs: np.ndarray) -> bool:
 
 
 def count_covers(corners: np.ndarray, width: int, height: int) -> Generator[None, None, np.ndarray]:
-    """Return in how many triangles, (t, 3, 2) cells, the centre of each cell of a grid lies, (h, w) int64.
+    """Return the number of triangles, (t, 3, 2) in cells, that cover each cell's centre, (h, w) int64.
 
-    Yields after every few milliseconds of work.
+    Scanline rasterization: the starts and ends of spans are counted in each row, and summed along it. Yields
+    between slices of a few milliseconds.
     """
     steps = np.zeros(height * (width + 1), np.int64)
     for first in range(0, len(corners), _CHUNK):
@@ -76,9 +80,9 @@ def count_covers(corners: np.ndarray, width: int, height: int) -> Generator[None
 
 
 def covered_texels(uvs: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the texels of a lightmap whose centres lie in triangles, (t, 3, 2) within 0-1, and in how many.
+    """Return the texels whose centres triangles cover, (t, 3, 2) UVs within 0-1, and their cover counts.
 
-    Texels are (n,) int64, row * (resolution + 1) + column, ascending.
+    The texels are (n,) int64, row * (resolution + 1) + column, ascending; the counts are (n,) int64.
     """
     corners = np.clip(uvs.astype(np.float64), 0, 1) * resolution
     texels = [np.zeros(0, np.int64)]
@@ -90,7 +94,7 @@ def covered_texels(uvs: np.ndarray, resolution: int) -> tuple[np.ndarray, np.nda
 
 
 def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
-    """Return whether all but a sliver of a surface, (t, 3, 3), has texels by its UVs, (t, 3, 2)."""
+    """Return whether UVs, (t, 3, 2), give texels to nearly all of a surface, (t, 3, 3) positions."""
     flat, surface = _areas(uvs), _areas(positions)
     if not flat.sum() > 0:
         return False
@@ -99,9 +103,10 @@ def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
 
 
 def _spans(corners: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return where triangles, (t, 3, 2) texels, begin and end in the rows of a grid that they cross.
+    """Return the starts and ends of the spans of triangles, (t, 3, 2) in texels, in each grid row they cross.
 
-    Both are (n,) int64, row * (width + 1) + column. A texel's centre on an edge is in one triangle.
+    Both are (n,) int64, row * (width + 1) + column. A texel centre on a shared edge belongs to one triangle
+    only.
     """
     _, row, start, end = triangle_spans(corners)
     starts, ends = (row * (width + 1) + np.clip(column, 0, width) for column in (start, end))
@@ -109,7 +114,7 @@ def _spans(corners: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:
-    """Return twice the area of each triangle, (t, 3, 2) or (t, 3, 3) -> (t,) float64."""
+    """Return twice each triangle's area by the Gram determinant, (t, 3, 2) or (t, 3, 3) -> (t,) float64."""
     first, second = (corners[:, 1:].astype(np.float64) - corners[:, :1]).transpose(1, 0, 2)
     gram = (first**2).sum(axis=1) * (second**2).sum(axis=1) - (first * second).sum(axis=1) ** 2
     return np.sqrt(np.maximum(gram, 0))

@@ -1,4 +1,4 @@
-"""A UV layer of an object's own mesh: added and removed with nothing else changed, in edit mode, too."""
+"""Adds, replaces and removes UV layers of an object's own mesh, in object mode and edit mode."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ...lookup import find
 from ...rollback import Rollback
 from ..objects.meshes import read_uvs
 
-#: Blender's own limit.
+#: Largest number of UV layers that Blender allows on a mesh.
 MOST_LAYERS = 8
 
 
 def add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Rollback) -> None:
-    """Add a UV layer, (l, 2) of each loop, without touching which one is active or rendered."""
+    """Add a UV layer, (l, 2) float32 at the loops; which layers are active and rendered is kept."""
     changes.add(lambda uid=obj.session_uid: _remove_from(uid, name))
     (_add_edited if obj.data.is_editmode else _add_stored)(obj, name, uvs)
 
 
 def remove_layer(obj: bpy.types.Object, name: str) -> None:
-    """Remove a UV layer, if there is one of that name."""
+    """Remove the UV layer of a name if the mesh has one."""
     if name not in obj.data.uv_layers:
         return
     if obj.data.is_editmode:
@@ -37,9 +37,10 @@ def remove_layer(obj: bpy.types.Object, name: str) -> None:
 
 
 def replace_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Rollback) -> None:
-    """Give a UV layer, or a new one, other UVs, (l, 2) of each loop.
+    """Set the UVs of a layer, (l, 2) float32 at the loops; the layer is added if it is missing.
 
-    It is made anew: a mesh that was copied may share the arrays of its layers with the other one.
+    An existing layer is removed and made again, because a copied mesh may share the arrays of its layers with
+    the original.
     """
     if name not in obj.data.uv_layers:
         add_layer(obj, name, uvs, changes)
@@ -57,7 +58,7 @@ def _bring_back(uid: int, name: str, uvs: np.ndarray) -> None:
 
 
 def _exchange(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> None:
-    """Make a UV layer anew; the same ones are active and rendered afterwards."""
+    """Remove a UV layer and make it again; which layers are active and active for rendering is kept."""
     layers = obj.data.uv_layers
     active = layers.active.name if layers.active else ""
     rendered = next((layer.name for layer in layers if layer.active_render), "")
@@ -83,7 +84,7 @@ def _add_stored(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> None:
 
 
 def _add_edited(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> None:
-    """Add a layer to a mesh that is being edited."""
+    """Add a UV layer to a mesh in edit mode."""
     edited = bmesh.from_edit_mesh(obj.data)
     layer = edited.loops.layers.uv.new(name)
     loops = (loop for face in edited.faces for loop in face.loops)
@@ -93,7 +94,7 @@ def _add_edited(obj: bpy.types.Object, name: str, uvs: np.ndarray) -> None:
 
 
 def _update_edited(obj: bpy.types.Object) -> None:
-    """Show what has been done to a mesh in edit mode, and store it in the mesh."""
+    """Update the display of a mesh in edit mode, and write its edits to the mesh datablock."""
     bmesh.update_edit_mesh(obj.data, loop_triangles=False, destructive=False)
     obj.update_from_editmode()
 

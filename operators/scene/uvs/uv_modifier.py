@@ -1,8 +1,8 @@
-"""Lightmap UVs of a mesh as modifiers make it, kept by one more modifier.
+"""Stores lightmap UVs of an evaluated mesh in a last Geometry Nodes modifier.
 
-Modifiers that copy or make faces leave no room for UVs on the object's own mesh. A last Geometry Nodes
-modifier stores them on the corners of what the others make (see `uv_node_group`). Nothing of the user's is
-touched; removing the modifier removes the UVs.
+If modifiers copy or make faces, the UVs of the object's own mesh cannot be unique. The last modifier then
+writes UVs to the corners of the mesh that the other modifiers make (see `uv_node_group`). Nothing of the
+user's is changed, and removing the modifier removes the UVs.
 """
 
 from __future__ import annotations
@@ -22,38 +22,41 @@ from .uv_node_group import NAME, is_uv_group, new_uv_group, stores_layer, topolo
 
 
 def topology(mesh: bpy.types.Mesh) -> str:
-    """Return a digest of which vertices the corners of each polygon have: UVs fit any mesh with the same."""
+    """Return the SHA-256 digest of the vertex of each loop and the first loop of each polygon of a mesh.
+
+    UVs of one mesh fit each mesh with the same digest.
+    """
     digest = hashlib.sha256(read_array(mesh.polygons, "loop_start", 1, np.int32).tobytes())
     digest.update(read_corner_vertices(mesh).tobytes())
     return digest.hexdigest()
 
 
 def uv_modifier(obj: bpy.types.Object, uv_layer: str) -> bpy.types.Modifier | None:
-    """Return the modifier that keeps an object's lightmap UVs, if it has one; see `lightmap_layer`."""
+    """Return the modifier that stores an object's lightmap UVs, None without one; see `lightmap_layer`."""
     layer = lightmap_layer(obj, uv_layer)
     nodes = (modifier for modifier in obj.modifiers if modifier.type == "NODES")
     return next((modifier for modifier in nodes if stores_layer(modifier.node_group, layer)), None)
 
 
 def uv_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
-    """Return all modifiers of an object that keep lightmap UVs, in whichever layer."""
+    """Return all modifiers of an object that store lightmap UVs, in any layer."""
     nodes = (modifier for modifier in obj.modifiers if modifier.type == "NODES")
     return [modifier for modifier in nodes if is_uv_group(modifier.node_group)]
 
 
 def uv_source(obj: bpy.types.Object, uv_layer: str) -> int:
-    """Return the session uid of what an object has its UVs from: its modifier's node group, or its mesh."""
+    """Return the session uid of the datablock with an object's UVs: its modifier's group, else its mesh."""
     modifier = uv_modifier(obj, uv_layer)
     return obj.data.session_uid if modifier is None else modifier.node_group.session_uid
 
 
 def has_uvs(obj: bpy.types.Object, uv_layer: str) -> bool:
-    """Return whether a mesh object has lightmap UVs, in a layer of its mesh or by a modifier."""
+    """Return whether a mesh object has lightmap UVs, in a layer of its mesh or in a UV modifier."""
     return lightmap_layer(obj, uv_layer) in obj.data.uv_layers or uv_modifier(obj, uv_layer) is not None
 
 
 def fits(modifier: bpy.types.Modifier, mesh: bpy.types.Mesh) -> bool:
-    """Return whether a UV modifier is in use, the last one, and its UVs are those of an evaluated mesh."""
+    """Return whether a UV modifier is enabled and last, and its UVs fit the topology of an evaluated mesh."""
     used = modifier.show_viewport and modifier.show_render and modifier.id_data.modifiers[-1] == modifier
     return used and topology_of(modifier.node_group) == topology(mesh)
 
@@ -61,9 +64,11 @@ def fits(modifier: bpy.types.Modifier, mesh: bpy.types.Mesh) -> bool:
 def add_uv_modifier(
     objects: Sequence[bpy.types.Object], uvs: np.ndarray, digest: str, uv_layer: str, changes: Rollback
 ) -> None:
-    """Give objects whose evaluated meshes have one topology a modifier with UVs of its corners, (l, 2).
+    """Add to each object a modifier that stores UVs, (l, 2), at the loops of its evaluated mesh.
 
-    uv_layer  that of all of these objects
+    objects:   objects whose evaluated meshes have the same topology
+    digest:    that topology, see `topology`
+    uv_layer:  name of the lightmap UV layer of all these objects
     """
     group = new_uv_group(objects[0].name, uvs, digest, uv_layer, changes)
     for obj in objects:
@@ -72,14 +77,14 @@ def add_uv_modifier(
 
 
 def drop_uv_modifier(obj: bpy.types.Object, uv_layer: str, changes: Rollback) -> None:
-    """Remove the UV modifier of an object."""
+    """Remove the UV modifier of an object; undoing `changes` adds it again."""
     group = uv_modifier(obj, uv_layer).node_group
     changes.add(lambda uid=obj.session_uid, group_uid=group.session_uid: _attach_again(uid, group_uid))
     _detach(obj.session_uid, uv_layer)
 
 
 def remove_uv_modifiers(obj: bpy.types.Object) -> None:
-    """Remove all modifiers of an object that keep lightmap UVs, and forget what was baked with them."""
+    """Remove all UV modifiers of an object, and the records of bakes that used their UVs."""
     modifiers = uv_modifiers(obj)
     if not modifiers:
         return
@@ -89,7 +94,7 @@ def remove_uv_modifiers(obj: bpy.types.Object) -> None:
 
 
 def _attach(obj: bpy.types.Object, group: bpy.types.NodeTree) -> None:
-    """Add a modifier with a node group, after those that the user has pinned; the active one stays active."""
+    """Add a last modifier with a node group, after pinned ones; the active modifier stays active."""
     active = obj.modifiers.active
     modifier = obj.modifiers.new(NAME, "NODES")
     modifier.node_group = group

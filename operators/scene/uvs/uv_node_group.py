@@ -1,14 +1,14 @@
-"""Node groups that store lightmap UVs on the corners of what modifiers make.
+"""Makes the Geometry Nodes groups that store lightmap UVs at the corners of an evaluated mesh.
 
-    carrier, an object that no scene has: point i lies at (u, v, 0) of corner i
-        -> Object Info -> Sample Index, of the position at each corner's index
-        -> Store Named Attribute: 2D vector, corner domain, the lightmap UV layer
+    carrier: an object in no scene; its vertex i has position (u, v, 0) of corner i
+        -> Object Info -> Sample Index: the carrier's position at the index of each corner
+        -> Store Named Attribute: 2D vector on corners, named as the lightmap UV layer
 
-Where the viewport has other faces than renders, which are baked, the node Is Viewport switches to a second
-carrier with UVs of the viewport's corners.
+Bakes use the mesh of renders. If the viewport's mesh has other faces, the node Is Viewport switches to a
+second carrier with UVs for the viewport's corners.
 
-The group alone uses the carriers, and each carrier alone its mesh: once no modifier has the group, all of
-them are without users.
+Only the node group uses the carriers, and only a carrier uses its mesh. When no modifier uses the group any
+longer, Blender can remove all of them as unused data.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from ...lookup import find
 from ...rollback import Rollback
 from ..objects.render_differences import UV_GROUP
 
-#: Name of the modifier, of the node that names the carrier, and part of the datablocks' names.
+#: Name of the modifier and of the node that refers to the carrier; also part of the names of the datablocks.
 NAME = "Lightmap UVs"
 
-#: Custom properties of a node group: the UV layer that it stores, and the topology that this is meant for.
+#: Custom properties of a node group: the UV layer that it stores, and the topology of the mesh that it fits.
 _LAYER, _TOPOLOGY = UV_GROUP, "hemibake_topology"
 
-#: Custom property of a node group: the digest of the UVs that it keeps for the viewport.
+#: Custom property of a node group: digest of the meshes and UVs from which its viewport UVs were projected.
 _VIEWPORT = "hemibake_viewport"
 
-#: Names of the nodes that these take, Object Info first.
+#: Names of the nodes that viewport UVs add to a group; the Object Info node is first.
 _VIEWPORT_NODES = tuple(f"{NAME} {part}" for part in ("of viewport", "is viewport", "switch", "count"))
 
-#: Custom property of a carrier.
+#: Custom property that marks carriers.
 _CARRIER = "hemibake_uvs"
 
 
 def new_uv_group(
     owner: str, uvs: np.ndarray, topology: str, uv_layer: str, changes: Rollback
 ) -> bpy.types.NodeTree:
-    """Return a node group that stores UVs, (l, 2), as a layer of meshes of one topology.
+    """Return a new node group that stores UVs, (l, 2), in a layer of meshes of one topology.
 
-    owner  name of the object that they are made for
+    owner:  name of the object for which the UVs are made
     """
     points = bpy.data.meshes.new(f".{NAME} of {owner}")
     changes.add(lambda uid=points.session_uid: _remove(bpy.data.meshes, uid))
@@ -56,7 +56,7 @@ def new_uv_group(
 
 
 def keep_viewport_uvs(group: bpy.types.NodeTree, uvs: np.ndarray, digest: str) -> None:
-    """Let a node group without UVs for the viewport keep some, (l, 2), told from others by a digest."""
+    """Add viewport UVs, (l, 2), to a node group that has none, and the digest of their inputs."""
     points = bpy.data.meshes.new(f"{group.name} in viewport")
     points.vertices.add(len(uvs))
     points.vertices.foreach_set("co", np.c_[uvs, np.zeros(len(uvs))].astype(np.float32).reshape(-1))
@@ -80,10 +80,7 @@ def keep_viewport_uvs(group: bpy.types.NodeTree, uvs: np.ndarray, digest: str) -
 
 
 def kept_viewport_uvs(group: bpy.types.NodeTree) -> tuple[np.ndarray | None, str]:
-    """Return the UVs that a node group keeps for the viewport, (l, 2), and their digest.
-
-    None and "" without any.
-    """
+    """Return a node group's viewport UVs, (l, 2) float32, and their digest; None and "" without any."""
     node = group.nodes.get(_VIEWPORT_NODES[0])
     carrier = node and node.inputs["Object"].default_value
     if carrier is None:
@@ -94,7 +91,7 @@ def kept_viewport_uvs(group: bpy.types.NodeTree) -> tuple[np.ndarray | None, str
 
 
 def drop_viewport_uvs(group: bpy.types.NodeTree) -> None:
-    """Remove what a node group keeps for the viewport, if there is any."""
+    """Remove the viewport UVs of a node group if it has any."""
     if _VIEWPORT not in group:
         return
     shown = group.nodes.get(_VIEWPORT_NODES[0])
@@ -112,34 +109,34 @@ def drop_viewport_uvs(group: bpy.types.NodeTree) -> None:
 
 
 def _one(group: bpy.types.NodeTree, kind: str) -> bpy.types.Node:
-    """Return the only node of a kind."""
+    """Return the only node of a type in a group."""
     return next(node for node in group.nodes if node.bl_idname == kind)
 
 
 def _expected(same: bpy.types.Node) -> list[bpy.types.NodeSocket]:
-    """Return the two numbers that a node compares."""
+    """Return the two integer inputs of a Compare node."""
     return [socket for socket in same.inputs if socket.type == "INT" and socket.enabled]
 
 
 def is_uv_group(group: bpy.types.NodeTree | None) -> bool:
-    """Return whether a node group is one of these."""
+    """Return whether a node group is one that stores lightmap UVs."""
     return group is not None and _LAYER in group
 
 
 def stores_layer(group: bpy.types.NodeTree | None, uv_layer: str) -> bool:
-    """Return whether a node group is one of these, and stores a layer."""
+    """Return whether a node group stores lightmap UVs in the given layer."""
     return group is not None and group.get(_LAYER) == uv_layer
 
 
 def topology_of(group: bpy.types.NodeTree) -> str:
-    """Return the topology that the UVs of a node group are meant for."""
+    """Return the digest of the topology that the UVs of a node group fit, see `uv_modifier.topology`."""
     return group[_TOPOLOGY]
 
 
 def remove_unused_uvs() -> None:
-    """Remove node groups that no modifier has, with what they alone use, and take carriers out of scenes.
+    """Remove unused node groups with their carriers and meshes, and unlink carriers from collections.
 
-    A carrier gets into a scene when somebody appends its user from another file.
+    A carrier is linked to a collection if the user appends an object that uses it from another file.
     """
     for group in [group for group in bpy.data.node_groups if _LAYER in group and not group.users]:
         bpy.data.node_groups.remove(group)
@@ -155,7 +152,7 @@ def remove_unused_uvs() -> None:
 
 
 def _new_carrier(points: bpy.types.Mesh) -> bpy.types.Object:
-    """Return an object that no render shows, wherever it gets."""
+    """Return a new object that is hidden from the viewport, renders and selection in each scene."""
     carrier = bpy.data.objects.new(points.name, points)
     carrier[_CARRIER] = True
     carrier.hide_viewport = carrier.hide_render = carrier.hide_select = True
@@ -169,7 +166,7 @@ def _remove(collection, uid: int) -> None:
 
 
 def _new_group(carrier: bpy.types.Object, corners: int, uv_layer: str) -> bpy.types.NodeTree:
-    """Return nodes that store UVs on a mesh of `corners` corners, and leave all other geometry as it is."""
+    """Return a node group that stores UVs on meshes with `corners` corners, and passes other geometry on."""
     group = bpy.data.node_groups.new(carrier.name, "GeometryNodeTree")
     group.is_modifier = True
     for direction in ("INPUT", "OUTPUT"):
@@ -181,7 +178,7 @@ def _new_group(carrier: bpy.types.Object, corners: int, uv_layer: str) -> bpy.ty
     group.links.new(group.nodes.new("NodeGroupInput").outputs[0], parts.inputs[0])
     group.links.new(join.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
 
-    # Corner i of the mesh gets the position of point i of the carrier.
+    # Corner i of the mesh gets the position of vertex i of the carrier.
     points, sample = group.nodes.new("GeometryNodeObjectInfo"), group.nodes.new("GeometryNodeSampleIndex")
     points.name, points.inputs["Object"].default_value = NAME, carrier
     sample.data_type, sample.domain = "FLOAT_VECTOR", "POINT"
@@ -193,7 +190,7 @@ def _new_group(carrier: bpy.types.Object, corners: int, uv_layer: str) -> bpy.ty
     group.links.new(parts.outputs["Mesh"], store.inputs["Geometry"])
     group.links.new(sample.outputs["Value"], store.inputs["Value"])
 
-    # A mesh of another size keeps what it has.
+    # A mesh with another number of corners keeps the UVs that it has.
     size, same = group.nodes.new("GeometryNodeAttributeDomainSize"), group.nodes.new("FunctionNodeCompare")
     same.data_type, same.operation = "INT", "EQUAL"
     expected = _expected(same)

@@ -1,4 +1,4 @@
-"""Where the objects of a bake have had their lightmap UVs from: an undo meanwhile may take some away."""
+"""Records where objects had their lightmap UVs from when a bake began, since an undo may remove these."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .uv_modifier import has_uvs, uv_source
 
 
 class UvSnapshot:
-    """Knows the sources of the lightmap UVs of objects, see `uv_source`, as they are when it is made."""
+    """Records the UV source (see `uv_source`) of each object with lightmap UVs when it is constructed."""
 
     def __init__(self, objects: Iterable[bpy.types.Object], uv_layer: str) -> None:
         self._uv_layer = uv_layer
@@ -19,11 +19,11 @@ class UvSnapshot:
         }
 
     def names(self, uids: Iterable[int]) -> list[str]:
-        """Return the names that objects had, by their session uids; none for those without such UVs."""
+        """Return the recorded names of objects by session uid; objects without lightmap UVs are left out."""
         return [self._known[uid][0] for uid in uids if uid in self._known]
 
     def lost(self) -> dict[int, str]:
-        """Return session uid and name of the objects that have no such UVs any more, or other ones."""
+        """Return session uid and recorded name of objects whose lightmap UVs are gone or changed source."""
         return {
             obj.session_uid: self._known[obj.session_uid][0]
             for obj in bpy.data.objects

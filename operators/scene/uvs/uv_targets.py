@@ -1,4 +1,4 @@
-"""Meshes that lack lightmap UVs: objects' own ones, and those that their modifiers make of them."""
+"""Finds meshes that lack lightmap UVs: own meshes of objects, and evaluated ones (modifiers applied)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .uv_faults import cover, is_finite, is_inside, overlap
 from .uv_layers import MOST_LAYERS
 from .uv_modifier import has_uvs, topology, uv_modifier
 
-#: Called with an object that gets no lightmap UVs, and why.
+#: Called with an object that gets no lightmap UVs, and the reason.
 Leave = Callable[[bpy.types.Object, str], None]
 
 
@@ -28,13 +28,13 @@ Leave = Callable[[bpy.types.Object, str], None]
 class UnwrapMesh:
     """A mesh to unwrap.
 
-    uids      session uids of all objects that show it
-    atlas     name of the atlas that they belong to
-    layer     its lightmap UV layer
-    mesh      in world space, as the first of them shows it, times its scale in lightmaps
-    area      its surface, m^2; 0 until it is measured
-    topology  of a mesh that modifiers make; None for the objects' own mesh
-    charts    once they are known
+    uids:      session uids of all objects that use it
+    atlas:     name of the atlas of these objects
+    layer:     name of its lightmap UV layer
+    mesh:      the mesh in the world space of the first object, scaled by that object's lightmap scale
+    area:      surface area, m^2; 0 until it is measured
+    topology:  digest of the topology of an evaluated mesh; None for the objects' own mesh
+    charts:    its charts; None until they are known
     """
 
     uids: tuple[int, ...]
@@ -48,7 +48,7 @@ class UnwrapMesh:
 
 @contextmanager
 def evaluated_mesh(obj: bpy.types.Object, evaluation: Evaluation) -> Iterator[bpy.types.Mesh | None]:
-    """Give the mesh that an object's modifiers make; None if the evaluation does not have the object."""
+    """Provide the evaluated mesh of an object; None if the dependency graph does not evaluate the object."""
     evaluated = evaluation.evaluated(obj)
     if not evaluated.is_evaluated:
         yield None
@@ -63,16 +63,16 @@ def evaluated_mesh(obj: bpy.types.Object, evaluation: Evaluation) -> Iterator[bp
 
 @dataclass(frozen=True)
 class Users:
-    """Objects that show one mesh, which lacks a lightmap UV layer: their session uids, and the layer."""
+    """Session uids of the objects that use one mesh, and the lightmap UV layer that the mesh lacks."""
 
     uids: tuple[int, ...]
     layer: str
 
 
 def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str, anew: bool) -> list[Users]:
-    """Return the users of each mesh that lacks the layer and can have one of its own.
+    """Return the users of each editable mesh that lacks its lightmap UV layer.
 
-    anew: those of meshes that have it, too
+    anew:  True to include meshes that have the layer
     """
     users: dict[tuple[int, str], list[int]] = {}
     for obj in objects:
@@ -83,7 +83,7 @@ def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str, anew: bo
 
 
 def own_target(objects: Sequence[bpy.types.Object], layer: str, leave: Leave) -> UnwrapMesh | None:
-    """Return the mesh of objects that show one; None if it can have no layer."""
+    """Return the own mesh of objects that share it, in world space; None if it cannot have a UV layer."""
     mesh = _read(objects, objects[0].data, layer, leave)
     return None if mesh is None else UnwrapMesh(_uids(objects), objects[0].hemibake.atlas, layer, mesh)
 
@@ -95,12 +95,11 @@ def evaluated_targets(
     evaluation: Evaluation,
     leave: Leave,
 ) -> list[UnwrapMesh]:
-    """Return the meshes that modifiers make such that the layer is missing or of no use.
+    """Return the evaluated meshes whose lightmap UV layer is missing or unusable because of modifiers.
 
-    objects: see `may_lack_uvs`
-
-    made: session uids of the meshes whose layer has just been made. A layer of the user's that is of no
-    use before any modifier stays as it is.
+    objects:  objects for which `may_lack_uvs` is True
+    made:     session uids of meshes whose layer was just made. A user's layer that is unusable even without
+              modifiers is left as it is.
     """
     users: dict[tuple[int, str, str, str], list[bpy.types.Object]] = {}
     meshes: dict[tuple[int, str, str, str], PolygonMesh | None] = {}
@@ -124,7 +123,7 @@ def evaluated_targets(
 
 
 def may_lack_uvs(obj: bpy.types.Object, uv_layer: str) -> bool:
-    """Return True if what an object's modifiers make may lack the layer."""
+    """Return True if the evaluated mesh of an object may lack the lightmap UV layer."""
     return len(obj.modifiers) > 0 or lightmap_layer(obj, uv_layer) not in obj.data.uv_layers
 
 
@@ -133,7 +132,7 @@ def _uids(objects: Sequence[bpy.types.Object]) -> tuple[int, ...]:
 
 
 def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made: set[int]) -> bool:
-    """Return whether an object's evaluated mesh needs UVs that its own mesh cannot have."""
+    """Return whether an object's evaluated mesh needs UVs that a layer of its own mesh cannot provide."""
     if not len(mesh.polygons) or uv_modifier(obj, uv_layer):
         return False
     if uv_layer not in mesh.uv_layers:
@@ -146,7 +145,7 @@ def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made:
 
 
 def is_usable_layer(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
-    """Return whether a layer gives each part of a mesh a place of its own."""
+    """Return whether UVs are finite, within 0-1, free of overlaps, and give nearly all surface texels."""
     corners = read_corners(mesh, uv_layer, {})
     if not is_finite(corners.uvs) or not is_inside(corners.uvs):
         return False
@@ -156,7 +155,7 @@ def is_usable_layer(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
 def _read(
     objects: Sequence[bpy.types.Object], mesh: bpy.types.Mesh, uv_layer: str, leave: Leave
 ) -> PolygonMesh | None:
-    """Return the mesh of objects, in world space as the first has it; None if it cannot have the layer."""
+    """Return a mesh in the first object's world space; None without faces or if it cannot have the layer."""
     if not len(mesh.polygons):
         return None
     positions = _world_positions(objects[0], mesh)
@@ -182,7 +181,7 @@ def _read(
 
 
 def _trouble(mesh: bpy.types.Mesh, positions: np.ndarray, uv_layer: str) -> str | None:
-    """Return why a mesh, at these positions in world space, cannot have the layer."""
+    """Return why a mesh with these world-space positions cannot have the layer; None if it can."""
     if len(mesh.uv_layers) >= MOST_LAYERS and uv_layer not in mesh.uv_layers:
         return MANY_LAYERS
     if uv_layer in mesh.attributes and uv_layer not in mesh.uv_layers:
@@ -191,7 +190,7 @@ def _trouble(mesh: bpy.types.Mesh, positions: np.ndarray, uv_layer: str) -> str 
 
 
 def _world_positions(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> np.ndarray:
-    """Return the vertices in world space, (v, 3) float64."""
+    """Return the vertex positions in world space, (v, 3) float64."""
     matrix = np.array(obj.matrix_world, np.float64)
     positions = read_array(mesh.vertices, "co", 3, np.float32).astype(np.float64)
     with np.errstate(invalid="ignore", over="ignore"):

@@ -1,4 +1,4 @@
-"""Lightmap UVs of what modifiers make in the viewport, where renders, which are baked, have other faces."""
+"""Projects lightmap UVs to the viewport's mesh where modifiers give it other faces than the baked mesh."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from .uv_node_group import drop_viewport_uvs, keep_viewport_uvs, kept_viewport_u
 from .uv_projection import UvMesh, UvProjection, read_uv_mesh
 from .uv_targets import evaluated_mesh
 
-#: The mesh that is baked and the viewport's, of one object.
+#: The baked mesh of an object (that of renders), and its mesh in the viewport.
 Pair = tuple[UvMesh, UvMesh]
 
 
 def project_for_viewport(
     context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str, changes: Rollback
 ) -> None:
-    """Let the UV modifiers of objects keep UVs for the viewport, too, where its faces are others.
+    """Store viewport UVs in UV modifiers of objects whose viewport mesh differs from the baked one.
 
-    They are projected from the mesh of renders, and projected again once one of the meshes has changed.
+    They are projected from the mesh of renders, and projected again when one of the two meshes changes.
     """
     users = _users(objects, uv_layer)
     if not users:
@@ -46,9 +46,9 @@ def project_for_viewport(
 
 
 def read_pairs(context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, Pair]:
-    """Return the mesh of renders and that of the viewport of objects that have UVs, by session uid.
+    """Return the baked mesh and the viewport mesh of objects with lightmap UVs, by session uid.
 
-    Objects without faces in one of them are left out, and those in modes that leave modifiers out.
+    Objects without faces in one of the two are left out, and so are objects that are not in object mode.
     """
     scene, present = context.scene, [obj for obj in objects if obj.mode == "OBJECT"]
     shown = _read(Evaluation(context.evaluated_depsgraph_get()), present, scene, uv_layer)
@@ -59,7 +59,7 @@ def read_pairs(context: SceneContext, objects: Sequence[bpy.types.Object], uv_la
 def _read(
     evaluation: Evaluation, objects: Sequence[bpy.types.Object], scene: bpy.types.Scene, uv_layer: str
 ) -> dict[int, UvMesh]:
-    """Return the meshes of objects that have faces, by session uid."""
+    """Return the evaluated meshes of the objects that have faces, by session uid."""
     meshes = {}
     for obj in objects:
         layer = bake_record(obj, scene).uv_layer or lightmap_layer(obj, uv_layer)
@@ -70,7 +70,7 @@ def _read(
 
 
 def _users(objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, bpy.types.Object]:
-    """Return an object for each editable node group of UV modifiers, by the group's session uid."""
+    """Return one object for each editable node group of UV modifiers, by the session uid of the group."""
     users: dict[int, bpy.types.Object] = {}
     for obj in objects:
         modifier = uv_modifier(obj, uv_layer)
@@ -80,7 +80,7 @@ def _users(objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, bpy.
 
 
 def _digest(pair: Pair) -> str:
-    """Return what tells two meshes and the UVs of the first from others."""
+    """Return the SHA-256 digest of two meshes, and of the UVs of the first."""
     digest = hashlib.sha256()
     for mesh in pair:
         for array in (mesh.positions, mesh.corners, mesh.starts):
@@ -90,7 +90,7 @@ def _digest(pair: Pair) -> str:
 
 
 def _restore_later(uid: int, uvs: np.ndarray | None, digest: str, changes: Rollback) -> None:
-    """Remember which UVs a node group has for the viewport."""
+    """Restore the present viewport UVs of a node group when `changes` is undone."""
 
     def restore() -> None:
         group = find(bpy.data.node_groups, uid)
@@ -101,7 +101,7 @@ def _restore_later(uid: int, uvs: np.ndarray | None, digest: str, changes: Rollb
 
 
 def _store(group: bpy.types.NodeTree, uvs: np.ndarray | None, digest: str) -> None:
-    """Let a node group keep UVs for the viewport, (l, 2); None for none."""
+    """Set the viewport UVs of a node group, (l, 2) float32; None removes them."""
     drop_viewport_uvs(group)
     if uvs is not None:
         keep_viewport_uvs(group, uvs, digest)

@@ -1,4 +1,4 @@
-"""Edges of a mesh that run under the walls of other objects: its charts can end there."""
+"""Finds mesh edges that run under the walls of other objects, so that charts can end at these edges."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from ....engine.unwrap.polygon_mesh import PolygonMesh
 from .lightmap_layer import lightmap_layer
 from .uv_targets import own_target
 
-#: Where along an edge it is looked whether a wall stands there: it does if so at two neighbours of these.
+#: Sample positions along an edge, as fractions of its length. A wall covers the edge if it covers two
+#: neighbouring samples.
 _ALONG = np.linspace(0.05, 0.95, 9)
 
-#: How far above the surface and beside the edge that is, and how far apart two lines are that are one, in
-#: parts of the mesh's size.
+#: Distance of the samples above the surface and beside the edge, and largest distance between two edges that
+#: count as one line. As a fraction of the mesh's size.
 _BESIDE = 1e-4
 
 
@@ -28,8 +29,10 @@ _BESIDE = 1e-4
 class Wall:
     """An object that may stand on an edge.
 
-    to_local  world space -> that of the tree
-    low, high  corners of its box in world space, m
+    tree:      bounding volume hierarchy of its evaluated mesh, in its local space
+    to_local:  transform from world space to local space
+    low:       smallest corner of its bounding box in world space, (3,), m
+    high:      largest corner of its bounding box in world space, (3,), m
     """
 
     tree: BVHTree
@@ -38,7 +41,7 @@ class Wall:
     high: np.ndarray
 
     def holds(self, point: np.ndarray, up: np.ndarray) -> bool:
-        """Return whether a point is inside of it: what lies in a direction from there shows its back."""
+        """Return whether a point is inside the object: a ray from it along `up` hits a face from behind."""
         if (point < self.low).any() or (point > self.high).any():
             return False
         direction = self.to_local.to_3x3() @ Vector(up)
@@ -47,7 +50,7 @@ class Wall:
 
 
 def walls_of(objects: Sequence[bpy.types.Object], depsgraph: bpy.types.Depsgraph) -> list[Wall]:
-    """Return objects with faces as walls, as their modifiers make them."""
+    """Return the mesh objects with faces as walls, with their modifiers applied."""
     walls = []
     for obj in objects:
         matrix = obj.matrix_world
@@ -66,7 +69,7 @@ def objects_on_walls(
     depsgraph: bpy.types.Depsgraph,
     uv_layer: str,
 ) -> list[bpy.types.Object]:
-    """Return those of some objects that can be edited and have edges along walls, and are none themselves."""
+    """Return the editable objects that have edges along walls; objects that are walls are left out."""
     standing, found = walls_of(walls, depsgraph), []
     for obj in objects:
         if obj in walls or not obj.data.is_editable:
@@ -78,11 +81,12 @@ def objects_on_walls(
 
 
 def find_wall_edges(obj: bpy.types.Object, mesh: PolygonMesh, walls: Sequence[Wall]) -> np.ndarray:
-    """Return the loops, (k,) int64, between two polygons whose edges run along a wall, or on in its line.
+    """Return the loops, (k,) int64, whose edges are shared by polygons and lie in line with a wall's foot.
 
-    mesh  that of the object, in world space times its scale in lightmaps
+    mesh:  mesh of the object in world space, scaled by the object's lightmap scale
 
-    A chart ends only where a whole line of edges parts it, so a wall with a door counts up to both ends.
+    A chart ends only where a whole line of edges divides it. All edges in line with a covered edge are
+    therefore included, such as those in the doorway of a wall.
     """
     points = mesh.positions / obj.hemibake.lightmap_scale
     size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-6)
@@ -103,7 +107,7 @@ def find_wall_edges(obj: bpy.types.Object, mesh: PolygonMesh, walls: Sequence[Wa
 
 
 def _shared(mesh: PolygonMesh) -> np.ndarray:
-    """Return which loops' edges, (l,) bool, several polygons have."""
+    """Return for each loop whether two or more polygons share its edge, (l,) bool."""
     vertex = weld(mesh)
     ends = np.sort(np.stack([vertex[mesh.corners], vertex[mesh.corners[mesh.after]]], axis=1), axis=1)
     _, edge, users = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
@@ -112,7 +116,7 @@ def _shared(mesh: PolygonMesh) -> np.ndarray:
 
 
 def _near(ends: np.ndarray, walls: Sequence[Wall], margin: float) -> np.ndarray:
-    """Return which edges, (l, 2, 3), have boxes that meet that of a wall, (l,) bool."""
+    """Return for each edge, (l, 2, 3), whether its bounding box meets that of a wall, (l,) bool."""
     low, high = ends.min(axis=1) - margin, ends.max(axis=1) + margin
     near = np.zeros(len(ends), bool)
     for wall in walls:
@@ -121,7 +125,7 @@ def _near(ends: np.ndarray, walls: Sequence[Wall], margin: float) -> np.ndarray:
 
 
 def _loop_normals(mesh: PolygonMesh, points: np.ndarray) -> np.ndarray:
-    """Return the normal of each loop's polygon, (l, 3), unit."""
+    """Return the unit normal of each loop's polygon, (l, 3) float64, by Newell's method."""
     start = mesh.starts[:-1]
     sides = np.diff(mesh.starts)
     polygon = np.repeat(np.arange(len(sides)), sides)
@@ -135,9 +139,9 @@ def _loop_normals(mesh: PolygonMesh, points: np.ndarray) -> np.ndarray:
 def _is_covered(
     start: np.ndarray, end: np.ndarray, up: np.ndarray, walls: Sequence[Wall], step: float
 ) -> bool:
-    """Return whether a part of an edge is inside of walls, or beside one on either side.
+    """Return whether two neighbouring samples of an edge are inside walls, on its left or on its right.
 
-    A wall that crosses the edge does not count.
+    Walls that cross the edge do not count: they cover no two neighbouring samples.
     """
     run = end - start
     length = float(np.linalg.norm(run))
@@ -152,12 +156,12 @@ def _is_covered(
 
 
 def _has_neighbours(flags: Sequence[bool]) -> bool:
-    """Return whether two flags that follow each other are set."""
+    """Return whether two consecutive flags are set."""
     return any(one and other for one, other in pairwise(flags))
 
 
 def _in_line(ends: np.ndarray, start: np.ndarray, end: np.ndarray, apart: float) -> np.ndarray:
-    """Return which edges, (l, 2, 3), lie on the line through two points, (l,) bool."""
+    """Return for each edge, (l, 2, 3), whether it lies on the line through two points, (l,) bool."""
     direction = (end - start) / np.linalg.norm(end - start)
     offset = ends - start
     off = offset - (offset @ direction)[..., None] * direction

@@ -21,7 +21,7 @@ from engine.device.slice_limits import drawing_limits
 from engine.device.time_slicer import TimeSlicer
 from engine.errors import DeviceError
 from engine.gather.glsl_integrator import GlslIntegrator
-from engine.gather.integrator import Integrator
+from engine.gather.hemicube_gather import Integrator
 from engine.gather.opencl_integrator import CopiedIntegrator
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import Scene

@@ -11,9 +11,9 @@ from ..resume.checkpoint import Checkpoint
 from ..visibility.rays.ray_sampler import GatheredBuffers, RaySampler
 from ..visibility.sampler import SampleLayout, VisibilitySampler
 from .background_light import BackgroundLight
-from .device_gather import GatherBuffers
 from .device_l1 import L1
 from .gather_kernels import GatherKernels
+from .interface import GatherBuffers
 from .l1_gather import L1Gather, NoL1
 from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
@@ -56,7 +56,7 @@ class CachedGather:
         return self._kept.sampling.even and self._kept.sampling.samples >= _MANY
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `interface.DeviceGather.gather`."""
         if not self._begun:
             yield from self._begin(light)
         self._l1.keep_radiance(light.radiance)
@@ -66,7 +66,7 @@ class CachedGather:
         yield 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Gather the irradiance gradients (L1); see `device_gather.DeviceGather.gather_l1`."""
+        """Gather the irradiance gradients (L1); see `interface.DeviceGather.gather_l1`."""
         for rows in self._kept.pieces:
             for done in self._l1.gather(rows, self._static.l1):
                 yield (rows.first + done * (rows.last - rows.first)) / self._kept.count
@@ -117,7 +117,7 @@ class StreamGather:
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `interface.DeviceGather.gather`."""
         self._l1.keep_radiance(light.radiance)
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
@@ -153,7 +153,7 @@ class RayStreamGather:
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `interface.DeviceGather.gather`."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
         yield from self._identity.gather(self._count, light.radiance, seen)
         self._kernels.take(self._gathered, light, column)

@@ -8,7 +8,7 @@ from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..visibility.sampler import SampleLayout
-from .device_gather import GatherBuffers
+from .interface import GatherBuffers
 from .visibility_cache import SampleRows
 
 
@@ -35,7 +35,7 @@ class GatherKernels:
         """Gather for the patches of these rows.
 
         radiance  float4 of each light group by source + 1, W/(m^2 sr)
-        outputs   kernel arguments from `device_gather.GatherBuffers.outputs`
+        outputs   kernel arguments from `interface.GatherBuffers.outputs`
         stride    one in this many groups of four samples is read; 1 unless samples have equal weights
         """
         (group,) = self._gather.group(*self._compute.work_sizes.gather)

@@ -3,31 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Protocol
 
 import numpy as np
 
 from ..device.buffers import download, upload_float4, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
-from .device_gather import DeviceGather
 from .device_l1 import L1
-
-
-class PointGather(Protocol):
-    """Final gather by n points from m sources: `GatherPass`, or devices of other processes."""
-
-    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance in host memory; see `GatherPass.gather`."""
-        ...
-
-    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance on the device; see `GatherPass.gather_from`."""
-        ...
-
-    def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last gather; see `DeviceGather.gather_l1`."""
-        ...
+from .interface import DeviceGather
 
 
 class GatherPass:

@@ -16,20 +16,22 @@ from ..visibility.raster.targets import ItemBufferTarget, RadianceTarget
 from ..visibility.raster.tiles import COPIED_RADIANCE_BYTES, IDENTITY_BYTES, RADIANCE_BYTES, plan_tiles
 from .glsl_cached import GlslCachedIntegrator
 from .glsl_integrator import GlslIntegrator
-from .integrator import Integrator
 from .opencl_integrator import CopiedIntegrator
 
 #: Clear colour of hemicubes; a = 2 requests a look-up of the sky in the integrator.
 _LOOK_UP = (0.0, 0.0, 0.0, 2.0)
 
 
-class HostGather(Protocol):
-    """Gather from radiance in host memory."""
+class Integrator(Protocol):
+    """Integrator of the radiance hemicubes in a texture array; `name` is "glsl" or "opencl"."""
 
-    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once from (n, 3) float32 radiance; yield progress 0..1 after each slice.
+    name: str
 
-        Returns (n, 4) float32: rgb is E/pi, a the fraction of the hemisphere without back faces.
+    def integrate(self, frames: np.ndarray) -> np.ndarray:
+        """Return E/pi and the fraction of front faces for the first m slots, (m, 4) float32.
+
+        rgb is E/pi, the multiplier-weighted mean radiance above the horizon; a is the weighted mean of the
+        front flag. frames: (m, 4, 3) float32, the rows of `Viewpoints.frame` and the horizon.
         """
 
 
@@ -68,8 +70,8 @@ class PaperGather:
             self._integrator = CopiedIntegrator(copying, tiles, texture, sky)
         self.integrator = self._integrator.name
 
-    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Run one gather iteration; see `HostGather.iteration`."""
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Run one gather iteration; see `interface.Gather`."""
         self._target.set_radiance(radiance)
         result = np.empty((self._hemicubes.count, 4), np.float32)
 
@@ -97,8 +99,8 @@ class GlslGather:
         self._hemicubes = Hemicubes(graphics, parts, tiles, target, settings)
         self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
 
-    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Run one gather iteration; see `HostGather.iteration`. The first iteration draws the hemicubes."""
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Run one gather iteration; see `interface.Gather`. The first iteration draws the hemicubes."""
         self._integrator.set_radiance(radiance)
         gathered: list[np.ndarray] = []
 

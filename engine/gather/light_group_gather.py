@@ -13,8 +13,8 @@ from ..errors import DeviceError
 from ..progress import finished, run_as_fraction
 from ..visibility.sampler import SampleLayout, VisibilitySampler
 from .background_light import BackgroundLight
-from .device_gather import GatherBuffers
 from .gather_kernels import GatherKernels
+from .interface import GatherBuffers
 from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
 #: Number of light groups per read: two fill the 32 bytes that a GPU reads at a time.
@@ -45,7 +45,7 @@ class _Radiance:
 
 
 class LightGroupGather:
-    """Gather for n patches and g light groups, as for n g patches; see `device_gather.DeviceGather`.
+    """Gather for n patches and g light groups, as for n g patches; see `interface.DeviceGather`.
 
     Results of one patch are adjacent. A sample is read once for all groups, whose radiances share cache
     lines.
@@ -63,7 +63,7 @@ class LightGroupGather:
         self._static: cl.Buffer | None = None
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `device_gather.DeviceGather.gather`."""
+        """Run one gather iteration; see `interface.DeviceGather.gather`."""
         if self._static is None:
             seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
             cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
@@ -90,7 +90,7 @@ class LightGroupGather:
         yield 1.0
 
 
-class LightGroupLook:
+class LightGroupPass:
     """Final gather of several light groups for receivers that are no patches, with visibility of their own.
 
     sources  number of patches that samples may hit

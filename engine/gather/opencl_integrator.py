@@ -79,7 +79,7 @@ class HemicubeIntegrator:
 
 
 class CopiedIntegrator:
-    """Integrator of hemicubes that are copied to OpenCL through the host; see `integrator.Integrator`."""
+    """Integrator of hemicubes that are copied to OpenCL through the host; see `Integrator`."""
 
     name = "opencl"
 

@@ -12,8 +12,8 @@ from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..scene.color import add_colors
 from ..visibility.sampler import identity_options
-from .device_gather import GatherBuffers
 from .half_radiance import HalfRadiance
+from .interface import GatherBuffers
 
 
 class RemoteGather(Protocol):
@@ -59,7 +59,7 @@ class RemoteGather(Protocol):
 
 
 class RemoteIteration:
-    """Gather on remote devices for a solver on this device; see `device_gather.DeviceGather`."""
+    """Gather on remote devices for a solver on this device; see `interface.DeviceGather`."""
 
     def __init__(self, compute: ComputeDevice, remote: RemoteGather, count: int) -> None:
         self._compute, self._remote, self._count = compute, remote, count
@@ -70,7 +70,7 @@ class RemoteIteration:
         self._views: list[cl.Buffer] = []
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `device_gather.DeviceGather.gather`.
+        """Run one gather iteration; see `interface.DeviceGather.gather`.
 
         The first call waits until the remote devices have computed visibility.
         """
@@ -88,12 +88,12 @@ class RemoteIteration:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, patches_seen)
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Gather the irradiance gradients (L1); see `device_gather.DeviceGather.gather_l1`."""
+        """Gather the irradiance gradients (L1); see `interface.DeviceGather.gather_l1`."""
         return (yield from self._remote.gather_l1(self._light))
 
 
 class RemoteGatherPass:
-    """Final gather on remote devices from patch groups; see `gather_pass.PointGather`."""
+    """Final gather on remote devices from patch groups; see `interface.PointGather`."""
 
     def __init__(
         self, compute: ComputeDevice, remote: RemoteGather, sampled_light: np.ndarray, groups: int

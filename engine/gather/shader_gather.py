@@ -41,7 +41,7 @@ _TRACING = 0.9
 
 
 class ShaderGather:
-    """`HostGather` of receivers that see the patches of a scene; samples beyond 1 GiB are traced again.
+    """`Gather` of receivers that see the patches of a scene; samples beyond 1 GiB are traced again.
 
     samples    of each patch
     keeps_all  True if all samples are traced once
@@ -89,8 +89,8 @@ class ShaderGather:
         self._background_l1 = np.zeros((3 * receivers.count if self._features else 0, 4), np.float32)
         self._has_background = False
 
-    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once; see `HostGather.iteration`. The first iteration traces the samples."""
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Run one gather iteration; see `interface.Gather`. The first iteration traces the samples."""
         self._radiance.write(four(radiance, first=1))
         gathered = np.zeros((self._scene.count, 4), np.float32)
         for first, last in self._chunks():

@@ -9,7 +9,7 @@ import math
 
 from ..gather.background_light import BackgroundLight
 from ..gather.cached_gather import CachedGather, RayStreamGather, StreamGather
-from ..gather.device_gather import DeviceGather
+from ..gather.interface import DeviceGather
 from ..gather.l1_gather import L1Gather, NoL1
 from ..gather.remote_gather import RemoteIteration
 from ..gather.visibility_cache import BackfaceLight, VisibilityCache

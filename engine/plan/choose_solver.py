@@ -11,9 +11,9 @@ import numpy as np
 
 from ..device.device_array import colors_on_host
 from ..gather.cached_gather import CachedGather
-from ..gather.device_gather import DeviceGather
 from ..gather.glsl_cached import fits_glsl_cache
-from ..gather.hemicube_gather import GlslGather, HostGather, PaperGather
+from ..gather.hemicube_gather import GlslGather, PaperGather
+from ..gather.interface import DeviceGather, Gather
 from ..gather.shader_gather import ShaderGather
 from ..scene.digests import digest_of
 from ..settings import Settings
@@ -248,7 +248,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     return radiosity, choice
 
 
-def _choose_gather(job: SolveJob) -> tuple[HostGather, SolverChoice]:
+def _choose_gather(job: SolveJob) -> tuple[Gather, SolverChoice]:
     """Return the gather that draws hemicubes and sums them, and the choice with its reasons."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
     seen = (job.parts, job.back_emission, job.sky, settings)
@@ -267,7 +267,7 @@ def _choose_gather(job: SolveJob) -> tuple[HostGather, SolverChoice]:
     return paper, SolverChoice("paper", "raster", samples, (reason,), paper.integrator)
 
 
-def _shader_gather(job: SolveJob, shaders: ShaderScene) -> tuple[HostGather, SolverChoice]:
+def _shader_gather(job: SolveJob, shaders: ShaderScene) -> tuple[Gather, SolverChoice]:
     """Return the gather that traces samples with compute shaders, and the choice with its reasons."""
     gather = ShaderGather(shaders, job.parts, job.back_emission, job.sky, job.settings)
     reason = "OpenGL casts rays and sums light: there is no OpenCL device."

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..gather.gather_pass import GatherPass, PointGather
+from ..gather.gather_pass import GatherPass
+from ..gather.interface import PointGather
 from ..gather.remote_gather import RemoteGatherPass
 from ..patches.patch_scene import PatchScene
 from ..settings import Settings

@@ -11,8 +11,8 @@ from ..device.buffers import download, upload, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, float4_on_device, float4_once
 from ..device.opencl import cl
-from ..gather.device_gather import DeviceGather
 from ..gather.device_l1 import L1
+from ..gather.interface import DeviceGather
 from ..patches.sides import Sides
 from .device_sides import DeviceSides
 from .radiosity_state import FluxSums, IterationStep, IterationSums

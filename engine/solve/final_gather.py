@@ -9,7 +9,7 @@ import numpy as np
 from ..device.device_array import Values, colors_on_host
 from ..device.opencl import cl
 from ..gather.device_l1 import L1
-from ..gather.gather_pass import PointGather
+from ..gather.interface import PointGather
 from ..progress import run_as_fraction
 from ..scene.color import rest_of
 from .reflected_radiance import reflected_light

@@ -9,7 +9,7 @@ import numpy as np
 from ..device.device_array import Values
 from ..errors import DeviceError
 from ..gather.device_l1 import L1
-from ..gather.hemicube_gather import HostGather
+from ..gather.interface import Gather
 from ..gather.shader_gather import ShaderGather
 from ..patches.sides import Sides
 from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums
@@ -35,7 +35,7 @@ class HostRadiosity:
 
     def __init__(
         self,
-        gather: HostGather,
+        gather: Gather,
         reflectance: np.ndarray,
         emission: np.ndarray,
         area: np.ndarray,
@@ -74,7 +74,7 @@ class HostRadiosity:
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield progress 0..1."""
         self._sent = self.radiance
-        gathered = yield from self._gather.iteration(self._sent)
+        gathered = yield from self._gather.gather(self._sent)
         self._gathered[column] = gathered
         if self._sides is not None:
             self._gathered[column, :, :3] = self._sides.blend(gathered[:, :3])

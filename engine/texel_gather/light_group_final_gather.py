@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..device.device_array import colors_on_host
-from ..gather.light_group_gather import LightGroupLook
+from ..gather.light_group_gather import LightGroupPass
 from ..plan.choose_gather import static_light
 from ..plan.receivers import Receivers, make_final_gather, receiver_job
 from ..plan.solve_job import SolveJob
@@ -70,11 +70,11 @@ def gather_light_groups(
 
 def _look(
     groups: Sequence[SolveJob], choice: SolverChoice, receivers: Receivers, settings: Settings
-) -> LightGroupLook:
+) -> LightGroupPass:
     """Return the gather for groups without emission, with shared visibility samples."""
     jobs = [receiver_job(group, receivers, settings) for group in groups]
     identity = make_sampler(jobs[0], choice.visibility)
     sampling, first = SampleLayout.of(identity), jobs[0]
     fitting = max(settings.batch_bytes // identity.row_bytes, identity.batch)
     static = [static_light(job, sampling) for job in jobs]
-    return LightGroupLook(first.opencl, identity, first.count, len(first.emission), static, fitting)
+    return LightGroupPass(first.opencl, identity, first.count, len(first.emission), static, fitting)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine import BakeResult, Progress, Scene, Settings, bake
-from engine.gather.hemicube_gather import HostGather
+from engine.gather.interface import Gather
 from engine.patches.geometry import PatchGeometry, patch_geometry
 from engine.patches.patch_list import PatchList
 from engine.scene.triangles import Triangles, join_meshes
@@ -58,7 +58,7 @@ class Prepared:
         texels = map_texels(self.scene, self.patches)
         return CpuHemicubes(self.scene, self.triangles, self.geometry, texels, self.emission, settings)
 
-    def solution(self, gather: HostGather, settings: Settings) -> Solver:
+    def solution(self, gather: Gather, settings: Settings) -> Solver:
         """Return the light after the paper's iterations with a way to gather."""
         dark = np.zeros_like(self.emission)
         radiosity = HostRadiosity(gather, self.reflectance, self.emission, self.geometry.area)

@@ -88,7 +88,7 @@ class CpuHemicubes:
         image[view.facing == 0] = self._world
         return image
 
-    def gather(self, views: list[View], radiance: np.ndarray) -> np.ndarray:
+    def gather_views(self, views: list[View], radiance: np.ndarray) -> np.ndarray:
         """Return E/pi and the fraction of front faces, (m, 4) float32, one hemicube at a time.
 
         views     of m patches
@@ -98,11 +98,11 @@ class CpuHemicubes:
             [integrate(self.image(view, radiance), self._multiplier * view.above) for view in views]
         )
 
-    def iteration(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather once for all patches; see `gather.HostGather.iteration`."""
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather once for all patches; see `gather.interface.Gather`."""
         views = [self.view(patch) for patch in range(len(self._eye))]
         yield 0.0
-        return self.gather(views, radiance)
+        return self.gather_views(views, radiance)
 
 
 def integrate(image: np.ndarray, multiplier: np.ndarray) -> np.ndarray:

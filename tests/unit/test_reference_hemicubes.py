@@ -85,6 +85,6 @@ def test_unit_squares(perpendicular):
     prepared = prepare(scenes.facing_squares(perpendicular, side=8), 64)
     hemicubes = prepared.hemicubes(Settings(resolution=64, hemicube=32))
     floor = np.flatnonzero(prepared.face == 0)
-    gathered = hemicubes.gather([hemicubes.view(int(patch)) for patch in floor], prepared.emission)
+    gathered = hemicubes.gather_views([hemicubes.view(int(patch)) for patch in floor], prepared.emission)
     expected = analytic.perpendicular_rectangles if perpendicular else analytic.parallel_rectangles
     assert gathered[:, 0].mean() == pytest.approx(expected(1, 1, 1), rel=0.01)

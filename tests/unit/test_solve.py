@@ -17,7 +17,7 @@ class Views:
     def __init__(self, factors):
         self._factors = np.asarray(factors)
 
-    def iteration(self, radiance):
+    def gather(self, radiance):
         yield 0.5
         seen = self._factors.sum(axis=1, keepdims=True)
         return np.concatenate([self._factors @ radiance, seen], axis=1).astype(np.float32)
@@ -236,11 +236,11 @@ class FewViews(Views):
         self._few = self._factors * kept
         self._few *= self._factors.sum(axis=1, keepdims=True) / self._few.sum(axis=1, keepdims=True)
 
-    def iteration(self, radiance):
+    def gather(self, radiance):
         if not self.of.sparse:
             self.full += 1
-            return (yield from super().iteration(radiance))
-        return (yield from Views(self._few).iteration(radiance))
+            return (yield from super().gather(radiance))
+        return (yield from Views(self._few).gather(radiance))
 
 
 def solve_sparsely(rho, gathers_direct=False, **settings):

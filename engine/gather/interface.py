@@ -1,9 +1,15 @@
-"""Protocols of an iteration on the OpenCL device: the gather, and the buffers that it reads and writes."""
+"""Gather interface: irradiance of receivers from the radiance of sources.
+
+`Gather` exchanges arrays of the host, `PointGather` also reads radiance on the OpenCL device. `DeviceGather`
+is the form for iterations, which leaves everything on the device; `GatherPass` makes a PointGather of it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Generator
 from typing import Protocol
+
+import numpy as np
 
 from ..device.opencl import cl
 from .device_l1 import L1
@@ -39,3 +45,26 @@ class DeviceGather(Protocol):
         (n, 3, 3) float32: patch, world axis, rgb; see irradiance_l1.cl. Light sampled by shadow rays is not
         included. Yields progress 0..1.
         """
+
+
+class Gather(Protocol):
+    """Method by which n receivers gather from m sources, or from themselves, once per call."""
+
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Gather from radiance, (m, 3) float32, W/(m^2 sr); yield progress 0..1.
+
+        Returns (n, 4) float32: rgb is E/pi, a the fraction of the hemisphere without back faces.
+        """
+        ...
+
+
+class PointGather(Gather, Protocol):
+    """Final gather by n points from m sources: `GatherPass`, or devices of other processes."""
+
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
+        """Gather from radiance on the device: float4 by source + 1, with black ends; see `gather`."""
+        ...
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """Return the irradiance gradients (L1) of the last gather; see `DeviceGather.gather_l1`."""
+        ...

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..device.buffers import download_bytes, upload, words_of
 from ..device.opencl import cl
+from ..validity.shader_probes import contact_codes, lit_by_back_faces
 from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
@@ -48,6 +49,9 @@ def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
     A covered patch is not visible, and its rays would start beyond the other face. Back-to-back patches are
     visible, since both faces are open to their side.
     """
+    if scene.shaders is not None:
+        found = contact_codes(scene.shaders, ABOVE, BELOW)
+        return found == 1, found == 2
     rays, compute = scene.rays, scene.compute
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NONE", "HIDDEN", "BACK_TO_BACK")))
     (kernel,) = rays.kernels((RECEIVER, "contacts.cl"), "in_contact", options=(*KERNEL_OPTIONS, *codes))
@@ -66,6 +70,8 @@ def patches_lit_by_backs(
     shines     (t,) bool, True for emissive triangles
     positions  (t, 3, 3) float, corners of the triangles, metres, relative to `Triangles.origin`
     """
+    if scene.shaders is not None:
+        return lit_by_back_faces(scene.shaders, shines, _planes_in_front(positions[shines]))
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels((RECEIVER, "lit_by_backs.cl"), "lit_by_backfaces", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))

@@ -17,7 +17,6 @@ from .contact import Contacts, find_contacts, patches_lit_by_backs
 from .direct_light_cache import DirectLightCache
 from .emitter_split import EmitterSplit, split_light
 from .enclosed_lights import warn_enclosed_lights
-from .host_contact import in_contact_on_host
 from .shader_shadow_rays import ShaderShadowRays
 from .shadow_rays import ShadowCaster, ShadowRays
 
@@ -172,27 +171,19 @@ class DirectLighting:
         return self._near or Contacts(*self._in_contact(), self.lit_by_backs(self._ray_scene))
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
-        """Return which points of a ray scene see the back of an emissive surface, (n,) bool.
-
-        Without OpenCL the result is False for all.
-        """
+        """Return which points of a ray scene see the back of an emissive surface, (n,) bool."""
         triangles = self._parts.triangles
         shining = self._bright.shining[: triangles.solid]
-        if not (shining.any() and points.possible):
+        if not shining.any():
             return np.zeros(points.count, bool)
         return patches_lit_by_backs(points, points.count, shining, triangles.positions[: triangles.solid])
 
     def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which patches touching faces cover, and which are back to back, (n,) bool each.
 
-        Without OpenCL, back-to-back patches count as covered. A patch of a back face coincides with its own
-        front, which does not cover it.
+        A patch of a back face coincides with its own front, which does not cover it.
         """
-        if self._ray_scene.possible:
-            hidden, back_to_back = find_contacts(self._ray_scene, self._ray_scene.count)
-        else:
-            hidden = in_contact_on_host(self._scene, self._parts)
-            back_to_back = np.zeros_like(hidden)
+        hidden, back_to_back = find_contacts(self._ray_scene, self._ray_scene.count)
         seen = ~self._ray_scene.on_backs
         return hidden & seen, back_to_back & seen
 

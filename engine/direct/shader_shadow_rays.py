@@ -25,6 +25,9 @@ from .sky import Sky
 #: Storage blocks of shaders/direct/.
 _EMITTERS, _NODES, _TABLES = 4, 5, 6
 
+#: STATE_WORDS of shaders/direct/direct.comp and ambient_occlusion.comp.
+_DIRECT_STATE, _OCCLUSION_STATE = 208, 4
+
 #: Light of some patches and its L1, (n, 4) and (3 n, 4) float32; see shaders/direct/direct.comp.
 _Rows = tuple[np.ndarray, np.ndarray]
 
@@ -104,7 +107,14 @@ class ShaderShadowRays:
         reach = settings.ao_distance or np.inf
         uniforms = {"budget": settings.ao_samples, "reach": reach, "seed": settings.seed & 0xFFFFFFFF}
         buffers = {RECORDS: self._scene.receivers, RESULTS: results}
-        yield from self._tracer.run("ambient_occlusion", self._count, buffers, uniforms, records=(RECEIVER,))
+        yield from self._tracer.run(
+            "ambient_occlusion",
+            self._count,
+            buffers,
+            uniforms,
+            records=(RECEIVER,),
+            state_words=_OCCLUSION_STATE,
+        )
         return read_rows(results, self._count)[:, 0].copy()
 
     def _all_light(self, records: list[np.ndarray]) -> Generator[float, None, _Rows]:
@@ -130,8 +140,9 @@ class ShaderShadowRays:
         }
         launch = {"root": tree.root, "budget": budget, "first_l1": self._count}
         uniforms = self._uniforms | self._tables.uniforms | launch
+        records = (RECEIVER, EMITTER, LIGHT_NODE)
         yield from self._tracer.run(
-            "direct", self._count, buffers, uniforms, self._features, (RECEIVER, EMITTER, LIGHT_NODE)
+            "direct", self._count, buffers, uniforms, self._features, records, _DIRECT_STATE
         )
         return read_rows(results, self._count), read_rows(results, rows - self._count, self._count)
 

@@ -33,6 +33,9 @@ Result = TypeVar("Result")
 #: Most memory for samples that are kept, bytes: OpenGL does not report how much there is.
 _MAX_KEPT = 1 << 30
 
+#: Most samples of a patch: shaders sum them in one invocation, whose steps Mesa's llvmpipe limits to 65,535.
+_MAX_SAMPLES = 1 << 14
+
 #: Storage blocks of shaders/gather/background_rays.comp and gather_rays.comp.
 _TABLES, _ROWS, _RADIANCE = 4, 5, 6
 
@@ -63,7 +66,7 @@ class ShaderGather:
         sky            (h, w, 3) float32, radiance, equirectangular as `Scene.world`
         """
         self._scene, self._tracer, self._graphics = receivers, receivers.tracer, receivers.graphics
-        self.samples = ray_count(settings)
+        self.samples = min(ray_count(settings), _MAX_SAMPLES)
         self._features = tuple(option.removeprefix("-D").lower() for option in directional_options(settings))
         table = open_sky(sky)
         self._tables = ShaderTables(self._graphics, _arrays(self.samples, sources, sky, table))

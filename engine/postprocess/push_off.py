@@ -15,9 +15,11 @@ from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..patches.geometry import PatchGeometry
+from ..validity.shader_probes import push_offs
 from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
+from ..visibility.rays.shaders.shader_scene import ShaderScene
 
 #: Maximum cosine between the normals of two opposite sides of a wall; the sides of a corner exceed it.
 _APART = -0.9
@@ -65,7 +67,7 @@ def joined_ways(several: list[PushOffs]) -> PushOffs:
 
 
 def push_off_points(
-    scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | None = None
+    scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | np.ndarray | None = None
 ) -> PushOffs:
     """Return the push-offs of a ray scene's points.
 
@@ -75,6 +77,8 @@ def push_off_points(
     normals:  (t, 3) float32, unit, of the triangles
     lit:      back faces with light, see `validity.lit_backs`; None if no back face has patches
     """
+    if scene.shaders is not None:
+        return _shader_push_offs(scene.shaders, reach, normals, lit)
     compute, rays = scene.compute, scene.rays
     push, take = rays.kernels(
         (RECEIVER, "push_off.cl"), "push_off", "compact_push_offs", options=KERNEL_OPTIONS
@@ -92,10 +96,29 @@ def push_off_points(
     if len(between):
         way, wall[between], side = _taken(compute, take, found, between)
         offset[between] = way[:, :3]
-        one, other = (take_rows(normals, triangle) for triangle in side.T)
-        apart = row_products(one, other) < _APART
-        thickness[between[apart]] = way[apart, 3]
+        thickness[between] = _thickness(way[:, 3], side, normals)
     return PushOffs(offset, thickness, wall, inside)
+
+
+def _shader_push_offs(
+    scene: ShaderScene, reach: float, normals: np.ndarray, lit: np.ndarray | None
+) -> PushOffs:
+    """Return the push-offs that compute shaders find; see `push_off_points`."""
+    ways, numbers = push_offs(scene, reach, normals, lit)
+    inside = numbers[:, 3] != 0
+    thickness = np.full(len(ways), np.inf, np.float32)
+    thickness[inside] = _thickness(ways[inside, 3], numbers[inside, 1:3], normals)
+    offset = np.where(inside[:, None], ways[:, :3], np.float32(0))
+    return PushOffs(offset, thickness, np.where(inside, numbers[:, 0], np.int32(-1)), inside)
+
+
+def _thickness(measured: np.ndarray, sides: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the thickness of walls, (k,) float32, m; inf where both sides do not face apart.
+
+    measured: (k,) float32, m; sides: (k, 2) int32, triangles that it is measured between, -1 for none
+    """
+    one, other = (take_rows(normals, triangle) for triangle in sides.T)
+    return np.where(row_products(one, other) < _APART, measured, np.float32(np.inf))
 
 
 def _taken(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.buffers import upload_float4
-from ..device.device_array import Values
+from ..device.device_array import Values, colors_on_host
 from ..device.opencl import cl
 from ..direct.contact import Contacts
 from ..plan.solve_job import SolveJob
@@ -13,7 +13,7 @@ from ..postprocess.push_off import push_off_points
 from ..solve.exitant_radiance import exitant_radiance
 from ..solve.solution import Solution
 from ..validity.invalid import is_doubtful, is_invalid
-from ..validity.lit_backs import lit_backs
+from ..validity.lit_backs import lit_backs, lit_backs_on_host
 from .texel_sample_points import TexelGatherJob
 
 
@@ -34,6 +34,20 @@ def lit_backs_of(what: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
     return lit_backs(solved.opencl, solved.parts, radiance, len(solved.emission))
 
 
+def _lit_backs(what: TexelGatherJob, settled: Values) -> cl.Buffer | np.ndarray | None:
+    """Return flags of triangles as `lit_backs_of`, for E/pi (m, 3) of the patches that send out light.
+
+    In NumPy if there is no OpenCL.
+    """
+    solved = what.solved
+    if solved.compute is not None:
+        return lit_backs_of(what, radiance_of(solved, settled))
+    if not solved.settings.has_indirect:
+        return lit_backs_on_host(solved.parts, solved.emission)
+    reflectance, light = colors_on_host(solved.parts.surfaces.reflectance), colors_on_host(settled)
+    return lit_backs_on_host(solved.parts, solved.emission + reflectance * light[:, :3])
+
+
 def valid_front(what: TexelGatherJob, atlases: int, near: Contacts, solution: Solution) -> np.ndarray:
     """Return the validity of each patch, (n,) float32; 0 for patches inside geometry.
 
@@ -46,9 +60,9 @@ def valid_front(what: TexelGatherJob, atlases: int, near: Contacts, solution: So
     solution:  solution of all light
     """
     job, front = what.job, solution.front
-    if job.parts.triangles.backs is None or job.compute is None or what.choice.method == "none":
+    if job.parts.triangles.backs is None or what.choice.method == "none":
         return front
-    lit = lit_backs_of(what, radiance_of(what.solved, solution.settled))
+    lit = _lit_backs(what, solution.settled)
     shown = np.arange(job.parts.patches.count_in(atlases))
     unsure = shown[~(is_invalid(front, near) | near.shine)[shown]]
     front = front.copy()
@@ -72,7 +86,7 @@ def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> 
     return hidden
 
 
-def _inside(what: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | None) -> np.ndarray:
+def _inside(what: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
     """Return a mask of patches, (k,) int64, that probe rays find inside geometry, (k,) bool."""
     if not len(patches):
         return np.zeros(0, bool)

@@ -14,6 +14,9 @@ from .thresholds import DARK_BACK
 #: Maximum number of patches in the mean radiance of the scene.
 _SAMPLED = 1 << 16
 
+#: Points of a triangle in the mean of its back face: POINTS of kernels/validity/lit_backs.cl.
+_POINTS = 64
+
 
 def lit_backs(
     compute: ComputeDevice, sources: PatchScene, radiance: cl.Buffer, count: int
@@ -51,3 +54,36 @@ def _mean_luminance(compute: ComputeDevice, radiance: cl.Buffer, count: int) -> 
     compute.run(kernel, some, radiance, np.int32(stride), sampled, np.int32(some))
     colors = download(compute, sampled, (some, 4))[:, :3]
     return float(luminance(colors).mean(dtype=np.float64))
+
+
+def lit_backs_on_host(sources: PatchScene, radiance: np.ndarray) -> np.ndarray | None:
+    """Return flags of triangles as `lit_backs`, (t,) bool, computed in NumPy.
+
+    sources:   patches that send out light
+    radiance:  (m, 3) float32, of each of them
+    """
+    triangles, resolution = sources.triangles, sources.patches.resolution
+    if triangles.backs is None:
+        return None
+    entries = np.concatenate([np.zeros(1, np.float32), luminance(radiance)])
+    flags = np.zeros(triangles.solid, bool)
+    chosen = np.flatnonzero(triangles.backs >= 0)
+    back = triangles.backs[chosen]
+    weights = _points_of_triangles()
+    sent = np.zeros(len(chosen), np.float64)
+    for weight in np.concatenate([1 - weights.sum(axis=1, keepdims=True), weights], axis=1):
+        uv = np.einsum("k,nkd->nd", weight.astype(np.float32), triangles.uvs[back])
+        column, row = (uv * resolution).astype(np.int64).clip(0, resolution - 1).T
+        sent += entries[sources.texel_to_patch[triangles.atlas[back], row, column]]
+    mean = float(luminance(radiance).mean(dtype=np.float64)) if len(radiance) else 0.0
+    flags[chosen] = (sent > 0) & (sent >= DARK_BACK * mean * len(weights))
+    return flags
+
+
+def _points_of_triangles() -> np.ndarray:
+    """Return points of a triangle, (POINTS, 2) weights of two corners, as kernels/validity/lit_backs.cl."""
+    index = np.arange(_POINTS, dtype=np.uint64)[:, None]
+    bits = (index * np.array([3242174889, 2447445414], np.uint64)) & np.uint64(0xFFFFFFFF)
+    weights = (bits >> np.uint64(8)).astype(np.float64) / 2**24
+    folded: np.ndarray = np.where(weights.sum(axis=1, keepdims=True) > 1, 1 - weights, weights)
+    return folded

@@ -2,7 +2,9 @@
 // The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.
 // As kernels/direct/ambient_occlusion.cl.
 #define RECEIVER_ACCESS readonly
+#define STATE_WORDS 4
 #include "bvh_traversal.glsl"
+#include "resumed.glsl"
 #include "receiver.glsl"
 #include "texel_ray_origins.glsl"
 #include "sample_points.glsl"
@@ -23,7 +25,17 @@ void main()
     basis(r.normal, x, y);
     uint key = hash(r.rank ^ hash(seed));
     float open = 0.0, all = 0.0;
-    for (int i = 0; i < budget; ++i) {
+    int i = 0, slot = patch_ - start;
+    uint state = begin_state(slot, false);
+    if (state == 2u)
+        return;
+    if (state == 1u) {
+        exchange(i);
+        exchange(open);
+        exchange(all);
+    }
+    for (; i < budget && steps < MAX_STEPS; ++i) {
+        ++steps;
         vec4 u = sample_point(uint(i), key);
         vec3 direction = cosine_direction(u.xy, x, y, r.normal);
         if (dot(direction, r.geometric) <= 0.0)
@@ -32,5 +44,10 @@ void main()
         open += grey_of(transmittance(BOUNCE, p + ray_origin(r, p, direction), direction, reach));
         all += 1.0;
     }
+    begin_state(slot, true);
+    exchange(i);
+    exchange(open);
+    exchange(all);
+    end_state(slot, i == budget);
     results[patch_] = vec4(vec3(all > 0.0 ? open / all : 0.0), 0.0);
 }

@@ -2,7 +2,9 @@
 // Direct light at every patch: samples of emitters, each with a shadow ray. As kernels/direct/direct.cl without its
 // shafts, which change no light.
 #define RECEIVER_ACCESS readonly
+#define STATE_WORDS 208
 #include "bvh_traversal.glsl"
+#include "resumed.glsl"
 #include "receiver.glsl"
 #include "emitters.glsl"
 #include "light_tree.glsl"
@@ -122,6 +124,58 @@ void finish_run(const Run run, inout Sum sum)
     sum.unshadowed += luminance(open);
 }
 
+void exchange(inout L1 l1)
+{
+#ifdef DIRECTIONAL
+    exchange(l1.x);
+    exchange(l1.y);
+    exchange(l1.z);
+#endif
+}
+
+void exchange(inout Sum sum)
+{
+    exchange(sum.light);
+    exchange(sum.unshadowed);
+    exchange(sum.l1);
+}
+
+// The state of an item that has paused: 7 words of the walk and at most 4 x 32, 59 of the rest.
+void exchange_state(inout int index, inout int emitter, inout vec2 span, inout Run run, inout Sum sum)
+{
+    exchange(index);
+    exchange(emitter);
+    exchange(span);
+    exchange(run.first);
+    exchange(run.rounds);
+    exchange(run.expected);
+    exchange(run.tried);
+    exchange(run.through);
+    exchange(run.least);
+    exchange(run.most);
+    exchange(run.shadowed);
+    exchange(run.unshadowed);
+    exchange(run.tilted);
+    exchange(run.open);
+    exchange(run.sum);
+    exchange(sum);
+    int counts = int(walk_counts);
+    exchange(counts);
+    walk_counts = counts != 0;
+    exchange(walk_depth);
+    exchange(walk_total);
+    exchange(walk_scale);
+    exchange(walk_passed);
+    exchange(walk_visits);
+    exchange(walk_own);
+    for (int i = 0; i < walk_depth; ++i) {
+        exchange(walk_codes[i]);
+        exchange(walk_spans[i]);
+    }
+    for (int i = 0; i < WEIGHTS_KEPT; ++i)
+        exchange(walk_kept[i]);
+}
+
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
 // they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
 // the golden ratio: together they give each emitter its share, a dim one, too.
@@ -137,8 +191,15 @@ void main()
     vec2 span = vec2(0.0);
     Sum sum = no_light();
     Run run = start_run(0, 0.0);
-    int emitter = -1, index = 0;
-    for (;;) {
+    int emitter = -1, index = 0, slot = item - start;
+    uint state = begin_state(slot, false);
+    if (state == 2u)
+        return;
+    if (state == 1u)
+        exchange_state(index, emitter, span, run, sum);
+    bool done = false;
+    while (!done && steps < MAX_STEPS) {
+        ++steps;
         if (index == budget || float(index) + offset >= span.x) {
             // Once more, along further points of the sequence, if only part of the rays arrived.
             if (!is_even(run) && run.rounds < ROUNDS) {
@@ -148,8 +209,10 @@ void main()
                 // After the last sample, too, come emitters that have one of their own.
                 finish_run(run, sum);
                 emitter = next_emitter(r, root, budget, index == budget ? INFINITY : float(index) + offset, span);
-                if (index == budget && emitter < 0)
-                    break;
+                if (index == budget && emitter < 0) {
+                    done = true;
+                    continue;
+                }
                 run = start_run(index, span.y);
                 if (emitter >= 0 && emitters[emitter].uniform_ != 0)
                     run.open = open_over_texel(emitter, r);
@@ -200,6 +263,9 @@ void main()
             add_l1(run.sum.l1, brought * visible, tilt);
         }
     }
+    begin_state(slot, true);
+    exchange_state(index, emitter, span, run, sum);
+    end_state(slot, done);
     results[item] = vec4(sum.light, sum.unshadowed);
 #ifdef DIRECTIONAL
     results[first_l1 + 3 * item] = vec4(sum.l1.x, 0.0);

@@ -101,6 +101,7 @@ void start_walk(const int root, const int budget)
 int next_emitter(const Receiver r, const int root, const int budget, const float sample_, out vec2 span)
 {
     for (;;) {
+        ++steps;
         span = vec2(INFINITY, 0.0);
         if (walk_depth == 0) {
             if (!walk_counts || !(walk_total > 0.0))

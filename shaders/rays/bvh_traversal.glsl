@@ -9,6 +9,7 @@
 #define PI 3.14159265358979
 #define INVERSE_PI 0.318309886183791
 #define LEAF_BITS 3
+#define LEAF_STEPS 4  // triangles of a leaf, at most
 
 layout(std430, binding = 0) readonly buffer Nodes { uvec4 nodes[]; };
 layout(std430, binding = 1) readonly buffer TriangleRecords { uvec4 triangle_records[]; };
@@ -245,6 +246,10 @@ bool take_leaf(const int code, inout Search search)
     return true;
 }
 
+// Steps of all descents of an invocation so far: Mesa's llvmpipe ends loops after 65,535 steps in all, so that shaders
+// with many rays pause (resumed.glsl).
+int steps = 0;
+
 // Visit what a ray may meet, near before far (Aila and Laine 2009, while-while).
 void descend(inout Search search)
 {
@@ -252,6 +257,7 @@ void descend(inout Search search)
     int depth = 0, node = 0;
     for (;;) {
         while (node >= 0) {
+            ++steps;
             uvec4 low1 = nodes[4 * node], high1 = nodes[4 * node + 1];
             uvec4 low2 = nodes[4 * node + 2], high2 = nodes[4 * node + 3];
             float begin1, begin2;
@@ -270,6 +276,7 @@ void descend(inout Search search)
                 node = stack[--depth];
             }
         }
+        steps += 1 + LEAF_STEPS;
         if (!take_leaf(~node, search)) {
             search.through = Fraction(0.0);
             return;

@@ -9,10 +9,11 @@ from engine import Material, Scene, Settings, Texture, finished
 from engine.device import devices
 from engine.direct import contact
 from engine.direct.contact import find_contacts, patches_lit_by_backs
-from engine.direct.host_contact import in_contact_on_host
 from engine.patches.patch_scene import make_patch_scene
+from engine.postprocess.push_off import push_off_points
 from engine.session import Session
 from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.rays.shaders.shader_scene import ShaderScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls
 from tests.gpu.test_methods import NoCompute, OldGraphics
 from tests.transparency import CLEAR_BACK, transparent
@@ -181,14 +182,24 @@ def stacks(shift):
 
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])
-def test_patches_in_contact_are_the_same_without_opencl(graphics, compute, shift):
+def test_probes_find_the_same_without_opencl(graphics, compute, shift):
+    """Contacts, light of back faces and ways out of things, by compute shaders."""
     scene = stacks(shift)
     parts = make_patch_scene(graphics, compute, scene, dataclasses.replace(SETTINGS, resolution=128))
-    hidden, back_to_back = find_contacts(RayScene(compute, parts), len(parts.patches))
-    found = hidden | back_to_back
-    on_host = in_contact_on_host(scene, parts)
-    assert 100 < found.sum() < len(found) / 2
-    assert (found != on_host).mean() < 5e-3
+    pair = RayScene(compute, parts), RayScene(None, parts, shaders=ShaderScene(graphics, parts))
+    (hidden, apart), (our_hidden, our_apart) = (find_contacts(rays, rays.count) for rays in pair)
+    assert 100 < (hidden | apart).sum() < len(hidden) / 2
+    assert (hidden != our_hidden).mean() < 2e-3 and (apart != our_apart).mean() < 2e-3
+    shines = np.arange(parts.triangles.solid) % 3 == 0
+    lit, our_lit = (
+        patches_lit_by_backs(rays, rays.count, shines, parts.triangles.positions) for rays in pair
+    )
+    assert lit.any() and (lit != our_lit).mean() < 5e-3
+    theirs, ours = (push_off_points(rays, rays.count, 1.5, parts.geometry.steps.geometric) for rays in pair)
+    same = (theirs.inside == ours.inside) & (theirs.wall == ours.wall)
+    assert theirs.inside.any() and same.mean() > 0.99
+    assert np.abs(theirs.offset - ours.offset)[same].max() < 1e-3
+    assert (np.isinf(theirs.thickness) == np.isinf(ours.thickness)).mean() > 0.99
 
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])

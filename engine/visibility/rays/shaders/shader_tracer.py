@@ -18,7 +18,7 @@ from .host_bvh import build_host_bvh
 from .shader_tables import ShaderTables, reserve_storage, storage_buffer
 
 #: Storage blocks of shaders/rays/bvh_traversal.glsl, of the shader's own records, and of results.
-NODES, TRIANGLES, TRANSMISSION, RECORDS, RESULTS = 0, 1, 2, 3, 7
+NODES, TRIANGLES, TRANSMISSION, RECORDS, RESULTS, STATES = 0, 1, 2, 3, 7, 8
 
 #: Invocations of a work group, as in the shaders, and most groups of a dispatch that OpenGL guarantees.
 _GROUP, _MAX_GROUPS = 64, 65535
@@ -26,6 +26,12 @@ _GROUP, _MAX_GROUPS = 64, 65535
 #: Invocations of the first dispatch, and seconds that a dispatch takes at least and at most: displays may
 #: hang on the device.
 _FIRST, _SHORT, _LONG = 4 * _GROUP, 0.02, 0.05
+
+#: Stacks of shaders are a multiple of this: scenes share programs, which take seconds to build.
+_STACK = 32
+
+#: Most words of all states of a dispatch; chosen.
+_MAX_STATES = 1 << 22
 
 #: Uniform values by name.
 Uniforms = Mapping[str, int | float]
@@ -44,7 +50,7 @@ class ShaderTracer:
     def __init__(self, graphics: GraphicsContext, triangles: Triangles, cutouts: Cutouts) -> None:
         self.graphics, self.cutouts = graphics, cutouts
         bvh = build_host_bvh(triangles.positions[: triangles.solid])
-        self._features: tuple[str, ...] = (f"stack {max(bvh.depth, 1)}",)
+        self._features: tuple[str, ...] = (f"stack {_STACK * max(1, -(-bvh.depth // _STACK))}",)
         self._buffers = {
             NODES: storage_buffer(graphics, bvh.nodes),
             TRIANGLES: storage_buffer(graphics, bvh.triangles),
@@ -65,10 +71,13 @@ class ShaderTracer:
         uniforms: Uniforms,
         features: Sequence[str] = (),
         records: Sequence[DeviceStruct] = (),
+        state_words: int = 0,
     ) -> Generator[float, None, None]:
         """Run <name>.comp over items, some at a time; yield the fraction done.
 
         The shader has uniforms `start` and `end`, its items. A dispatch takes about 20 to 50 ms.
+
+        state_words: words of an item's state if its work may pause, see shaders/rays/resumed.glsl
         """
         key = (name, tuple(features))
         if key not in self._programs:
@@ -83,13 +92,11 @@ class ShaderTracer:
             for binding, buffer in (self._buffers | dict(buffers)).items():
                 buffer.bind_to_storage_buffer(binding)
             size = self._sizes.setdefault(key, _FIRST)
+            if state_words:
+                size = min(size, _MAX_STATES // state_words)
             end = min(start + size, items)
-            began = time.perf_counter()
             _set(program, {"start": start, "end": end})
-            program.run(-(-(end - start) // _GROUP))
-            self.graphics.context.memory_barrier()
-            self.graphics.context.finish()
-            taken = time.perf_counter() - began
+            taken = self._dispatch(program, end - start, state_words)
             if taken < _SHORT and end - start == size:
                 self._sizes[key] = min(2 * size, _GROUP * _MAX_GROUPS)
             elif taken > _LONG and size > _GROUP:
@@ -97,6 +104,24 @@ class ShaderTracer:
             start = end
             yield end / items
         self.graphics.check("casting rays")
+
+    def _dispatch(self, program: moderngl.ComputeShader, items: int, state_words: int) -> float:
+        """Run a shader over items until all are done; return the seconds of the longest dispatch."""
+        states = None
+        if state_words:
+            zeros = np.zeros(1 + state_words * items, np.uint32)
+            states = storage_buffer(self.graphics, zeros)
+            states.bind_to_storage_buffer(STATES)
+        longest = 0.0
+        while True:
+            began = time.perf_counter()
+            program.run(-(-items // _GROUP))
+            self.graphics.context.memory_barrier()
+            self.graphics.context.finish()
+            longest = max(longest, time.perf_counter() - began)
+            if states is None or not any(states.read(4)):
+                return longest
+            states.write(bytes(4))
 
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False, kind: int = BOUNCE

@@ -1,0 +1,112 @@
+#version 430
+// Points inside geometry: what they see are back faces, and fronts that are inside, too. Rays in the plane of the surface
+// search the nearest back face; of points that see nothing but back faces the way out ends just outside of it.
+// As kernels/validity/push_off.cl. Two results a point, the first one floats: xyz the way out, m, 0 for none, and w the thickness of the thing
+// that the point is in, m; then, as integers, a triangle of it, the two between which the thickness is measured, and 1
+// for points inside.
+#define RECEIVER_ACCESS readonly
+#define STATE_WORDS 5
+#include "bvh_traversal.glsl"
+#include "resumed.glsl"
+#include "receiver.glsl"
+#include "validity.glsl"
+
+layout(local_size_x = 64) in;
+layout(std430, binding = 7) writeonly buffer Results { ivec4 results[]; };
+uniform int start, end;
+uniform float reach;
+
+#define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
+#define MARGIN 0.05  // how far outside a point is moved, in widths of its texel
+
+// Whether a probe leads out: it meets nothing, or a front that itself sees more than back faces.
+bool escapes(const Hit hit, const vec3 at, const float height, const float near)
+{
+    if (hit.triangle < 0 || !hit.front)
+        return !meets_dark_back(hit, near);
+    vec3 normal = normal_of(hit.triangle);
+    return hits_few_backfaces(at + height * normal, normal, near, MAX_BACKS_OUTSIDE);
+}
+
+// The probes of a point so far. The first round only tells whether any back face is near; the second one counts all.
+struct Probes {
+    int next, backs, escaped, fronts;
+};
+
+void exchange(inout Probes probes)
+{
+    exchange(probes.next);
+    exchange(probes.backs);
+    exchange(probes.escaped);
+    exchange(probes.fronts);
+}
+
+// Go on with the probes of a point; return true once they are decided.
+bool probe_on(const Receiver r, const vec3 origin, const vec3 x, const vec3 y, inout Probes probes)
+{
+    float near = LIT_FROM * r.size;
+    for (; probes.next < FIRST_PROBES + LOOKS && probes.escaped <= MAX_ESCAPES; ++probes.next) {
+        if (probes.next == FIRST_PROBES && probes.backs == 0)
+            return true;
+        if (steps > MAX_STEPS)
+            return false;
+        bool first = probes.next < FIRST_PROBES;
+        vec3 direction = probe_direction(first ? probes.next : probes.next - FIRST_PROBES, x, y, r.geometric);
+        Hit hit = nearest_hit(origin, direction, false);
+        bool dark = meets_dark_back(hit, near);
+        if (first) {
+            probes.backs += int(dark);
+            continue;
+        }
+        probes.fronts += int(!dark);
+        if (escapes(hit, origin + hit.distance * direction, r.height, near))
+            ++probes.escaped;
+    }
+    return true;
+}
+
+void main()
+{
+    int point = start + int(gl_GlobalInvocationID.x);
+    if (point >= end)
+        return;
+    Receiver r = load_receiver(point);
+    vec3 origin = r.at + r.height * r.geometric, x, y, way = vec3(0.0);
+    basis(r.geometric, x, y);
+    Probes probes = Probes(0, 0, 0, 0);
+    int slot = point - start;
+    uint state = begin_state(slot, false);
+    if (state == 2u)
+        return;
+    if (state == 1u)
+        exchange(probes);
+    bool done = probe_on(r, origin, x, y, probes);
+    begin_state(slot, true);
+    exchange(probes);
+    end_state(slot, done);
+    if (!done)
+        return;
+    bool inside = probes.backs > 0 && probes.escaped <= MAX_ESCAPES, backs_only = probes.fronts == 0;
+    float nearest = INFINITY, thickness = INFINITY, distances[WAYS];
+    int met[WAYS], wall = -1;
+    ivec2 sides = ivec2(-1);
+    for (int i = 0; i < (inside ? WAYS : 0); ++i) {
+        float angle = 2.0 * float(PI) * float(i) / float(WAYS);
+        vec3 direction = cos(angle) * x + sin(angle) * y;
+        Hit hit = nearest_hit(origin, reach * r.size * direction, false);
+        distances[i] = is_back(hit) && hit.distance <= 1.0 ? hit.distance * reach * r.size : INFINITY;
+        met[i] = hit.triangle;
+        if (distances[i] < nearest) {
+            nearest = distances[i];
+            wall = hit.triangle;
+            if (backs_only)
+                way = (nearest + MARGIN * r.size + r.height) * direction;
+        }
+        if (i >= WAYS / 2 && distances[i] + distances[i - WAYS / 2] < thickness) {
+            thickness = distances[i] + distances[i - WAYS / 2];
+            sides = ivec2(met[i], met[i - WAYS / 2]);
+        }
+    }
+    results[2 * point] = floatBitsToInt(vec4(way, thickness));
+    results[2 * point + 1] = ivec4(wall, sides, int(inside));
+}

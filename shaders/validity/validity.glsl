@@ -1,0 +1,36 @@
+#pragma once
+#include "probe_rays.glsl"
+
+// Tests of points for the inside of geometry, by what probe rays from them meet. As kernels/validity/validity.cl; the
+// thresholds are defined by engine/validity/thresholds.py.
+
+// Normals of the triangles; whether the back face of each sends out light.
+layout(std430, binding = 6) readonly buffer ValidityTables { uint validity_tables[]; };
+uniform int has_lit, first_normals, first_lit;
+
+bool is_flagged(const int triangle) { return validity_tables[first_lit + triangle] != 0u; }
+
+vec3 normal_of(const int triangle)
+{
+    int i = first_normals + 3 * triangle;
+    return uintBitsToFloat(uvec3(validity_tables[i], validity_tables[i + 1], validity_tables[i + 2]));
+}
+
+bool is_back(const Hit hit) { return hit.triangle >= 0 && !hit.front; }
+
+// True if a ray of unit direction meets a back face that is dark, or nearer than `near`.
+bool meets_dark_back(const Hit hit, const float near)
+{
+    return is_back(hit) && !(has_lit != 0 && is_flagged(hit.triangle) && hit.distance > near);
+}
+
+// True if at most `most` of the probes from a point meet dark back faces. No more are cast than it takes to decide.
+bool hits_few_backfaces(const vec3 origin, const vec3 normal, const float near, const int most)
+{
+    vec3 x, y;
+    basis(normal, x, y);
+    int backs = 0;
+    for (int i = 0; backs <= most && i - backs < LOOKS - most; ++i)
+        backs += int(meets_dark_back(nearest_hit(origin, probe_direction(i, x, y, normal), false), near));
+    return backs <= most;
+}

@@ -2,7 +2,8 @@
 #include "receiver.cl"
 #include "validity.cl"
 
-// True if one of the first looks, all around, meets a back: else a patch is not inside of anything.
+// Early-out of the inside test: returns true if one of the first probe rays hits a back face. Otherwise the patch is
+// outside.
 bool hits_backface(const Rays *rays, const float3 start, const float3 normal)
 {
     float3 x, y;
@@ -15,7 +16,7 @@ bool hits_backface(const Rays *rays, const float3 start, const float3 normal)
     return back;
 }
 
-// 1 for patches that are inside of something: of what they see most are backs.
+// Stores 1 for patches inside geometry: more than half of their probe rays hit back faces.
 __kernel void is_inside(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global uchar *result,
                         const int count)
 {

@@ -1,11 +1,12 @@
 #define STEPS_2D (uint2)(3242174889u, 2447445414u)  // of the R2 sequence (engine/visibility/views/directions.py)
 
-// What back faces send out (engine/validity/lit_backs.py).
+// Luminance of back faces, for the validity test (engine/validity/lit_backs.py).
 
-// Points of a triangle that its mean is taken of.
+// Number of sample points per triangle.
 #define POINTS 64
 
-// The mean luminance that the back face of each triangle sends out; 0 for triangles without one.
+// Stores the mean luminance of the back face of each triangle, from an R2 point set; 0 for triangles whose back face
+// has no patches. backs: twin triangle of each triangle's back face, or -1.
 __kernel void luminance_of_backs(__global const float2 *uvs, __global const int *atlases,
                                  __global const uint *texel_to_patch, const int resolution, __global const int *backs,
                                  __global const float4 *radiance, __global float *luminances, const int count)
@@ -28,7 +29,7 @@ __kernel void luminance_of_backs(__global const float2 *uvs, __global const int 
     luminances[triangle] = sum / POINTS;
 }
 
-// What one patch in `stride` sends out.
+// Extracts the radiance of every `stride`-th patch.
 __kernel void sample_radiance(__global const float4 *radiance, const int stride, __global float4 *sampled,
                               const int count)
 {

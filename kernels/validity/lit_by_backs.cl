@@ -2,7 +2,8 @@
 #include "receiver.cl"
 #include "validity.cl"
 
-// Whether a point is behind one of the planes, normal and distance from the origin. Without planes it may be.
+// Returns true if a point is behind one of the planes (normal, distance from the origin). Returns true if there are no
+// planes.
 bool is_behind_any(const float3 point, __global const float4 *planes, const int count)
 {
     bool behind = count == 0;
@@ -11,8 +12,8 @@ bool is_behind_any(const float3 point, __global const float4 *planes, const int 
     return behind;
 }
 
-// 1 for patches that see little but backs, and among them that of a triangle that shines. Backs are seen from behind:
-// patches in front of the planes of all triangles that shine do not look.
+// Stores 1 for patches whose probe rays hit almost only back faces, one of them emissive. Emissive back faces are
+// visible only from behind, so patches in front of all emissive planes are skipped.
 __kernel void lit_by_backfaces(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const uchar *shines,
                                __global const float4 *planes, const int plane_count, __global uchar *result,
                                const int count)

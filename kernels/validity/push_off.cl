@@ -2,14 +2,15 @@
 #include "receiver.cl"
 #include "validity.cl"
 
-// Points inside of something: what they see are backs, and fronts that are inside, too. Rays in the plane of the
-// surface look for the nearest back; of points that see nothing but backs the way out ends just outside of it.
+// Push-off: moves sample points inside geometry to the nearest outside. A point is inside if its probe rays hit only
+// back faces, or front faces that lie inside too. Rays in the tangent plane find the nearest back face; a point with
+// only back faces around it moves just beyond that face.
 
-#define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
-#define MARGIN 0.05f  // how far outside a point is moved, in widths of its texel
+#define WAYS 8  // rays in the tangent plane; opposite rays measure the thickness
+#define MARGIN 0.05f  // distance of a moved point from the face, in texel widths
 
-// Whether a look sees out: it meets nothing, or a front that itself sees more than backs. From between the sides of
-// a thin wall that ends in another wall, the front of the other one is seen, too; it sees nothing but backs.
+// Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself. Between the
+// sides of a thin wall that ends in another wall, that wall's front is visible too, but it is inside.
 bool escapes(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals,
              __global const uchar *lit, const float near)
 {
@@ -39,10 +40,11 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
     return backs > 0 && out <= MAX_ESCAPES;
 }
 
-// ways: xyz the way out, m, 0 for none; w how thick the thing is that the point is in, m, INFINITY if its sides are
-// farther than `reach`. walls: a triangle of it, -1 if none is near. sides: the two triangles that the thickness is
-// measured between. inside: 1 for points inside of something; of others nothing else is written. normals: of the
-// triangles; lit: see meets_dark_back.
+// Computes the push-off of each point inside geometry; nothing else is written for other points.
+// ways: xyz the displacement, metres, 0 for none; w the thickness of the object around the point, metres, INFINITY if
+//     its sides are farther than `reach` texels.
+// walls: nearest triangle of the object, or -1. sides: the two triangles between which thickness is measured.
+// inside: 1 for points inside. normals: of the triangles. lit: see meets_dark_back.
 __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
                        __global const uchar *lit, const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
                        __global uchar *inside, const int count)
@@ -85,7 +87,7 @@ __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     ways[point].w = thickness;
 }
 
-// The ways of some points, close together.
+// Gathers the results of the chosen points into packed arrays.
 __kernel void compact_push_offs(__global const float4 *ways, __global const int *walls, __global const int2 *sides,
                                 __global const int *points, __global float4 *taken, __global int *taken_walls,
                                 __global int2 *taken_sides, const int count)

@@ -3,18 +3,18 @@
 #include "receiver.cl"
 #include "probe_rays.cl"
 
-// Whether points are inside of something, by what a few rays from them meet. The thresholds are options of the program
+// Validity tests: decide from a few probe rays if a point is inside geometry. Thresholds are build options
 // (engine/validity/thresholds.py).
 
-// True if a ray of unit direction meets a back face that is dark, or nearer than `near`: light leaks below the rim of
-// a shell through texels that it crosses, and lights its back there. lit: 1 for each triangle whose back face sends
-// out light, null if none does.
+// Returns true if a hit is a back face that is dark or nearer than `near`. Light leaks under the rim of a shell through
+// texels that it crosses, so a lit back face counts as outside only at a distance. lit: 1 for each triangle with a lit
+// back face; null if there are none.
 bool meets_dark_back(const Hit *hit, __global const uchar *lit, const float near)
 {
     return hit->triangle >= 0 && !hit->front && !(lit && lit[hit->triangle] && hit->distance > near);
 }
 
-// True if at most `most` of the looks from a point meet dark back faces. No more are cast than it takes to decide.
+// Returns true if at most `most` of the LOOKS probe rays hit dark back faces. Stops as soon as the result is certain.
 bool hits_few_backfaces(const Rays *rays, const float3 start, const float3 normal, __global const uchar *lit,
                         const float near, const int most)
 {
@@ -28,7 +28,7 @@ bool hits_few_backfaces(const Rays *rays, const float3 start, const float3 norma
     return backs <= most;
 }
 
-// True if no more than half of the looks from a point meet back faces.
+// Returns true if at most MAX_BACKS_OPEN probe rays of a point hit back faces.
 bool is_outside(const Rays *rays, const float3 start, const float3 normal)
 {
     return hits_few_backfaces(rays, start, normal, 0, 0.0f, MAX_BACKS_OPEN);

@@ -4,11 +4,12 @@
 #include "texel_ray_origins.cl"
 #include "shaft.cl"
 
-// How open the surroundings of patches are, as far as a few texels: what light that others show cannot tell of a patch.
+// Short-range openness: the unoccluded fraction of the hemisphere within a few texels. Irradiance interpolated from
+// neighbours misses such nearby geometry.
 
 #if PACKET == 8
-// The triangles within reach of a texel, which has to be flat: in a pyramid around half a ball, whose sides rise at half
-// a right angle.
+// Collects the triangles within reach of a texel on a flat surface, by shaft culling with a pyramid around the
+// hemisphere; its sides rise at 45 degrees.
 void find_near(const Rays *rays, const Receiver *r, const float reach, Blockers *near)
 {
     Shaft shaft;
@@ -34,7 +35,7 @@ void find_near(const Rays *rays, const Receiver *r, const float reach, Blockers 
 void find_near(const Rays *rays, const Receiver *r, const float reach, Blockers *near) {}
 #endif
 
-// The fraction of a ray that comes through what is near.
+// Returns the transmittance of a ray with respect to nearby geometry.
 float let_through(const Rays *rays, const Blockers *near, const float3 origin, const float3 direction, const float reach)
 {
 #ifndef TRANSMISSION
@@ -44,8 +45,8 @@ float let_through(const Rays *rays, const Blockers *near, const float3 origin, c
     return grey_of(transmittance(rays, BOUNCE, origin, direction, reach));
 }
 
-// The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach` texels.
-// Rays are the same ones for all patches, so that they differ by what is around patches alone.
+// Stores the cosine-weighted fraction of each patch's hemisphere without geometry within `reach` texels. All patches
+// use the same rays, so that results differ only by geometry.
 __kernel void near_openness(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const float reach,
                             __global float *open, const int count)
 {
@@ -75,7 +76,7 @@ __kernel void near_openness(RAYS_ARGUMENTS, __global const ReceiverRecord *recei
     open[patch] = all > 0.0f ? through / all : 0.0f;
 }
 
-// The fraction of probes of each patch, cosine-weighted over its hemisphere, whose nearest surface shows its back.
+// Stores the cosine-weighted fraction of probe rays of each patch whose nearest hit is a back face.
 __kernel void backs_met(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global float *fraction,
                         const int count)
 {

@@ -2,7 +2,7 @@
 #include "bvh_traversal.cl"
 #include "receiver.cl"
 
-// A few rays around a receiver's normal, which follow the cosine.
+// Probe rays: a few cosine-distributed directions around a receiver's normal.
 
 #define LOOKS 16
 

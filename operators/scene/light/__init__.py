@@ -1,1 +1,1 @@
-"""Lamps and the world -> engine lights and sky."""
+"""Converts Blender's lamps and world to the engine's lights and sky."""

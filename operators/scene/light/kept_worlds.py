@@ -1,4 +1,4 @@
-"""Worlds that Blender has rendered in earlier bakes: those that have not changed are not rendered again."""
+"""Cache of rendered worlds, so that later bakes do not render an unchanged world again."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 from ....engine.scene.model import Light
 
-#: Worlds that are kept: those that a person changes back and forth between.
+#: Largest number of cached worlds, such that switching between two does not render again.
 _WORLDS = 2
 
 
 @dataclass(frozen=True)
 class ReadWorld:
-    """The surroundings.
+    """Radiance and suns of a world.
 
-    radiance  (3,) float32, or equirectangular (h, w, 3) float32 as engine.Scene.world
-    suns      sun discs that the radiance lacks; position and light group are not set
-    notes     sentences for the user
+    radiance:  (3,) float32 for a constant colour, or equirectangular (h, w, 3) float32, as engine.Scene.world
+    suns:      sun discs that are not in the radiance; position and light group are not set
+    notes:     sentences for the user
     """
 
     radiance: np.ndarray
@@ -27,20 +27,20 @@ class ReadWorld:
 
 
 class KeptWorlds:
-    """Worlds by the digest of their nodes; those used longest ago are dropped first."""
+    """Least-recently-used cache of rendered worlds by the digest of their nodes."""
 
     def __init__(self) -> None:
         self._worlds: dict[bytes, ReadWorld] = {}
 
     def get(self, digest: bytes | None) -> ReadWorld | None:
-        """Return the world of a digest, whose arrays must not be changed; None if there is none."""
+        """Return the world of a digest, None if it is not cached; its arrays are read-only."""
         if digest is None or digest not in self._worlds:
             return None
         self._worlds[digest] = self._worlds.pop(digest)
         return self._worlds[digest]
 
     def keep(self, digest: bytes | None, world: ReadWorld) -> None:
-        """Keep a world; without a digest it could not be found."""
+        """Store a world; without a digest it is not stored."""
         if digest is None:
             return
         world.radiance.flags.writeable = False
@@ -49,9 +49,9 @@ class KeptWorlds:
             del self._worlds[next(iter(self._worlds))]
 
     def clear(self) -> None:
-        """Drop all of them."""
+        """Remove all worlds."""
         self._worlds.clear()
 
 
-#: Those of this Blender, until another file is opened.
+#: The worlds rendered in this Blender session, until another file is opened.
 kept_worlds = KeptWorlds()

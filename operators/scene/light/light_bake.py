@@ -1,4 +1,4 @@
-"""Lamps whose nodes only Blender can evaluate: Cycles lights small squares around them."""
+"""Evaluates lamp nodes by Cycles: bakes the direct light that a lamp sends to small squares around it."""
 
 from __future__ import annotations
 
@@ -13,33 +13,37 @@ from ....engine.scene.profile import Profile
 from ...compat import new_node_tree, plain_lamp
 from .light_node_reader import LightNodes
 
-#: Angles of a profile, and of the directions that tell whether it is one at all.
+#: Azimuth and polar angles of the light profile that is measured, and of the coarse grid that tells whether
+#: the light varies with direction.
 _AZIMUTHS, _POLARS = 361, 181
 _FEW = 9, 7
 
-#: Samples of each square, and of the mean over an area lamp's face.
+#: Samples per square, and for area lamps, whose light is averaged over their face.
 _SAMPLES, _FACE_SAMPLES = 1, 256
 
-#: Width of the squares, of their distance from the lamp, and this distance, m; of an area lamp in its widths.
+#: Geometry of the squares. _WIDTH is the width of a square as a fraction of its distance. _DISTANCE is the
+#: distance from the lamp in m, and _FAR the distance from area lamps in lamp widths.
 _WIDTH = 1e-3
 _DISTANCE, _FAR = 1.0, 30.0
 
-#: An axis whose scale is a smaller fraction of the largest one is taken as not scaled, as one of scale 0 is:
-#: all squares would lie on each other, and each ray would meet tens of thousands of them.
+#: Axes whose scale is a smaller fraction of the largest scale are treated as unscaled, and so is scale 0.
+#: Otherwise all squares would overlap, and each ray would hit tens of thousands of them.
 _FLAT = 1e-3
 
-#: Factors that differ by less, of the largest one, are the same.
+#: Light counts as equal in all directions if its factors differ by less than this fraction of the largest.
 _EVEN = 1e-3
 
-#: Radiances beyond it are no light (see engine.scene.checks.MAX_RADIANCE).
+#: Larger radiances are treated as invalid (see engine.scene.checks.MAX_RADIANCE).
 _MOST = 1e20
 
 
 def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> LightNodes:
-    """Return what the nodes of a lamp do to its power; raises RuntimeError if Cycles cannot tell.
+    """Measure the factors that a lamp's nodes apply to its power; raises RuntimeError if Cycles fails.
 
-    Of points and spots that is a profile with steps of 1 degree, 1 m away; of suns a colour; of area lamps
-    the mean over their face, straight ahead. matrix: (4, 4) float64, lamp to world.
+    A point or spot lamp gets a profile of directions in steps of 1 degree, measured 1 m away. A sun gets one
+    colour. An area lamp gets the mean colour over its face, along its axis.
+
+    matrix:  (4, 4) float64, lamp space to world space
     """
     if lamp.type in {"SUN", "AREA"}:
         return LightNodes(_lit(lamp, matrix, np.array([[0.0, 0.0, -1.0]]))[0])
@@ -55,7 +59,7 @@ def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> LightNodes:
 
 
 def _grid(azimuths: int, polars: int) -> np.ndarray:
-    """Return directions at the angles of a profile, (azimuths * polars, 3) float64."""
+    """Return unit directions at the angles of a profile, (azimuths * polars, 3) float64, in lamp space."""
     azimuth = np.linspace(0, 2 * np.pi, azimuths)[:, None] - np.pi
     polar = np.linspace(0, np.pi, polars)
     x, y = np.sin(azimuth) * np.sin(polar), np.cos(azimuth) * np.sin(polar)
@@ -63,7 +67,7 @@ def _grid(azimuths: int, polars: int) -> np.ndarray:
 
 
 def _lit(lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return what the nodes make of a power of 1 along directions in a lamp's space, (n, 3) float64."""
+    """Return the factors of the nodes along directions in lamp space, (n, 3) -> (n, 3) float64 RGB."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.where(scale > 0, scale, 1)
     away = directions / np.where(scale > _FLAT * scale.max(), scale, 1) @ axes.T
@@ -91,7 +95,10 @@ def _lit(lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray) -> n
 
 
 def _squares(away: np.ndarray, distance: float, centre: np.ndarray) -> bpy.types.Mesh:
-    """Return squares that face a centre, each with one texel of its own; away: (n, 3) unit vectors."""
+    """Return a mesh of squares at a distance around a centre, facing it, each with one texel of its own.
+
+    away:  (n, 3) float64, unit directions from the centre to the squares
+    """
     other = np.where(np.abs(away[:, 2:]) < 0.9, [[0.0, 0, 1]], [[1.0, 0, 0]])
     x = np.cross(other, away)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
@@ -102,7 +109,8 @@ def _squares(away: np.ndarray, distance: float, centre: np.ndarray) -> bpy.types
     width = _image_width(len(away))
     cell = np.stack([np.arange(len(away)) % width, np.arange(len(away)) // width], axis=1)
 
-    # Arrays: `from_pydata` takes ten times as long for the 65,341 squares of a profile.
+    # Arrays are set directly, since `from_pydata` takes ten times as long for the 65,341 squares of a
+    # profile.
     mesh = bpy.data.meshes.new("hemibake")
     mesh.vertices.add(4 * len(away))
     mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
@@ -124,7 +132,10 @@ def _image_width(texels: int) -> int:
 def _stage(
     lamp: bpy.types.Light, matrix: np.ndarray, mesh: bpy.types.Mesh, distance: float
 ) -> Iterator[tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Image]]:
-    """Set a lamp of such a power that its nodes alone show, and white squares; remove all in the end."""
+    """Set up a scene with the lamp and white diffuse squares, and remove it at the end.
+
+    The lamp's power is such that the baked light equals the factors of its nodes.
+    """
     scene = bpy.data.scenes.new("hemibake")
     white = bpy.data.materials.new("hemibake")
     width = _image_width(len(mesh.polygons))
@@ -157,7 +168,7 @@ def _stage(
 
 
 def _paint(material: bpy.types.Material, image: bpy.types.Image) -> None:
-    """Make a material diffuse, and bake it into an image."""
+    """Make a material white and diffuse, with an image as its bake target."""
     tree = new_node_tree(material)
     tree.nodes.clear()
     output, diffuse = (tree.nodes.new(f"ShaderNode{name}") for name in ("OutputMaterial", "BsdfDiffuse"))

@@ -1,4 +1,4 @@
-"""What the nodes of a lamp make of its power: colour, profile over directions, falloff over distance."""
+"""Reads lamp nodes as factors of the lamp's power: colour, profile over directions, falloff over distance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ....engine.scene.profile import Profile, read_ies
 from ...compat import blackbody
 from ..materials.sockets import ComplexError, feeding_socket
 
-#: What Cycles takes for an IES file that it cannot read (kernel/util/ies.h).
+#: Strength that Cycles uses for an IES file that it cannot read (kernel/util/ies.h).
 _MISSING_IES = 100.0
 
 _FALLOFF_POWERS = {"Quadratic": 0, "Linear": 1, "Constant": 2}
@@ -24,9 +24,9 @@ _FALLOFF_POWERS = {"Quadratic": 0, "Linear": 1, "Constant": 2}
 class LightNodes:
     """Factors of a lamp's power.
 
-    colour   (3,) float64
-    profile  over directions, None for 1
-    power, smooth  of the distance, see engine.Light; None is no falloff node
+    colour:   (3,) float64 RGB
+    profile:  factor over directions; None for 1 in all directions
+    falloff:  power of the distance and smoothing of a Light Falloff node, see engine.Light; None without one
     """
 
     colour: np.ndarray = field(default_factory=lambda: np.ones(3))
@@ -34,22 +34,22 @@ class LightNodes:
     falloff: tuple[int, float] | None = None
 
     def __mul__(self, other: LightNodes) -> LightNodes:
-        """Multiply; raises ComplexError for two profiles or two falloffs."""
+        """Multiply the factors; raises ComplexError for two profiles or two falloffs."""
         if (self.profile and other.profile) or (self.falloff and other.falloff):
             raise ComplexError
         profile, falloff = self.profile or other.profile, self.falloff or other.falloff
         return LightNodes(self.colour * other.colour, profile, falloff)
 
     def grey(self) -> LightNodes:
-        """Return what a number input takes of a colour."""
+        """Return the factors with the colour replaced by its luminance, as number inputs convert colours."""
         grey = np.full(3, luminance(self.colour)) if np.ptp(self.colour) else self.colour
         return LightNodes(grey, self.profile, self.falloff)
 
 
 class LightNodeReader:
-    """Reads the nodes of lamps where that is exact.
+    """Reads the nodes of lamps if they can be represented exactly.
 
-    notes  sentences for the user are appended here
+    notes:  sentences for the user are appended here
     """
 
     def __init__(self, notes: list[str]) -> None:
@@ -57,7 +57,7 @@ class LightNodeReader:
         self._profiles: dict[str, Profile] = {}
 
     def read(self, tree: bpy.types.NodeTree, name: str) -> LightNodes:
-        """Return what the nodes of a lamp do; raises ComplexError if only Blender knows."""
+        """Return the factors of a lamp's nodes; raises ComplexError if only Cycles can evaluate them."""
         output = tree.get_output_node("CYCLES")
         shader = feeding_socket(output.inputs["Surface"]) if output else None
         if shader is None or not shader.is_output:
@@ -68,7 +68,7 @@ class LightNodeReader:
         return self._value(colour, name) * self._value(strength, name).grey()
 
     def _value(self, socket: bpy.types.NodeSocket, name: str) -> LightNodes:
-        """Return what an input holds, or what is linked to it."""
+        """Return the factors of an input: its own value, or the output of the node linked to it."""
         output = feeding_socket(socket)
         node = output.node
         if not output.is_output or node.bl_idname in {"ShaderNodeRGB", "ShaderNodeValue"}:
@@ -85,13 +85,13 @@ class LightNodeReader:
         raise ComplexError
 
     def _falloff(self, output: bpy.types.NodeSocket, name: str) -> LightNodes:
-        """Return a Light Falloff node's output, whose smoothing has to be a constant."""
+        """Return the factors of a Light Falloff node; raises ComplexError if its Smooth input is computed."""
         smooth = _constant_number(output.node.inputs["Smooth"])
         falloff = LightNodes(falloff=(_FALLOFF_POWERS[output.identifier], max(smooth, 0.0)))
         return self._value(output.node.inputs["Strength"], name).grey() * falloff
 
     def _ies(self, node: bpy.types.Node, name: str) -> LightNodes:
-        """Return an IES Texture's factor along the lamp's own directions."""
+        """Return the factors of an IES Texture node; raises ComplexError if its Vector input is linked."""
         if feeding_socket(node.inputs["Vector"]).is_output:
             raise ComplexError
         strength = self._value(node.inputs["Strength"], name).grey()
@@ -105,7 +105,7 @@ class LightNodeReader:
             return strength * LightNodes(np.full(3, _MISSING_IES))
 
     def _profile(self, node: bpy.types.Node) -> Profile:
-        """Return the profile of an IES Texture, each text once; raises SceneError or OSError."""
+        """Return the profile of an IES Texture node, parsed once per text; raises SceneError or OSError."""
         if node.mode == "EXTERNAL":
             path = bpy.path.abspath(node.filepath, library=node.id_data.library)
             text = Path(path).read_text(encoding="latin-1")
@@ -119,7 +119,7 @@ class LightNodeReader:
 
 
 def own_constants(tree: bpy.types.NodeTree) -> LightNodes:
-    """Return the unlinked colour times strength of a lamp's Emission, white of any other shader."""
+    """Return the unlinked Color times Strength of a lamp's Emission node; factor 1 for other shaders."""
     output = tree.get_output_node("CYCLES")
     node = feeding_socket(output.inputs["Surface"]).node
     if node.bl_idname != "ShaderNodeEmission":
@@ -128,7 +128,7 @@ def own_constants(tree: bpy.types.NodeTree) -> LightNodes:
 
 
 def _constant(socket: bpy.types.NodeSocket) -> LightNodes:
-    """Return the own value of a socket."""
+    """Return the socket's own value as a colour."""
     value = getattr(socket, "default_value", 0.0)
     colour = list(value)[:3] if hasattr(value, "__len__") else [value] * 3
     return LightNodes(np.array(colour, np.float64))
@@ -143,7 +143,7 @@ def _constant_number(socket: bpy.types.NodeSocket) -> float:
 
 
 def _blackbody(node: bpy.types.Node) -> np.ndarray:
-    """Return the colour of a Blackbody node, (3,) float64; raises ComplexError where only Cycles knows."""
+    """Return the colour of a Blackbody node, (3,) float64; raises ComplexError if only Cycles can tell it."""
     colour = blackbody(_constant_number(node.inputs["Temperature"]))
     if colour is None:
         raise ComplexError

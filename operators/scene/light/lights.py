@@ -1,4 +1,4 @@
-"""Light objects -> engine lights, in the units and with the rules of Cycles."""
+"""Converts Blender's lamps to engine lights with the units and formulas of Cycles."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from ..slice_timer import Slices
 from .light_bake import bake_lamp
 from .light_node_reader import LightNodeReader, LightNodes, own_constants
 
-#: Axes along which a lamp of a type must not be scaled to 0 to shine, as in Cycles (measured in 5.0.1).
+#: Axes whose scale must not be 0 for a lamp of each type to emit light, as in Cycles (measured in 5.0.1).
 _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}
 
-#: Half the spread of an area light that has none, rad.
+#: Half angle of the spread of an area lamp with full spread, radians.
 _SPREAD_OFF = np.pi / 2
 
 
 class SceneLights:
-    """Collects the lamps of a scene; instances of a lamp are lamps of their own.
+    """Collects the lamps of a scene; each instance of a lamp becomes a lamp of its own.
 
-    notes  sentences about what could not be taken over are appended here
+    notes:  sentences on what cannot be converted exactly are appended here
     """
 
     def __init__(self, notes: list[str]) -> None:
@@ -41,7 +41,7 @@ class SceneLights:
         self._flat: list[str] = []
 
     def add(self, item: SceneItem) -> None:
-        """Read one lamp but for its nodes."""
+        """Read one lamp without its nodes."""
         name, lamp = item.object.name, item.object.data
         if lamp.type == "AREA" and getattr(lamp, "cycles", None) and lamp.cycles.is_portal:
             self._portals.append(name)
@@ -56,9 +56,9 @@ class SceneLights:
         self._lights.append((_read_light(item), item.source.data.session_uid, item.matrix))
 
     def finish(self, origin: np.ndarray, watch: SceneWatch) -> Slices[tuple[Light, ...]]:
-        """Read the nodes, return the lamps, and warn where a lamp is not exact.
+        """Read the lamps' nodes, return the engine lights, and append notes on lamps that are not exact.
 
-        origin: (3,) float64, world space: positions are relative to it.
+        origin:  (3,) float64 in world space; positions of the lights are relative to it
         """
         lights = []
         for light, uid, matrix in self._lights:
@@ -76,7 +76,7 @@ class SceneLights:
         return tuple(replace(light, position=light.position - origin) for light in lights)
 
     def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LightNodes]:
-        """Return what the nodes of a lamp do, read, evaluated by Cycles, or else guessed from constants."""
+        """Return the factors of a lamp's nodes: read exactly, else measured by Cycles, else constants."""
         watch.depsgraph()
         try:
             return self._read_nodes(find(bpy.data.lights, uid), name)
@@ -89,7 +89,7 @@ class SceneLights:
             watch.accept()
 
     def _read_nodes(self, lamp: bpy.types.Light, name: str) -> LightNodes:
-        """Return what the nodes of a lamp do; raises ComplexError if only Cycles knows."""
+        """Return the factors of a lamp's nodes; raises ComplexError if only Cycles can evaluate them."""
         tree = light_nodes(lamp)
         if tree is None:
             return LightNodes()
@@ -97,7 +97,7 @@ class SceneLights:
         return _along_axis(nodes) if lamp.type == "SUN" else nodes
 
     def _bake_nodes(self, lamp: bpy.types.Light, name: str, matrix: np.ndarray) -> LightNodes:
-        """Return what the nodes of a lamp do as Cycles evaluates them."""
+        """Return the factors of a lamp's nodes measured by Cycles, or the Emission's constants on failure."""
         tree = light_nodes(lamp)
         try:
             nodes = bake_lamp(lamp, matrix)
@@ -121,7 +121,7 @@ class SceneLights:
 
 
 def _with_nodes(light: Light, nodes: LightNodes) -> Light:
-    """Return a lamp with its nodes."""
+    """Return the light with its strength, profile and falloff multiplied by the factors of its nodes."""
     power, smooth = nodes.falloff or (0, 0.0)
     strength, profile = _in_rec709(light.strength * nodes.colour, nodes.profile)
     strength = strength.astype(np.float32)
@@ -129,7 +129,7 @@ def _with_nodes(light: Light, nodes: LightNodes) -> Light:
 
 
 def _in_rec709(strength: np.ndarray, profile: Profile | None) -> tuple[np.ndarray, Profile | None]:
-    """Return a scene-linear strength, (3,), and the profile that it is multiplied by, in linear Rec.709."""
+    """Convert a scene-linear strength, (3,), and the profile that multiplies it, to linear Rec.709."""
     if is_rec709():
         return strength, profile
     if profile is None or not np.ptp(profile.factors, axis=2).any():
@@ -139,7 +139,7 @@ def _in_rec709(strength: np.ndarray, profile: Profile | None) -> tuple[np.ndarra
 
 
 def _along_axis(nodes: LightNodes) -> LightNodes:
-    """Return the nodes of a sun, which shines in one direction from far away."""
+    """Return a sun's factors: those along its axis, since it shines in one direction from infinity."""
     if nodes.falloff is not None and nodes.falloff[0] > 0:
         raise ComplexError
     if nodes.profile is None:
@@ -154,14 +154,14 @@ def _is_linked(obj: bpy.types.Object) -> bool:
 
 
 def _scale(item: SceneItem) -> np.ndarray:
-    """Return an item's scale along its axes, (3,) float64."""
+    """Return the scale of an object's matrix along its local axes, (3,) float64."""
     return np.linalg.norm(np.array(item.matrix, np.float64)[:3, :3], axis=0)
 
 
 def _read_light(item: SceneItem) -> Light:
-    """Return one lamp without its nodes.
+    """Return one lamp as engine light, without its nodes.
 
-    Formulas: Cycles, scene/light.cpp; units: Blender manual, Light Objects.
+    Formulas: Cycles, scene/light.cpp. Units: Blender manual, Light Objects.
     """
     lamp, matrix = item.object.data, np.array(item.matrix, np.float64)
     scale = _scale(item)
@@ -191,7 +191,7 @@ def _read_light(item: SceneItem) -> Light:
 
 
 def _power(lamp: bpy.types.Light) -> np.ndarray:
-    """Return power times colour without nodes, (3,) float64: W, of a sun W/m^2."""
+    """Return a lamp's power times its colour, (3,) float64: W, or W/m^2 for a sun."""
     return light_power(lamp) * np.array(lamp.color, np.float64) * light_temperature(lamp)
 
 
@@ -200,20 +200,23 @@ def _normalized(lamp: bpy.types.Light) -> bool:
 
 
 def _sun(lamp: bpy.types.Light, power: np.ndarray) -> np.ndarray:
-    """Return the irradiance of a sun; not normalized, its power is a radiance."""
+    """Return the irradiance of a sun, (3,) float32 W/m^2; if not normalized, its power is a radiance."""
     angle = np.pi * np.sin(lamp.angle / 2) ** 2
     return (power if _normalized(lamp) or angle == 0 else power * angle).astype(np.float32)
 
 
 def _intensity(lamp: bpy.types.Light, power: np.ndarray, radius: float) -> np.ndarray:
-    """Return the radiant intensity of a point or spot: P / (4 pi); P r^2 if its radiance is P / pi."""
+    """Return the radiant intensity of a point or spot lamp, (3,) float32 W/sr.
+
+    It is P / (4 pi). If the lamp is not normalized, its radiance is P / pi and its intensity P r^2.
+    """
     if _normalized(lamp) or radius == 0:
         return (power / (4 * np.pi)).astype(np.float32)
     return (power * radius**2).astype(np.float32)
 
 
 def _area(lamp: bpy.types.Light, power: np.ndarray, scale: np.ndarray, common: dict) -> Light:
-    """Return an area light: radiance P / (pi area), or P / pi if it is not normalized."""
+    """Return an area light of radiance P / (pi area), or P / pi if it is not normalized."""
     across = lamp.size_y if lamp.shape in {"RECTANGLE", "ELLIPSE"} else lamp.size
     size = np.array([lamp.size, across]) * scale[:2]
     ellipse = lamp.shape in {"DISK", "ELLIPSE"}

@@ -1,4 +1,4 @@
-"""The surroundings as Cycles shows them: pictures of a world alone."""
+"""Renders a world without objects by Cycles, as an equirectangular map or a perspective view."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from mathutils import Quaternion, Vector
 from ...compat import set_panorama
 from ...working_space import to_rec709
 
-#: Samples of each pixel of a view.
+#: Samples per pixel of a perspective view.
 _ZOOM_SAMPLES = 16
 
-#: Width of a camera's sensor, mm, and the longest lens of Blender, mm.
+#: Width of the camera sensor and longest focal length in Blender, mm.
 _SENSOR, _LONGEST = 36.0, 5000.0
 
 
@@ -25,9 +25,9 @@ _SENSOR, _LONGEST = 36.0, 5000.0
 class Zoom:
     """A square perspective view.
 
-    direction  (3,) float64, unit, along which it looks
-    field      field of view, rad, below pi
-    pixels     width
+    direction:  (3,) float64 unit vector, centre of the view
+    field:      field of view, radians, below pi
+    pixels:     width and height in pixels
     """
 
     direction: np.ndarray
@@ -36,13 +36,13 @@ class Zoom:
 
     @property
     def rotation(self) -> Quaternion:
-        """The rotation of its camera, which looks along its own -z."""
+        """Rotation of the camera, which looks along its local -z axis."""
         return (-Vector(self.direction)).to_track_quat("Z", "Y")
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of an equirectangular map: rows, from below, and columns of pixels."""
+    """A rectangle of pixels in an equirectangular map; rows are counted from below."""
 
     rows: slice
     columns: slice
@@ -53,20 +53,20 @@ class Part:
         return (self.rows.stop - self.rows.start) * (self.columns.stop - self.columns.start)
 
     def scaled(self, factor: int) -> Part:
-        """Return the same part of a map with more pixels along each axis."""
+        """Return the same rectangle in a map with `factor` times the pixels along each axis."""
         rows, columns = (slice(factor * axis.start, factor * axis.stop) for axis in (self.rows, self.columns))
         return Part(rows, columns)
 
 
 def render_world(world: bpy.types.World, rows: int, samples: int, part: Part | None = None) -> np.ndarray:
-    """Return a world's radiance as engine.Scene.world, (rows, 2 rows, 3) float32; raises RuntimeError.
+    """Render a world's radiance as engine.Scene.world, (rows, 2 rows, 3) float32; raises RuntimeError.
 
-    samples  of each pixel
-    part     which pixels to return, None for all
+    samples:  samples per pixel
+    part:     rectangle of pixels to render; None for all
     """
 
     def set_up(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
-        # The middle of an equirectangular map is the direction +x, its upper edge +z.
+        # The centre of an equirectangular map is the direction +x, and its upper edge is +z.
         camera.rotation_euler = (np.pi / 2, 0, -np.pi / 2)
         set_panorama(camera.data)
         render = scene.render
@@ -86,9 +86,9 @@ def _border(pixels: slice, size: int) -> tuple[float, float]:
 
 
 def render_zoom(world: bpy.types.World, zoom: Zoom) -> np.ndarray:
-    """Return a world's radiance in a view, (pixels, pixels, 3) float32, row 0 below; raises RuntimeError.
+    """Render a world's radiance in a view, (pixels, pixels, 3) float32, first row at the bottom.
 
-    Each pixel is the mean of its square, without a filter.
+    Each pixel is the mean over its square (box filter). Raises RuntimeError if Blender cannot render.
     """
 
     def set_up(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
@@ -106,10 +106,11 @@ def render_zoom(world: bpy.types.World, zoom: Zoom) -> np.ndarray:
 def _render(
     world: bpy.types.World, set_up: Callable[[bpy.types.Scene, bpy.types.Object], None]
 ) -> np.ndarray:
-    """Return a picture of a world, (h, w, 3) float32; raises RuntimeError.
+    """Render a world in a temporary scene, (h, w, 3) float32; raises RuntimeError.
 
-    A scene of its own is rendered, so that nothing of the user's is touched.
-    set_up: sets the camera, and the size of the picture
+    The user's scenes are not touched.
+
+    set_up:  sets the camera and the resolution of the temporary scene
     """
     images = {image.session_uid for image in bpy.data.images}
     scene = bpy.data.scenes.new("hemibake")
@@ -131,7 +132,7 @@ def _render(
         bpy.data.cameras.remove(camera_data)
         bpy.data.scenes.remove(scene)
 
-        # Rendering makes the "Render Result" of a file that has none.
+        # Rendering creates an image "Render Result" if the file has none.
         for image in [image for image in bpy.data.images if image.session_uid not in images]:
             bpy.data.images.remove(image)
 
@@ -153,7 +154,7 @@ def _set_up(scene: bpy.types.Scene) -> None:
 
 
 def _read(path: Path) -> np.ndarray:
-    """Return the pixels of a picture, (h, w, 3) float32, linear Rec.709."""
+    """Read the pixels of an image file, (h, w, 3) float32 in linear Rec.709."""
     image = bpy.data.images.load(str(path), check_existing=False)
     try:
         pixels = np.empty(len(image.pixels), np.float32)

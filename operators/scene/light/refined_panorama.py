@@ -1,4 +1,4 @@
-"""Pictures of worlds whose details are finer than their pixels: tiles that differ are rendered larger."""
+"""Renders worlds at a resolution that adapts to their detail: tiles that differ are rendered larger."""
 
 from __future__ import annotations
 
@@ -9,21 +9,24 @@ from ....engine.scene.color import luminance
 from ....engine.scene.sky_maps import row_fractions
 from .panorama import Part, render_world
 
-#: Rows of the pictures, each of twice the width of the one before, up to 8k.
+#: Rows of the successive renders, up to 8k; each map is twice as wide as high.
 _ROWS = (512, 1024, 2048, 4096)
 
-#: Most samples of a pixel, and of a picture: what the first one takes, a few seconds on four cores.
+#: Largest number of samples per pixel, and per render: those of the first render, a few seconds on four
+#: cores.
 _PIXEL_SAMPLES, _PICTURE_SAMPLES = 16, 1 << 23
 
-#: Pixels of the first picture along a tile, and the relative difference from which it is rendered larger.
+#: Width of a tile in pixels of the first render, and relative difference from which on a tile is rendered
+#: larger.
 _TILE, _DIFFERENCE = 32, 0.01
 
 
 def render_refined(world: bpy.types.World) -> np.ndarray:
-    """Return a world's radiance as engine.Scene.world, (h, w, 3) float32; raises RuntimeError.
+    """Render a world's radiance as engine.Scene.world, (h, w, 3) float32; raises RuntimeError.
 
-    The map has 512 rows if a picture of twice the width shows the same in each tile; otherwise 1024 rows,
-    with the means of larger pictures of the tiles that differ.
+    Renders of 512 and 1024 rows are compared by the mean of each tile. If no tile differs, the map of 512
+    rows is returned. Otherwise the map has 1024 rows. Tiles that differ are replaced by the means of larger
+    renders until they no longer change.
     """
     coarse, fine = (_rendered(world, rows) for rows in _ROWS[:2])
     least, tile = _mean(coarse), _TILE * _ROWS[1] // _ROWS[0]
@@ -46,27 +49,27 @@ def render_refined(world: bpy.types.World) -> np.ndarray:
 
 
 def _rendered(world: bpy.types.World, rows: int, part: Part | None = None) -> np.ndarray | None:
-    """Return a picture, or a part of it; None if that takes too many samples."""
+    """Render a map or a part of it; None if that takes too many samples."""
     whole = Part(slice(0, rows), slice(0, 2 * rows))
     samples = min(_PICTURE_SAMPLES // (part or whole).pixels, _PIXEL_SAMPLES)
     return render_world(world, rows, samples, part) if samples else None
 
 
 def _mean(world: np.ndarray) -> float:
-    """Return the mean luminance of a map over the sphere."""
+    """Return the mean luminance of an equirectangular map over the sphere."""
     return float((luminance(world, np.float64).mean(axis=1) * row_fractions(len(world))).sum())
 
 
 def _shrunk(picture: np.ndarray, factor: int) -> np.ndarray:
-    """Return the means of squares of pixels, (h, w, 3) -> (h / factor, w / factor, 3) float32."""
+    """Downsample by the mean of squares of pixels, (h, w, 3) -> (h / factor, w / factor, 3) float32."""
     height, width = picture.shape[0] // factor, picture.shape[1] // factor
     return picture.reshape(height, factor, width, factor, 3).mean(axis=(1, 3), dtype=np.float32)
 
 
 def _differing(picture: np.ndarray, other: np.ndarray, least: float, tile: int) -> np.ndarray:
-    """Return which tiles of two pictures differ in any channel, (h / tile, w / tile) bool.
+    """Return for each tile whether its mean differs in any channel, (h / tile, w / tile) bool.
 
-    least: radiance against which differences of darker tiles are measured
+    least:  smallest radiance to which a difference is relative, W/(m^2 sr)
     """
     means, others = _shrunk(picture, tile), _shrunk(other, tile)
     scale = np.maximum(np.maximum(np.abs(means), np.abs(others)), max(least, 1e-30))
@@ -75,12 +78,12 @@ def _differing(picture: np.ndarray, other: np.ndarray, least: float, tile: int) 
 
 
 def _around(tiles: np.ndarray, tile: int) -> Part:
-    """Return the smallest part of a map that holds all chosen tiles."""
+    """Return the smallest rectangle of pixels with all tiles set in `tiles`, (h / tile, w / tile) bool."""
     rows, columns = np.flatnonzero(tiles.any(axis=1)), np.flatnonzero(tiles.any(axis=0))
     return Part(*(slice(tile * int(axis[0]), tile * (int(axis[-1]) + 1)) for axis in (rows, columns)))
 
 
 def _tiles(part: Part, tile: int) -> tuple[slice, slice]:
-    """Return the tiles of a part of a map."""
+    """Return the slices of tile rows and columns that a rectangle of pixels covers."""
     rows, columns = (slice(axis.start // tile, axis.stop // tile) for axis in (part.rows, part.columns))
     return rows, columns

@@ -1,7 +1,7 @@
-"""Sun discs of Sky Texture nodes, read as sun lights.
+"""Converts the sun discs of Sky Texture nodes to sun lights.
 
-A disc is narrower than the pixels of a picture of the world. Its irradiance is the difference of two zoomed
-pictures of the whole world, with and without the discs, so that strength, groups and mixes count.
+A disc is narrower than a pixel of the rendered world. Its irradiance is therefore the difference of two
+zoomed renders of the whole world, with and without the discs. This includes strength, node groups and mixes.
 """
 
 from __future__ import annotations
@@ -19,50 +19,55 @@ from ....engine.scene.model import Light
 from ...compat import node_tree
 from .panorama import Zoom, render_zoom
 
-#: Types of Sky Texture that have a sun disc; NISHITA is that of Blender before 5.0.
+#: Types of Sky Texture nodes with a sun disc; NISHITA is the name in Blender before 5.0.
 _TYPES = frozenset({"NISHITA", "SINGLE_SCATTERING", "MULTIPLE_SCATTERING"})
 
-#: Smallest disc of Cycles, rad (scene/shader_nodes.h, SkyTextureNode::get_sun_size).
+#: Smallest disc in Cycles, radians (scene/shader_nodes.h, SkyTextureNode::get_sun_size).
 _SMALLEST = 0.0005
 
-#: Width of a zoomed picture, pixels, and its field of view, in discs and at most, rad.
+#: Zoomed render: width in pixels, field of view in disc widths, and largest field of view, radians.
 _PIXELS, _FIELD, _WIDEST = 64, 3.0, 2.6
 
-#: Fraction by which the rim of a disc may lie outside its angle: half a pixel of a zoomed picture and more.
+#: Fraction of its angular radius by which the rim of a disc may be exceeded: more than half a pixel of a
+#: zoomed render.
 _RIM = 0.1
 
-#: Angle by which equal directions may differ, rad, and the factor by which equal sizes may.
+#: Tolerances for equal discs: angle between their directions, radians, and ratio of their sizes.
 _SAME, _SAME_SIZE = 1e-5, 1 + 1e-4
 
 
 @dataclass(frozen=True)
 class SunDisc:
-    """A sun disc; direction: (3,) float64, unit, towards it; size: its whole angle, rad."""
+    """A sun disc.
+
+    direction:  (3,) float64 unit vector towards the disc
+    size:       angular diameter, radians
+    """
 
     direction: np.ndarray
     size: float
 
     def angle_to(self, other: SunDisc) -> float:
-        """Return the angle to another disc, rad; exact also for small ones."""
+        """Return the angle between the directions of two discs, radians; accurate for small angles, too."""
         return float(2 * np.arcsin(min(np.linalg.norm(self.direction - other.direction) / 2, 1.0)))
 
     def is_same(self, other: SunDisc) -> bool:
-        """Return True if both discs cover the same directions."""
+        """Return True if both discs have the same direction and size within tolerances."""
         ratio = self.size / other.size
         return self.angle_to(other) < _SAME and 1 / _SAME_SIZE < ratio < _SAME_SIZE
 
     def overlaps(self, other: SunDisc) -> bool:
-        """Return True if some directions belong to both discs."""
+        """Return True if the discs overlap."""
         return self.angle_to(other) < (1 + _RIM) * (self.size + other.size) / 2
 
 
 @contextmanager
 def copied_world(world: bpy.types.World) -> Iterator[bpy.types.World]:
-    """Yield a copy of a world and its groups as they are in the current frame; remove all at the end."""
+    """Yield a copy of a world and its node groups at the current frame; all are removed at the end."""
     copy = world.copy()
     groups: dict[bpy.types.NodeTree, bpy.types.NodeTree] = {}
     try:
-        # A scene of its own would evaluate animation at its own frame.
+        # Without animation data: the temporary scene would evaluate animation at a frame of its own.
         copy.animation_data_clear()
         if copy.node_tree is not None:
             _copy_groups(copy.node_tree, groups)
@@ -74,7 +79,10 @@ def copied_world(world: bpy.types.World) -> Iterator[bpy.types.World]:
 
 
 def _copy_groups(tree: bpy.types.NodeTree, groups: dict[bpy.types.NodeTree, bpy.types.NodeTree]) -> None:
-    """Replace the groups of a tree by copies; groups: the copy of each group."""
+    """Replace the node groups of a tree by copies, recursively.
+
+    groups:  the copy of each group, filled here
+    """
     tree.animation_data_clear()
     for node in tree.nodes:
         group = getattr(node, "node_tree", None)
@@ -109,13 +117,13 @@ def _disc(node: bpy.types.Node) -> SunDisc:
 
 
 def take_suns(world: bpy.types.World, name: str, notes: list[str]) -> list[Light]:
-    """Switch off the sun discs of a world, return them as suns; position and light group are not set.
+    """Turn off the sun discs of a world and return them as sun lights without position and light group.
 
-    Discs that overlap stay on, and a warning is appended to `notes`. Raises RuntimeError if Blender cannot
+    Overlapping discs stay on, and a warning is appended to `notes`. Raises RuntimeError if Blender cannot
     render.
 
-    world  a copy, see `copied_world`
-    name   of the original
+    world:  a copy, see `copied_world`
+    name:   name of the original world
     """
     nodes = sky_nodes(node_tree(world))
     discs: list[SunDisc] = []
@@ -136,7 +144,7 @@ def take_suns(world: bpy.types.World, name: str, notes: list[str]) -> list[Light
 def _irradiance(
     world: bpy.types.World, nodes: Sequence[bpy.types.Node], discs: Sequence[SunDisc]
 ) -> list[np.ndarray]:
-    """Switch off discs, return the irradiance vector of each, (3, 3) float64, W/m^2: xyz of each channel."""
+    """Turn off discs; return the irradiance vector of each, (3, 3) float64 W/m^2: channels, xyz."""
     zooms = [Zoom(disc.direction, min(_FIELD * disc.size, _WIDEST), _PIXELS) for disc in discs]
     with_discs = [render_zoom(world, zoom) for zoom in zooms]
     for node in nodes:
@@ -152,7 +160,7 @@ def _irradiance(
 
 
 def _pixels(zoom: Zoom) -> tuple[np.ndarray, np.ndarray]:
-    """Return directions, (h, w, 3) float64, and solid angles, (h, w) float64 sr, of the pixels of a zoom."""
+    """Return the pixels' unit directions, (h, w, 3) float64, and solid angles, (h, w) float64 sr."""
     edge = np.tan(zoom.field / 2)
     step = 2 * edge / zoom.pixels
     middles = (np.arange(zoom.pixels) + 0.5) * step - edge
@@ -164,9 +172,12 @@ def _pixels(zoom: Zoom) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sun(name: str, disc: SunDisc, vector: np.ndarray) -> Light:
-    """Return a sun of a disc's size that gives its irradiance to any surface that all of it reaches.
+    """Return a sun light of the disc's size and irradiance.
 
-    vector: (3, 3) float64, irradiance vector of each channel, W/m^2
+    Its axis has the direction of the irradiance vectors' luminance. A surface that the whole disc reaches
+    gets the irradiance of the disc.
+
+    vector:  (3, 3) float64, irradiance vector of each channel, W/m^2
     """
     towards = luminance(vector.T)
     length = float(np.linalg.norm(towards))

@@ -1,4 +1,4 @@
-"""World nodes -> radiance of the surroundings, and suns."""
+"""Converts world nodes to the sky's radiance and sun lights."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from .kept_worlds import ReadWorld, kept_worlds
 from .refined_panorama import render_refined
 from .sky_sun import copied_world, take_suns
 
-#: Largest map of the surroundings, rows: images up to 8k are read at their own resolution. Such a map takes
+#: Largest number of rows of the sky's map, so that images up to 8k keep their resolution. Such a map takes
 #: 400 MB, and a bake three times that.
 _ROWS = 4096
 
 
 def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices[ReadWorld]:
-    """Return the radiance of the world and its suns.
+    """Return the radiance and suns of the scene's world.
 
-    A constant colour and an equirectangular image are read as they are; anything else is rendered by
-    Blender. Sentences about what could not be taken over are appended to `notes`.
+    A constant colour and an equirectangular image are read exactly. All other worlds are rendered by Blender.
+    Sentences on what cannot be converted are appended to `notes`.
     """
     while True:
         watch.depsgraph()
@@ -51,7 +51,7 @@ def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices
 
 
 def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) -> np.ndarray | _Environment:
-    """Return a colour or an image; raises ComplexError if only Blender can render the world."""
+    """Return a constant colour or an image; raises ComplexError if only Blender can render the world."""
     if world is None or not world.cycles_visibility.diffuse:
         return np.zeros(3, np.float32)
     tree = node_tree(world)
@@ -73,7 +73,7 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
 
 
 def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
-    """Return what Blender makes of a world, black if it cannot; an unchanged world is not rendered again."""
+    """Render a world by Blender, or return it from the cache; a world that cannot be rendered is black."""
     digest = world_digest(watch.context.world)
     kept = kept_worlds.get(digest)
     if kept is not None:
@@ -99,7 +99,7 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
 
 @contextmanager
 def _seen_by_bounces(world: bpy.types.World) -> Iterator[None]:
-    """Replace the Light Path of a copied world by its values for diffuse bounces."""
+    """Replace the outputs of Light Path nodes in a copied world by their values for diffuse bounces."""
     substitution = Substitution(None, BOUNCE)
     try:
         if node_tree(world) is not None:
@@ -113,10 +113,10 @@ def _seen_by_bounces(world: bpy.types.World) -> Iterator[None]:
 class _Environment:
     """An environment texture.
 
-    pixels    (h, w, 3) float32
-    srgb      whether its colours are sRGB-encoded
-    turn      (3, 3) matrix that a Mapping node applies to directions, None for none
-    strength  of the Background shader
+    pixels:    (h, w, 3) float32 RGB
+    srgb:      True if the pixels are sRGB-encoded
+    turn:      (3, 3) float64 matrix that a Mapping node applies to directions; None without one
+    strength:  strength of the Background shader
     """
 
     pixels: np.ndarray
@@ -125,7 +125,7 @@ class _Environment:
     strength: float
 
     def radiance(self) -> Slices[np.ndarray]:
-        """Return its radiance over directions, (h, w, 3) float32."""
+        """Return the radiance as an equirectangular map, (h, w, 3) float32, of at most _ROWS rows."""
         height, width = self.pixels.shape[:2]
         colours = np.empty((height, width, 3), np.float32)
         for rows in row_slices(height, 4 * width):
@@ -139,7 +139,7 @@ class _Environment:
 
 
 def _environment(node: bpy.types.Node, owner: str, cache: PixelCache, strength: float) -> _Environment:
-    """Return an environment texture, turned by its Mapping node."""
+    """Return an environment texture with the rotation of its Mapping node."""
     if node.projection != "EQUIRECTANGULAR" or not is_plain(node.image):
         raise ComplexError
     turn = _rotation(node.inputs["Vector"])
@@ -148,7 +148,7 @@ def _environment(node: bpy.types.Node, owner: str, cache: PixelCache, strength: 
 
 
 def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
-    """Return the (3, 3) matrix that a Mapping node applies to directions, None for none."""
+    """Return the (3, 3) float64 matrix that Mapping nodes apply to directions; None without one."""
     output = feeding_socket(socket)
     if not output.is_output:
         return None
@@ -171,7 +171,7 @@ def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
 
 
 def _turned(pixels: np.ndarray, matrix: np.ndarray) -> Slices[np.ndarray]:
-    """Return a map that shows in each direction what the image shows in the turned direction."""
+    """Resample a map, (h, w, 3) float32, such that direction d gets the value at `matrix` @ d."""
     height, width = pixels.shape[:2]
     phi = 2 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)
     theta = np.pi * (1 - (np.arange(height) + 0.5) / height)[:, None]
@@ -189,7 +189,7 @@ def _turned(pixels: np.ndarray, matrix: np.ndarray) -> Slices[np.ndarray]:
 
 
 def _interpolated(pixels: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return pixels at points counted from pixel centres; columns go around."""
+    """Return bilinearly interpolated pixels at positions in pixels from the first centre; columns wrap."""
     height, width = pixels.shape[:2]
     left, below = np.floor(x).astype(int), np.floor(y).astype(int)
     across, up = (x - left)[..., None].astype(np.float32), (y - below)[..., None].astype(np.float32)

@@ -1,1 +1,1 @@
-"""Material nodes -> constants and textures, or a bake by Cycles."""
+"""Converts material nodes to constants and textures, or evaluates them by a Cycles bake."""

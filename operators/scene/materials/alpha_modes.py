@@ -1,8 +1,8 @@
-"""Colours and alpha of images as Cycles' image textures give them, by the alpha mode.
+"""Converts image colours by alpha mode, as Cycles' image textures do.
 
-Where colour and alpha belong together (modes Straight and Premultiplied, no data), Cycles keeps colours
-multiplied by alpha. The Color output is divided by it only where the Alpha output is linked, too (Cycles,
-scene/shader_nodes.cpp, ImageTextureNode; measured in 4.2, 5.0 and 5.2).
+In alpha modes Straight and Premultiplied, Cycles stores colours multiplied by alpha (associated alpha). It
+divides the Color output by alpha only if the Alpha output is linked as well. Data images are unaffected.
+Source: Cycles, scene/shader_nodes.cpp, ImageTextureNode; measured in 4.2, 5.0 and 5.2.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from ...compat import multiplies_by_alpha
 
-#: Colour spaces of data: their channels do not depend on alpha.
+#: Colour spaces of data images, whose channels do not depend on alpha.
 DATA = frozenset({"Non-Color", "Raw", "Generic Data"})
 
 _ASSOCIATED = frozenset({"STRAIGHT", "PREMUL"})
@@ -22,10 +22,10 @@ _ASSOCIATED = frozenset({"STRAIGHT", "PREMUL"})
 
 @dataclass(frozen=True)
 class AlphaMeaning:
-    """How the channels of pixels depend on alpha.
+    """How the colour channels of an image depend on alpha.
 
-    associated  colour and alpha belong together
-    multiplies  Cycles multiplies colours by alpha; otherwise it takes them for multiplied ones
+    associated:  True if colour and alpha belong together
+    multiplies:  True if Cycles multiplies the colours by alpha; False if it takes them as already multiplied
     """
 
     associated: bool
@@ -33,12 +33,12 @@ class AlphaMeaning:
 
     @classmethod
     def of(cls, image: bpy.types.Image) -> AlphaMeaning:
-        """Return the meaning for an image."""
+        """Return the alpha meaning of an image."""
         associated = image.alpha_mode in _ASSOCIATED and image.colorspace_settings.name not in DATA
         return cls(associated, multiplies_by_alpha(image))
 
     def straight(self, pixels: np.ndarray) -> np.ndarray:
-        """Return the colours of pixels (..., 4) where Alpha is linked, (..., 3) float32."""
+        """Return colours of pixels, (..., 4) -> (..., 3) float32, if Alpha is linked: not multiplied."""
         colours = pixels[..., :3]
         if self.multiplies or not self.associated:
             return colours
@@ -46,16 +46,16 @@ class AlphaMeaning:
         return colours / np.where(alpha > 0, alpha, 1)
 
     def multiplied(self, pixels: np.ndarray) -> np.ndarray:
-        """Return the colours of pixels (..., 4) where Alpha is not linked, (..., 3) float32."""
+        """Return colours of pixels, (..., 4) -> (..., 3) float32, if Alpha is not linked: times alpha."""
         colours = pixels[..., :3]
         return colours * pixels[..., 3:] if self.multiplies and self.associated else colours
 
 
 def channels_of(image: bpy.types.Image) -> np.ndarray:
-    """Return the channels of an image as Cycles reads them, (h w 4,) float32, alpha 1 where it ignores it.
+    """Return an image's channels as Cycles reads them, (h w 4,) float32; an ignored alpha is 1.
 
-    Cycles reads files by itself, where Blender converts colours by the alpha mode. Raises RuntimeError or
-    TypeError if Blender has no pixels.
+    Cycles reads image files itself, while Blender converts their colours by alpha mode. Raises RuntimeError
+    or TypeError if Blender has no pixels.
     """
     channels = _channels(image)
     if image.alpha_mode == "NONE":
@@ -79,7 +79,7 @@ def _channels(image: bpy.types.Image) -> np.ndarray:
 
 
 def _is_converted(image: bpy.types.Image) -> bool:
-    """Return True if Blender converts colours of an image that Cycles reads from its file."""
+    """Return True if Blender converts the colours of an image file that Cycles reads by itself."""
     if image.source != "FILE" or image.packed_file is not None or image.is_dirty:
         return False
     mode = "STRAIGHT" if image.is_float else "PREMUL"

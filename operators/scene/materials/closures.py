@@ -13,16 +13,16 @@ import bpy
 from ...compat import node_input
 from .socket_math import Operand, SocketMath
 
-#: The quantities of a surface that an evaluation of its node tree returns.
+#: The quantities of a surface that evaluations of its node tree return.
 QUANTITIES = ("reflect", "emit", "through", "transmit")
 
 PRINCIPLED, MIX, ADD = "ShaderNodeBsdfPrincipled", "ShaderNodeMixShader", "ShaderNodeAddShader"
 GLASS, REFRACTION = "ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"
 
-#: Closures that emit.
+#: Closures that emit light.
 EMITTERS = frozenset({"ShaderNodeEmission", "ShaderNodeBackground"})
 
-#: Closures without diffuse light and without straight-through transmittance.
+#: Closures with neither diffuse light nor straight-through transmittance.
 DARK = frozenset({
     "ShaderNodeBsdfGlossy", "ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfMetallic", "ShaderNodeBsdfSheen",
     "ShaderNodeBsdfVelvet", "ShaderNodeBsdfHair", "ShaderNodeBsdfHairPrincipled", "ShaderNodeHoldout",
@@ -30,16 +30,16 @@ DARK = frozenset({
     "ShaderNodeVolumePrincipled", "ShaderNodeVolumeCoefficients",
 })  # fmt: skip
 
-#: Closures of strands, on a mesh nearly without diffuse light.
+#: Closures for hair strands; on a mesh they have almost no diffuse light.
 _HAIR = frozenset({"ShaderNodeBsdfHair", "ShaderNodeBsdfHairPrincipled"})
 
 Rule = Callable[[SocketMath, bpy.types.Node], Operand]
 
 
 def closure_rule(node: bpy.types.Node, quantity: str, glass: bool) -> Rule | None:
-    """Return the formula of a quantity of a closure, None if the closure has none of it.
+    """Return the formula of a quantity of a closure; None if the quantity is 0.
 
-    glass  True if refracting closures let light pass straight through
+    glass:  True if refracting closures transmit light without refraction
     """
     if quantity == "through":
         return (_THROUGH | _GLASS if glass else _THROUGH).get(node.bl_idname)
@@ -70,13 +70,13 @@ def is_hair(node: bpy.types.Node) -> bool:
 
 
 def passes_shaders(node: bpy.types.Node) -> bool:
-    """Return True if a node hands on other shaders, as Mix and Add Shader, groups and reroutes do."""
+    """Return True if a node passes shaders on: Mix Shader, Add Shader, group or reroute nodes."""
     is_group = hasattr(node, "node_tree") or node.bl_idname == "NodeGroupInput"
     return is_group or any(socket.type == "SHADER" for socket in node.inputs)
 
 
 def is_unknown(node: bpy.types.Node) -> bool:
-    """Return True if a node is a closure that neither has a formula nor is dark."""
+    """Return True if a node is a closure without a formula that is not known to be black."""
     if passes_shaders(node) or not any(output.type == "SHADER" for output in node.outputs):
         return False
     return not any(node.bl_idname in rules for rules in (DARK, EMITTERS, _THROUGH, _GLASS, *_RULES.values()))
@@ -111,7 +111,7 @@ def _subsurface(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
 
 
 def _operand(socket: bpy.types.NodeSocket | None) -> Operand:
-    """Return an input, 0 where this version of Blender lacks it."""
+    """Return an input as operand; 0 if this version of Blender lacks it."""
     return 0.0 if socket is None else socket
 
 
@@ -125,19 +125,19 @@ def _glass(math: SocketMath, node: bpy.types.Node) -> Operand:
 
 
 def _dielectric(math: SocketMath, node: bpy.types.Node) -> Operand:
-    """Return the part of the Principled BSDF that is no metal: alpha * (1 - metallic)."""
+    """Return the dielectric fraction of the Principled BSDF: alpha * (1 - metallic)."""
     metallic = math.clamp(node.inputs["Metallic"])
     return math.multiply(math.clamp(node.inputs["Alpha"]), math.complement(metallic))
 
 
 def _diffuse(math: SocketMath, node: bpy.types.Node) -> Operand:
-    """Return the diffuse albedo of the Principled BSDF, to both sides."""
+    """Return the diffuse albedo of the Principled BSDF, reflected and transmitted together."""
     opaque = math.complement(math.clamp(_operand(_transmission(node))))
     return math.multiply(_dielectric(math, node), opaque, math.positive(node.inputs["Base Color"]))
 
 
 def _forward(math: SocketMath, node: bpy.types.Node) -> Operand:
-    """Return the part of the diffuse albedo that leaves the other side of a thin wall (Blender 5.2)."""
+    """Return the fraction of the diffuse albedo that leaves a thin wall on the other side (Blender 5.2)."""
     anisotropy = math.add(1.0, _operand(node_input(node, "Subsurface Anisotropy")))
     weight = math.clamp(_operand(_subsurface(node)))
     return math.multiply(_operand(node_input(node, "Thin Wall")), weight, math.multiply(anisotropy, 0.5))
@@ -163,7 +163,7 @@ def _principled_hole(math: SocketMath, node: bpy.types.Node) -> Operand:
 
 
 def _principled_through(math: SocketMath, node: bpy.types.Node) -> Operand:
-    """Return 1 - alpha, plus the transmitted part: sqrt(base) (1 - F), of a thin wall base (1 - F)^2."""
+    """Return 1 - alpha plus glass: sqrt(base) (1 - F), or base (1 - F)^2 for a thin wall."""
     hole, weight = _principled_hole(math, node), _transmission(node)
     if not _may_exceed(weight, 0.0):
         return hole

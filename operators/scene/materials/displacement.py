@@ -1,4 +1,4 @@
-"""True displacement: materials that move the surface in a render, which lightmaps do not have."""
+"""Detects true displacement, which moves surfaces in renders but not in bakes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ...compat import node_tree
 
 
 def displaces(material: bpy.types.Material | None) -> bool:
-    """Return True if Cycles moves the surface of a material, and not only its normals."""
+    """Return True if Cycles displaces the surface of a material, and not only its normals."""
     if material is None or material.displacement_method == "BUMP":
         return False
     tree = node_tree(material)

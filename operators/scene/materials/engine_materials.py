@@ -1,4 +1,4 @@
-"""Surfaces as they were read -> materials of the engine."""
+"""Converts surfaces to the engine's materials."""
 
 from __future__ import annotations
 
@@ -14,16 +14,21 @@ from .sockets import ComplexError
 from .values import HOLE, DiffuseSurface, MaterialValue
 
 #: Largest straight-through transmittance of a surface that also emits or reflects. The engine stores light
-#: of the part that stops rays, so that part cannot be 0. Chosen: light through a glow loses 1.6 %.
+#: for the opaque part of the surface, which therefore cannot be 0. Light through a glowing surface loses 1.6
+#: % at most.
 MAX_SHARED = 1 - 1 / 64
 
 
 @dataclass(frozen=True)
 class Sides:
-    """A surface for each kind of ray and each side; None is as `bounce`, of the back as the front.
+    """Surfaces for each kind of ray and side.
 
-    bounce, bounce_back  for gathered light
-    shadow, shadow_back  for shadow rays to lights
+    None for shadow rays means the same as `bounce`, and None for back sides the same as the front.
+
+    bounce:       front, for gathered light
+    shadow:       front, for shadow rays to lights
+    bounce_back:  back, for gathered light
+    shadow_back:  back, for shadow rays to lights
     """
 
     bounce: DiffuseSurface
@@ -34,9 +39,9 @@ class Sides:
 
 @np.errstate(over="ignore", invalid="ignore")
 def to_material(name: str, sides: Sides) -> Material:
-    """Return a surface as the engine's material; raises ComplexError for a threshold on tinted light.
+    """Convert surfaces to the engine's material; raises ComplexError for a threshold on tinted light.
 
-    Values that are no finite numbers stay so: `engine.scene.checks` rejects them.
+    Values that are not finite are kept, and `engine.scene.checks` rejects them.
     """
     front = _physical(sides.bounce)
     transmission = Transmission(
@@ -68,7 +73,7 @@ def to_material(name: str, sides: Sides) -> Material:
 
 
 def hide_from_rays(material: Material, from_shadow: bool, from_bounces: bool) -> Material:
-    """Return a material that shadow rays, or gathered light, do not meet: there it emits nothing."""
+    """Return the material transparent for shadow rays, for gathered light or both; then it emits nothing."""
     transmission = material.transmission
     if from_shadow:
         transmission = replace(transmission, shadow=CLEAR, shadow_back=None)
@@ -83,7 +88,7 @@ def hide_from_rays(material: Material, from_shadow: bool, from_bounces: bool) ->
 
 
 def textures_of(material: Material) -> list[Texture]:
-    """Return the textures of a material."""
+    """Return all textures of a material."""
     maps = [material.reflectance_map, material.emission_map, material.translucency_map]
     if material.back is not None:
         maps += [material.back.reflectance_map, material.back.emission_map]
@@ -91,9 +96,9 @@ def textures_of(material: Material) -> list[Texture]:
 
 
 def _physical(surface: DiffuseSurface) -> DiffuseSurface:
-    """Return a surface whose quantities are physical, divided by the part of the sheet that stops rays.
+    """Clamp a surface to physical values, and divide light by its opaque fraction.
 
-    Reflected, transmitted and passing light of a channel add up to 1 at most, before that division.
+    Before the division, reflected, transmitted and straight-through light of a channel add up to 1 at most.
     """
     if surface.cover.constant.max() <= 0:
         return HOLE
@@ -113,7 +118,7 @@ def _physical(surface: DiffuseSurface) -> DiffuseSurface:
 
 
 def _transmittance(surface: DiffuseSurface) -> Transmittance:
-    """Return the straight-through transmittance: 1 - cover * (1 - through)."""
+    """Return the straight-through transmittance of a surface: 1 - cover * (1 - through)."""
     through = np.clip(surface.through, 0.0, 1.0)
     opacity = float(np.clip(surface.cover.constant[0], 0.0, 1.0))
     texture, threshold = surface.cover.texture, surface.threshold

@@ -1,4 +1,4 @@
-"""Finished pixels of evaluations -> a material of the engine: textures, or their means."""
+"""Converts pixels evaluated by Cycles to an engine material, with textures or with mean values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..objects.meshes import LIGHTMAP_UVS
 from .evaluated_passes import COVERED, Pass, Pixels
 from .ray_kinds import BOUNCE, RayKind
 
-#: Transmittances that differ by less are equal: Cycles' mean of several samples rounds.
+#: Transmittances count as equal if they differ by less, as Cycles rounds the mean of several samples.
 _EQUAL = 1e-4
 
 _BACK = RayKind(back=True)
@@ -21,13 +21,13 @@ _BACK = RayKind(back=True)
 
 @dataclass(frozen=True)
 class EvaluatedMaterial:
-    """A material that Cycles evaluated.
+    """A material evaluated by Cycles.
 
-    name       of the material
-    pixels     finished evaluations; see `evaluated_passes.finish_passes`
-    bumps      factor of its reflectance, see `normal_map_reflectance.surface_bumps`
-    has_back   True if the back was evaluated, too
-    is_mapped  True for textures over the lightmap UVs, False for means over covered texels
+    name:       name of the material
+    pixels:     finished evaluations, see `evaluated_passes.finish_passes`
+    bumps:      factor of its reflectance for its normal map, see `normal_map_reflectance.surface_bumps`
+    has_back:   True if the back was evaluated as well
+    is_mapped:  True for textures over lightmap UVs, False for means over covered texels
     """
 
     name: str
@@ -37,7 +37,7 @@ class EvaluatedMaterial:
     is_mapped: bool
 
     def material(self) -> Material:
-        """Return it as a material of the engine."""
+        """Return the engine's material."""
         reflect, reflect_map = self._light("reflect")
         emit, emit_map = self._light("emit")
         transmit, transmit_map = self._light("transmit")
@@ -59,7 +59,7 @@ class EvaluatedMaterial:
         return BackSide(reflect * np.float32(self.bumps), emit, reflect_map, emit_map)
 
     def _light(self, quantity: str, rays: RayKind = BOUNCE) -> tuple[np.ndarray, Texture | None]:
-        """Return the factor, (3,) float32, and the texture of a quantity."""
+        """Return a quantity as a factor, (3,) float32, and a texture; None without a texture."""
         values = self.pixels.get(Pass(quantity, rays))
         if values is None or not values.any():
             return np.zeros(3, np.float32), None
@@ -82,7 +82,7 @@ class EvaluatedMaterial:
         return Transmission(*(side or OPAQUE for side in sides))
 
     def _transmittance(self, rays: RayKind) -> Transmittance | None:
-        """Return the transmittance of an evaluation, None if there is none."""
+        """Return the transmittance of one kind of ray; None if it was not evaluated."""
         values = self.pixels.get(Pass("through", rays))
         if values is None:
             return None

@@ -1,4 +1,4 @@
-"""Evaluations of a material by Cycles: which ones it takes, and how their pixels become physical."""
+"""Lists the Cycles evaluations that a material needs, and makes their pixels physical."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from .object_nodes import Dependence
 from .ray_kinds import BOUNCE, RayKind
 from .tree_nodes import used_nodes
 
-#: The part of a texel that stops rays is black if it is smaller.
+#: Texels whose opaque fraction is smaller reflect, transmit and emit nothing.
 _SMALLEST_PART = 1e-3
 
 
 class Pass(NamedTuple):
     """One evaluation of a material.
 
-    quantity  one of `closures.QUANTITIES`
-    rays      the rays that evaluate it
+    quantity:  one of `closures.QUANTITIES`
+    rays:      kind of ray for which it is evaluated
     """
 
     quantity: str
     rays: RayKind = BOUNCE
 
 
-#: Not evaluated: texels that faces or chart margins cover, (h, w) bool.
+#: Key of the coverage mask, (h, w) bool: texels that faces or chart margins cover. It is not evaluated.
 COVERED = Pass("covered")
 
-#: Pixels of evaluations, (h, w, 3) float32, and COVERED.
+#: Pixels of each evaluation, (h, w, 3) float32, and the coverage mask under COVERED.
 Pixels = dict[Pass, np.ndarray]
 
 
 def passes_of(material: bpy.types.Material, depends: Dependence, glass: bool) -> list[Pass]:
-    """Return the evaluations of a material: only quantities that can differ from 0."""
+    """Return the evaluations that a material needs: quantities that can differ from 0."""
     found: set[str] = set()
     for node in used_nodes(material.node_tree):
         found |= set(closure_quantities(node, glass))
@@ -56,12 +56,12 @@ def passes_of(material: bpy.types.Material, depends: Dependence, glass: bool) ->
 
 
 def _takes_color(socket: bpy.types.NodeSocket) -> bool:
-    """Return True if a color is linked to a shader input: Cycles takes it as emission."""
+    """Return True if a colour is linked to a shader input, which Cycles treats as emission."""
     return socket.type == "SHADER" and any(link.from_socket.type != "SHADER" for link in socket.links)
 
 
 def finish_passes(pixels: Pixels) -> Slices[None]:
-    """Make the quantities physical, in place, and divide them by the part of each texel that stops rays."""
+    """Clamp the quantities to physical values in place, and divide light by each texel's opaque fraction."""
     images = {each: image for each, image in pixels.items() if each != COVERED}
     size = len(next(iter(images.values()), ()))
     for rows in row_slices(size, 3 * len(images) * size):
@@ -79,10 +79,10 @@ def finish_passes(pixels: Pixels) -> Slices[None]:
 
 
 def _finish_side(side: dict[str, np.ndarray]) -> None:
-    """Finish the quantities of one side for gathered light, (h, w, 3) each, in place.
+    """Finish the quantities of one side for gathered light, (h, w, 3) float32 each, in place.
 
-    Reflected, transmitted and passing light of a channel then add up to 1 at most; see
-    `engine_materials.MAX_SHARED`.
+    Afterwards, reflected, transmitted and straight-through light of a channel add up to 1 at most, before the
+    division by the opaque fraction. See `engine_materials.MAX_SHARED`.
     """
     scattered = [side[name] for name in ("reflect", "transmit") if name in side]
     through, emit = side.get("through"), side.get("emit")

@@ -1,4 +1,4 @@
-"""What Cycles gave for materials in earlier bakes: those that have not changed are not evaluated again."""
+"""Cache of Cycles' evaluations of materials, so that later bakes do not evaluate unchanged ones again."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ from collections import OrderedDict
 
 from .evaluated_passes import Pixels
 
-#: Memory that it takes at most, bytes.
+#: Largest size of the cache, bytes.
 _BUDGET = 512 << 20
 
 
 class EvaluationCache:
-    """Passes of materials by the digest of what was evaluated; those used longest ago are dropped first."""
+    """Least-recently-used cache of the evaluations of materials, by digest of their input."""
 
     def __init__(self, budget: int = _BUDGET) -> None:
         self._budget = budget
         self._passes: OrderedDict[bytes, Pixels] = OrderedDict()
 
     def get(self, digest: bytes | None) -> Pixels | None:
-        """Return the finished passes of a digest, which may not be changed; None if there are none."""
+        """Return the finished evaluations of a digest, None if not cached; the arrays are read-only."""
         if digest is None or digest not in self._passes:
             return None
         self._passes.move_to_end(digest)
         return dict(self._passes[digest])
 
     def keep(self, digest: bytes | None, passes: Pixels) -> None:
-        """Keep finished passes; without a digest nobody could find them."""
+        """Store finished evaluations; without a digest they are not stored."""
         if digest is None:
             return
         for pixels in passes.values():
@@ -36,13 +36,13 @@ class EvaluationCache:
 
     @property
     def bytes(self) -> int:
-        """Memory that is taken."""
+        """Size of the cached arrays, bytes."""
         return sum(pixels.nbytes for passes in self._passes.values() for pixels in passes.values())
 
     def clear(self) -> None:
-        """Drop all of it."""
+        """Remove all evaluations."""
         self._passes.clear()
 
 
-#: Those of this Blender, until another file is opened.
+#: Evaluations of this Blender session, until another file is opened.
 kept_evaluations = EvaluationCache()

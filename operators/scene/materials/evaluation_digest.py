@@ -1,7 +1,7 @@
-"""Digests of what Cycles evaluates: equal ones mean that it would give the same pixels again.
+"""Digests of the input of Cycles' evaluations: equal digests mean equal pixels.
 
-They are of what datablocks hold, not of which they are: an undo, a copy or another file bring no old pixels.
-Whatever this does not know, or may change by itself, has no digest.
+Digests cover the content of datablocks and not their identity, so that an undo, a copy or another file cannot
+return outdated pixels. Input that cannot be read, or may change by itself, has no digest.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..objects.meshes import read_array
 if TYPE_CHECKING:
     from .shader_bake import EvaluatedMesh
 
-#: Properties of nodes that only say how they are drawn, or who they belong to.
+#: Properties of nodes without influence on the result: display, ownership.
 _IGNORED = frozenset({
     "rna_type", "parent", "internal_links", "inputs", "outputs", "name", "label", "location", "id_data",
     "location_absolute", "width", "height", "dimensions", "select", "hide", "color", "use_custom_color",
@@ -27,14 +27,15 @@ _IGNORED = frozenset({
     "bl_icon", "bl_description", "bl_label", "image_user",
 })  # fmt: skip
 
-#: Nodes that look at more than the material and the mesh: files, scripts, the scene.
+#: Nodes that depend on more than the material and the mesh: files, scripts, the scene.
 _UNKNOWN = frozenset({"ShaderNodeScript", "ShaderNodeTexIES", "ShaderNodeTexPointDensity"})
 
-#: Where images come from that hold still, and the most numbers of one that is read to see whether it changed.
+#: Sources of images that do not change by themselves, and largest number of floats of an image that is
+#: digested.
 _STILL = frozenset({"FILE", "GENERATED"})
 _LARGEST = 1 << 26
 
-#: Attributes of meshes: property of an element and numbers in it, by the type of the attribute.
+#: Value property of an attribute's elements and numbers per element, by attribute type.
 _ATTRIBUTES = {
     "FLOAT": ("value", 1), "INT": ("value", 1), "BOOLEAN": ("value", 1), "INT8": ("value", 1),
     "FLOAT_VECTOR": ("vector", 3), "FLOAT2": ("vector", 2), "FLOAT_COLOR": ("color", 4),
@@ -44,7 +45,7 @@ _ATTRIBUTES = {
 
 
 class UnknownError(Exception):
-    """There is something in a material or mesh that may change unnoticed."""
+    """Raised for content of a material or mesh that may change unnoticed."""
 
 
 def evaluation_digest(
@@ -54,11 +55,11 @@ def evaluation_digest(
     size: int,
     glass: bool,
 ) -> bytes | None:
-    """Return a digest of a material as it looks on shapes, None if that may change without being seen.
+    """Return a digest of a material and the meshes it is evaluated on; None if it may change unnoticed.
 
-    values: of the object that shows it
-    size: width of the textures, texels
-    glass: True if refracting closures let light pass straight through
+    values:  values of object-dependent nodes
+    size:    width of the textures, texels
+    glass:   True if refracting closures transmit light without refraction
     """
     digest = hashlib.blake2b(repr((working_space(), size, list(values), glass)).encode())
     try:
@@ -75,7 +76,7 @@ def evaluation_digest(
 
 
 def world_digest(world: bpy.types.World) -> bytes | None:
-    """Return a digest of the nodes of a world and its name, None if they may change without being seen."""
+    """Return a digest of the nodes and name of a world; None if they may change unnoticed."""
     digest = hashlib.blake2b(repr((working_space(), world.name)).encode())
     try:
         if world.animation_data is not None:
@@ -87,7 +88,7 @@ def world_digest(world: bpy.types.World) -> bytes | None:
 
 
 def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
-    """Feed arrays, numbers and names."""
+    """Add arrays, numbers and names to a digest."""
     for value in values:
         if isinstance(value, np.ndarray):
             digest.update(repr((value.shape, value.dtype.str)).encode())
@@ -97,7 +98,7 @@ def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
 
 
 def _feed_tree(digest: hashlib.blake2b, tree: bpy.types.NodeTree) -> None:
-    """Feed the nodes of a tree, and the links between them."""
+    """Add the nodes of a tree and their links to a digest."""
     if tree.animation_data is not None:
         raise UnknownError
     index = {node.name: number for number, node in enumerate(tree.nodes)}
@@ -115,7 +116,7 @@ def _feed_tree(digest: hashlib.blake2b, tree: bpy.types.NodeTree) -> None:
 
 
 def _feed_struct(digest: hashlib.blake2b, struct: bpy.types.bpy_struct) -> None:
-    """Feed the properties of a node, or of what one has, as a colour ramp."""
+    """Add the properties of a node, or of a part of it such as a colour ramp, to a digest."""
     for prop in struct.bl_rna.properties:
         if prop.identifier in _IGNORED:
             continue
@@ -131,7 +132,7 @@ def _feed_struct(digest: hashlib.blake2b, struct: bpy.types.bpy_struct) -> None:
 
 
 def _feed_pointer(digest: hashlib.blake2b, value: bpy.types.bpy_struct) -> None:
-    """Feed what a node refers to; raises UnknownError for what is not known."""
+    """Add what a node refers to to a digest; raises UnknownError for unknown datablocks."""
     if isinstance(value, bpy.types.Image):
         _feed_image(digest, value)
     elif isinstance(value, bpy.types.NodeTree):
@@ -145,7 +146,7 @@ def _feed_pointer(digest: hashlib.blake2b, value: bpy.types.bpy_struct) -> None:
 
 
 def _feed_image(digest: hashlib.blake2b, image: bpy.types.Image) -> None:
-    """Feed the pixels of an image, whichever way they came there, and what they mean."""
+    """Add the pixels of an image and their encoding to a digest."""
     width, height = image.size
     numbers = width * height * image.channels
     if image.source not in _STILL or not 0 < numbers <= _LARGEST:
@@ -157,7 +158,7 @@ def _feed_image(digest: hashlib.blake2b, image: bpy.types.Image) -> None:
 
 
 def _feed_mesh(digest: hashlib.blake2b, mesh: bpy.types.Mesh) -> None:
-    """Feed all that shaders can see of a mesh: topology, shading and layers."""
+    """Add all of a mesh that shaders can read to a digest: topology, normals and attributes."""
     faces, corners = mesh.polygons, mesh.loops
     for collection, name in ((faces, "loop_start"), (faces, "loop_total"), (faces, "material_index")):
         _feed(digest, [read_array(collection, name, 1, np.int32)])
@@ -176,12 +177,12 @@ def _feed_mesh(digest: hashlib.blake2b, mesh: bpy.types.Mesh) -> None:
         _feed(digest, [read_array(attribute.data, name, width, kind)])
 
 
-#: Types of attributes that are not whole numbers.
+#: Types of attributes stored as float32.
 _FLOATS = frozenset({"FLOAT", "FLOAT_VECTOR", "FLOAT2", "FLOAT_COLOR", "BYTE_COLOR", "QUATERNION"})
 
 
 def _plain(value: object) -> object:
-    """Return a value of a property as builtins; raises UnknownError for a datablock."""
+    """Return a property's value as a built-in type; raises UnknownError for a datablock."""
     if isinstance(value, bpy.types.bpy_struct):
         raise UnknownError
     return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str | set) else value

@@ -1,4 +1,4 @@
-"""The materials of a bake: each read once, and those that only Blender can evaluate baked by it."""
+"""Table of the materials of a bake: each is read once, or evaluated by Cycles if it cannot be read."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ from .tree_nodes import used_nodes
 class _Unevaluated:
     """A material that only Cycles can evaluate.
 
-    uid     its session uid
-    values  of the object that shows it, see `object_nodes.object_values`
-    bumps   factor on its reflectance, which Cycles gives without bumps, see `bump_factor`
-    node    name of the first node that the readers cannot evaluate
+    uid:     session uid of the material
+    values:  values of the object that uses it, see `object_nodes.object_values`
+    bumps:   factor of its reflectance for its normal map, which Cycles evaluates without, see `bump_factor`
+    node:    name of the first node that cannot be read
     """
 
     uid: int
@@ -65,14 +65,15 @@ class _Unevaluated:
 
 
 class MaterialTable:
-    """Collects the materials of all objects while they are read.
+    """Collects the materials of all objects while the objects are read.
 
-    watch     the scene that is read
-    uv_layer  name of the lightmap UV layer
-    several   sources of lightmap UVs that may be shown several times, see `multi_user_sources`
-    notes     sentences for the user are appended here
-    cache     the images of all materials
-    glass     True if refracting closures let light pass straight through
+    watch:     the scene that is read
+    uv_layer:  name of the lightmap UV layer
+    several:   session uids of UV sources that several objects or instances may share, see
+               `multi_user_sources`
+    notes:     sentences for the user are appended here
+    cache:     pixels of the images of all materials
+    glass:     True if refracting closures transmit light without refraction
     """
 
     def __init__(
@@ -99,9 +100,9 @@ class MaterialTable:
         self._hidden: dict[int, Hidden] = {}
 
     def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
-        """Return the index into `Scene.materials` of a material on an item of an atlas (None: occluders).
+        """Return the index in `Scene.materials` of a material on an object of an atlas (None: an occluder).
 
-        Raises PixelsNeededError if an image has to be read first.
+        Raises PixelsNeededError if an image must be read first.
         """
         depends = self._depends(material)
         values = object_values(depends.sources, item)
@@ -129,9 +130,9 @@ class MaterialTable:
         return number
 
     def index_of_strands(self, material: bpy.types.Material | None, item: SceneItem) -> int:
-        """Return the index into `Scene.materials` of the material of an item's hair, without textures.
+        """Return the index in `Scene.materials` of the material of an object's hair, which has no textures.
 
-        Raises PixelsNeededError if an image has to be read first.
+        Raises PixelsNeededError if an image must be read first.
         """
         hidden = hidden_from(item)
         key = ("strands", None if material is None else material.session_uid, hidden)
@@ -143,7 +144,7 @@ class MaterialTable:
         return self._index[key]
 
     def _strand_material(self, material: bpy.types.Material | None, item: SceneItem) -> Material:
-        """Return the material of hair; its viewport color if it cannot be read, or has closures of hair."""
+        """Return a hair material; the viewport color if it cannot be read or contains hair closures."""
         depends = self._depends(material)
         values = object_values(depends.sources, item)
         try:
@@ -157,10 +158,11 @@ class MaterialTable:
         return without_textures(entry)
 
     def _user(self, item: SceneItem, atlas: str | None, located: bool) -> tuple:
-        """Return what tells items apart that show one mesh several times, and so need textures of their own.
+        """Return a key that differs for objects that need textures of their own for an evaluated material.
 
-        The mesh's UVs may lie over those of other such meshes: each mesh has its texture, and each user if it
-        matters where that is. Of occluders, without such UVs, a mean is taken.
+        Objects or instances that share a mesh have overlapping UVs, so each such mesh gets its own texture.
+        Each user gets its own one if the material depends on its place. Occluders have no lightmap UVs and
+        use a mean, so the key is empty.
         """
         source = item.source
         if atlas is None or (
@@ -173,7 +175,7 @@ class MaterialTable:
         return (source.session_uid, instancer, item.persistent_id)
 
     def _depends(self, material: bpy.types.Material | None) -> Dependence:
-        """Return how a material depends on the object that shows it."""
+        """Return how a material depends on the object that uses it; cached."""
         if material is None:
             return Dependence()
         if material.session_uid not in self._dependence:
@@ -181,7 +183,7 @@ class MaterialTable:
         return self._dependence[material.session_uid]
 
     def uv_maps(self, indices: Iterable[int]) -> set[str]:
-        """Return the UV maps that textures of these materials need; "" is the one that renders use."""
+        """Return the UV maps that the textures of materials use; "" is the one active for rendering."""
         maps: set[str] = set()
         for index in set(indices):
             material = self._materials[index]
@@ -191,19 +193,21 @@ class MaterialTable:
         return maps
 
     def keep(self, item: ItemKey, indices: Sequence[int]) -> None:
-        """Remember the materials in the slots of an item if Cycles has to evaluate one of them."""
+        """Record the materials in the slots of an object if Cycles must evaluate one of them."""
         if any(index in self._complex for index in indices):
             self._wearers[item] = tuple(indices)
 
     @property
     def evaluations(self) -> int:
-        """How many materials Cycles has to evaluate."""
+        """Number of materials that Cycles must evaluate."""
         return len(self._complex)
 
     def finish(self, resolution: int, moves: Mapping[int, Move]) -> Slices[tuple[Material, ...]]:
-        """Evaluate what is left to Cycles at a resolution, and return all materials.
+        """Evaluate the remaining materials by Cycles, and return all materials.
 
-        moves: of objects by session uid, how their charts get to where they are put: textures go with them
+        resolution:  width of the lightmaps, texels
+        moves:       transform from an object's lightmap UVs to its place in the atlas, by the object's
+                     session uid
         """
         self._moves = moves
         failed: dict[tuple[str, str], list[str]] = {}
@@ -241,7 +245,7 @@ class MaterialTable:
         )
 
     def _evaluate(self, index: int, name: str, size: int) -> Slices[Material]:
-        """Return a material as textures over the lightmap UVs; as means where those who wear it have none."""
+        """Evaluate a material into textures over lightmap UVs, or into means if no user has lightmap UVs."""
         announcement = f"Reading material '{name}' with Cycles"
         yield announcement
         values = self._complex[index].values.items()
@@ -266,7 +270,7 @@ class MaterialTable:
         return EvaluatedMaterial(name, pixels, bumps, depends.by_side, is_mapped).material()
 
     def _mean_color(self, index: int) -> Slices[Material]:
-        """Return a material that Cycles failed to evaluate, without textures."""
+        """Return a texture-free replacement for a material that Cycles failed to evaluate."""
         while True:
             self._watch.depsgraph()
             material = find(bpy.data.materials, self._complex[index].uid)
@@ -277,9 +281,9 @@ class MaterialTable:
 
     @contextmanager
     def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[EvaluatedMesh]]]:
-        """Give a material, as it looks on what wears it, and copies of what does; remove all copies.
+        """Yield a material with its object's values, and copies of the meshes that use it; remove all copies.
 
-        That is those with lightmap UVs, if there are any, else all of them with some UVs.
+        The meshes are those with lightmap UVs. If there are none, all meshes are used with a default UV map.
         """
         self._watch.depsgraph()
         unevaluated = self._complex[index]
@@ -308,7 +312,7 @@ class MaterialTable:
             self._watch.accept()
 
     def _wearing(self, index: int) -> list[bpy.types.Object] | None:
-        """Return the objects that wear a material; None if instances do."""
+        """Return the objects that use a material; None if instances use it."""
         items = [item for item, slots in self._wearers.items() if index in slots]
         if any(instancer is not None for _, instancer, _ in items):
             return None
@@ -317,7 +321,7 @@ class MaterialTable:
     def _copy_wearers(
         self, index: int, worn: bpy.types.Material, evaluation: Evaluation, shapes: list[EvaluatedMesh]
     ) -> None:
-        """Append copies of all items that wear a material, with `worn` in its slots."""
+        """Append mesh copies of all objects that use a material, with `worn` in place of it."""
         for item in evaluation.items(self._watch.visible):
             slots = self._wearers.get(item.key, ())
             if index in slots:
@@ -327,5 +331,5 @@ class MaterialTable:
 
 
 def _once(names: Sequence[str]) -> list[str]:
-    """Return names without those that came before."""
+    """Return the names without duplicates, in order."""
     return list(dict.fromkeys(names))

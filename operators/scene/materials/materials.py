@@ -1,4 +1,4 @@
-"""Material nodes -> quantities of a surface, where they are constants or plain textures."""
+"""Reads material nodes as constants and image textures, where that is exact."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .sockets import ComplexError, feeding_socket
 from .textures import read_texture
 from .values import BLACK, HOLE, ZERO, DiffuseSurface, MaterialValue, constant
 
-#: What Cycles shows where there is no material.
+#: Reflectance that Cycles uses if no material is assigned.
 _DEFAULT_GREY = np.full(3, 0.8, np.float32)
 
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
 
-#: Operations of the Math node, of constants.
+#: Math node operations that are computed on constants.
 _MATH = {"ADD": np.add, "SUBTRACT": np.subtract, "MULTIPLY": np.multiply, "MAXIMUM": np.maximum,
          "MINIMUM": np.minimum}  # fmt: skip
 
@@ -34,12 +34,12 @@ _MATH = {"ADD": np.add, "SUBTRACT": np.subtract, "MULTIPLY": np.multiply, "MAXIM
 class ShaderReader:
     """Reads the shader of one material, world or light.
 
-    owner  how messages name the datablock
-    notes  sentences for the user are appended here, each once
-    cache  images; without one every texture is ComplexError
-    values  what nodes tell of the object that shows the material
-    rays    the rays that evaluate it
-    glass   True if refracting closures let light pass straight through
+    owner:   name of the datablock in messages
+    notes:   sentences for the user are appended here, each once
+    cache:   pixels of images; without one, textures raise ComplexError
+    values:  values of object-dependent nodes for the object that uses the material
+    rays:    kind of ray for which Light Path and Geometry nodes are evaluated
+    glass:   True if refracting closures transmit light without refraction
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class ShaderReader:
         self._rays, self.glass = rays, glass
 
     def surface(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
-        """Return what the shader linked to a socket does; raises ComplexError if only Blender knows."""
+        """Return the surface of a socket's shader; raises ComplexError if only Cycles can evaluate it."""
         output = feeding_socket(socket)
         if not output.is_output:
             return BLACK
@@ -70,22 +70,22 @@ class ShaderReader:
             raise ComplexError(error.node or output.node.name) from error
 
     def colour(self, node: bpy.types.Node, *names: str) -> MaterialValue:
-        """Return a colour input of a node, black if the node has none of that name."""
+        """Return a colour input of a node; black if the node has none of the names."""
         socket = node_input(node, *names)
         return ZERO if socket is None else self._value(socket, 3)
 
     def number(self, node: bpy.types.Node, *names: str) -> MaterialValue:
-        """Return a number input of a node as a grey, 0 if the node has none of that name."""
+        """Return a number input of a node as a grey; 0 if the node has none of the names."""
         socket = node_input(node, *names)
         return ZERO if socket is None else self._value(socket, 1)
 
     def reflectance(self, node: bpy.types.Node, *names: str) -> MaterialValue:
-        """Return a colour input of a node as what its surface reflects, with the bumps that it has."""
+        """Return a reflectance input of a node times the factor of its normal map (`bump_factor`)."""
         colour = self.colour(node, *names)
         return colour if colour.is_zero else colour * bump_factor(node, self._cache, self._owner)
 
     def alpha(self, socket: bpy.types.NodeSocket) -> tuple[MaterialValue, float | None]:
-        """Return an input that may be cut at a threshold by a Math node, and the threshold."""
+        """Return an alpha input; if a Math node cuts it at a threshold, its input and the threshold."""
         output = feeding_socket(socket)
         if output.is_output and output.node.bl_idname == "ShaderNodeMath":
             node = output.node
@@ -98,7 +98,7 @@ class ShaderReader:
         return self._value(socket, 1), None
 
     def _value(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
-        """Return what an input holds, or what is linked to it."""
+        """Return the value of an input: its own one, or the output of the node linked to it."""
         output = feeding_socket(socket)
         node = output.node
         if not output.is_output or node.bl_idname == _CONSTANT_NODES.get(output.type):
@@ -122,13 +122,13 @@ class ShaderReader:
         raise ComplexError(node.name)
 
     def _ramp(self, output: bpy.types.NodeSocket, channels: int) -> MaterialValue:
-        """Return the colour, or alpha, of a Color Ramp at a constant factor."""
+        """Return the colour or alpha of a Color Ramp node with a constant factor."""
         colour = output.node.color_ramp.evaluate(self._value(output.node.inputs["Fac"], 1).number)
         value = constant(colour[3]) if output.name == "Alpha" else constant(*colour[:3])
         return _fitting(value, output, channels)
 
     def _product(self, node: bpy.types.Node, channels: int) -> MaterialValue:
-        """Return what a Mix node that multiplies colours at full strength makes."""
+        """Return the product of a Mix node in mode Multiply at factor 1; raises ComplexError for others."""
         mixes = node.bl_idname == "ShaderNodeMix"
         if node.blend_type != "MULTIPLY" or (mixes and node.data_type != "RGBA"):
             raise ComplexError
@@ -139,13 +139,13 @@ class ShaderReader:
 
 
 def _constant(socket: bpy.types.NodeSocket) -> MaterialValue:
-    """Return the own value of a socket."""
+    """Return the socket's own value."""
     value = getattr(socket, "default_value", 0.0)
     return constant(*list(value)[:3]) if hasattr(value, "__len__") else constant(value)
 
 
 def _fitting(value: MaterialValue, output: bpy.types.NodeSocket, channels: int) -> MaterialValue:
-    """Return what a socket takes of a constant: a number the luminance of a colour, the mean of a vector."""
+    """Convert a constant to the type of the reading socket: luminance of a colour, mean of a vector."""
     if channels == 3 or output.type not in {"RGBA", "VECTOR"}:
         return value
     grey = luminance(value.constant) if output.type == "RGBA" else value.constant.mean()
@@ -153,12 +153,15 @@ def _fitting(value: MaterialValue, output: bpy.types.NodeSocket, channels: int) 
 
 
 def _fraction(value: MaterialValue) -> float:
-    """Return a constant limited to [0, 1]."""
+    """Return a constant clamped to [0, 1]."""
     return min(max(value.number, 0.0), 1.0)
 
 
 def _principled(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
-    """Diffuse, emissive and straight-through part of the Principled BSDF; see `closures` for the formulas."""
+    """Return the surface of a Principled BSDF: diffuse, emissive and straight-through parts.
+
+    The formulas are those of `closures`.
+    """
     dielectric = 1 - _fraction(reader.number(node, "Metallic"))
     weight = _fraction(reader.number(node, "Transmission Weight", "Transmission"))
     diffuse, forward = dielectric * (1 - weight), _forward(reader, node)
@@ -178,7 +181,7 @@ def _principled(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
 
 
 def _forward(reader: ShaderReader, node: bpy.types.Node) -> float:
-    """Return the part of the diffuse albedo that leaves the other side of a thin wall."""
+    """Return the fraction of the diffuse albedo that leaves a thin wall on the other side."""
     thin = reader.number(node, "Thin Wall").number
     if not thin:
         return 0.0
@@ -187,14 +190,14 @@ def _forward(reader: ShaderReader, node: bpy.types.Node) -> float:
 
 
 def _principled_glass(reader: ShaderReader, node: bpy.types.Node) -> np.ndarray:
-    """Return the straight-through transmittance of a Transmission Weight of 1, (3,) float64."""
+    """Return the straight-through transmittance for Transmission Weight 1, (3,) float64."""
     base = np.clip(_plain(reader.colour(node, "Base Color")), 0, 1)
     window, thin = _window(reader, node), reader.number(node, "Thin Wall").number
     return (1 - thin) * np.sqrt(base) * window + thin * base * window**2
 
 
 def _window(reader: ShaderReader, node: bpy.types.Node) -> float:
-    """Return 1 - F of a dielectric surface along the normal."""
+    """Return 1 - F, the transmittance of a dielectric surface at normal incidence."""
     ior = max(reader.number(node, "IOR").number, 1e-5)
     return 1 - ((ior - 1) / (ior + 1)) ** 2
 
@@ -215,7 +218,7 @@ def _translucent(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
 
 
 def _emission(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
-    """Emission and Background: colour times strength, no reflection."""
+    """Return the emission of an Emission or Background shader: colour times strength."""
     return DiffuseSurface(emit=reader.colour(node, "Color") * reader.number(node, "Strength"))
 
 
@@ -239,7 +242,7 @@ def _add(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
 
 
 def _mix(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
-    """Mix two shaders; one of them may be a hole, which the factor then cuts."""
+    """Return the mix of two shaders; a factor texture is possible if the first shader is a hole."""
     first, second = (reader.surface(socket) for socket in node.inputs[1:3])
     factor, threshold = reader.alpha(node.inputs[0])
     if first.is_hole and second.threshold is None:
@@ -279,14 +282,14 @@ def read_material(
     depends: Dependence = _INDEPENDENT,
     glass: bool = True,
 ) -> Material:
-    """Return the surface of a material; an empty slot is Cycles' grey.
+    """Return the engine's material for a Blender material; an empty slot is Cycles' default grey.
 
-    values   of nodes that tell of the object, see `object_nodes.object_values`
-    depends  whether nodes tell kinds of rays, or sides, apart
-    glass    True if refracting closures let light pass straight through
+    Sentences on what cannot be converted are appended to `notes`. Raises ComplexError if only Cycles can
+    evaluate the material.
 
-    Sentences about what could not be taken over are appended to `notes`. Raises ComplexError if only Blender
-    can evaluate it.
+    values:   values of object-dependent nodes, see `object_nodes.object_values`
+    depends:  whether nodes depend on the kind of ray, or on the side
+    glass:    True if refracting closures transmit light without refraction
     """
     if material is None:
         return Material("(no material)", _DEFAULT_GREY, np.zeros(3, np.float32))
@@ -311,7 +314,7 @@ def read_material(
 
 
 def _output_surface(reader: ShaderReader, tree: bpy.types.NodeTree) -> DiffuseSurface:
-    """Return the surface that a tree shows: black where nothing is linked, nothing where only a volume is."""
+    """Return the surface of a node tree: black if nothing is linked, a hole if only a volume is linked."""
     output = tree.get_output_node("CYCLES")
     if output is None:
         return BLACK

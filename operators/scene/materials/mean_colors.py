@@ -1,4 +1,4 @@
-"""Mean colors for materials that neither the readers nor Cycles can evaluate."""
+"""Mean colours for materials that can neither be read nor evaluated by Cycles."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .rec709_materials import in_rec709
 from .sockets import ComplexError, feeding_socket
 from .values import DiffuseSurface, MaterialValue, constant
 
-#: Reflectance of closures that cannot be read: that of an empty slot.
+#: Reflectance of closures that cannot be read, equal to that of an empty slot.
 _GREY = 0.8
 
 
 class _MeanReader(ShaderReader):
-    """A reader that takes the mean of images, and the unlinked value of inputs that nodes compute."""
+    """A reader that uses the mean of images, and the unlinked value of inputs that nodes compute."""
 
     def surface(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
-        """Return what the shader linked to a socket does; grey if it is not known."""
+        """Return the surface of the shader linked to a socket; grey if it cannot be read."""
         try:
             return super().surface(socket)
         except ComplexError:
             return self._mean_surface(feeding_socket(socket).node)
 
     def _mean_surface(self, node: bpy.types.Node) -> DiffuseSurface:
-        """Return the mean of the shaders that a node mixes or adds, grey of any other node."""
+        """Return the sum or equal mix of a node's shaders; grey for nodes other than Mix and Add Shader."""
         inputs = {MIX: node.inputs[1:3], ADD: node.inputs[:2]}.get(node.bl_idname)
         if inputs is None:
             return DiffuseSurface(reflect=constant(_GREY))
@@ -56,9 +56,9 @@ class _MeanReader(ShaderReader):
 
 @in_rec709
 def mean_color(material: bpy.types.Material, notes: list[str], cache: PixelCache, glass: bool) -> Material:
-    """Return a material without textures, as near to it as constants and means of images are.
+    """Approximate a material by constants and the means of its images, without textures.
 
-    Raises PixelsNeededError if an image has to be read first.
+    Raises PixelsNeededError if an image must be read first.
     """
     reader = _MeanReader(f"Material '{material.name}'", notes, cache, glass=glass)
     output = node_tree(material).get_output_node("CYCLES")

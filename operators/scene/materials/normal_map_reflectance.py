@@ -1,4 +1,4 @@
-"""Normal maps -> the part of light that a bumpy surface reflects of what a flat one would."""
+"""Converts normal maps to the fraction of light that a bumpy surface reflects compared to a flat one."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .sockets import feeding_socket
 
 
 def bump_factor(shader: bpy.types.Node, cache: PixelCache | None, owner: str) -> float:
-    """Return the mean of `reflected_by_bumps` over the normal map of a shader; 1 where it has none.
+    """Return the mean of `reflected_by_bumps` over the normal map of a shader; 1 without one.
 
-    That is a Normal Map node in tangent space with an image as it is; of other bumps nothing is known here.
-    Raises PixelsNeededError if the image has to be read first.
+    Only Normal Map nodes in tangent space with a plain image are read; other bumps count as flat. Raises
+    PixelsNeededError if the image must be read first.
 
-    owner  how messages name who uses the image
+    owner:  name of the datablock in messages
     """
     normal = feeding_socket(shader.inputs["Normal"]) if "Normal" in shader.inputs else None
     if cache is None or normal is None or not normal.is_output:
@@ -36,9 +36,9 @@ def bump_factor(shader: bpy.types.Node, cache: PixelCache | None, owner: str) ->
 
 
 def surface_bumps(material: bpy.types.Material, cache: PixelCache) -> float:
-    """Return `bump_factor` of the shader that a material's output shows; 1 if it mixes several.
+    """Return `bump_factor` of the shader linked to the material's output; 1 if shaders are mixed.
 
-    Raises PixelsNeededError if an image has to be read first.
+    Raises PixelsNeededError if an image must be read first.
     """
     output = material.node_tree.get_output_node("CYCLES")
     shader = None if output is None else feeding_socket(output.inputs["Surface"])

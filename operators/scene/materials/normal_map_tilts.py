@@ -1,4 +1,4 @@
-"""How far the normals of normal maps are tilted, kept from one bake to the next."""
+"""Histograms of the tilt of a normal map's normals, cached from one bake to the next."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ import numpy as np
 
 from ....engine.scene.color import srgb_to_linear
 
-#: Classes of the height of unit normals over the surface, from 0 to 1.
+#: Number of histogram bins for the z component of unit normals, from 0 to 1.
 CLASSES = 256
 
-#: Normal maps whose counts are kept.
+#: Largest number of cached histograms.
 _KEPT = 1024
 
 
 def count_tilts(colours: np.ndarray, srgb: bool) -> np.ndarray:
-    """Return how many normals of a normal map's colours are in each of CLASSES of height, int64.
+    """Return the histogram of the normals' z components in a normal map's colours, (CLASSES,) int64.
 
-    What points into the surface is in the first class, and so is what has no direction.
+    Normals that point into the surface, or have no direction, are in the first bin.
 
-    colours  (..., 3) float32, encoded as sRGB if that is told
+    colours:  (..., 3) float32
+    srgb:     True if the colours are sRGB-encoded
     """
     normals = 2 * (srgb_to_linear(colours) if srgb else colours).reshape(-1, 3) - 1
     length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
@@ -32,9 +33,9 @@ def count_tilts(colours: np.ndarray, srgb: bool) -> np.ndarray:
 
 
 def heights_of(strength: float) -> np.ndarray:
-    """Return the height of the normals of each class, (CLASSES,) float64, at a strength of a Normal Map node.
+    """Return the z component of each bin's normals at a Normal Map node's strength, (CLASSES,) float64.
 
-    It scales what lies along the surface, and below 1 mixes what stands on it with the surface's normal.
+    The strength scales the tangential components. A strength below 1 also mixes the z component with 1.
     """
     height = np.linspace(0, 1, CLASSES)
     along = strength * np.sqrt(1 - height**2)
@@ -44,19 +45,19 @@ def heights_of(strength: float) -> np.ndarray:
 
 
 class KeptTilts:
-    """Counts of tilts by what the image is; those used longest ago are dropped first."""
+    """Least-recently-used cache of histograms by the state of the image."""
 
     def __init__(self) -> None:
         self._counts: OrderedDict[tuple, np.ndarray] = OrderedDict()
 
     def get(self, state: tuple | None) -> np.ndarray | None:
-        """Return what was counted in an image of a state, see `image_state`; None if nothing was."""
+        """Return the histogram of an image's state, see `image_state`; None if it is not cached."""
         if state in self._counts:
             self._counts.move_to_end(state)
         return self._counts.get(state)
 
     def keep(self, state: tuple | None, counts: np.ndarray) -> None:
-        """Keep counts; those of no known state are not."""
+        """Store a histogram; it is not stored for an unknown state."""
         if state is not None:
             self._counts[state] = counts
             while len(self._counts) > _KEPT:
@@ -64,7 +65,7 @@ class KeptTilts:
 
 
 def image_state(image: bpy.types.Image) -> tuple | None:
-    """Return what an image's pixels depend on: equal ones have equal pixels. None if that is not known."""
+    """Return a key such that images with equal keys have equal pixels; None if unknown."""
     if image.source != "FILE" or image.is_dirty:
         return None
     if image.packed_file is not None:
@@ -79,5 +80,5 @@ def image_state(image: bpy.types.Image) -> tuple | None:
     return (*content, image.colorspace_settings.name, image.alpha_mode)
 
 
-#: Those of this Blender.
+#: Histograms of this Blender session.
 kept_tilts = KeptTilts()

@@ -1,4 +1,4 @@
-"""Nodes whose values depend on the object that shows a material, frozen to those of one object."""
+"""Evaluates nodes whose values depend on the object that uses a material, by constants for one object."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..objects.items import SceneItem
 from .ray_kinds import is_by_ray, is_by_side
 from .sockets import relink
 
-#: Outputs of the Object Info node that each object, or instance, has for itself.
+#: Outputs of the Object Info node that differ between objects or instances.
 _INFO = ("Location", "Color", "Alpha", "Object Index", "Random")
 
-#: Outputs of nodes that tell where a surface is in the world.
+#: Outputs of nodes that depend on the place or rotation of a surface in the world.
 _LOCATED = {
     "ShaderNodeNewGeometry": ("Position", "Normal", "Tangent", "True Normal"),
     "ShaderNodeTexCoord": ("Normal", "Reflection"),
@@ -22,24 +22,24 @@ _LOCATED = {
     "ShaderNodeNormalMap": ("Normal",),
 }
 
-#: Attributes that belong to objects, not to meshes.
+#: Attribute types that belong to objects, not to meshes.
 _OWNERS = ("OBJECT", "INSTANCER")
 
-#: Value of an attribute that nothing has.
+#: Value of a missing attribute.
 _MISSING = (0.0, 0.0, 0.0, 0.0)
 
-#: What a value is read from: "INFO" and an output, or the owner of an attribute and its name.
+#: Source of a value: "INFO" and the name of an output, or the attribute type and the name of the attribute.
 Source = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Dependence:
-    """How a material depends on the object that shows it.
+    """How a material depends on the object that uses it.
 
-    sources  the values that an object, or instance, has for itself
-    located  True if it matters where the object is
-    by_ray   True if nodes tell kinds of rays apart
-    by_side  True if nodes tell front and back apart
+    sources:  sources of the values that differ between objects or instances
+    located:  True if the material depends on the object's place or rotation
+    by_ray:   True if nodes depend on the kind of ray
+    by_side:  True if nodes depend on the side of the surface
     """
 
     sources: tuple[Source, ...] = ()
@@ -49,7 +49,7 @@ class Dependence:
 
 
 def dependence(tree: bpy.types.NodeTree | None) -> Dependence:
-    """Return how the nodes of a tree, groups included, depend on the object and on rays."""
+    """Return how the nodes of a tree and its groups depend on the object and on rays."""
     nodes = [] if tree is None else list(_nodes(tree))
     sources = {source for node in nodes for source in _sources(node)}
     linked = [output for node in nodes for output in node.outputs if output.is_linked]
@@ -70,14 +70,14 @@ def object_values(sources: tuple[Source, ...], item: SceneItem) -> dict[Source, 
 
 
 def lost_attributes(values: dict[Source, tuple[float, ...]], item: SceneItem) -> list[str]:
-    """Return the attributes that only Geometry Nodes may have given an instance: Python cannot see them."""
+    """Return missing attributes of an instance; Geometry Nodes may set them where Python cannot read."""
     if item.instancer is None:
         return []
     return [name for (owner, name), value in values.items() if owner == "INSTANCER" and value is _MISSING]
 
 
 class FrozenMaterial:
-    """A copy of a material in which constants stand for an object's values; `remove` removes it."""
+    """A copy of a material with constants for an object's values; `remove` removes the copy."""
 
     def __init__(self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]) -> None:
         self.material = material.copy()
@@ -85,7 +85,7 @@ class FrozenMaterial:
         self._freeze(self.material.node_tree, values)
 
     def remove(self) -> None:
-        """Remove the copies."""
+        """Remove the copied material and node groups."""
         bpy.data.materials.remove(self.material)
         for group in self._groups:
             bpy.data.node_groups.remove(group)
@@ -103,7 +103,7 @@ class FrozenMaterial:
 
 
 def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """Yield the nodes of a tree and of the groups in it."""
+    """Yield the nodes of a tree and of its groups."""
     for node in tree.nodes:
         yield node
         if getattr(node, "node_tree", None) is not None:
@@ -111,7 +111,7 @@ def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
 
 
 def source_of(output: bpy.types.NodeSocket) -> Source | None:
-    """Return what an output is read from, None if it is the same for all objects."""
+    """Return the source of an output's value; None if it is the same for all objects."""
     node = output.node
     if node.bl_idname == "ShaderNodeObjectInfo" and output.name in _INFO:
         return "INFO", output.name
@@ -121,20 +121,20 @@ def source_of(output: bpy.types.NodeSocket) -> Source | None:
 
 
 def shown(output: bpy.types.NodeSocket, value: tuple[float, ...]) -> tuple[float, ...]:
-    """Return what an output makes of a value: three numbers, or one."""
+    """Convert a value of four numbers to the type of an output: three numbers, or one."""
     if output.type != "VALUE":
         return value[:3]
     return (value[3],) if output.name == "Alpha" else (sum(value[:3]) / 3,)
 
 
 def _sources(node: bpy.types.Node) -> list[Source]:
-    """Return what the linked outputs of a node are read from, where that is an object's own."""
+    """Return the object-dependent sources of a node's linked outputs."""
     sources = (source_of(output) for output in node.outputs if output.is_linked)
     return [source for source in sources if source is not None]
 
 
 def _is_located(node: bpy.types.Node) -> bool:
-    """Return whether a node tells where an object is."""
+    """Return whether a node depends on the place or rotation of an object."""
     if getattr(node, "object", None) is not None:
         return True
     outputs = _LOCATED.get(node.bl_idname, ())
@@ -142,7 +142,7 @@ def _is_located(node: bpy.types.Node) -> bool:
 
 
 def _info(name: str, item: SceneItem) -> tuple[float, ...]:
-    """Return an output of the Object Info node, as four numbers (Cycles, blender/object.cpp)."""
+    """Return an output of the Object Info node as four numbers (Cycles, blender/object.cpp)."""
     obj = item.object
     if name == "Location":
         return (*item.matrix[:3, 3].tolist(), 1.0)
@@ -153,10 +153,10 @@ def _info(name: str, item: SceneItem) -> tuple[float, ...]:
 
 
 def _attribute(owner: str, name: str, item: SceneItem) -> tuple[float, ...]:
-    """Return an attribute of an object, or first of what makes the instance; black without one.
+    """Return an attribute of the instancer, the object or its data as four numbers; black if missing.
 
-    Each is looked for as a custom property and as a property, of the object and then of its data
-    (Blender, BKE_object_dupli_find_rgba_attribute).
+    For each of them, a custom property is tried before a property (Blender,
+    BKE_object_dupli_find_rgba_attribute).
     """
     owners = [item.object, item.object.data]
     if owner == "INSTANCER" and item.instancer is not None:
@@ -171,7 +171,7 @@ def _attribute(owner: str, name: str, item: SceneItem) -> tuple[float, ...]:
 
 
 def _numbers(value: object) -> tuple[float, ...]:
-    """Return a number, or three or four, as four; raises TypeError for anything else."""
+    """Return a number or three or four numbers as four; raises TypeError for other values."""
     numbers = [float(number) for number in value] if hasattr(value, "__len__") else [float(value)] * 3
     if len(numbers) not in (3, 4):
         raise TypeError
@@ -179,7 +179,7 @@ def _numbers(value: object) -> tuple[float, ...]:
 
 
 def _replace(tree: bpy.types.NodeTree, output: bpy.types.NodeSocket, value: tuple[float, ...]) -> None:
-    """Let a constant feed all that an output feeds."""
+    """Replace the links of an output by links from a constant node."""
     kinds = {"RGBA": "ShaderNodeRGB", "VECTOR": "ShaderNodeCombineXYZ", "VALUE": "ShaderNodeValue"}
     node = tree.nodes.new(kinds[output.type])
     if output.type == "RGBA":

@@ -1,4 +1,4 @@
-"""Blender images -> arrays of scene-linear pixels."""
+"""Reads Blender images as pixel arrays."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from ..slice_timer import Slices, row_slices
 from .alpha_modes import DATA, AlphaMeaning, channels_of
 from .normal_map_tilts import CLASSES, count_tilts, image_state, kept_tilts
 
-#: Colour spaces whose pixels are scene-linear Rec.709 as they are, and the one that is converted.
+#: Colour spaces whose pixels are used unchanged as linear Rec.709, and the encoded one that is converted.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
 _SRGB = "sRGB"
 
-#: What Cycles shows for an image that cannot be read.
+#: Magenta pixel that Cycles shows for an image that cannot be read.
 MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
 
 
-#: An image with more numbers takes Blender long enough to be announced, as does one that is not loaded yet.
+#: Images with more floats, and images that are not loaded, are announced before they are read, as this takes
+#: long.
 _LARGE = 1 << 22
 
 
 class PixelsNeededError(Exception):
-    """Pixels are asked for that have not been read yet.
+    """Raised if pixels are requested that have not been read yet.
 
-    reading  reads them, so that asking again gets them
+    reading:  slices of work that read them; a second request then succeeds
     """
 
     def __init__(self, reading: Slices[None]) -> None:
@@ -38,7 +39,7 @@ class PixelsNeededError(Exception):
 class PixelCache:
     """The pixels of images, each read once.
 
-    notes  sentences for the user are appended here
+    notes:  sentences for the user are appended here
     """
 
     def __init__(self, notes: list[str]) -> None:
@@ -48,11 +49,11 @@ class PixelCache:
         self._tilts: dict[int, np.ndarray] = {}
 
     def read_part(self, image: bpy.types.Image | None, owner: str, part: str) -> np.ndarray:
-        """Return the "colour" of an image, (h, w, 3) float32 as `read`, or its "alpha" or "grey", (h, w, 1).
+        """Return one part of an image: "colour", (h, w, 3) float32, or "alpha" or "grey", (h, w, 1) float32.
 
-        Grey is the luminance, linear. "colour * alpha" and "grey * alpha" are what Cycles shows where Alpha
-        is not linked, see `alpha_modes`. Everyone who asks for a part of an image gets the same array. Raises
-        PixelsNeededError if it has to be read first.
+        Grey is the linear luminance. "colour * alpha" and "grey * alpha" are the values that Cycles uses if
+        the Alpha output is not linked, see `alpha_modes`. Each request for the same part returns the same
+        array. Raises PixelsNeededError if the image must be read first.
         """
         if image is None:
             return _part(self.read(image, owner), part, False, AlphaMeaning(False, False), False)
@@ -64,10 +65,12 @@ class PixelCache:
         return self._parts[key]
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
-        """Return (h, w, 4) float32, colour (see `is_srgb`, `AlphaMeaning`) and alpha, row 0 at v = 0.
+        """Return colour (see `is_srgb`, `AlphaMeaning`) and alpha, (h, w, 4) float32, first row at v = 0.
 
-        An image without pixels is magenta, as in Cycles, which is said in the notes; owner names who uses it.
-        Raises PixelsNeededError if it has to be read first.
+        An image without pixels is magenta, as in Cycles, and a note says so. Raises PixelsNeededError if the
+        image must be read first.
+
+        owner:  name of the datablock in notes
         """
         if image is None:
             self._note(f"{owner} has an image texture without an image: magenta is baked, as in Cycles.")
@@ -77,9 +80,11 @@ class PixelCache:
         return self._images[image.session_uid]
 
     def read_tilts(self, image: bpy.types.Image, owner: str) -> np.ndarray:
-        """Return how far an image tilts normals, (CLASSES,) int64, see `count_tilts`.
+        """Return the histogram of a normal map's tilts, (CLASSES,) int64, see `count_tilts`.
 
-        owner names who uses it. Raises PixelsNeededError if it has to be read first.
+        Raises PixelsNeededError if the image must be read first.
+
+        owner:  name of the datablock in notes
         """
         uid = image.session_uid
         if uid not in self._tilts:
@@ -91,7 +96,7 @@ class PixelCache:
         return self._tilts[uid]
 
     def _read_tilts(self, uid: int, state: tuple | None, owner: str, srgb: bool) -> Slices[None]:
-        """Count the tilts of an image; its pixels are let go unless they were there."""
+        """Compute a normal map's histogram of tilts; its pixels stay cached only if they were before."""
         known = uid in self._images
         if not known:
             yield from self._read(uid, owner)
@@ -129,7 +134,7 @@ class PixelCache:
         self._images[uid] = pixels
 
     def _load(self, image: bpy.types.Image, owner: str) -> np.ndarray:
-        """Return the pixels of an image as Blender has them."""
+        """Return the channels of an image, (h, w, 4) float32; magenta with a note if it cannot be read."""
         pixels = np.empty(0, np.float32)
         width, height = image.size
         if width and height:
@@ -151,10 +156,10 @@ class PixelCache:
 
 
 def _part(pixels: np.ndarray, part: str, srgb: bool, meaning: AlphaMeaning, scene_linear: bool) -> np.ndarray:
-    """Return a part of (h, w, 4) pixels; see `PixelCache.read_part`.
+    """Return one part of pixels, (h, w, 4) float32; see `PixelCache.read_part`.
 
-    scene_linear: True if colours are those of the working space; otherwise they are Rec.709. Outside of it
-    they get negative channels.
+    scene_linear:  True if colours are in the working space; otherwise they are Rec.709. Colours outside of
+                   Rec.709 get negative channels.
     """
     if part == "alpha":
         return pixels[..., 3:]
@@ -167,12 +172,12 @@ def _part(pixels: np.ndarray, part: str, srgb: bool, meaning: AlphaMeaning, scen
 
 
 def _is_scene_linear(image: bpy.types.Image) -> bool:
-    """Return True if pixels hold colours of another working space: float images, and data used as colour."""
+    """Return True if pixels are in a working space that is not Rec.709: float images, data as colour."""
     return not is_rec709() and (bool(image.is_float) or image.colorspace_settings.name in DATA)
 
 
 def is_plain(image: bpy.types.Image | None) -> bool:
-    """Return whether an image is one still picture in a colour space that is known here."""
+    """Return whether an image is a single still picture in a known colour space."""
     if image is None:
         return True
     spaces = _LINEAR | ({_SRGB} if not image.is_float else set())
@@ -180,5 +185,5 @@ def is_plain(image: bpy.types.Image | None) -> bool:
 
 
 def is_srgb(image: bpy.types.Image | None) -> bool:
-    """Return whether an image's colours are sRGB-encoded, not scene-linear."""
+    """Return whether an image's colours are sRGB-encoded, not linear."""
     return image is not None and image.colorspace_settings.name == _SRGB and not image.is_float

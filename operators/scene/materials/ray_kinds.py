@@ -1,4 +1,4 @@
-"""Values of the Light Path and Geometry nodes for one kind of ray at one side of a surface."""
+"""Values of Light Path and Geometry nodes for one kind of ray and one side of a surface."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import bpy
 
 _LIGHT_PATH, _GEOMETRY = "ShaderNodeLightPath", "ShaderNodeNewGeometry"
 
-#: Outputs of the Light Path node that are not 0, for shadow rays and for diffuse bounces.
+#: Outputs of the Light Path node that are not 0 for shadow rays, and for diffuse bounces.
 _SHADOW = {"Is Shadow Ray": 1.0, "Ray Length": 1.0}
 _BOUNCE = {
     "Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0,
@@ -17,17 +17,18 @@ _BOUNCE = {
 
 
 class RayKind(NamedTuple):
-    """The rays that evaluate a node tree.
+    """Kind of ray for which a node tree is evaluated.
 
-    shadow  True for shadow rays to lights, False for gathered light
-    back    True if they meet the back of the surface
+    shadow:  True for shadow rays to lights, False for gathered light
+    back:    True if the ray hits the back of the surface
     """
 
     shadow: bool = False
     back: bool = False
 
 
-#: Gathered light at the front: reflectance and emission, and transparency unless a node tells rays apart.
+#: Gathered light at the front. Used for reflectance and emission, and for transparency unless nodes depend on
+#: the kind of ray.
 BOUNCE = RayKind()
 
 
@@ -37,12 +38,12 @@ def is_by_ray(output: bpy.types.NodeSocket) -> bool:
 
 
 def is_by_side(output: bpy.types.NodeSocket) -> bool:
-    """Return True if the value of an output depends on the side that a ray meets."""
+    """Return True if the value of an output depends on the side that a ray hits."""
     return output.node.bl_idname == _GEOMETRY and output.name == "Backfacing"
 
 
 def ray_value(output: bpy.types.NodeSocket, rays: RayKind) -> float | None:
-    """Return the value of an output for a kind of ray, None if it does not depend on the ray."""
+    """Return the value of an output for a kind of ray; None if it does not depend on the ray."""
     if is_by_ray(output):
         return (_SHADOW if rays.shadow else _BOUNCE).get(output.name, 0.0)
     return float(rays.back) if is_by_side(output) else None

@@ -1,4 +1,4 @@
-"""Materials that were read in Blender's working space, in linear Rec.709."""
+"""Converts materials from Blender's working colour space to linear Rec.709."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Parameters = ParamSpec("Parameters")
 
 
 def in_rec709(read: Callable[Parameters, Material]) -> Callable[Parameters, Material]:
-    """Let a function that reads a material return its colours in linear Rec.709, without negative ones.
+    """Decorate a function that reads a material: convert its colours to linear Rec.709, clamped at 0.
 
-    Constants are scene-linear, pixels of textures are Rec.709 already. A product of a colour and a texture
-    is that of the working space, as in Cycles.
+    Constants are in the working space, while the pixels of textures are Rec.709 already. A colour times a
+    texture is multiplied in the working space, as in Cycles.
     """
 
     @wraps(read)
@@ -34,7 +34,7 @@ def in_rec709(read: Callable[Parameters, Material]) -> Callable[Parameters, Mate
 
 
 def _converted(material: Material) -> Material:
-    """Return a material with all of its constants in Rec.709."""
+    """Return a material with all constants in Rec.709."""
     reflectance, reflectance_map = _quantity(material.reflectance, material.reflectance_map, 1)
     emission, emission_map = _quantity(material.emission, material.emission_map)
     translucency, translucency_map = _quantity(material.translucency, material.translucency_map, 1)
@@ -60,7 +60,7 @@ def _back(back: BackSide) -> BackSide:
 def _quantity(
     constant: np.ndarray, texture: Texture | None, most: float = np.inf
 ) -> tuple[np.ndarray, Texture | None]:
-    """Return a constant, (3,) float32 scene-linear, times a texture in Rec.709; most: largest constant."""
+    """Convert a scene-linear constant, (3,) float32, times a Rec.709 texture; `most`: largest constant."""
     grey = not np.ptp(constant)
     if texture is None or texture.pixels.shape[2] == 1:
         return (constant if grey else np.clip(to_rec709(constant), 0, most)), texture
@@ -73,13 +73,13 @@ def _quantity(
 
 
 def _transmission(transmission: Transmission) -> Transmission:
-    """Return a transmission in Rec.709."""
+    """Return a transmission with all constants in Rec.709."""
     sides = {name: getattr(transmission, name) for name in ("shadow", "bounce", "shadow_back", "bounce_back")}
     return Transmission(**{name: side and _transmittance(side) for name, side in sides.items()})
 
 
 def _transmittance(side: Transmittance) -> Transmittance:
-    """Return a transmittance in Rec.709: it is linear in its constants, since its textures are grey."""
+    """Return a transmittance in Rec.709; it is linear in its constants, because its textures are grey."""
     if not (np.ptp(side.offset) or np.ptp(side.scale)):
         return side
     whole = np.clip(to_rec709(side.offset + side.scale), 0, 1)

@@ -1,4 +1,4 @@
-"""Materials that only Blender can evaluate: baked by Cycles, on copies, into textures."""
+"""Evaluates materials by Cycles: bakes copies of objects into textures over lightmap UVs."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ from ..uvs.uv_layers import MOST_LAYERS
 from .evaluated_passes import Pass
 from .substitution import Substitution
 
-#: Smallest and largest width of such a texture, texels.
+#: Smallest and largest width of an evaluated texture, texels.
 _SMALLEST, _LARGEST = 512, 4096
 
-#: Textures of many variants of a material may be smaller by this.
+#: Factor by which the textures may be smaller than _SMALLEST if a material has many variants.
 _SHRINKING = 4
 
-#: Samples of each texel; texels beyond chart borders.
+#: Samples per texel, and texels of margin around charts.
 _SAMPLES = 4
 _MARGIN = 8
 
-#: From UVs of a mesh to lightmap UVs, (..., 2) float32.
+#: Maps UVs of a mesh to lightmap UVs, (..., 2) -> (..., 2) float32.
 Move = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class EvaluatedMesh:
-    """A mesh that shows materials to be evaluated; the mesh is a copy that is removed afterwards.
+    """A copy of a mesh on which materials are evaluated.
 
-    source    session uid of the object
-    uv_layer  its lightmap UV layer
-    slots     material of each slot, None where nothing has to be evaluated
-    matrix    object space to world space
+    source:    session uid of the object
+    uv_layer:  name of its lightmap UV layer
+    mesh:      the copy, which is removed afterwards
+    slots:     material of each slot; None for slots that are not evaluated
+    matrix:    object space to world space
     """
 
     source: int
@@ -55,10 +56,10 @@ def copy_shape(
     depsgraph: bpy.types.Depsgraph,
     slots: Sequence[bpy.types.Material | None],
 ) -> EvaluatedMesh:
-    """Copy an evaluated object with all its layers.
+    """Copy the mesh of an evaluated object with all its layers.
 
-    uv_layer  the one with its lightmap UVs
-    matrix    (4, 4) float64, where it or its instance is
+    uv_layer:  name of the layer with its lightmap UVs
+    matrix:    (4, 4) float64, object or instance space to world space
     """
     mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
     return EvaluatedMesh(
@@ -67,9 +68,9 @@ def copy_shape(
 
 
 def add_lightmap_uv_map(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:
-    """Give a copy of a mesh the UV map LIGHTMAP_UVS, from a layer; return whether it has that layer.
+    """Add the UV map LIGHTMAP_UVS to a copied mesh, from a layer; return whether the mesh has that layer.
 
-    move  from UVs of the layer to those of the map; None keeps them
+    move:  maps UVs of the layer to those of the map; None keeps them
     """
     layer = mesh.uv_layers.get(uv_layer)
     if layer is None:
@@ -86,7 +87,7 @@ def add_lightmap_uv_map(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) 
 
 
 def remove_shapes(shapes: Sequence[EvaluatedMesh]) -> None:
-    """Remove the copies."""
+    """Remove the copied meshes."""
     for shape in shapes:
         bpy.data.meshes.remove(shape.mesh)
 
@@ -94,7 +95,7 @@ def remove_shapes(shapes: Sequence[EvaluatedMesh]) -> None:
 def texture_size(resolution: int, variants: int) -> int:
     """Return the width of textures over lightmap UVs, texels.
 
-    variants: how many there are of a material for objects of one lightmap, each on a part of it.
+    variants:  number of variants of the material for objects of one lightmap, each on a part of it
     """
     scale = np.sqrt(variants)
     return int(np.clip(resolution / scale, _SMALLEST / min(scale, _SHRINKING), _LARGEST))
@@ -107,18 +108,18 @@ def bake_pass(
     size: int,
     glass: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a quantity of a material over the UV map LIGHTMAP_UVS of shapes, and the texels that have it.
+    """Evaluate a quantity of a material over LIGHTMAP_UVS; return its values and the covered texels.
 
-    Shapes (size, size, 3) float32 and (size, size) bool. Raises RuntimeError if Cycles cannot bake.
+    These are (size, size, 3) float32 and (size, size) bool. Raises RuntimeError if Cycles cannot bake.
 
-    glass  True if refracting closures let light pass straight through
+    glass:  True if refracting closures transmit light without refraction
     """
     with _stage(shapes, material, Substitution(evaluation.quantity, evaluation.rays, glass)) as stage:
         return stage.bake(size)
 
 
 class _Stage:
-    """A scene of its own with copies of the shapes that wear a copy of one material."""
+    """A temporary scene with copies of the meshes, which use a copy of one material."""
 
     def __init__(
         self, scene: bpy.types.Scene, objects: list[bpy.types.Object], worn: bpy.types.Material
@@ -126,7 +127,7 @@ class _Stage:
         self._scene, self._objects, self._worn = scene, objects, worn
 
     def bake(self, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the material emits, (size, size, 3) float32, and the texels that it covers."""
+        """Bake the material's emission; return it, (size, size, 3) float32, and the covered texels, bool."""
         tree = self._worn.node_tree
         image = bpy.data.images.new("hemibake", size, size, alpha=True, float_buffer=True, is_data=True)
         node = tree.nodes.new("ShaderNodeTexImage")
@@ -159,7 +160,7 @@ class _Stage:
 def _stage(
     shapes: Sequence[EvaluatedMesh], material: bpy.types.Material, substitution: Substitution
 ) -> Iterator[_Stage]:
-    """Set the stage for a material that emits a quantity, and remove all of it in the end."""
+    """Set up a scene with a material that emits a quantity, and remove the scene at the end."""
     scene = bpy.data.scenes.new("hemibake")
     worn = material.copy()
     blank = bpy.data.materials.new("hemibake")
@@ -194,7 +195,7 @@ def _dress(
     worn: bpy.types.Material,
     blank: bpy.types.Material,
 ) -> None:
-    """Let a copy wear the copy of the material where the shape wears it, else something blank."""
+    """Assign the copied material to the slots that have the original, and a blank material to the others."""
     obj.matrix_world = shape.matrix
     while len(shape.mesh.materials) < len(shape.slots):
         shape.mesh.materials.append(None)
@@ -206,7 +207,7 @@ def _dress(
 
 
 def _set_up(scene: bpy.types.Scene) -> None:
-    """Few samples and no surroundings: nothing here depends on light."""
+    """Set up Cycles with few samples, since emission does not depend on light."""
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", _SAMPLES
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False

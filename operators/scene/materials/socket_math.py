@@ -1,4 +1,4 @@
-"""Arithmetic with node sockets: each operation adds a node to the tree."""
+"""Arithmetic on node sockets: each operation adds a node to the tree."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from functools import reduce
 
 import bpy
 
-#: An input (its link or its own value), an output, a color, or a number.
+#: An input (its link or its own value), an output, a colour, or a number.
 Operand = bpy.types.NodeSocket | Sequence[float] | float
 
 
 class SocketMath:
-    """Builds color arithmetic in a node tree; numbers count as greys."""
+    """Adds nodes for colour arithmetic to a node tree; numbers are treated as greys."""
 
     def __init__(self, tree: bpy.types.NodeTree) -> None:
         self._tree = tree
 
     def assign(self, value: Operand, target: bpy.types.NodeSocket) -> None:
-        """Link a value to an input, or set the input's own value."""
+        """Link a value to an input, or set it as the input's own value."""
         if isinstance(value, bpy.types.NodeSocket) and not value.is_output:
             value = self._content(value)
         if isinstance(value, bpy.types.NodeSocket):
@@ -40,15 +40,15 @@ class SocketMath:
         return self._operate("SUBTRACT", 1.0, value)
 
     def positive(self, value: Operand) -> Operand:
-        """Return the value, 0 where it is negative."""
+        """Return the value, clamped below at 0."""
         return self._operate("MAXIMUM", value, 0.0)
 
     def clamp(self, value: Operand) -> Operand:
-        """Return the value limited to [0, 1]."""
+        """Return the value clamped to [0, 1]."""
         return self._operate("MINIMUM", self.positive(value), 1.0)
 
     def square_root(self, value: Operand) -> bpy.types.NodeSocket:
-        """Return the square root of each channel; a vector node has no POWER before Blender 4.4."""
+        """Return the square root of each channel; Vector Math has no POWER before Blender 4.4."""
         split = self._tree.nodes.new("ShaderNodeSeparateXYZ")
         joined = self._tree.nodes.new("ShaderNodeCombineXYZ")
         self.assign(value, split.inputs[0])
@@ -60,7 +60,7 @@ class SocketMath:
         return joined.outputs[0]
 
     def window(self, ior: Operand) -> Operand:
-        """Return 1 - F: the fraction that a dielectric surface lets pass along the normal."""
+        """Return 1 - F, the transmittance of a dielectric surface at normal incidence."""
         fresnel = self._tree.nodes.new("ShaderNodeFresnel")
         self._tree.links.new(self.multiply(ior, 1.0), fresnel.inputs["IOR"])
         return self.complement(fresnel.outputs[0])
@@ -73,14 +73,14 @@ class SocketMath:
         return node.outputs[0]
 
     def _content(self, socket: bpy.types.NodeSocket) -> Operand:
-        """Return the output that feeds an input, or the input's own value."""
+        """Return the output that is linked to an input, or the input's own value."""
         if not socket.is_linked or socket.links[0].is_muted:
             return socket.default_value
         source = socket.links[0].from_socket
         if socket.type not in {"VALUE", "BOOLEAN", "INT"}:
             return source
 
-        # A number input takes the luminance of a color: a Math node converts in the same way.
+        # A number input takes the luminance of a colour; a Math node converts in the same way.
         number = self._tree.nodes.new("ShaderNodeMath")
         number.inputs[1].default_value = 0.0
         self._tree.links.new(source, number.inputs[0])

@@ -1,4 +1,4 @@
-"""Links of node sockets: the source of an input, and links moved to another source."""
+"""Follows and moves links between node sockets."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import bpy
 
 
 class ComplexError(Exception):
-    """Only Blender itself can evaluate these nodes.
+    """Raised for nodes that only Blender itself can evaluate.
 
-    node  name of the first such node, empty if it is not a single one
+    node:  name of the first such node; empty if it is not a single one
     """
 
     def __init__(self, node: str = "") -> None:
@@ -17,10 +17,10 @@ class ComplexError(Exception):
 
 
 def feeding_socket(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Return the output that feeds an input, through reroutes and muted nodes.
+    """Return the output linked to an input, followed through reroutes and muted nodes.
 
-    Where nothing feeds it, return the input whose own value counts: a muted node passes the input that
-    Blender links to the output internally, or nothing at all.
+    If no output is linked, return the input whose own value is used. A muted node passes the input that
+    Blender links to the output internally, or nothing.
     """
     own = socket
     while socket.is_linked and not socket.links[0].is_muted:

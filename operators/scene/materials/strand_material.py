@@ -1,4 +1,4 @@
-"""Materials of hair: strands have no UVs, so that the mean of a texture stands for it."""
+"""Materials of hair: strands have no UVs, so that textures are replaced by their means."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ....engine.scene.transmission import Transmission, Transmittance
 
 
 def without_textures(material: Material) -> Material:
-    """Return a material with constants in place of its textures; both sides are as the front."""
+    """Return a material with the means of its textures as constants, and the back equal to the front."""
     sides = material.transmission
     return replace(
         material,
@@ -29,7 +29,7 @@ def without_textures(material: Material) -> Material:
 
 
 def _mean(texture: Texture | None) -> np.ndarray:
-    """Return the mean color of a texture, (c,) float32; 1 without one."""
+    """Return the mean colour of a texture, (c,) float32 linear; 1 without one."""
     if texture is None:
         return np.ones(1, np.float32)
     pixels = srgb_to_linear(texture.pixels) if texture.srgb else texture.pixels

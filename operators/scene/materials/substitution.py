@@ -1,7 +1,7 @@
-"""Closure substitution: a node tree that emits one quantity of a surface.
+"""Closure substitution: changes a node tree such that it emits one quantity of a surface.
 
-An Emission node with the quantity replaces each closure in a copy of the tree and of its groups. Mix and Add
-Shader, groups, reroutes and all textures stay, so Cycles composes the quantity as it composes the closures.
+In a copy of the tree and its groups, an Emission node with the quantity replaces each closure. Mix Shader,
+Add Shader, groups, reroutes and textures stay, so that Cycles combines the quantity as it combines closures.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from .sockets import relink
 
 
 class Substitution:
-    """Changes copies of node trees for one kind of ray, and one quantity; `remove` removes copies of groups.
+    """Changes copied node trees for one kind of ray and one quantity; `remove` removes copied groups.
 
-    quantity  one of `closures.QUANTITIES`; None keeps all closures
-    rays      the Light Path and Geometry nodes become constants for it
-    glass     True if refracting closures let light pass straight through
+    quantity:  one of `closures.QUANTITIES`; None keeps all closures
+    rays:      kind of ray whose values replace the outputs of Light Path and Geometry nodes
+    glass:     True if refracting closures transmit light without refraction
     """
 
     def __init__(self, quantity: str | None, rays: RayKind, glass: bool = True) -> None:
@@ -36,7 +36,7 @@ class Substitution:
                     tree.links.remove(link)
 
     def remove(self) -> None:
-        """Remove the copies of groups."""
+        """Remove the copied groups."""
         for group in self._groups.values():
             bpy.data.node_groups.remove(group)
 
@@ -55,7 +55,7 @@ class Substitution:
                 self._replace(tree, node)
 
     def _copy_group(self, node: bpy.types.Node) -> None:
-        """Let a group node use a changed copy of its group."""
+        """Replace the group of a group node by a changed copy."""
         group = getattr(node, "node_tree", None)
         if group is None:
             return
@@ -65,7 +65,7 @@ class Substitution:
         node.node_tree = self._groups[group]
 
     def _replace(self, tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-        """Replace a closure by an emission of the quantity."""
+        """Replace a closure by an Emission node with the quantity."""
         emits = self._quantity == "emit" and node.bl_idname in EMITTERS
         if emits or passes_shaders(node):
             return
@@ -77,7 +77,7 @@ class Substitution:
 
 
 def _remove_colors(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """Remove links from colors to shader inputs: Cycles takes such a color as emission."""
+    """Remove links from colours to shader inputs, which Cycles treats as emission."""
     for socket in [socket for socket in node.inputs if socket.type == "SHADER"]:
         for link in [link for link in socket.links if link.from_socket.type != "SHADER"]:
             tree.links.remove(link)

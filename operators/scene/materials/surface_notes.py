@@ -1,4 +1,4 @@
-"""Notes about surfaces that are baked in another way than a render shows them."""
+"""Notes on surfaces that bakes show differently from renders."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .tree_nodes import used_nodes
 
 
 class SurfaceNotes:
-    """Collects materials that refract, that have a volume, or with closures that are not known.
+    """Collects materials that refract light, have a volume, or contain unknown closures.
 
-    glass  True if refracting closures let light pass straight through
+    glass:  True if refracting closures transmit light without refraction
     """
 
     def __init__(self, glass: bool) -> None:
@@ -38,7 +38,7 @@ class SurfaceNotes:
                 self._unknown[material.name] = node.name
 
     def sentences(self) -> list[str]:
-        """Return a note for each kind."""
+        """Return a sentence for each kind of difference."""
         notes = []
         if self._refracting and self._glass:
             count = counted(len(self._refracting), "glass material")

@@ -1,4 +1,4 @@
-"""Image texture nodes -> engine textures."""
+"""Converts image texture nodes to engine textures."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _EXTENSIONS = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR":
 
 
 def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, channels: int) -> Texture:
-    """Return the texture of an image node's output: 3 channels of colour, or 1 (alpha, or colour as grey).
+    """Return the texture of an image node's output: 3 channels of colour, or 1 of alpha or grey.
 
-    Raises ComplexError for what only Blender can evaluate.
+    Raises ComplexError for nodes that only Cycles can evaluate.
     """
     node = output.node
     if node.projection != "FLAT" or node.interpolation == "Smart" or not is_plain(node.image):
@@ -39,7 +39,7 @@ def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, ch
 
 
 def _mapping(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray]:
-    """Return the UV map ("" for the one that renders use) and the (2, 3) transform of a vector input."""
+    """Return the UV map of a vector input ("" for the one active for rendering) and its (2, 3) transform."""
     output = feeding_socket(socket)
     if not output.is_output:
         return "", np.eye(2, 3)
@@ -55,7 +55,7 @@ def _mapping(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray]:
 
 
 def _node_matrix(node: bpy.types.Node) -> np.ndarray:
-    """Return the (2, 3) transform of a Mapping node that turns about z, else raise ComplexError."""
+    """Return the (2, 3) transform of a Mapping node that rotates about z; raises ComplexError for others."""
     names = ("Location", "Rotation", "Scale")
     if any(feeding_socket(node.inputs[name]).is_output for name in names):
         raise ComplexError
@@ -74,5 +74,5 @@ def _node_matrix(node: bpy.types.Node) -> np.ndarray:
 
 
 def _combine(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Return the transform that applies the inner one first, all (2, 3)."""
+    """Return the product of two (2, 3) affine transforms; the inner one is applied first."""
     return outer @ np.concatenate([inner, [[0, 0, 1]]])

@@ -1,4 +1,4 @@
-"""Nodes that contribute to the surface of a material."""
+"""Finds the nodes that contribute to the surface of a material."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import bpy
 
 
 def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
-    """Yield the unmuted nodes that links connect to the output of a tree, those of groups included.
+    """Yield the unmuted nodes that are connected to a tree's output, including those in groups.
 
-    Nodes of a group that is used several times come several times.
+    Nodes of a group that is used several times are yielded several times.
     """
     if tree is None:
         return
@@ -29,7 +29,7 @@ def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
 
 
 def _outputs(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """Return the nodes that a tree ends in: those of a group, else the active output for Cycles."""
+    """Return the output nodes of a tree: of a group, else the active material output for Cycles."""
     ends = [node for node in tree.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output]
     output = None if ends else tree.get_output_node("CYCLES")
     return ends if output is None else [output]

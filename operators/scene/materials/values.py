@@ -1,4 +1,4 @@
-"""Quantities of a material: constants, textures, and what can be computed with them exactly."""
+"""Quantities of a material as constants times textures, with the arithmetic that is exact on them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from .sockets import ComplexError
 
 @dataclass(frozen=True)
 class MaterialValue:
-    """A constant, (3,) float64, times a texture where there is one."""
+    """A constant, (3,) float64, times a texture if there is one."""
 
     constant: np.ndarray
     texture: Texture | None = None
 
     def __mul__(self, other: MaterialValue | float) -> MaterialValue:
-        """Multiply; raises ComplexError for two textures."""
+        """Return the product; raises ComplexError for two textures."""
         if not isinstance(other, MaterialValue):
             return MaterialValue(self.constant * other, self.texture)
         if self.texture is not None and other.texture is not None:
@@ -26,7 +26,7 @@ class MaterialValue:
         return MaterialValue(self.constant * other.constant, self.texture or other.texture)
 
     def __add__(self, other: MaterialValue) -> MaterialValue:
-        """Add; raises ComplexError if a texture takes part and nothing is zero."""
+        """Return the sum; raises ComplexError if there is a texture and neither summand is zero."""
         if self.is_zero:
             return other
         if other.is_zero:
@@ -37,7 +37,7 @@ class MaterialValue:
 
     @property
     def is_zero(self) -> bool:
-        """True for nothing."""
+        """True if the constant is zero."""
         return not self.constant.any()
 
     @property
@@ -55,14 +55,14 @@ def constant(*values: float) -> MaterialValue:
 
 @dataclass(frozen=True)
 class DiffuseSurface:
-    """A sheet that covers a part of the surface; light passes straight through the rest.
+    """A sheet that covers a fraction of the surface; light passes straight through the rest.
 
-    reflect    diffuse reflectance of the sheet
-    transmit   diffuse transmittance of the sheet
-    emit       radiance that the sheet emits, W/(m^2 sr)
-    through    (3,) float64, straight-through transmittance of the sheet
-    cover      fraction of the surface that the sheet covers; grey
-    threshold  cover at or above it is 1, below it 0; None leaves it as it is
+    reflect:    diffuse reflectance of the sheet
+    emit:       radiance that the sheet emits, W/(m^2 sr)
+    transmit:   diffuse transmittance of the sheet
+    through:    (3,) float64, straight-through transmittance of the sheet
+    cover:      fraction of the surface that the sheet covers; grey
+    threshold:  a cover of at least the threshold becomes 1, and a smaller one 0; None keeps the cover
     """
 
     reflect: MaterialValue = field(default_factory=lambda: ZERO)
@@ -74,13 +74,13 @@ class DiffuseSurface:
 
     @property
     def is_hole(self) -> bool:
-        """True if all light passes and nothing is emitted."""
+        """True if all light passes straight through and nothing is emitted."""
         clear = bool((self.through == 1).all()) and self.threshold is None
         dark = self.reflect.is_zero and self.emit.is_zero and self.transmit.is_zero
         return self.cover.is_zero or (clear and dark)
 
     def scaled(self, factor: float) -> DiffuseSurface:
-        """Return a surface of which only a fraction is there; the rest is black."""
+        """Return the surface scaled by a factor; the rest is black."""
         return DiffuseSurface(
             self.reflect * factor, self.emit * factor, self.transmit * factor, self.through * factor
         )
@@ -94,7 +94,7 @@ class DiffuseSurface:
         return replace(covered, through=covered.through + (1 - cover))
 
     def __add__(self, other: DiffuseSurface) -> DiffuseSurface:
-        """Add two solid surfaces; raises ComplexError for sums of textures."""
+        """Return the sum of two solid surfaces; raises ComplexError for sums of textures."""
         return DiffuseSurface(
             self.reflect + other.reflect,
             self.emit + other.emit,

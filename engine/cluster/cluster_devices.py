@@ -25,7 +25,7 @@ from .blocks import Span, cut
 from .distributed_scene import DistributedScene
 from .local_workers import LOCAL
 from .patch_table import PatchTable, SceneTable, SparseRadiance
-from .radiance_exchange_pair import RadianceExchangePair
+from .radiance_exchange import RadianceExchangePair
 from .shipped_patches import ShippedPatches
 from .tasks import EARLY, Tasks
 

@@ -14,7 +14,6 @@ from ..device.opencl import cl
 from ..gather.device_l1 import L1
 from ..gather.interface import DeviceGather
 from ..patches.sides import Sides
-from .device_sides import DeviceSides
 from .radiosity_state import FluxSums, IterationStep, IterationSums
 
 #: Numbers of work items of reductions, and of items per group of the final sum: on a GPU, where many items
@@ -61,7 +60,7 @@ class DeviceRadiosity:
         sides: Sides | None = None,
         fronts: int | None = None,
     ) -> None:
-        self._sides = None if sides is None else DeviceSides(compute, sides)
+        self._sides = None if sides is None else _Sides(compute, sides)
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
         self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
         self._fronts = self.count if fronts is None else fronts
@@ -218,6 +217,22 @@ class DeviceRadiosity:
             self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * self._adding),
         )  # fmt: skip
         return download(self._compute, self._totals, (numbers, 4))[:, :3].astype(np.float64)
+
+
+class _Sides:
+    """Pairs of patches on both sides of translucent surfaces."""
+
+    def __init__(self, compute: ComputeDevice, sides: Sides) -> None:
+        self._compute, self._count = compute, len(sides.pairs)
+        own = np.zeros((self._count, 2, 4), np.float32)
+        own[:, :, :3] = sides.own
+        self._arguments = upload(compute, sides.pairs.astype(np.uint32)), upload(compute, own)
+        (self._kernel,) = compute.kernels("sides.cl", "blend_sides")
+
+    def blend(self, outputs: tuple) -> None:
+        """Blend the gathered light of each pair; outputs: from `DeviceRadiosity.outputs`."""
+        count = np.int32(self._count)
+        self._compute.run(self._kernel, self._count, *self._arguments, *outputs, count)
 
 
 def _fractions(area: np.ndarray, whole: float) -> np.ndarray:

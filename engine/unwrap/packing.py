@@ -10,7 +10,6 @@ from ..progress import finished
 from .alignment import Alignment
 from .atlas_bitmap import AtlasBitmap, ChartBitmap
 from .polygon_mesh import MeshCharts, PolygonMesh
-from .quarter_turns import may_be_turned, turned_points
 from .row_spans import border_spans
 from .unplaced_charts import UnplacedCharts, orient_charts
 
@@ -43,6 +42,9 @@ _TOGETHER = 256
 
 #: Before the first success, the n-th failed scale is reduced at least by the n-th power of this factor.
 _CAUTION = 0.99
+
+#: Minimum box area of a chart that is worth turning, as a fraction of the page.
+_WORTH_TURNING = 1 / 1024
 
 
 def pack_charts(
@@ -192,7 +194,7 @@ class _Laid:
     def shapes(self, charts: np.ndarray, width: int) -> dict[int, list[ChartBitmap]]:
         """Return the bitmaps of charts for a page, also rotated by quarter turns where that may help."""
         upright = self._shapes(charts, 0)
-        round_ones = np.array([chart for chart in upright if may_be_turned(upright[chart], width)], np.int64)
+        round_ones = np.array([chart for chart in upright if _may_be_turned(upright[chart], width)], np.int64)
         turned = [self._shapes(round_ones, turns) for turns in (1, 2, 3)]
         return {
             chart: [shape, *(shapes[chart] for shapes in turned if chart in shapes)]
@@ -203,7 +205,7 @@ class _Laid:
         """Return the positions of all loops, (l, 2), for chart corners, (c, 2), and quarter turns, (c,)."""
         chart = self._loose.chart
         texels = self._moved(self._loose.uvs * self._stretch[chart], chart)
-        moved: np.ndarray = turned_points(texels, self._boxes[chart], turns[chart]) + corner[chart]
+        moved: np.ndarray = _turned_points(texels, self._boxes[chart], turns[chart]) + corner[chart]
         return moved
 
     def _moved(self, texels: np.ndarray, chart: np.ndarray) -> np.ndarray:
@@ -215,7 +217,7 @@ class _Laid:
         local = np.repeat(np.arange(len(charts)), count)
         edge = first[local] + np.arange(len(local)) - np.repeat(np.cumsum(count) - count, count)
         boxes, of_end = self._boxes[charts], np.repeat(local, 2)
-        ends = turned_points(self._ends[edge].reshape(-1, 2), boxes[of_end], np.full(len(of_end), turns))
+        ends = _turned_points(self._ends[edge].reshape(-1, 2), boxes[of_end], np.full(len(of_end), turns))
         ends, boxes = ends.reshape(-1, 2, 2), boxes[:, ::-1] if turns % 2 else boxes
         number, row, begin, end = border_spans(ends, local, boxes)
         starts = np.searchsorted(number, np.arange(len(charts) + 1)).tolist()
@@ -241,3 +243,16 @@ def _lowest(page: AtlasBitmap, shapes: Sequence[ChartBitmap]) -> tuple[ChartBitm
     tops = [(row + shape.height, row, column) for shape, (column, row) in zip(shapes, places, strict=True)]
     best = tops.index(min(tops))
     return shapes[best], places[best], best
+
+
+def _may_be_turned(shape: ChartBitmap, width: int) -> bool:
+    """Return True if turning a chart may improve the packing of a page of some width."""
+    return not shape.is_rectangle and shape.width * shape.height >= _WORTH_TURNING * width**2
+
+
+def _turned_points(points: np.ndarray, boxes: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Return points, (n, 2) relative to their box, rotated counter-clockwise by quarter turns, (n,)."""
+    (x, y), (width, height) = points.T, boxes.T
+    ways = [(x, y), (height - y, x), (width - x, height - y), (y, width - x)]
+    turned: np.ndarray = np.stack([np.choose(turns, [way[axis] for way in ways]) for axis in (0, 1)], axis=1)
+    return turned

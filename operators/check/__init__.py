@@ -1,4 +1,4 @@
-"""What stands in the way of a good bake, and what the bake will take: found before it starts."""
+"""Checks a scene for problems before a bake, and estimates the time and memory of the bake."""
 
 from .checking import check_scene
 from .finding import Checked, Finding

@@ -1,4 +1,4 @@
-"""All checks of a scene, one after the other, in slices."""
+"""Runs all checks of a scene one after the other, in short slices."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ from .uvs import (
     find_charts,
 )
 
-#: The worst first.
+#: Order of severities, worst first.
 _ORDER = (ERROR, WARNING, INFO)
 
-#: Texels of a lightmap that new lightmap UVs cover: what packing reaches for ordinary meshes.
+#: Fraction of a lightmap that new lightmap UVs cover, as packing achieves for ordinary meshes.
 _COVERAGE = 0.6
 
 
 def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
-    """Check a scene without changing anything; yields after every few milliseconds.
+    """Check a scene without changing it; yields every few milliseconds.
 
-    Raises SceneError if the scene goes away in between.
+    Raises SceneError if the scene is deleted in between.
     """
     try:
         width = expected_width(context, visible_meshes(context))
@@ -78,7 +78,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     meshes, flat = yield from check_zero_area(meshes)
     findings += flat
 
-    # All others lie in the atlases, too, but only what is baked needs usable charts.
+    # Other meshes have places in the atlases, too, but only baked ones need usable charts.
     baked = [mesh for mesh in meshes if mesh.uid in targets]
     findings += check_missing(baked)
     findings += check_kept(baked, context.scene.hemibake.meshes == "RENDER")
@@ -100,7 +100,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
 
 
 def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Finding]]:
-    """Return findings about what is hidden, missing or dark, and about settings."""
+    """Return findings on hidden objects, missing images, missing light and settings."""
     findings = [*check_differences(context)]
     if not context.scene.hemibake.uv_layer:
         findings.append(Finding(ERROR, "The lightmap UV layer has no name. Choose one under Advanced."))
@@ -117,17 +117,17 @@ def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Fin
 def _expect(
     meshes: Sequence[CheckedMesh], charts: Sequence[ChartsOf], settings: Settings, extent: Extent
 ) -> Estimate:
-    """Return what a bake of these meshes is expected to take; the few patches of occluders do not count.
+    """Estimate the bake of these meshes, without the few patches of occluders.
 
-    charts  of those that have usable ones
-    extent  of the scene, but for its atlases
+    charts:  charts of the meshes that have usable ones
+    extent:  size of the scene without its atlases
     """
     texels = settings.resolution**2
     placed = [one for one in charts if one.place is not None]
     patches = sum(one.charted.flat_area * one.place.scale**2 for one in placed) * texels
 
-    # Of those without a place yet, new ones fill an atlas for each name (linked ones get no UVs); tiles are
-    # as dense as the others.
+    # Meshes without a place get new UVs that fill one atlas for each name (linked meshes get no UVs). Tiles
+    # have the same density as other charts.
     new = {mesh.atlas for mesh in meshes if mesh.uvs is None and mesh.editable}
     tiled = [one for one in charts if one.mesh.several]
     surface = sum(one.charted.surface for one in placed)
@@ -142,7 +142,7 @@ def _expect(
 
 
 def _check_memory(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> list[Finding]:
-    """Return a finding if visibility data needs more memory than it may use, as far as that is known."""
+    """Return a warning if visibility data needs more memory than allowed, as far as that is known."""
     needs = _memory_over_limit(expected, settings, survey)
     if not needs:
         return []
@@ -160,7 +160,7 @@ def _with_memory(
     settings: Settings,
     extent: Extent,
 ) -> Finding:
-    """Return a finding that also tells if the resolution it sets needs more memory than is allowed."""
+    """Add to a finding that sets a resolution whether that one needs more memory than allowed."""
     if finding.fix != "resolution" or not meshes:
         return finding
     larger = replace(settings, resolution=finding.value)
@@ -169,7 +169,7 @@ def _with_memory(
 
 
 def _memory_over_limit(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> str:
-    """Return how much memory visibility data needs and may use, empty if it is enough or unknown."""
+    """Return a text with needed and allowed memory; empty if it suffices or is unknown."""
     budget = settings.memory_budget or (_device_memory(survey) // 2)
     if not budget or expected.sample_bytes <= budget:
         return ""
@@ -178,6 +178,6 @@ def _memory_over_limit(expected: Estimate, settings: Settings, survey: DeviceSur
 
 
 def _device_memory(survey: DeviceSurvey | None) -> int:
-    """Return the memory of the OpenCL device that bakes, bytes; 0 while that is unknown."""
+    """Return the memory of the OpenCL device that bakes, bytes; 0 if it is not known yet."""
     devices = survey.devices if survey else ()
     return max((device.memory for device in devices if device.api == "OpenCL" and device.use), default=0)

@@ -1,4 +1,4 @@
-"""Faces that show their backs, or nothing."""
+"""Checks faces: coordinates, normals, scale and zero area."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from ..scene.objects.coordinate_limits import coordinate_issue, middle_of
 from .finding import ERROR, WARNING, Finding, found
 from .meshes import CheckedMesh
 
-#: Triangles that are looked at without a pause.
+#: Triangles that are processed before control returns to Blender's window.
 _CHUNK = 1 << 14
 
-#: Things that make a closed mesh around them a room, seen from inside.
+#: Types of objects that mark a closed mesh around them as a room, which is viewed from inside.
 _CONTENTS = {"MESH", "LIGHT", "CAMERA", "CURVE", "FONT", "SURFACE", "META"}
 
 Steps = Generator[None, None, list[Finding]]
@@ -25,7 +25,7 @@ Steps = Generator[None, None, list[Finding]]
 def check_coordinates(
     meshes: Sequence[CheckedMesh],
 ) -> Generator[None, None, tuple[list[CheckedMesh], list[Finding]]]:
-    """Return the meshes whose coordinates can be baked, and findings about the others."""
+    """Return the meshes with usable coordinates, and findings on the others."""
     boxes, troubles = [], []
     for mesh in meshes:
         boxes.append(mesh.box)
@@ -43,9 +43,11 @@ def check_coordinates(
 
 
 def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray]) -> Steps:
-    """Return closed meshes whose faces look the wrong way; a room, with something in it, looks inwards.
+    """Return findings on closed meshes whose normals point inwards or are mixed.
 
-    centres  of all things, see `centres_of`
+    A room may have normals that point inwards: a closed mesh with other objects inside.
+
+    centres:  centres of all objects, see `centres_of`
     """
     turned, mixed = [], []
     for mesh in meshes:
@@ -73,7 +75,7 @@ def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray])
 
 
 def check_faceless(objects: Sequence[bpy.types.Object], meshes: Sequence[CheckedMesh]) -> list[Finding]:
-    """Return the mesh objects that are not among the meshes, which have faces."""
+    """Return a finding on mesh objects without faces, which are not among the meshes."""
     names = {mesh.name for mesh in meshes}
     faceless = [obj.name for obj in objects if obj.name not in names]
     return found(
@@ -84,7 +86,7 @@ def check_faceless(objects: Sequence[bpy.types.Object], meshes: Sequence[Checked
 
 
 def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
-    """Return meshes that their scale shrinks to a line or a point."""
+    """Return a finding on meshes whose matrix has a rank below 2, so that they are a line or a point."""
     names = [mesh.name for mesh in meshes if np.linalg.matrix_rank(mesh.matrix[:3, :3]) < 2]
     return found(WARNING, "Scaled to nothing, so that no light falls on them: {}. Give them a scale.", names)
 
@@ -92,7 +94,7 @@ def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
 def check_zero_area(
     meshes: Sequence[CheckedMesh],
 ) -> Generator[None, None, tuple[list[CheckedMesh], list[Finding]]]:
-    """Return the meshes without the triangles that have no area, which bakes leave out, and a finding."""
+    """Remove triangles without area from meshes, as bakes do; return the meshes and a finding."""
     kept, names = [], []
     for mesh in meshes:
         degenerate = yield from _find_degenerate(mesh)
@@ -105,7 +107,7 @@ def check_zero_area(
 
 
 def _find_degenerate(mesh: CheckedMesh) -> Generator[None, None, np.ndarray]:
-    """Return True for triangles of a mesh, (t,), that have no area."""
+    """Return which triangles of a mesh have no area, (t,) bool."""
     parts = [np.zeros(0, bool)]
     for first in range(0, len(mesh.corners), _CHUNK):
         parts.append(is_degenerate(mesh.corners[first : first + _CHUNK]))
@@ -114,14 +116,14 @@ def _find_degenerate(mesh: CheckedMesh) -> Generator[None, None, np.ndarray]:
 
 
 def contains_things(mesh: CheckedMesh, centres: dict[str, np.ndarray]) -> bool:
-    """Return whether the centre of another thing, (3,) by name, is in the box around a mesh."""
+    """Return whether the bounding box of a mesh contains the centre of another object, (3,) by name."""
     low, high = mesh.box
     others = [centre for name, centre in centres.items() if name != mesh.name]
     return bool(others) and bool(((np.array(others) > low) & (np.array(others) < high)).all(axis=1).any())
 
 
 def centres_of(objects: Sequence[bpy.types.Object]) -> dict[str, np.ndarray]:
-    """Return the middle of each thing in world space, (3,), by name."""
+    """Return the centre of each object in world space, (3,) float64, by name."""
     middles = {}
     for obj in objects:
         if obj.type in _CONTENTS:
@@ -133,15 +135,15 @@ def centres_of(objects: Sequence[bpy.types.Object]) -> dict[str, np.ndarray]:
 
 
 def _is_even(mesh: CheckedMesh) -> bool:
-    """Return whether the two faces of each edge go along it in opposite directions."""
+    """Return whether the two faces at each edge have consistent orientation: they run along it oppositely."""
     forward = mesh.vertex == mesh.edges[mesh.edge, 0]
     return bool((np.bincount(mesh.edge, forward, len(mesh.edges))[mesh.edge] == 1).all())
 
 
 def _looks_inwards(mesh: CheckedMesh) -> Generator[None, None, bool]:
-    """Return whether the volume that a closed mesh's triangles span with its middle is negative.
+    """Return whether the signed volume of a closed mesh is negative, so that its normals point inwards.
 
-    A mirrored object looks where its mesh does: Blender turns its faces back.
+    A negative scale does not matter: Blender flips the faces of mirrored objects.
     """
     middle, volume = mesh.positions.mean(axis=0), 0.0
     for first in range(0, len(mesh.corners), _CHUNK):

@@ -1,4 +1,4 @@
-"""What a check finds."""
+"""Findings of a check."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ ERROR, WARNING, INFO = "ERROR", "WARNING", "INFO"
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a check has found.
+    """One finding of a check.
 
-    severity  ERROR: objects get no light, or there is none; WARNING: it may look wrong; INFO: good to know
-    text      a sentence that names objects and remedy
-    objects   their names
-    fix       name of what mends it, see `fixes`; empty if nothing does by itself
-    value     a number for the fix
+    severity:  ERROR: objects get no light, or there is no light; WARNING: may look wrong; INFO: for
+               information
+    text:      a sentence with the objects and a remedy
+    objects:   names of the objects
+    fix:       name of the fix, see `fixes`; empty without one
+    value:     a number for the fix
     """
 
     severity: str
@@ -31,7 +32,7 @@ class Finding:
 
 
 def found(severity: str, sentence: str, names: Sequence[str], fix: str = "", value: int = 0) -> list[Finding]:
-    """Return a finding about objects, whose names go where {} is; none without objects."""
+    """Return a list with a finding on objects, whose names replace {}; an empty list without objects."""
     if not names:
         return []
     ordered = tuple(sorted(set(names)))
@@ -40,21 +41,22 @@ def found(severity: str, sentence: str, names: Sequence[str], fix: str = "", val
 
 @dataclass(frozen=True)
 class Checked:
-    """What a check of a scene has found, the worst first, and what a bake is expected to take.
+    """Result of a check of a scene.
 
-    estimate: None if nothing would be baked
+    findings:  the findings, worst first
+    estimate:  estimate of the bake; None if nothing would be baked
     """
 
     findings: tuple[Finding, ...]
     estimate: Estimate | None
 
     def to_json(self) -> str:
-        """Return it as text, to be kept with the scene."""
+        """Return the result as JSON, to be stored with the scene."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Checked | None:
-        """Return what a text holds, None for an empty one."""
+        """Return the result stored as JSON; None for an empty text."""
         if not text:
             return None
         kept = json.loads(text)

@@ -1,4 +1,4 @@
-"""What mends findings: each fix changes the objects of one finding, and can be undone."""
+"""Fixes for findings: each one changes the objects of one finding, and can be undone."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Fix = Callable[[bpy.types.Context, Sequence[bpy.types.Object], int, Rollback], N
 def unwrap(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Make lightmap UVs where they are missing."""
+    """Make lightmap UVs for objects that have none."""
     settings = context.scene.hemibake
     where = SceneContext(context)
     resolution = expected_width(where, visible_meshes(where))
@@ -42,7 +42,7 @@ def unwrap(
 def unwrap_anew(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Make lightmap UVs in another layer, which the objects then use; the one that is of no use stays."""
+    """Make lightmap UVs in another layer, which the objects then use; the unusable layer is kept."""
     for obj in objects:
         set_property(obj, "own_uv_layer", _free_layer(obj, context.scene.hemibake.uv_layer), changes)
     unwrap(context, objects, value, changes)
@@ -51,7 +51,7 @@ def unwrap_anew(
 def set_resolution(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Make the lightmaps as large as their charts need."""
+    """Set the resolution that the charts of the lightmaps need."""
     settings = context.scene.hemibake
     settings.size_mode, settings.resolution = "SIZE", value
 
@@ -59,7 +59,7 @@ def set_resolution(
 def recalculate_normals(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Let the faces of closed meshes look outwards."""
+    """Make the face normals of closed meshes point outwards."""
     for mesh in dict.fromkeys(obj.data for obj in objects if obj.data.is_editable):
         edited = bmesh.from_edit_mesh(mesh) if mesh.is_editmode else bmesh.new()
         if not mesh.is_editmode:
@@ -76,7 +76,7 @@ def recalculate_normals(
 def apply_on_copy(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Put a copy with applied modifiers in the place of each object."""
+    """Replace each object by a copy with applied modifiers."""
     copies, notes = apply_on_copies(context, objects)
     if not copies:
         raise SceneError("\n".join(notes))
@@ -85,7 +85,7 @@ def apply_on_copy(
 def use_settings_of_renders(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Let the viewport use the settings that renders use of modifiers, and make lightmap UVs anew."""
+    """Give modifiers the same settings in the viewport as in renders, then make new lightmap UVs."""
     for obj in objects:
         show_as_rendered(obj, changes)
     unwrap(context, objects, value, changes)
@@ -94,7 +94,7 @@ def use_settings_of_renders(
 def remove_modifiers(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Remove the modifiers that keep lightmap UVs."""
+    """Remove the modifiers that store lightmap UVs."""
     hide_preview(objects)
     for obj in objects:
         remove_uv_modifiers(obj)
@@ -103,7 +103,7 @@ def remove_modifiers(
 def cut_along_walls(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
-    """Make new lightmap UVs of what thin walls stand on, with charts that end at edges along the walls."""
+    """Make new lightmap UVs for the objects under thin walls, with chart boundaries along the walls."""
     settings, where = context.scene.hemibake, SceneContext(context)
     floors = objects_on_walls(
         visible_meshes(where), objects, where.evaluated_depsgraph_get(), settings.uv_layer
@@ -124,7 +124,7 @@ def cut_along_walls(
     finished(work)
 
 
-#: By the name that a finding has, with what its button says.
+#: Label of the button and function of each fix, by its name.
 FIXES: dict[str, tuple[str, Fix]] = {
     "unwrap": ("Unwrap", unwrap),
     "unwrap_anew": ("Unwrap Anew", unwrap_anew),
@@ -138,7 +138,7 @@ FIXES: dict[str, tuple[str, Fix]] = {
 
 
 def _free_layer(obj: bpy.types.Object, uv_layer: str) -> str:
-    """Return a name that no UV layer or attribute of an object's mesh has."""
+    """Return a name that no UV layer or attribute of the object's mesh has."""
     base = lightmap_layer(obj, uv_layer)
     names = {base, *obj.data.uv_layers.keys(), *obj.data.attributes.keys()}
     numbered = (f"{base}.{number:03d}" for number in range(1, len(names) + 2))

@@ -1,4 +1,4 @@
-"""The meshes that a bake sees, as arrays: what is checked on them can be done in slices."""
+"""Reads the meshes of a bake as arrays, so that checks can run on them in slices."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from ..scene.uvs.multi_user import multi_user_sources
 from ..scene.uvs.uv_modifier import fits, uv_modifier, uv_source
 from ..scene.uvs.uv_targets import evaluated_mesh
 
-#: Longest time that meshes are read without a pause, s.
+#: Longest time that meshes are read before control returns to Blender's window, s.
 _SLICE = 0.015
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedMesh:
-    """A mesh object as its modifiers make it.
+    """An evaluated mesh object.
 
-    several    whether several objects or instances may show its UVs
-    editable   whether it can get lightmap UVs: it is none of another file
-    copies     whether modifiers make other faces than the mesh has, and no modifier keeps UVs of these
-    outdated   whether a modifier keeps UVs, but of other faces than there are by now
-    unlike     whether a modifier keeps UVs that fit, but renders and viewport may have other faces
-    moved      whether its lightmap was baked with other lightmap UVs
-    matrix     (4, 4) float64, object space to world space
-    scale      its scale in lightmaps
-    positions  (v, 3) float32, object space
-    vertex     (l,) int32, of each loop
-    edge       (l,) int32, from each loop to the next one of its polygon
-    edges      (e, 2) int32, vertices
-    starts     (p,) int32, first loop of each polygon
-    triangles  (t, 3) int32, loops; see `check_zero_area` for those without an area
-    uvs        (l, 2) float32, lightmap UVs, None without any that fit
+    several:    True if several objects or instances may share its UVs
+    editable:   True if it can get lightmap UVs, because it is not linked from another file
+    copies:     True if modifiers make other faces than the mesh has, and no UV modifier stores their UVs
+    outdated:   True if a UV modifier stores UVs that no longer fit the faces
+    unlike:     True if a UV modifier's UVs fit, but renders and viewport may have different faces
+    moved:      True if its lightmap was baked with other lightmap UVs
+    matrix:     (4, 4) float64, object space to world space
+    scale:      its scale in lightmaps
+    positions:  (v, 3) float32, vertex positions in object space
+    vertex:     (l,) int32, vertex of each loop
+    edge:       (l,) int32, edge from each loop to the next loop of its polygon
+    edges:      (e, 2) int32, vertices of each edge
+    starts:     (p,) int32, first loop of each polygon
+    triangles:  (t, 3) int32, loops of each triangle; see `check_zero_area` for those without area
+    uvs:        (l, 2) float32, lightmap UVs; None without fitting ones
     """
 
     name: str
@@ -69,18 +69,18 @@ class CheckedMesh:
 
     @cached_property
     def is_closed(self) -> bool:
-        """Whether every edge has two faces."""
+        """True if each edge has two faces."""
         users = np.bincount(self.edge, minlength=len(self.edges))
         return bool((users[users > 0] == 2).all())
 
     @cached_property
     def corners(self) -> np.ndarray:
-        """The corners of the triangles, (t, 3, 3) float32, object space."""
+        """Positions of the triangles' corners, (t, 3, 3) float32 in object space."""
         return self.positions[self.vertex[self.triangles]]
 
     @cached_property
     def box(self) -> np.ndarray:
-        """The low and the high corner of the box around it, (2, 3), world space."""
+        """Smallest and largest corner of its bounding box, (2, 3) float64 in world space."""
         with np.errstate(invalid="ignore", over="ignore"):
             positions = self.positions @ self.matrix[:3, :3].T + self.matrix[:3, 3]
         return np.stack([positions.min(axis=0), positions.max(axis=0)])
@@ -89,7 +89,7 @@ class CheckedMesh:
 def read_meshes(
     context: SceneContext, objects: Sequence[bpy.types.Object]
 ) -> Generator[None, None, list[CheckedMesh]]:
-    """Return the meshes of objects that have faces; yields after every few milliseconds."""
+    """Return the meshes of the objects that have faces; yields every few milliseconds."""
     waiting = [obj.session_uid for obj in objects]
     uv_layer = context.scene.hemibake.uv_layer
     several = multi_user_sources(uv_layer)
@@ -100,7 +100,7 @@ def read_meshes(
         return _read(obj, evaluation, context.scene, several, instanced, geometry)
 
     if uses_render(context):
-        # All at once, since each evaluation as in a render takes long.
+        # All at once, because each evaluation with render settings takes long.
         present = find_all(bpy.data.objects, waiting)
         found = evaluate(context, lambda evaluation: [read(obj, evaluation) for obj in present])
         yield
@@ -130,9 +130,9 @@ def _read(
     instanced: set[str],
     geometry: Geometry,
 ) -> CheckedMesh | None:
-    """Return an object's mesh; None without faces.
+    """Return the evaluated mesh of an object; None without faces.
 
-    instanced: names of the objects whose instances have a lightmap
+    instanced:  names of objects whose instances have a lightmap
     """
     uv_layer = scene.hemibake.uv_layer
     is_lit = bake_record(obj, scene).image is not None or obj.name in instanced

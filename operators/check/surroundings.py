@@ -1,4 +1,4 @@
-"""What is hidden, missing or dark around the meshes."""
+"""Checks for hidden objects, missing images and missing light."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..scene.objects.render_differences import Geometry
 from ..scene.objects.visible import visible_objects
 from .finding import ERROR, INFO, WARNING, Finding, found
 
-#: Objects with a surface.
+#: Types of objects that have a surface.
 _SURFACES = {"MESH", "CURVE", "FONT", "SURFACE", "META"}
 
-#: Objects that make a difference to a bake.
+#: Types of objects that affect a bake.
 _SEEN = {*_SURFACES, "LIGHT"}
 
-#: Shaders that may emit: their inputs of colour and strength.
+#: Input names of colour and strength of the shaders that may emit.
 _EMITTERS = {
     "ShaderNodeEmission": ("Color", "Strength"),
     "ShaderNodeBackground": ("Color", "Strength"),
@@ -28,7 +28,7 @@ _EMITTERS = {
 
 
 def check_differences(context: SceneContext) -> list[Finding]:
-    """Return objects, or meshes of objects, that differ between the viewport and renders."""
+    """Return findings on objects and meshes that differ between the viewport and renders."""
     layer = context.view_layer
     rendered = {obj.session_uid for obj in visible_objects(context)}
     objects = [obj for obj in layer.objects if obj.type in _SEEN and obj.hemibake.role != "IGNORED"]
@@ -51,7 +51,7 @@ def check_differences(context: SceneContext) -> list[Finding]:
 
 
 def _check_geometry(differing: list[str], as_rendered: bool) -> list[Finding]:
-    """Return a finding about objects whose geometry has other settings for renders."""
+    """Return a finding on objects whose modifiers have other settings in renders."""
     if as_rendered:
         sentence = (
             "Renders use other modifiers, levels or particles than the viewport: {}. Renders' are baked."
@@ -69,7 +69,7 @@ def check_images(
     world: bpy.types.World | None,
     override: bpy.types.Material | None,
 ) -> list[Finding]:
-    """Return objects whose materials, or the material that overrides them, use images that are not there."""
+    """Return findings on objects whose materials use image files that are missing."""
     users: dict[str, set[str]] = {}
     for obj in objects:
         for material in _materials(obj, override):
@@ -98,9 +98,9 @@ def check_light(
     world: bpy.types.World | None,
     override: bpy.types.Material | None,
 ) -> list[Finding]:
-    """Return a finding if nothing emits light, as far as nodes tell without being evaluated.
+    """Return a finding if nothing emits light, as far as unevaluated nodes can tell.
 
-    override: material of all surfaces, if the view layer has one
+    override:  material of all surfaces, if the view layer has one
     """
     if _may_shine(world) or any(_is_source(obj, override) for obj in objects):
         return []
@@ -109,7 +109,7 @@ def check_light(
 
 
 def is_missing(image: bpy.types.Image) -> bool:
-    """Return whether the file of an image is not where it was."""
+    """Return whether the file of an image is missing."""
     if image.source not in {"FILE", "SEQUENCE", "MOVIE", "TILED"} or image.packed_file:
         return False
     path = bpy.path.abspath(image.filepath, library=image.library)
@@ -136,7 +136,7 @@ def _may_shine(owner: bpy.types.Material | bpy.types.World | None) -> bool:
 
 
 def _emits(node: bpy.types.Node) -> bool:
-    """Return whether no input of a shader says that it emits nothing."""
+    """Return whether a node is a shader that may emit: no input of it is a constant 0."""
     names = _EMITTERS.get(node.bl_idname)
     return names is not None and all(_not_black(node_input(node, name)) for name in names)
 
@@ -149,7 +149,7 @@ def _not_black(socket: bpy.types.NodeSocket | None) -> bool:
 
 
 def _materials(obj: bpy.types.Object, override: bpy.types.Material | None) -> Iterator[bpy.types.Material]:
-    """Yield the materials of an object's slots, while it shows its lightmap those that it had before."""
+    """Yield the materials of an object's slots; during a preview of lightmaps, the original ones."""
     if override is not None:
         if obj.type in _SURFACES:
             yield override
@@ -170,7 +170,7 @@ def _images(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Image]:
 
 
 def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """Yield the nodes of a tree and of the groups in it."""
+    """Yield the nodes of a tree and of its groups."""
     waiting, known = [tree], set()
     while waiting:
         one = waiting.pop()

@@ -1,4 +1,4 @@
-"""Lightmap UVs that hold no light, or too little room for it."""
+"""Checks lightmap UVs: missing, overlapping, displaced, or with too few texels."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from ..scene.uvs.uv_targets import is_usable_layer
 from .finding import ERROR, INFO, WARNING, Checked, Finding, found
 from .meshes import CheckedMesh
 
-#: Mean width of charts, texels, below which their light cannot be told apart, and largest lightmap that is
-#: advised.
+#: Smallest mean chart width in texels that can show light, and largest resolution that is suggested.
 _NARROWEST, _LARGEST = 1.0, 16384
 
-#: UVs at both ends of an edge are the same if they differ by less than this.
+#: UVs at both ends of an edge count as equal if they differ by less than this.
 _SAME_UV = 1e-5
 
 Steps = Generator[None, None, list[Finding]]
@@ -34,9 +33,10 @@ Steps = Generator[None, None, list[Finding]]
 class ChartsOf:
     """The charts of a mesh.
 
-    charted    the charts themselves
-    footprint  in the atlas, None for charts outside 0-1
-    place      in the atlas, None without room; not known of meshes with several users, which have tiles
+    charted:    the charts themselves
+    footprint:  cells of the atlas that they cover; None for charts outside 0-1
+    place:      their place in the atlas; None if there is no room, and for meshes with several users, which
+                use tiles
     """
 
     mesh: CheckedMesh
@@ -46,7 +46,7 @@ class ChartsOf:
 
 
 def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
-    """Return meshes without lightmap UVs, or whose UVs are no numbers."""
+    """Return findings on meshes without lightmap UVs, or with UVs that are not finite."""
     missing = [mesh for mesh in meshes if mesh.uvs is None and not mesh.outdated]
     spoilt = [mesh.name for mesh in meshes if mesh.uvs is not None and not is_finite(mesh.uvs)]
     return [
@@ -70,9 +70,9 @@ def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
 
 
 def check_kept(meshes: Sequence[CheckedMesh], as_rendered: bool) -> list[Finding]:
-    """Return meshes that modifiers make, whose UVs another modifier keeps, but not as they should be.
+    """Return findings on meshes whose UV modifier no longer fits the faces of the viewport or of renders.
 
-    as_rendered: True if the meshes of renders are baked
+    as_rendered:  True if the meshes of renders are baked
     """
     effect = (
         "The viewport's lightmap UVs are projected from the faces of renders, so its light may be off."
@@ -106,12 +106,12 @@ def check_kept(meshes: Sequence[CheckedMesh], as_rendered: bool) -> list[Finding
 
 
 def check_moved(meshes: Sequence[CheckedMesh]) -> list[Finding]:
-    """Return meshes whose lightmap was baked with other lightmap UVs."""
+    """Return a finding on meshes whose lightmap was baked with other lightmap UVs."""
     return found(WARNING, MOVED_CHARTS, [mesh.name for mesh in meshes if mesh.moved])
 
 
 def without_moved(checked: Checked, baked: Collection[str]) -> Checked:
-    """Return what a check has found, less what it says about moved charts of objects baked since."""
+    """Remove from a check's result the findings on moved charts of objects that were baked since."""
     findings: list[Finding] = []
     for finding in checked.findings:
         if finding.text.startswith(MOVED_CHARTS.partition("{}")[0]):
@@ -122,7 +122,7 @@ def without_moved(checked: Checked, baked: Collection[str]) -> Checked:
 
 
 def check_unneeded(objects: Sequence[bpy.types.Object]) -> list[Finding]:
-    """Return objects that get no lightmap, but have a modifier that keeps lightmap UVs."""
+    """Return a finding on objects with a UV modifier that are not baked."""
     others = [obj for obj in objects if obj.hemibake.role != "BAKED" and obj.is_editable]
     return found(
         INFO,
@@ -133,9 +133,9 @@ def check_unneeded(objects: Sequence[bpy.types.Object]) -> list[Finding]:
 
 
 def check_overlaps(charts: Sequence[ChartsOf], uv_layer: str) -> Steps:
-    """Return meshes whose charts lie on each other, as far as a grid as fine as the lightmap tells.
+    """Return findings on meshes whose charts overlap each other in their coverage grid.
 
-    uv_layer: the scene's lightmap UV layer
+    uv_layer:  the scene's lightmap UV layer
     """
     folded, copied = [], []
     for one in charts:
@@ -161,7 +161,7 @@ def check_overlaps(charts: Sequence[ChartsOf], uv_layer: str) -> Steps:
 
 
 def _gets_modifier(mesh: CheckedMesh, uv_layer: str) -> bool:
-    """Return True if a bake adds a modifier with UVs: the mesh has usable ones that modifiers copy."""
+    """Return True if a bake adds a UV modifier, because modifiers copy a mesh's usable UVs."""
     obj = find(bpy.data.objects, mesh.uid)
     if obj is None or not (mesh.copies and mesh.editable):
         return False
@@ -170,13 +170,13 @@ def _gets_modifier(mesh: CheckedMesh, uv_layer: str) -> bool:
 
 
 def _footprint_outside(charted: Charted) -> Generator[None, None, CoverageGrid]:
-    """Return the footprint of charts outside 0-1 once they are moved inside."""
+    """Return the covered cells of charts outside 0-1, after they are scaled into it."""
     size = max(float((charted.high - charted.low).max()), 1e-30)
     return (yield from make_footprint((charted.uvs - charted.low) / size, LARGEST_GRID))
 
 
 def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[None, None, list[ChartsOf]]:
-    """Return the charts of all meshes with lightmap UVs that are numbers, each in its place."""
+    """Return the charts of all meshes with finite lightmap UVs, with their places in the atlases."""
     atlases: dict[tuple[str, bool], list[CheckedMesh]] = {}
     for mesh in meshes:
         if mesh.uvs is not None and is_finite(mesh.uvs):
@@ -194,7 +194,7 @@ def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[Non
 
 
 def _all_charted(meshes: Sequence[CheckedMesh]) -> Generator[None, None, list[Charted]]:
-    """Return the charts of meshes."""
+    """Return the charts of each mesh."""
     charted = []
     for mesh in meshes:
         uvs, corners = mesh.uvs[mesh.triangles], mesh.corners
@@ -204,9 +204,9 @@ def _all_charted(meshes: Sequence[CheckedMesh]) -> Generator[None, None, list[Ch
 
 
 def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
-    """Return meshes that will be placed side by side, and those that have no room, with what would do.
+    """Return findings on meshes that get another place in the atlas or have no room, with a resolution.
 
-    Meshes whose charts overlap each other are left out: they get no lightmap, or other UVs.
+    Meshes whose own charts overlap are left out: they get no lightmap, or other UVs.
     """
     usable = [one for one in charts if one.footprint is None or not one.footprint.overlaps]
     alone = [one for one in usable if not one.mesh.several]
@@ -238,7 +238,7 @@ def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
 def _fitting_resolution(
     members: Sequence[Charted], atlas: str, resolution: int
 ) -> Generator[None, None, int]:
-    """Return the resolution, each twice the one before, with room for all charts of an atlas; or 0."""
+    """Double the resolution until all charts of an atlas have room, and return it; 0 if none suffices."""
     while 2 * resolution <= _LARGEST:
         resolution *= 2
         footprints = yield from make_footprints(members, resolution)
@@ -249,7 +249,7 @@ def _fitting_resolution(
 
 
 def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:
-    """Return meshes whose charts are too narrow for the lightmap, with the resolution that fits."""
+    """Return a finding on meshes whose charts are too narrow for the lightmap, with a fitting resolution."""
     narrow: dict[str, float] = {}
     for one in charts:
         if one.place is not None:
@@ -269,10 +269,10 @@ def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:
 
 
 def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
-    """Return the mean width of charts in UVs: of long strips exactly, of squares half of it.
+    """Return the mean width of charts in UV units: 2 * area / length of the borders.
 
-    It is twice the area of the charts over the length of their borders: edges of a single loop, or whose two
-    loops have other UVs. Polygons whose triangles all have no area have no borders.
+    It is exact for long strips, and half the width for squares. Border edges have a single loop, or two loops
+    with different UVs. Polygons without area have no borders.
     """
     mesh = charts.mesh
     after = np.arange(1, len(mesh.vertex) + 1)
@@ -281,7 +281,8 @@ def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
     length = np.hypot(step[:, 0], step[:, 1])
     yield
 
-    # Both loops of an edge name its ends in the same order; their UVs are the same if none deviates.
+    # Both loops of an edge list its ends in the same order. Their UVs are equal if none differs from the
+    # mean.
     forward = mesh.vertex == mesh.edges[mesh.edge, 0]
     users = np.bincount(mesh.edge, minlength=len(mesh.edges))
     border = users != 2

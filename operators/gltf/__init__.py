@@ -1,1 +1,1 @@
-"""glTF files with lightmaps, which Blender's own exporter writes."""
+"""Exports glTF files with lightmaps through Blender's own exporter."""

@@ -1,4 +1,4 @@
-"""Lightmaps as the images that glTF files hold."""
+"""Encodes lightmaps as the image files that glTF files hold."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
 from ...engine.encoding.rgbe import Rgbe
 
-#: Irradiance of a texel: lightmaps hold E/π.
+#: Irradiance of a texel value of 1: lightmaps store E / pi.
 IRRADIANCE = math.pi
 
 
 @dataclass(frozen=True)
 class EncodedLightmap:
-    """A lightmap as an image file; irradiance E, W/m^2 = texel * intensity.
+    """A lightmap as an image file; irradiance E = texel * intensity, W/m^2.
 
-    data  the bytes of the file
-    kind  its MIME type, which tells its encoding; "" if the glTF file does without it
+    name:       name of the lightmap
+    data:       content of the file
+    kind:       MIME type, which determines the encoding; "" if the glTF file has no lightmaps
+    intensity:  factor from texel values to irradiance
     """
 
     name: str
@@ -31,19 +33,19 @@ class EncodedLightmap:
 
     @property
     def suffix(self) -> str:
-        """The ending of its file name."""
+        """Suffix of the file name."""
         return ".hdr" if self.kind == RADIANCE else ".png"
 
 
-#: MIME types: Radiance RGBE, 8 bits of mantissa and exponent; 8 bits a channel, linear.
+#: MIME types: Radiance RGBE with a shared exponent, and PNG with 8 bits per channel, linear.
 RADIANCE, PNG = "image/vnd.radiance", "image/png"
 
 
 def encode(name: str, pixels: np.ndarray, kind: str) -> EncodedLightmap:
-    """Return a lightmap, (h, w, 3) float32, bottom row first, as an image file.
+    """Encode a lightmap, (h, w, 3) float32, first row at the bottom, as an image file.
 
-    8 bits hold fractions of the brightest channel, which goes into the intensity: without a transfer curve,
-    since readers of MOZ_lightmap take its texels as linear.
+    A PNG holds fractions of the largest value, which is a factor of the intensity. It has no transfer curve,
+    because readers of MOZ_lightmap take its texels as linear.
     """
     if not kind:
         return EncodedLightmap(name, b"", kind, IRRADIANCE)

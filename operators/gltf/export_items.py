@@ -1,4 +1,4 @@
-"""What a glTF file shows, and where the light of each object and instance is."""
+"""Lists the objects and instances of a glTF export, and where their lightmaps are."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ from ..scene.objects.items import SceneItem, scene_items
 from ..scene.objects.visible import visible_objects
 from ..scene.uvs.lightmap_layer import lightmap_layer
 
-#: Difference of matrices that is none: the exporter splits them into turns and scales.
+#: Tolerance for equal matrices, since the exporter splits them into rotation and scale.
 _NOISE = 1e-5
 
 
 @dataclass(frozen=True)
 class GltfUvTransform:
-    """Where the light of a surface is: lightmap uv = uv of the layer * scale + offset."""
+    """Lightmap of a surface: lightmap UV = UV of the layer * scale + offset.
+
+    image:   the lightmap
+    layer:   name of the UV layer
+    scale:   factor of the UVs
+    offset:  offset of the scaled UVs
+    """
 
     image: bpy.types.Image
     layer: str
@@ -28,7 +34,7 @@ class GltfUvTransform:
     offset: tuple[float, float] = (0.0, 0.0)
 
     def apply(self, uvs: np.ndarray) -> np.ndarray:
-        """Return UVs of the layer, (n, 2) float32, as lightmap UVs."""
+        """Transform UVs of the layer to lightmap UVs, (n, 2) float32."""
         return (uvs.astype(np.float64) * self.scale + np.array(self.offset)).astype(np.float32)
 
 
@@ -36,12 +42,12 @@ class GltfUvTransform:
 class ExportItem:
     """A mesh object, or an instance of one.
 
-    source         the object that is shown
-    mesh           name of its mesh
-    matrix         (4, 4) float64, object space to world space
-    instancer      name of what makes the instance, None for the object itself
-    persistent_id  Blender's number of the instance
-    place          None without a lightmap
+    source:         the object
+    mesh:           name of its mesh
+    matrix:         (4, 4) float64, object space to world space
+    instancer:      name of the object that makes the instance; None for the object itself
+    persistent_id:  Blender's identifier of the instance
+    place:          its lightmap; None without one
     """
 
     source: bpy.types.Object
@@ -53,7 +59,7 @@ class ExportItem:
 
 
 class ExportItems:
-    """All mesh objects and instances that both the viewport and renders show."""
+    """All mesh objects and instances that are visible in both the viewport and renders."""
 
     def __init__(self, context: bpy.types.Context) -> None:
         self.all = list(_read(context))
@@ -62,20 +68,20 @@ class ExportItems:
 
     @property
     def images(self) -> list[bpy.types.Image]:
-        """The lightmaps, each once."""
+        """The lightmaps without duplicates."""
         return list(dict.fromkeys(surface.place.image for surface in self.all if surface.place))
 
     def of_object(self, source: bpy.types.Object, matrix: np.ndarray) -> ExportItem | None:
-        """Return the object, or the instance of it, that a matrix puts where it is."""
+        """Return the object or its instance whose world matrix is nearest to `matrix`."""
         return self._by_source[source].nearest(matrix) if source in self._by_source else None
 
     def of_mesh(self, mesh: str, matrix: np.ndarray) -> ExportItem | None:
-        """Return the instance of a mesh, known by its name only, that a matrix puts where it is."""
+        """Return the instance of a mesh, by the mesh's name, whose world matrix is nearest to `matrix`."""
         return self._by_mesh[mesh].nearest(matrix) if mesh in self._by_mesh else None
 
 
 class _Group:
-    """Surfaces that differ in their matrices only."""
+    """Surfaces that differ only in their matrices."""
 
     def __init__(self, surfaces: Sequence[ExportItem]) -> None:
         self._surfaces = surfaces
@@ -83,16 +89,17 @@ class _Group:
         self._own = np.array([surface.instancer is None for surface in surfaces])
 
     def nearest(self, matrix: np.ndarray) -> ExportItem:
-        """Return the surface whose matrix differs least from another one; of equal ones an instance.
+        """Return the surface with the nearest matrix by largest difference; an instance wins a tie.
 
-        The depsgraph has an object that the vertices of another one show, too, where it is not shown itself.
+        The dependency graph also lists an object that is instanced on vertices at its own place, where it is
+        not visible.
         """
         differences = np.abs(self._matrices - matrix).max(axis=(1, 2))
         return self._surfaces[int(np.argmin(np.maximum(differences, _NOISE) + _NOISE * self._own))]
 
 
 def _grouped(surfaces: Iterable[ExportItem], name: str) -> dict:
-    """Return surfaces by an attribute."""
+    """Return the surfaces grouped by an attribute."""
     groups: dict = {}
     for surface in surfaces:
         groups.setdefault(getattr(surface, name), []).append(surface)
@@ -119,7 +126,7 @@ def _own_place(obj: bpy.types.Object, scene: bpy.types.Scene) -> GltfUvTransform
 
 
 def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> GltfUvTransform | None:
-    """Return where the light of an instance is, as the last bake has written it down."""
+    """Return the lightmap of an instance as recorded by the last bake; None without one."""
     image = entry and instance_image(scene, entry)
     if not image:
         return None

@@ -1,4 +1,4 @@
-"""Blender's own glTF exporter, with hooks of ours for the length of one export."""
+"""Runs Blender's glTF exporter with this add-on's hooks, which exist only during one export."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import bpy
 from ...engine.errors import EngineError
 from ..extension import EXTENSION
 
-#: Where the exporter looks for hooks, in the modules of all add-ons that are enabled.
+#: Name under which the exporter looks for hooks in the modules of all enabled add-ons.
 _NAME = "glTF2ExportUserExtension"
 
-#: What was baked is what is exported: meshes as their modifiers make them, in the pose of this frame, without
-#: the lamps whose light the lightmaps have.
+#: The export equals the bake: evaluated meshes in the pose of the current frame, without the lamps whose
+#: light is in the lightmaps.
 _OPTIONS = {
     "export_apply": True,
     "export_gn_mesh": True,
@@ -40,9 +40,9 @@ _FAILED = (
 
 
 def write_gltf(path: Path, hooks: object) -> None:
-    """Write the visible objects of the scene as .glb or .gltf, as the name ends; raises EngineError.
+    """Write the visible objects of the scene as .glb or .gltf, by the suffix of the path; raises EngineError.
 
-    hooks: an object that has the exporter's hooks as methods
+    hooks:  an object with the exporter's hooks as methods
     """
     if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
         raise EngineError(
@@ -59,14 +59,14 @@ def write_gltf(path: Path, hooks: object) -> None:
 
 
 def _last_words(error: RuntimeError) -> str:
-    """Return what went wrong, which an operator's error tells after a traceback and before the place."""
+    """Return the reason of an operator's error, which follows a traceback and precedes a location."""
     lines = [line.strip() for line in str(error).splitlines()]
     return [line for line in lines if line and not line.startswith("Location:")][-1]
 
 
 @contextmanager
 def _hooked(hooks: object) -> Iterator[None]:
-    """Let the exporter find hooks; no other export does."""
+    """Make hooks available to the exporter for the duration of the context."""
     module = sys.modules[EXTENSION]
     setattr(module, _NAME, lambda: hooks)
     try:

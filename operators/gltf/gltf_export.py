@@ -1,4 +1,4 @@
-"""A glTF file with lightmaps, and what lies beside it: written whole, or not at all."""
+"""Exports a glTF file with lightmaps, images and a manifest; either all files are written or none."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export has written.
+    """Result of an export.
 
-    files  their paths, the glTF file first
-    lit    objects and instances with lightmaps
-    notes  sentences about those without
+    files:  paths of the written files, the glTF file first
+    lit:    number of objects and instances with lightmaps
+    notes:  sentences on objects without lightmaps
     """
 
     files: tuple[Path, ...]
@@ -58,11 +58,11 @@ class Exported:
 
 
 def export_for_engine(context: bpy.types.Context, path: Path, kind: str, use_files: bool) -> Exported:
-    """Write the visible objects as glTF with lightmaps; raises EngineError, with no file changed.
+    """Export the visible objects as glTF with lightmaps; on EngineError no file was changed.
 
-    path       ends with .glb or .gltf
-    kind       encoding of the lightmaps in it, a MIME type; "" for none
-    use_files  write them as OpenEXR, too, with a manifest
+    path:       ends with .glb or .gltf
+    kind:       MIME type of the lightmaps in the file; "" for none
+    use_files:  True to write the lightmaps as OpenEXR files with a manifest as well
     """
     if path.suffix.lower() not in (".glb", ".gltf"):
         raise EngineError(f"'{path.name}' is no name of a glTF file: let it end with .glb or .gltf.")
@@ -71,7 +71,7 @@ def export_for_engine(context: bpy.types.Context, path: Path, kind: str, use_fil
 
 
 def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) -> Exported:
-    """Do so in Object Mode, the only one that Blender's exporter knows."""
+    """Export in Object Mode, the only mode that Blender's exporter supports."""
     surfaces = ExportItems(context)
     missing = [image for image in surfaces.images if not image.size[0]]
     usable = [image for image in surfaces.images if image.size[0]]
@@ -106,9 +106,9 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
 
 
 class _Export:
-    """Files of one export, made in a folder of unfinished ones.
+    """Files of one export, made in a staging folder.
 
-    maps  of each lightmap its directional maps, by their outputs
+    maps:  directional maps of each lightmap, by output
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class _Export:
         self._manifest: list[Path] = []
 
     def write(self, surfaces: ExportItems, kind: str) -> LightmapHooks:
-        """Write the glTF file and its images; return what has a lightmap."""
+        """Write the glTF file and its images; return the hooks, which list the surfaces with lightmaps."""
         lightmaps = {image: encode(image.name, _finite_pixels(image), kind) for image in self._maps}
         uris = {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
         hooks = LightmapHooks(surfaces, lightmaps, LitMaterials(gltf_binary_data(), uris))
@@ -135,9 +135,9 @@ class _Export:
         return hooks
 
     def write_files(self, lit: Sequence[ExportItem], shown: str) -> None:
-        """Write the lightmaps and their directional maps as OpenEXR, with a manifest of whose they are.
+        """Write the lightmaps and their directional maps as OpenEXR files, with a manifest of their objects.
 
-        shown  the output that is in the lightmaps
+        shown:  name of the output that the lightmaps hold
         """
         folder, files = self._path.parent, []
         for lightmap, directional in self._maps.items():
@@ -154,7 +154,7 @@ class _Export:
         write_manifest(self._manifest[0], folder, [self._made / name for name in names], names, facts)
 
     def keep(self) -> list[Path]:
-        """Move all files to where they belong, in place of those of an earlier export; return their paths."""
+        """Move all files to their folder, in place of the files of an earlier export; return their paths."""
         made = sorted(self._made.iterdir(), key=lambda path: path.name != self._path.name)
         self._refuse_others(made[1:])
         staged = [*made, *self._manifest]
@@ -163,7 +163,7 @@ class _Export:
         return paths
 
     def _write_images(self, lightmaps: dict[bpy.types.Image, EncodedLightmap]) -> dict[str, str]:
-        """Write the lightmaps as files of their own and return their URIs by the lightmaps' names."""
+        """Write the lightmaps as separate files; return their URIs by the lightmaps' names."""
         uris = {}
         for image, lightmap in lightmaps.items():
             if not lightmap.kind:
@@ -174,9 +174,9 @@ class _Export:
         return uris
 
     def _refuse_others(self, made: Sequence[Path]) -> None:
-        """Raise EngineError if a file would change that is not of an earlier export of the glTF file.
+        """Raise EngineError if a file would be overwritten that no earlier export of this file wrote.
 
-        Exports to one folder share textures.
+        Equal files are allowed, as exports to one folder may share textures.
         """
         folder, before = self._path.parent, _referenced(self._path)
         known, blend = read_manifest(folder), blend_from(folder)
@@ -197,7 +197,7 @@ class _Export:
 
 @contextmanager
 def _object_mode(context: bpy.types.Context) -> Iterator[None]:
-    """Leave another mode meanwhile, with all objects that are edited together; the selection stays."""
+    """Switch to Object Mode for the duration of the context, then restore mode and selection."""
     if context.mode == "OBJECT":
         yield
         return
@@ -208,7 +208,7 @@ def _object_mode(context: bpy.types.Context) -> Iterator[None]:
     try:
         yield
     finally:
-        # Blender enters a mode with all objects that are selected.
+        # Blender switches the mode of all selected objects.
         _select(objects, edited)
         bpy.ops.object.mode_set(mode=mode)
         _select(objects, selected)
@@ -221,7 +221,7 @@ def _select(objects: Iterable[bpy.types.Object], selected: Sequence[bpy.types.Ob
 
 @contextmanager
 def _own_materials(context: bpy.types.Context) -> Iterator[None]:
-    """Let objects that show their lightmaps wear their own materials meanwhile."""
+    """Restore the original materials of objects that preview lightmaps, for the duration of the context."""
     shown = list(previewed(context.scene))
     hide_preview(shown)
     try:
@@ -232,7 +232,7 @@ def _own_materials(context: bpy.types.Context) -> Iterator[None]:
 
 
 def _stems(stem: str, images: Sequence[bpy.types.Image]) -> dict[bpy.types.Image, str]:
-    """Return names of files for lightmaps, without endings, different from each other in any case."""
+    """Return file names for lightmaps without suffix, unique regardless of case."""
     stems, taken = {}, set()
     for image in images:
         base = file_name(f"{stem}.{image.name}")
@@ -243,7 +243,7 @@ def _stems(stem: str, images: Sequence[bpy.types.Image]) -> dict[bpy.types.Image
 
 
 def _finite_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Return a lightmap's colours, see `read_pixels`; raises EngineError if one of them is no number."""
+    """Return a lightmap's colours, see `read_pixels`; raises EngineError for NaN or infinite ones."""
     pixels = read_pixels(image)
     if not np.isfinite(pixels).all():
         raise EngineError(_NOT_FINITE.format(image.name))
@@ -251,12 +251,12 @@ def _finite_pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def _same_bytes(path: Path, other: Path) -> bool:
-    """Return whether two paths are files with the same bytes; raises OSError."""
+    """Return whether two paths are files with equal content; raises OSError."""
     return other.is_file() and filecmp.cmp(path, other, shallow=False)
 
 
 def _referenced(path: Path) -> set[str]:
-    """Return the names of the files that a .gltf file names as its buffers and images."""
+    """Return the names of the files that a .gltf file refers to as buffers and images."""
     with suppress(OSError, ValueError, AttributeError, TypeError):
         known = json.loads(path.read_text(encoding="utf-8"))
         parts = [*known.get("buffers", ()), *known.get("images", ())]
@@ -265,25 +265,25 @@ def _referenced(path: Path) -> set[str]:
 
 
 def _shown_output(scene: bpy.types.Scene) -> str:
-    """Return which of the outputs of a bake the objects show: the first one."""
+    """Return the output that objects preview, which is the first one of the bake's outputs."""
     outputs = scene.hemibake.bl_rna.properties["outputs"].enum_items.keys()
     return next(name for name in outputs if name in scene.hemibake.outputs)
 
 
 def _fact(surface: ExportItem) -> dict:
-    """Return what the manifest tells of an object or instance: the file has final UVs."""
+    """Return the manifest's entry of an object or instance; the UVs in the file are final lightmap UVs."""
     instance = {"instancer": surface.instancer, "persistent_id": list(surface.persistent_id)}
     place = {"uv_layer": "TEXCOORD_1", "scale": 1.0, "offset": [0.0, 0.0]}
     return {**named(surface.source), **(instance if surface.instancer is not None else {}), **place}
 
 
 def _decoding(output: str) -> dict[str, str]:
-    """Return how a map of directions is read beside a file whose y is up; nothing of other outputs."""
+    """Return the decoding formulas of a directional map for a file with y up; empty for other outputs."""
     return {name: f"{formula}: {_AXES}" for name, formula in decoding(output).items()}
 
 
 def _missing(image: bpy.types.Image, surfaces: ExportItems) -> str:
-    """Return a note about a lightmap that cannot be read."""
+    """Return a note about a lightmap whose image cannot be read."""
     names = _names(
         surface for surface in surfaces.all if surface.place is not None and surface.place.image == image
     )
@@ -294,7 +294,7 @@ def _missing(image: bpy.types.Image, surfaces: ExportItems) -> str:
 
 
 def _unlit(hooks: LightmapHooks) -> Iterator[str]:
-    """Yield notes about what the file has without a lightmap."""
+    """Yield notes on surfaces without a lightmap."""
     for sentence, names in ((_GONE, hooks.lost), (_DARK, hooks.dark)):
         if names:
             yield object_message(sentence, list(dict.fromkeys(names)))

@@ -1,8 +1,8 @@
-"""What Blender's glTF exporter calls: it gives meshes their lightmap UVs, and materials their lightmaps.
+"""Hooks of Blender's glTF exporter: they set lightmap UVs of meshes and lightmaps of materials.
 
-The exporter has then gathered meshes, materials and textures as objects of its own: nothing of the scene is
-touched. Each node gets a mesh of its own, since objects of one mesh have different places in lightmaps, of
-which everything but the second UV set is shared.
+They run after the exporter has gathered meshes, materials and textures as objects of its own, so that the
+scene is not changed. Each node gets a mesh of its own, because objects with one mesh have different places in
+lightmaps. Such meshes share all data except the second UV set.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from .encoded import EncodedLightmap
 from .export_items import ExportItem, ExportItems, GltfUvTransform
 from .materials import LitMaterials
 
-#: From Blender's axes, z up, to those of glTF, y up.
+#: Rotation from Blender's axes (z up) to glTF's axes (y up).
 _Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
 
 
 class LightmapHooks:
-    """The exporter's hooks, by the names that it has for them.
+    """Hooks under the names that the exporter looks for.
 
-    lit    surfaces of the file that have lightmaps
-    dark   names of the objects whose surfaces have none
-    lost   names of those without the UV layer of their lightmap
-    error  what went wrong: the exporter itself would go on
+    lit:    surfaces in the file that have lightmaps
+    dark:   names of objects with surfaces that have none
+    lost:   names of objects whose mesh lacks the UV layer of their lightmap
+    error:  exception of a hook, since the exporter itself would go on
     """
 
     def __init__(
@@ -46,17 +46,17 @@ class LightmapHooks:
         self.error: Exception | None = None
 
     def gather_tree_filter_tag_hook(self, tree: object, *others: object) -> None:
-        """Leave out instances on vertices and faces where the exporter has them again, as those of nodes."""
+        """Leave out instances on vertices and faces that the exporter also lists as instances of nodes."""
         for entry in tree.nodes.values():
             if entry.blender_object is None and entry.original_object.instance_type != "NONE":
                 entry.keep_tag = False
 
     def gather_mesh_hook(self, mesh: gltf2_io.Mesh, made_of: bpy.types.Mesh, *others: object) -> None:
-        """Remember which UV layers a mesh has: its UV sets have no names."""
+        """Record the UV layers of a mesh by name, since glTF's UV sets have no names."""
         self._layers[id(mesh)] = mesh, [layer.name for layer in made_of.uv_layers]
 
     def gather_gltf_hook(self, active: int, scenes: Sequence[gltf2_io.Scene], *others: object) -> None:
-        """Light the nodes of all scenes."""
+        """Add lightmaps to the nodes of all scenes."""
         tree = others[-1]["vtree"]
         entries = {id(entry.node): entry for entry in tree.nodes.values() if entry.node is not None}
         try:
@@ -68,7 +68,7 @@ class LightmapHooks:
             self.error = error
 
     def _light(self, node: gltf2_io.Node, entry: object, matrix: np.ndarray) -> None:
-        """Give a node the lightmap of the surface that it shows."""
+        """Add to a node the lightmap of its surface."""
         if entry.blender_object is not None:
             surface = self._surfaces.of_object(entry.blender_object.original, matrix)
         else:
@@ -97,9 +97,9 @@ class LightmapHooks:
         lightmap: EncodedLightmap,
         number: int,
     ) -> gltf2_io.MeshPrimitive:
-        """Return a primitive whose second UV set is that of the lightmap, which is in one of some number.
+        """Return a primitive with the lightmap's UVs, which are in UV set `number`, as the second UV set.
 
-        One without UVs, as of loose edges, stays as it is.
+        A primitive without UVs, as for loose edges, is returned unchanged.
         """
         made = copy.copy(primitive)
         sets, first = dict(primitive.attributes), f"TEXCOORD_{number}"
@@ -115,12 +115,12 @@ class LightmapHooks:
 
 
 def _name(entry: object) -> str:
-    """Return the name of the object that an entry of the exporter's tree shows, or that makes it."""
+    """Return the name of the object of an entry in the exporter's tree, or of the object that makes it."""
     return (entry.blender_object or entry.original_object).name
 
 
 def _moved(accessor: gltf2_io.Accessor, place: GltfUvTransform) -> gltf2_io.Accessor:
-    """Return UVs as a place in a lightmap has them; v of glTF points down."""
+    """Return UVs transformed to their place in the lightmap; v points down in glTF."""
     uvs = np.frombuffer(accessor.buffer_view.data, np.float32).reshape(-1, 2) * (1, -1) + (0, 1)
     moved = np.ascontiguousarray(place.apply(uvs) * (1, -1) + (0, 1), np.float32)
     made = copy.copy(accessor)
@@ -129,7 +129,7 @@ def _moved(accessor: gltf2_io.Accessor, place: GltfUvTransform) -> gltf2_io.Acce
 
 
 def _nodes(scenes: Sequence[gltf2_io.Scene]) -> Iterator[tuple[gltf2_io.Node, Matrix]]:
-    """Yield all nodes, each with its matrix from object space to world space, y up."""
+    """Yield all nodes with their matrices from object space to world space, y up."""
     open_ends = [(node, Matrix()) for scene in scenes for node in scene.nodes]
     while open_ends:
         node, parent = open_ends.pop()

@@ -1,4 +1,4 @@
-"""glTF materials with lightmaps: copies of those that Blender's exporter has made."""
+"""Adds lightmaps to glTF materials: copies of the materials that Blender's exporter made."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from io_scene_gltf2.io.com.gltf2_io_extensions import Extension
 
 from .encoded import RADIANCE, EncodedLightmap
 
-#: Of the glTF specification: GL_LINEAR, and GL_CLAMP_TO_EDGE.
+#: Constants of the glTF specification: GL_LINEAR and GL_CLAMP_TO_EDGE.
 _LINEAR, _CLAMP = 9729, 33071
 
-#: Colour of a surface without a material, as in previews.
+#: Colour of surfaces without a material, as in previews.
 _GREY = 0.8
 
 
 class LitMaterials:
-    """Materials with lightmaps, one for each of both; the second UV set is that of the lightmap.
+    """Materials with lightmaps, one for each pair of both; the second UV set holds lightmap UVs.
 
-    binary  makes what the exporter takes for binary data; None if images are files of their own
-    uris    of these files, by the names of the lightmaps
+    binary:  makes the exporter's type for binary data; None if images are separate files
+    uris:    URIs of these files by the names of the lightmaps
     """
 
     def __init__(self, binary, uris: dict[str, str]) -> None:
@@ -32,9 +32,9 @@ class LitMaterials:
     def lit(
         self, material: gltf2_io.Material | None, lightmap: EncodedLightmap, swapped: int
     ) -> gltf2_io.Material | None:
-        """Return a material that shows a lightmap, if the file has it.
+        """Return a copy of a material with a lightmap, or without it if the file has none.
 
-        swapped: UV set that changes places with the second one; 1 if none does
+        swapped:  UV set that was exchanged with the second one; 1 if none was
         """
         if not lightmap.kind and (material is None or swapped == 1):
             return material
@@ -45,12 +45,12 @@ class LitMaterials:
                 extension = {"index": self._texture(lightmap), "texCoord": 1, "intensity": lightmap.intensity}
                 lightmaps = {"MOZ_lightmap": Extension("MOZ_lightmap", extension, required=False)}
                 made.extensions = {**(made.extensions or {}), **lightmaps}
-            # The original is kept, too, so that nothing else gets its id.
+            # The original is stored as well, so that no other object gets its id.
             self._materials[key] = material, made
         return self._materials[key][1]
 
     def _texture(self, lightmap: EncodedLightmap) -> gltf2_io.Texture:
-        """Return the texture of a lightmap; glTF itself knows no HDR images, MOZ_texture_rgbe does."""
+        """Return the texture of a lightmap; glTF has no HDR images, but MOZ_texture_rgbe has."""
         if lightmap.name not in self._textures:
             image, extensions = self._image(lightmap), None
             if lightmap.kind == RADIANCE:
@@ -68,7 +68,7 @@ class LitMaterials:
 
 
 def _grey() -> gltf2_io.Material:
-    """Return the material of a surface without one."""
+    """Return the material for surfaces without one."""
     factors = gltf2_io.MaterialPBRMetallicRoughness(
         [_GREY, _GREY, _GREY, 1.0], None, None, None, 0.0, None, 1.0
     )
@@ -76,7 +76,7 @@ def _grey() -> gltf2_io.Material:
 
 
 def _swapped(value: object, swapped: int) -> object:
-    """Return a copy of a material, or of a part of one, whose textures have other UV sets; these stay."""
+    """Return a copy of a material or a part of it with UV sets exchanged; textures are not copied."""
     if isinstance(value, dict):
         return {name: _swapped(part, swapped) for name, part in value.items()}
     if not hasattr(value, "__dict__") or isinstance(value, gltf2_io.Texture):

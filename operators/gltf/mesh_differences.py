@@ -1,4 +1,4 @@
-"""Objects whose exported meshes, which are the viewport's, have other light than renders."""
+"""Finds objects whose exported viewport meshes do not fit the light that was baked on the render meshes."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _OFF = (
 
 
 def note_other_meshes(context: SceneContext, surfaces: Sequence[ExportItem], uv_layer: str) -> list[str]:
-    """Return a sentence that names objects whose lightmap UVs are off by more than a texel; none without any.
+    """Return a sentence naming objects whose lightmap UVs are off by more than a texel; empty without any.
 
-    UVs of the viewport's mesh are compared with those of the nearest points of the mesh that was baked.
+    UVs of the viewport's mesh are compared with those at the nearest points of the baked mesh.
     """
     if context.scene.hemibake.meshes == "VIEWPORT" or not uses_render(context):
         return []
@@ -41,7 +41,7 @@ def note_other_meshes(context: SceneContext, surfaces: Sequence[ExportItem], uv_
 
 
 def _is_same(baked: UvMesh, shown: UvMesh) -> bool:
-    """Return True if two meshes of an object are equal."""
+    """Return True if two meshes have equal faces, positions and UVs."""
     return (
         baked.has_faces_of(shown)
         and np.array_equal(baked.positions, shown.positions)
@@ -51,5 +51,5 @@ def _is_same(baked: UvMesh, shown: UvMesh) -> bool:
 
 
 def _error(baked: UvMesh, shown: UvMesh) -> float:
-    """Return how far the UVs of a shown mesh are off, in UV units."""
+    """Return the largest error of the viewport mesh's UVs, in UV units."""
     return np.inf if shown.uvs is None else UvProjection(baked).largest_error(shown)

@@ -1,4 +1,4 @@
-"""Direct light sampled with shadow rays of compute shaders: `ShadowRays` for machines without OpenCL."""
+"""Shadow rays by OpenGL compute shaders: sampled direct light for machines without OpenCL."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _Rows = tuple[np.ndarray, np.ndarray]
 
 
 class ShaderShadowRays:
-    """See `ShadowRays`; the samples of each emitter are the same, to rounding."""
+    """Shadow rays like `ShadowRays`; the samples of each emitter are equal except for rounding."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class ShaderShadowRays:
         return light[:, :3].copy(), l1[:, :3].reshape(-1, 3, 3)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
-        """Return the light of each light group; see `ShadowRays.sampled_by_group`."""
+        """Return E/pi of each light group; see `ShadowRays.sampled_by_group`."""
         triangle = self._records[len(groups.lamps)]["triangle"]
         numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
         light = np.zeros((groups.count, self._count, 3), np.float32)
@@ -94,7 +94,7 @@ class ShaderShadowRays:
         return light
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return the unshadowed part of a lamp's light at each patch; see `ShadowRays.shadow_mask`."""
+        """Return the visible fraction of a light for each patch; see `ShadowRays.shadow_mask`."""
         light, _ = yield from self._light(self._records[lamp], self._settings.light_samples)
         mask: np.ndarray = np.where(
             light[:, 3] > 0, luminance(light[:, :3]) / np.maximum(light[:, 3], 1e-30), 0
@@ -102,7 +102,7 @@ class ShaderShadowRays:
         return np.minimum(mask, 1).astype(np.float32)
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the open part of each patch's hemisphere; see `ShadowRays.ambient_occlusion`."""
+        """Return the unoccluded fraction of each patch's hemisphere; see `ShadowRays.ambient_occlusion`."""
         settings, results = self._settings, reserve_storage(self._scene.graphics, 16 * self._count)
         reach = settings.ao_distance or np.inf
         uniforms = {"budget": settings.ao_samples, "reach": reach, "seed": settings.seed & 0xFFFFFFFF}
@@ -118,7 +118,7 @@ class ShaderShadowRays:
         return read_rows(results, self._count)[:, 0].copy()
 
     def _all_light(self, records: list[np.ndarray]) -> Generator[float, None, _Rows]:
-        """Return the light of the records of each light; see `_light`."""
+        """Return E/pi of the given emitters; see `_light`."""
         shining = [emitters for emitters in records if len(emitters)]
         if not shining:
             rows = 3 * self._count if self._features else 0
@@ -127,7 +127,7 @@ class ShaderShadowRays:
         return (yield from self._light(EMITTER.joined(shining), budget))
 
     def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, _Rows]:
-        """Return light and unshadowed luminance of some emitters at all patches, and the L1."""
+        """Return E/pi and its unshadowed luminance from some emitters at all patches, and the L1."""
         graphics, tree = self._scene.graphics, build_light_tree(emitters)
         rows = (4 if self._features else 1) * self._count
         results = reserve_storage(graphics, 16 * rows)
@@ -148,7 +148,7 @@ class ShaderShadowRays:
 
 
 def _glow_arrays(parts: PatchScene) -> dict[str, np.ndarray]:
-    """Return what samples of surfaces look up: radiance of both sides of patches, and where these are."""
+    """Return the look-up tables of emissive surfaces: radiance of both sides, index map and UVs."""
     surfaces = parts.surfaces
     return {
         "radiance": _entries(surfaces.emission),
@@ -159,7 +159,7 @@ def _glow_arrays(parts: PatchScene) -> dict[str, np.ndarray]:
 
 
 def _entries(radiance: np.ndarray) -> np.ndarray:
-    """Return radiance, (n, 3), by entry, (n + 1, 4) float32: entry 0 is black."""
+    """Pad radiance, (n, 3), to (n + 1, 4) float32, with a black entry 0."""
     entries = np.zeros((len(radiance) + 1, 4), np.float32)
     entries[1:, :3] = radiance
     return entries

@@ -1,4 +1,4 @@
-"""Gathers through visibility samples that compute shaders trace and keep: for machines without OpenCL."""
+"""Gather by OpenGL compute shaders, which trace and cache visibility samples; for machines without OpenCL."""
 
 from __future__ import annotations
 
@@ -27,26 +27,27 @@ from ..visibility.views.directions import r2_sequence
 from ..visibility.views.hemicube import rotation_salt
 from .compute_shader import four
 
-#: What work returns.
+#: Type of the result of a work generator.
 Result = TypeVar("Result")
 
-#: Most memory for samples that are kept, bytes: OpenGL does not report how much there is.
+#: Memory limit of cached samples, bytes; OpenGL has no query for the memory size.
 _MAX_KEPT = 1 << 30
 
-#: Most samples of a patch: shaders sum them in one invocation, whose steps Mesa's llvmpipe limits to 65,535.
+#: Maximum number of samples per patch. Shaders sum them in one invocation, and Mesa's llvmpipe limits its
+#: loops to 65,535 steps.
 _MAX_SAMPLES = 1 << 14
 
 #: Storage blocks of shaders/gather/background_rays.comp and gather_rays.comp.
 _TABLES, _ROWS, _RADIANCE = 4, 5, 6
 
-#: Part of an iteration that traces samples takes, as a fraction; chosen.
+#: Share of tracing in the time of an iteration that traces samples (chosen).
 _TRACING = 0.9
 
 
 class ShaderGather:
-    """`Gather` of receivers that see the patches of a scene; samples beyond 1 GiB are traced again.
+    """Gather with samples traced by compute shaders; samples beyond 1 GiB are traced in every iteration.
 
-    samples    of each patch
+    samples    number per patch
     keeps_all  True if all samples are traced once
     """
 
@@ -58,11 +59,11 @@ class ShaderGather:
         sky: np.ndarray,
         settings: Settings,
     ) -> None:
-        """Prepare to gather.
+        """Create the tables and buffers of the shaders.
 
-        receivers      the patches that gather
-        sources        the patches whose light is gathered, m of them
-        back_emission  (m, 3) float32, radiance of the backs of the sources, W/(m^2 sr)
+        receivers      receiving patches
+        sources        m patches whose light is gathered
+        back_emission  (m, 3) float32, radiance of back faces of the sources, W/(m^2 sr)
         sky            (h, w, 3) float32, radiance, equirectangular as `Scene.world`
         """
         self._scene, self._tracer, self._graphics = receivers, receivers.tracer, receivers.graphics
@@ -105,7 +106,7 @@ class ShaderGather:
         return gathered + self._background
 
     def gather_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return the L1 of what `iteration` gathers, (n, 3, 3) float32: of each axis of the world its rgb."""
+        """Return irradiance gradients (L1), (n, 3, 3) float32: patch, world axis, rgb."""
         self._radiance.write(four(radiance, first=1))
         l1 = self._background_l1[:, :3].copy()
         for first, last in self._chunks():
@@ -116,20 +117,20 @@ class ShaderGather:
         return l1.reshape(-1, 3, 3)
 
     def _chunks(self) -> Iterator[tuple[int, int]]:
-        """Yield the patches whose samples fit into one buffer."""
+        """Yield the spans of patches whose samples fit in one buffer."""
         for first in range(0, self._scene.count, self._step):
             yield first, min(first + self._step, self._scene.count)
 
     def _within(
         self, begin: float, end: float, first: int, last: int, work: Generator[float, None, Result]
     ) -> Generator[float, None, Result]:
-        """Run work on patches; its progress is a part of that of these patches."""
+        """Run work on a span of patches; yield progress 0..1 of all patches."""
         size = (last - first) / self._scene.count
         start = first / self._scene.count
         return (yield from run_as_fraction(start + begin * size, start + end * size, work))
 
     def _rows(self, first: int, last: int) -> Generator[float, None, moderngl.Buffer]:
-        """Return the samples of patches, and find their background light; traced, unless they are kept."""
+        """Return the samples of a span of patches, traced unless cached; sum background light once."""
         if first in self._kept:
             return self._kept[first]
         count = last - first
@@ -160,7 +161,7 @@ class ShaderGather:
     def _gathered(
         self, first: int, last: int, rows: moderngl.Buffer, features: Sequence[str]
     ) -> Generator[float, None, np.ndarray]:
-        """Return light of the fronts of sources, (k, 3) float32; with features its L1, (3 k, 3)."""
+        """Return E/pi from front faces of sources, (k, 3) float32; with features its L1, (3 k, 3)."""
         count = last - first
         size = (3 if features else 1) * count
         results = reserve_storage(self._graphics, 16 * size)
@@ -185,7 +186,7 @@ class ShaderGather:
 def _arrays(
     samples: int, sources: PatchScene, sky: np.ndarray, table: np.ndarray | None
 ) -> dict[str, np.ndarray]:
-    """Return the tables of shaders/visibility/view_samples.glsl and what samples look up."""
+    """Return the tables of shaders/visibility/view_samples.glsl, and the look-up tables of samples."""
     triangles = sources.triangles
     return {
         "pattern": r2_sequence(samples),

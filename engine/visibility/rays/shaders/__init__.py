@@ -1,1 +1,1 @@
-"""Rays cast by OpenGL compute shaders: the ray tracer of machines without OpenCL."""
+"""Ray tracing by OpenGL compute shaders, for machines without OpenCL."""

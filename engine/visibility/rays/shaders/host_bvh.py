@@ -8,7 +8,7 @@ import numpy as np
 
 from ...morton import morton_codes
 
-#: Triangles of a leaf, at most: kernels/rays/bvh_traversal.cl has as many packets. Chosen.
+#: Maximum number of triangles of a leaf (chosen), the packets of a leaf in bvh_traversal.cl.
 LEAF = 4
 
 #: Bits of a leaf's code that hold its number of triangles.

@@ -15,25 +15,25 @@ from .shader_tracer import RECORDS, ShaderTracer
 
 
 class ShaderScene:
-    """The triangles and patches of a bake on the OpenGL device, as `RayScene` on that of OpenCL."""
+    """Triangles and patches of a bake on the OpenGL device; the counterpart of `RayScene`."""
 
     def __init__(self, graphics: GraphicsContext, parts: PatchScene) -> None:
         self.graphics, self._parts = graphics, parts
 
     @property
     def count(self) -> int:
-        """Patches."""
+        """Number of patches."""
         return len(self._parts.patches)
 
     def of(self, parts: PatchScene) -> ShaderScene:
-        """Return the same triangles with other patches."""
+        """Return a scene of the same triangles with other patches."""
         other = ShaderScene(self.graphics, parts)
         other.tracer = self.tracer
         return other
 
     @cached_property
     def tracer(self) -> ShaderTracer:
-        """The triangles and their hierarchy."""
+        """The triangles and their BVH."""
         return ShaderTracer(self.graphics, self._parts.triangles, self._parts.cutouts)
 
     @cached_property

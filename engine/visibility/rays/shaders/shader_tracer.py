@@ -73,7 +73,7 @@ class ShaderTracer:
         records: Sequence[DeviceStruct] = (),
         state_words: int = 0,
     ) -> Generator[float, None, None]:
-        """Run <name>.comp over items, some at a time; yield the fraction done.
+        """Run <name>.comp over items, some at a time; yield progress 0..1.
 
         The shader has uniforms `start` and `end`, its items. A dispatch takes about 20 to 50 ms.
 
@@ -126,7 +126,7 @@ class ShaderTracer:
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False, kind: int = BOUNCE
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the nearest triangle along each ray; see `RayTracer.cast`."""
+        """Return the closest hit of each ray; see `RayTracer.cast`."""
         found = self._cast("closest_hit", origins, directions, 0.0, {"backs": int(backs), "kind": kind})
         triangle = np.ascontiguousarray(found[:, 0]).view(np.int32)
         return triangle, found[:, 1] != 0, found[:, 2].copy()
@@ -134,13 +134,13 @@ class ShaderTracer:
     def transmittance(
         self, origins: np.ndarray, directions: np.ndarray, distance: float, kind: int = BOUNCE
     ) -> np.ndarray:
-        """Return the fraction of light along each ray, (m, 3) float32; see `RayTracer.transmittance`."""
+        """Return the transmittance along each ray, (m, 3) float32; see `RayTracer.transmittance`."""
         return self._cast("through_surface", origins, directions, distance, {"kind": kind})[:, :3].copy()
 
     def _cast(
         self, name: str, origins: np.ndarray, directions: np.ndarray, distance: float, uniforms: Uniforms
     ) -> np.ndarray:
-        """Return what a shader finds along rays, (m, 4) float32."""
+        """Run a ray shader; return its results, (m, 4) float32."""
         count = len(origins)
         rays = np.zeros((count, 2, 4), np.float32)
         rays[:, 0, :3], rays[:, 1, :3], rays[:, 1, 3] = origins, directions, distance
@@ -173,7 +173,7 @@ def _transmission_arrays(triangles: Triangles, cutouts: Cutouts) -> dict[str, np
 
 
 def _set(program: moderngl.ComputeShader, uniforms: Uniforms) -> None:
-    """Set those uniforms that the compiler has left in the shader."""
+    """Set the uniforms that the compiler has not optimised away."""
     for name, value in uniforms.items():
         if name in program:
             program[name] = value

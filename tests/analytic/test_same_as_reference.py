@@ -140,7 +140,7 @@ def test_drawn_hemicubes_differ_from_cast_ones_at_edges_only(hemicubes):
 def test_drawn_and_cast_hemicubes_give_the_same_irradiance(hemicubes, room):
     reference = room.hemicubes(SETTINGS)
     radiance = room.emission + 0.1 + 0.05 * room.face[:, None].astype(np.float32)
-    cast = reference.gather(hemicubes.views, radiance)
+    cast = reference.gather_views(hemicubes.views, radiance)
 
     # Fronts hold the identity of a patch: put its radiance there. Backs hold their emission already.
     drawn, front = hemicubes.drawn, hemicubes.drawn[..., 3] == 1

@@ -1,4 +1,4 @@
-"""Blender scene -> engine.Scene."""
+"""Reads a Blender scene as an engine.Scene."""
 
 from .objects.instancing import visible_meshes
 from .read import ReadScene, read_scene, store_edits

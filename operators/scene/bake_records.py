@@ -1,8 +1,8 @@
-"""Bake records: which lightmap, UVs and fingerprint the last bake of an object in each scene left.
+"""Bake records: lightmap, UVs and fingerprint of an object's last bake in each scene.
 
 Scenes may share objects. The object's own properties are the record of one scene, and `other_bakes` has one
-record for each further scene. A record names its scene by the scene's `bake_id`, a string: a pointer would
-take the whole scene along when the object is appended to another file.
+record for each further scene. A record refers to its scene by the scene's `bake_id`, a string. A pointer
+would append the whole scene along with the object to other files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FIELDS = (
 
 @dataclass(frozen=True)
 class NoRecord:
-    """The record of an object that a scene has not baked; see `HemibakeObjectProperties`."""
+    """The record of an object that was not baked in a scene; see `HemibakeObjectProperties`."""
 
     image: None = None
     uv_layer: str = ""
@@ -36,10 +36,10 @@ Record = bpy.types.PropertyGroup | NoRecord
 
 
 def bake_record(obj: bpy.types.Object, scene: bpy.types.Scene) -> Record:
-    """Return what the last bake of an object in a scene left, to be read only.
+    """Return the read-only record of the last bake of an object in a scene.
 
-    A record whose scene the file does not have belongs to every scene that has none of its own: objects
-    that were appended, and those of files that Hemibake wrote before it kept records by scene.
+    If the file lacks a record's scene, the record applies to each scene that has none for the object. Such
+    records are those of appended objects, and of files from versions without records by scene.
     """
     own, scene_id = obj.hemibake, scene.hemibake.bake_id
     if own.scene_id and own.scene_id == scene_id:
@@ -51,9 +51,9 @@ def bake_record(obj: bpy.types.Object, scene: bpy.types.Scene) -> Record:
 
 
 def writable_record(obj: bpy.types.Object, scene: bpy.types.Scene) -> bpy.types.PropertyGroup:
-    """Return the record that a bake of an object in a scene writes; `claim_bake_id` comes before.
+    """Return the record that a bake of an object in a scene writes; call `claim_bake_id` first.
 
-    Removes the records of scenes that the file does not have any more.
+    Records of scenes that the file no longer has are removed.
     """
     own, scene_id, present = obj.hemibake, scene.hemibake.bake_id, _scene_ids()
     for index in reversed(range(len(own.other_bakes))):
@@ -71,9 +71,9 @@ def writable_record(obj: bpy.types.Object, scene: bpy.types.Scene) -> bpy.types.
 
 
 def claim_bake_id(scene: bpy.types.Scene) -> None:
-    """Give a scene a `bake_id` that no other scene has; its objects keep the records that they have in it.
+    """Give a scene a `bake_id` that no other scene has; its objects keep their records in it.
 
-    A copy of a scene has the same one at first, and so shows the same lightmaps.
+    A copied scene has the same ID as the original at first, and so shows the same lightmaps.
     """
     before = scene.hemibake.bake_id
     same = [other for other in bpy.data.scenes if other != scene and other.hemibake.bake_id == before]
@@ -95,7 +95,7 @@ def forget_bakes(obj: bpy.types.Object) -> None:
 
 
 def _rename_record(obj: bpy.types.Object, before: str, scene_id: str, is_shared: bool) -> None:
-    """Let a record belong to a scene with another ID, or copy it if objects are shared with the former."""
+    """Assign an object's record to a scene with a new ID; copy it if another scene shares the object."""
     own = obj.hemibake
     record = own if own.scene_id == before else _other(obj, before)
     if record is None:
@@ -117,5 +117,5 @@ def _other(obj: bpy.types.Object, scene_id: str) -> bpy.types.PropertyGroup | No
 
 
 def _scene_ids() -> set[str]:
-    """Return the IDs of all scenes of the file that have been baked."""
+    """Return the IDs of all baked scenes of the file."""
     return {scene.hemibake.bake_id for scene in bpy.data.scenes} - {""}

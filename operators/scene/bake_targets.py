@@ -1,7 +1,7 @@
-"""Which objects a bake makes lightmaps of; all others with faces are occluders.
+"""Selects the objects that get lightmaps; all others with faces are occluders.
 
-The scene is read as for a bake of all objects, so that every chart has the place that it has there. Then
-what is not to be baked becomes an occluder.
+The scene is read as for a bake of all objects, so that each chart has the same place as in such a bake.
+Objects that are not baked then become occluders.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NOTHING_SELECTED = "No selected object gets a lightmap. Select what is to be bak
 
 
 class NothingChangedError(SceneError):
-    """All is as it was baked: nothing is wrong, and there is nothing to do."""
+    """Raised if no object has changed since its last bake, so that there is nothing to do."""
 
     def __init__(self) -> None:
         super().__init__("Nothing has changed since it was baked. Choose the target All to bake anyway.")
@@ -35,8 +35,8 @@ class NothingChangedError(SceneError):
 def target_uids(context: SceneContext, target: str) -> set[int]:
     """Return the session uids of the mesh objects that may be baked: "SELECTED" ones, or all.
 
-    Which are "CHANGED" is known once they have been read: see `ChangedObjects`. An instance belongs to what
-    it shows. Raises SceneError if none is selected.
+    "CHANGED" ones are known only after the scene was read, see `ChangedObjects`. An instance counts as its
+    source object. Raises SceneError if none is selected.
     """
     meshes = {obj.session_uid for obj in visible_meshes(context)}
     if target != "SELECTED":
@@ -50,22 +50,22 @@ def target_uids(context: SceneContext, target: str) -> set[int]:
 
 
 def changed_uids(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> set[int]:
-    """Return which objects, by session uid, are other than when they were baked, or have never been.
+    """Return the session uids of objects that changed since their last bake, or were never baked.
 
-    They are, too, once anything else shines in another way.
+    A change of any light source changes all objects.
     """
     return _differing(read, uids, scene, lambda fingerprint: fingerprint)
 
 
 def changed_themselves(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> set[int]:
-    """Return which objects, by session uid, have changed themselves, or have never been baked."""
+    """Return the session uids of objects that changed themselves, or were never baked."""
     return _differing(read, uids, scene, own_part)
 
 
 def _differing(
     read: ReadScene, uids: set[int], scene: bpy.types.Scene, part: Callable[[str], str]
 ) -> set[int]:
-    """Return the objects of which a part of the fingerprint is not that of their last bake."""
+    """Return the objects for which a part of the fingerprint differs from that of the last bake."""
     known = {obj.session_uid: bake_record(obj, scene).fingerprint for obj in bpy.data.objects}
     return {
         uid
@@ -75,10 +75,10 @@ def _differing(
 
 
 def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> ReadScene:
-    """Return what was read with no other lightmaps than those of objects with some session uids.
+    """Return the scene with lightmaps only for objects with the given session uids.
 
-    Objects that would have another place in such a lightmap than the last bake gave them are baked, too, and
-    so are all instances that it shows. Raises SceneError if nothing is left.
+    Other objects of these lightmaps are baked as well if their place there has changed, and so are all
+    instances in them. Raises SceneError if nothing is left.
     """
     atlases = {entry[-1].atlas for entry in read.entries if entry is not None and source_of(entry) in uids}
     if not atlases:
@@ -107,7 +107,7 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
 
 
 def source_of(entry: Entry) -> int:
-    """Return the session uid of the object that an entry shows."""
+    """Return the session uid of the source object of a key."""
     if len(entry) == 2:
         return entry[0]
     shown = bpy.data.objects.get(entry[1])
@@ -115,7 +115,7 @@ def source_of(entry: Entry) -> int:
 
 
 def _is_kept(entry: Entry, scene: bpy.types.Scene) -> bool:
-    """Return whether an object that is not to be baked has nothing in its lightmap, or is where it was."""
+    """Return whether an object that is not baked has no lightmap in the atlas, or keeps its place in it."""
     obj, place = find(bpy.data.objects, entry[0]), entry[-1]
     if len(entry) != 2 or obj is None:
         return False

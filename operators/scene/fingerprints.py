@@ -1,4 +1,4 @@
-"""Digests of what a bake sees of an object: they tell whether it has changed since it was baked."""
+"""Digests of an object as a bake uses it, which tell whether it has changed since its last bake."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
 from .uv_transform import UvTransform
 
-#: Digits of a lamp's position behind the point, m: it was moved to the scene's origin and back.
+#: Decimals of a lamp's position, m, since it is moved to the scene's origin and back.
 _DIGITS = 6
 
 _SIZE = 16
@@ -26,12 +26,12 @@ def find_fingerprints(
     materials: Sequence[Material],
     surroundings: Sequence[object],
 ) -> Slices[list[str | None]]:
-    """Return two digests of each reading, one after the other; None for occluders.
+    """Return two concatenated digests of each object or instance; None for occluders.
 
-    The first changes with its faces, its place in world and atlas, and its materials; the second with all
-    that shines.
+    The first digest covers its faces, its place in the world and the atlas, and its materials. The second
+    covers all light sources.
 
-    surroundings  lamps in world space, the world's light, and light groups
+    surroundings:  lamps in world space, the world's light, and light groups
     """
     looks: list[bytes] = []
     for material in materials:
@@ -53,20 +53,20 @@ def find_fingerprints(
 
 
 def in_the_world(lights: Sequence[Light], origin: np.ndarray) -> tuple[Light, ...]:
-    """Return lamps with their positions in world space, which do not depend on the scene's origin."""
+    """Return lamps with positions in world space, which do not depend on the scene's origin."""
     return tuple(
         replace(light, position=np.round(light.position + origin, _DIGITS) + 0.0) for light in lights
     )
 
 
 def combined(fingerprints: Sequence[str]) -> str:
-    """Return the fingerprint of an object from those of its instances, in any order."""
+    """Return the fingerprint of an object from those of its instances in any order."""
     light = fingerprints[0][2 * _SIZE :]
     return _digest("".join(sorted(map(own_part, fingerprints))).encode()) + light
 
 
 def own_part(fingerprint: str) -> str:
-    """Return the part of a fingerprint that is of the object alone."""
+    """Return the digest of the object alone from a fingerprint."""
     return fingerprint[: 2 * _SIZE]
 
 
@@ -75,14 +75,14 @@ def _digest(content: bytes) -> str:
 
 
 def _digest_of(value: object) -> Slices[bytes]:
-    """Return a digest of arrays, records and builtins, and of what these hold."""
+    """Return the BLAKE2b digest of arrays, records and built-in values, with all that they contain."""
     digest = hashlib.blake2b(digest_size=_SIZE)
     yield from _feed(digest, value)
     return digest.digest()
 
 
 def _feed(digest: Any, value: object) -> Slices[None]:
-    """Feed a value to a digest."""
+    """Add a value to a digest."""
     if isinstance(value, np.ndarray):
         yield from _feed_array(digest, value)
     elif is_dataclass(value):
@@ -98,7 +98,7 @@ def _feed(digest: Any, value: object) -> Slices[None]:
 
 
 def _feed_array(digest: Any, array: np.ndarray) -> Slices[None]:
-    """Feed an array to a digest, some rows at a time."""
+    """Add an array to a digest, in slices of rows."""
     digest.update(repr((array.shape, array.dtype.str)).encode())
     rows_of = np.atleast_1d(array)
     for rows in row_slices(len(rows_of), rows_of[:1].size):

@@ -1,4 +1,4 @@
-"""Materials, lamps and worlds whose numbers are no light: replaced or left out, and the rest is baked."""
+"""Replaces materials and worlds with invalid values, and removes lamps with such values."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .slice_timer import Slices
 
 Part = TypeVar("Part")
 
-#: Reflectance of what replaces a material: that of an empty slot.
+#: Reflectance of the material that replaces an invalid one, equal to that of an empty slot.
 _GREY = np.full(3, 0.8, np.float32)
 _BLACK = np.zeros(3, np.float32)
 
 
 def replace_invalid_values(scene: Scene, notes: list[str]) -> Slices[Scene]:
-    """Return a scene whose materials are grey, whose lamps are gone and whose world is black where faulty.
+    """Replace invalid materials by grey ones and an invalid world by black; remove invalid lamps.
 
-    A sentence about each is appended to `notes`.
+    A sentence on each is appended to `notes`.
     """
 
     def told(check: Callable[[Part], None], part: Part, instead: str) -> bool:

@@ -1,4 +1,4 @@
-"""How much the light of objects has changed: quick bakes, of a scene before and now, are compared."""
+"""Measures how much the light of objects changed: compares quick bakes of the scene before and now."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from .bake_targets import source_of
 from .read import ReadScene
 from .uvs.uv_faults import covered_texels
 
-#: Rays of each patch, and to each light, of a quick bake; and those for ambient occlusion.
+#: Rays per patch of a quick bake, rays per patch and light, and rays for ambient occlusion.
 _RAYS, _LIGHT_RAYS, _AO_RAYS = 64, 16, 64
 
-#: What is left of the mean error of a bake in a quick one: that of the worst texel is some times as large.
+#: Factor by which the tolerance of a quick bake is smaller than that of a bake, because the error of the
+#: worst texel is some times the mean error.
 _CLOSER = 64
 
-#: A light group that gives less than this part of all light counts as if it gave so much.
+#: A light group with less than this fraction of all light is treated as if it had that fraction.
 _FAINTEST = 0.01
 
-#: More than any change.
+#: A value larger than any change.
 ALL_LIGHT = 1e30
 
 
 def comparison_settings(settings: Settings) -> Settings:
-    """Return settings for the same patches as those of a bake, but few rays of each.
+    """Return settings with the same patches as a bake, but with few rays per patch.
 
-    A change that many texels see by a few rays each is met by some of these.
+    A change that many texels see by a few rays each is still sampled by some of these rays.
     """
     return replace(
         settings,
@@ -55,18 +56,18 @@ def comparison_settings(settings: Settings) -> Settings:
 
 
 def tells_all(settings: Settings, before: Scene, now: Scene) -> bool:
-    """Return whether quick bakes tell all that has changed of what a bake shows.
+    """Return whether quick bakes can show all changes of a bake's outputs.
 
-    Shadow masks are of single lamps, and light groups that were renamed or are new have other maps.
+    They cannot for shadow masks, which belong to single lamps, and for light groups that are new or renamed.
     """
     groups = settings.by_light_groups and light_group_names(before) != light_group_names(now)
     return not groups and "shadow_mask" not in settings.outputs
 
 
 def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
-    """Return both scenes with nothing that shines but the lamps that differ; None if not only lamps differ.
+    """Return both scenes with only the lamps that differ as light sources; None if more than lamps differ.
 
-    Light adds up, so that these tell all change of it, and other lamps none of their noise.
+    Light is additive, so these lamps give the whole change, without the noise of other lamps.
     """
     if not same_values(replace(before, lights=()), replace(now, lights=())):
         return None
@@ -74,7 +75,7 @@ def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
 
 
 def _lit_by_others(scene: Scene, other: Scene) -> Scene:
-    """Return a scene with no other light than of lamps that another scene does not have."""
+    """Return a scene with only those lamps as light sources that the other scene does not have."""
     lamps = (lamp for lamp in scene.lights if not any(same_values(lamp, known) for known in other.lights))
     dark = map(without_emission, scene.materials)
     world = np.zeros_like(scene.world)
@@ -83,10 +84,11 @@ def _lit_by_others(scene: Scene, other: Scene) -> Scene:
 
 @dataclass(frozen=True)
 class QuickBakes:
-    """Lightmaps that tell how light has changed.
+    """Quick bakes for a comparison.
 
-    whole        of the scene as it was
-    before, now  of the light that may differ, as it was and as it is
+    whole:   the scene as it was, with all light
+    before:  the light that may differ, as it was
+    now:     the light that may differ, as it is now
     """
 
     whole: BakeResult
@@ -95,10 +97,10 @@ class QuickBakes:
 
 
 def light_changes(read: ReadScene, quick: QuickBakes) -> dict[int, float]:
-    """Return how much the light of each object may have changed, by session uid.
+    """Return the relative change of each object's light, by session uid.
 
-    The largest change of a texel, as a fraction of its light before, or of the object's mean where that is
-    more. ALL_LIGHT where a texel was no patch before, or no texel is one.
+    It is the largest change of a texel, as a fraction of its light before or of the object's mean, if that is
+    larger. It is ALL_LIGHT if the object's patches changed, or if it has none.
     """
     before, now = quick.before, quick.now
     changes: dict[int, float] = {}
@@ -118,7 +120,7 @@ def light_changes(read: ReadScene, quick: QuickBakes) -> dict[int, float]:
 
 
 def _largest_change(quick: QuickBakes, there: tuple, here: tuple) -> float:
-    """Return the largest change of some texels in any output, see `_largest_step`."""
+    """Return the largest change of texels in any output, see `_largest_step`."""
     patches = quick.now.has_patch[here]
     if not patches.any() or not np.array_equal(patches, quick.before.has_patch[there]):
         return ALL_LIGHT
@@ -134,10 +136,10 @@ def _largest_change(quick: QuickBakes, there: tuple, here: tuple) -> float:
 
 
 def _reference(name: str, whole: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the light, (n, 3) float32, that changes of a map are relative to.
+    """Return the light, (n, 3) float32, to which changes of a map are relative.
 
-    That is the map, but of a light group a part of all light at least, and all of that for what carries
-    directional maps.
+    It is the map itself. For a light group it is at least a fraction of all light. For light weighted for
+    directional maps it is all light.
     """
     if is_of_light_group(name):
         return np.maximum(whole[name], _FAINTEST * whole["combined"])
@@ -145,9 +147,9 @@ def _reference(name: str, whole: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def _light_of(lightmap: BakeResult, texels: tuple) -> dict[str, np.ndarray]:
-    """Return what some texels show, (n, 3) float32 by name: light, and fractions of it.
+    """Return the values of texels, (n, 3) float32 by map: light, fractions, and encoded directional maps.
 
-    Directional maps change with the light that carries them; they are compared to all of that.
+    Directional maps change with the light that they are weighted by, and are compared to all of it.
     """
     maps = {name: image[texels] for name, image in lightmap.passes.items()}
     light = {name: image for name, image in maps.items() if name not in SIGNED_MAPS}
@@ -155,9 +157,9 @@ def _light_of(lightmap: BakeResult, texels: tuple) -> dict[str, np.ndarray]:
 
 
 def _largest_step(whole: np.ndarray, before: np.ndarray, now: np.ndarray) -> float:
-    """Return the largest change of all channels of light, relative to a texel's whole or the mean of all.
+    """Return the largest change of light, summed over channels, relative to the texel or to the mean.
 
-    whole, before, now  (n, 3) float32
+    The larger of both counts. `whole`, `before` and `now` are (n, 3) float32.
     """
     change = np.abs(now.astype(np.float64) - before).sum(axis=1)
     if not change.any():

@@ -1,11 +1,11 @@
-"""What is wrong with which objects, for the user: one sentence a kind, with a remedy."""
+"""Sentences for the user on problems with objects, one for each kind of problem, with a remedy."""
 
 from __future__ import annotations
 
 from ...engine.object_message import object_message
 from ...engine.scene.checks import LARGEST
 
-#: What becomes of the object.
+#: Consequences for the object.
 _LEFT_OUT = "left out of the bake"
 _SEEN = "seen and reflecting, but without a lightmap"
 
@@ -47,7 +47,7 @@ MANY_LAYERS = f"8 UV layers, as many as Blender allows, and none for the lightma
 
 
 def no_space_message(resolution: int) -> str:
-    """Return the sentence for charts that do not fit a lightmap; 0 if none is large enough."""
+    """Return the sentence for charts that do not fit a lightmap; `resolution` 0 if none is large enough."""
     raised = f"Raise the resolution to {resolution}" if resolution else "Raise the resolution"
     return (
         f"too many charts for a lightmap of this resolution: {_SEEN}. {raised}, "
@@ -56,7 +56,7 @@ def no_space_message(resolution: int) -> str:
 
 
 def attribute_in_the_way(uv_layer: str) -> str:
-    """Return the sentence for an attribute that is called as the lightmap UV layer and is none."""
+    """Return the sentence for an attribute with the lightmap UV layer's name that is not a UV layer."""
     return (
         f"an attribute called '{uv_layer}' that is not a UV layer: {_SEEN}. Rename it, "
         "or choose another name for the lightmap UV layer."
@@ -64,22 +64,22 @@ def attribute_in_the_way(uv_layer: str) -> str:
 
 
 class Troubles:
-    """Collects names of objects by what is wrong with them."""
+    """Collects names of objects by the problem that they have."""
 
     def __init__(self) -> None:
         self._names: dict[str, set[str]] = {}
 
     def add(self, sentence: str, name: str) -> None:
-        """Remember what is wrong with an object."""
+        """Record a problem of an object."""
         self._names.setdefault(sentence, set()).add(name)
 
     @property
     def names(self) -> set[str]:
-        """All names."""
+        """Names of all objects with problems."""
         return set().union(*self._names.values())
 
     def tell(self) -> list[str]:
-        """Return a sentence for each kind, with the names."""
+        """Return a sentence for each kind of problem, with the names of the objects."""
         return [
             object_message(f"{'Objects' if len(names) > 1 else 'Object'} {{}}: {sentence}", sorted(names))
             for sentence, names in self._names.items()

@@ -1,8 +1,7 @@
-"""Objects of one atlas whose charts lie on each other: they are placed side by side.
+"""Lays out objects of one atlas whose charts overlap: they are moved into the free part of the atlas.
 
-Those that lie on none keep their place. Of the others, objects that are equally dense and lie on none of
-each other have been packed as one: they move together. All get tiles in what is free of the atlas:
-
+Objects that overlap no other keep their place. Others of equal density that do not overlap each other were
+packed together, and move as a group. Each group gets a tile in the largest free rectangle of the atlas:
     +-----------+-------+
     | kept      | tile  |    free: the largest rectangle without charts of objects that are kept
     |   kept    +---+---+
@@ -24,25 +23,26 @@ from .uv_transform import ChartBox, Charted, UvTransform, chart_box
 from .uvs.coverage_grid import LARGEST_GRID, CoverageGrid, find_overlapping, make_footprint
 from .uvs.uv_faults import is_inside
 
-#: Objects move together if their densities differ by no more than this factor.
+#: Objects may form a group if their densities differ by this factor at most.
 _EQUALLY_DENSE = 1.25
 
-#: Groups that other objects may join: more are no sign of objects that were packed together.
+#: Largest number of groups that objects may join. More groups do not indicate objects that were packed
+#: together.
 _OPEN_GROUPS = 4
 
-#: Smallest sides of a tile, texels, the first at which all fit.
+#: Smallest tile sides that are tried, texels; the first one at which all tiles fit is used.
 _LEAST_SIDES = (8, 4, 2, 1)
 
-#: Attempts to find the largest scale at which tiles fit, and how close to it is close enough.
+#: Bisection for the largest scale at which the tiles fit: iterations, and relative precision.
 _ATTEMPTS, _CLOSE = 16, 0.01
 
-#: Most cells along each side of an atlas when free room is looked for.
+#: Largest number of cells along each side of the grid in which the free rectangle is searched.
 _ROOM_GRID = 128
 
 
 @dataclass(frozen=True)
 class _Tile:
-    """A place for charts: its lower left corner, texels, and its texels per metre."""
+    """A place for charts: lower left corner in texels, and scale in texels per metre."""
 
     x: int
     y: int
@@ -53,9 +53,9 @@ class _Tile:
 class _Group:
     """Objects that move together.
 
-    box      around their charts
-    taken    (g, g) bool, cells that they cover
-    members  their indices
+    box:      box around their charts
+    taken:    (g, g) bool, grid cells that they cover
+    members:  indices of the objects
     """
 
     box: ChartBox
@@ -63,12 +63,12 @@ class _Group:
     members: list[int] = field(default_factory=list)
 
     def joins(self, box: ChartBox, footprint: CoverageGrid) -> bool:
-        """Return whether an object may have been packed with these."""
+        """Return whether an object has about the same density and does not overlap the group."""
         ratio = box.density / self.box.density
         return 1 / _EQUALLY_DENSE < ratio < _EQUALLY_DENSE and not footprint.meets(self.taken)
 
     def add(self, index: int, box: ChartBox, footprint: CoverageGrid | None) -> None:
-        """Let an object move with these."""
+        """Add an object to the group."""
         self.members.append(index)
         low, high = np.minimum(self.box.low, box.low), np.maximum(self.box.high, box.high)
         self.box = ChartBox(low, high, self.box.density)
@@ -79,11 +79,14 @@ class _Group:
 def separate_overlaps(
     members: Sequence[Charted], footprints: Sequence[CoverageGrid | None], atlas: str, resolution: int
 ) -> Slices[list[UvTransform | None]]:
-    """Return the place of each object of an atlas, such that none lies on another.
+    """Return the place of each object of an atlas such that none overlap; None for objects without room.
 
-    They are None for those that move and have no room. Yields after every few milliseconds of work.
+    Yields every few milliseconds.
 
-    footprints  of the objects, see `make_footprints`
+    members:     charts of the objects
+    footprints:  grid cells that they cover, see `make_footprints`
+    atlas:       name of the atlas
+    resolution:  width of the atlas, texels
     """
     places: list[UvTransform | None] = [UvTransform(atlas)] * len(members)
     grid = min(resolution, LARGEST_GRID)
@@ -101,9 +104,9 @@ def separate_overlaps(
 
 
 def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[CoverageGrid | None]]:
-    """Return the footprint of each object, None for one that reaches out of the atlas.
+    """Return the grid cells that each object covers, None for one that reaches out of the atlas.
 
-    Yields after every few milliseconds of work.
+    Yields every few milliseconds.
     """
     footprints: list[CoverageGrid | None] = []
     for member in members:
@@ -115,7 +118,7 @@ def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[
 
 
 def _moving(footprints: Sequence[CoverageGrid | None], grid: int) -> Slices[list[bool]]:
-    """Return which objects need another place."""
+    """Return for each object whether it must move: it overlaps others or reaches out of the atlas."""
     known = [footprint for footprint in footprints if footprint is not None]
     inside = iter((yield from find_overlapping(known, grid)))
     return [footprint is None or next(inside) for footprint in footprints]
@@ -124,10 +127,10 @@ def _moving(footprints: Sequence[CoverageGrid | None], grid: int) -> Slices[list
 def _group(
     members: Sequence[Charted], footprints: Sequence[CoverageGrid | None], moving: Sequence[int], grid: int
 ) -> Slices[list[_Group]]:
-    """Return the moving objects, by index, in groups that keep their layout.
+    """Return the moving objects in groups that keep their layout.
 
-    Objects with few cells come first: those of an atlas that they were packed for find each other before
-    others, which fill it alone, have opened groups.
+    Objects with few cells are grouped first. Those that were packed for one atlas are thereby grouped before
+    objects that fill an atlas alone open groups of their own.
     """
     groups: list[_Group] = []
     for index in sorted(moving, key=lambda index: _cells(footprints[index], grid)):
@@ -144,12 +147,12 @@ def _group(
 
 
 def _cells(footprint: CoverageGrid | None, grid: int) -> int:
-    """Return how many cells an object covers, more than all for one that reaches out of the atlas."""
+    """Return the number of cells that an object covers; more than all if it reaches out of the atlas."""
     return grid**2 + 1 if footprint is None else footprint.cells
 
 
 def _free_room(kept: Sequence[CoverageGrid | None], grid: int, resolution: int) -> Slices[Box]:
-    """Return the largest rectangle of an atlas, texels, that objects which are kept leave free."""
+    """Return the largest rectangle of the atlas, in texels, without cells of kept objects."""
     if not kept:
         return Box(0, 0, resolution, resolution)
     size = min(grid, _ROOM_GRID)
@@ -167,9 +170,10 @@ def _free_room(kept: Sequence[CoverageGrid | None], grid: int, resolution: int) 
 
 
 def _fit(sizes: Sequence[np.ndarray], room: Box) -> Slices[list[_Tile] | None]:
-    """Return tiles in proportion to some sizes, (2,) metres each, as large as the room allows.
+    """Return tiles proportional to the sizes, (2,) metres each, as large as the room allows.
 
-    Tiny ones get a few texels all the same. None if even the smallest do not fit.
+    Tiny tiles are enlarged to a few texels. None if the tiles do not fit even at the smallest of
+    _LEAST_SIDES.
     """
     for least in _LEAST_SIDES:
         fitting = yield from _largest_fit(sizes, room, least, min(GAP, least))
@@ -179,7 +183,7 @@ def _fit(sizes: Sequence[np.ndarray], room: Box) -> Slices[list[_Tile] | None]:
 
 
 def _largest_fit(sizes: Sequence[np.ndarray], room: Box, least: int, gap: int) -> Slices[list[_Tile] | None]:
-    """Return the tiles at the largest scale that bisection finds, of `least` texels or more."""
+    """Return the tiles at the largest scale that fits, by bisection; each side has `least` texels or more."""
     best = None
     area = sum(float(np.prod(size)) for size in sizes)
     low, high = 0.0, np.sqrt(room.width * room.height / area)
@@ -198,7 +202,7 @@ def _largest_fit(sizes: Sequence[np.ndarray], room: Box, least: int, gap: int) -
 def _tiles_at(
     scale: float, sizes: Sequence[np.ndarray], room: Box, least: int, gap: int
 ) -> Slices[list[_Tile] | None]:
-    """Return tiles at a scale in texels per metre, None if they do not fit."""
+    """Return tiles at a scale in texels per metre; None if they do not fit."""
     scales = [max(scale, least / float(size.max())) for size in sizes]
     texels = [np.ceil(size * own).astype(int) + gap for size, own in zip(sizes, scales, strict=True)]
     corners = yield from pack_tiles([(int(width), int(height)) for width, height in texels], [room])

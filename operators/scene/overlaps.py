@@ -1,4 +1,4 @@
-"""Objects whose lightmap UVs lie on others': these become occluders, the rest is baked."""
+"""Turns objects whose lightmap UVs overlap those of others into occluders."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from .messages import OVERLAPPING, Troubles
 from .read import ReadScene
 from .uvs.uv_faults import covered_texels
 
-#: Texels that may lie in several triangles: of an object, and the fraction of all that it has.
+#: Texels that may be covered twice as rounding errors: this many, or this fraction of the object's texels if
+#: that is more.
 _ALLOWED = 2
 _ALLOWED_FRACTION = 0.005
 
 
 def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
-    """Return what was read such that no two charts lie on each other: the first keeps its place."""
+    """Return the scene without overlapping charts: of overlapping objects all but the first are occluders."""
     overlapping = set(_overlapping(read.scene, resolution))
     troubles = Troubles()
     for index in overlapping:
@@ -38,7 +39,7 @@ def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
 
 
 def _overlapping(scene: Scene, resolution: int) -> list[int]:
-    """Return the meshes whose charts lie on themselves or on those of meshes before them."""
+    """Return the indices of meshes whose charts overlap themselves or those of earlier meshes."""
     taken = np.zeros((len(scene.atlases), resolution * (resolution + 1)), bool)
     return [
         index
@@ -48,7 +49,7 @@ def _overlapping(scene: Scene, resolution: int) -> list[int]:
 
 
 def _clashing(mesh: Mesh, taken: np.ndarray, resolution: int) -> bool:
-    """Return whether a mesh has no place among texels that are taken; if it has, it takes its own."""
+    """Return whether charts of a mesh overlap taken texels or each other; if not, mark its texels taken."""
     texels, count = covered_texels(mesh.uvs, resolution)
     clashing = (count > 1) | taken[texels]
     if clashing.sum() > max(_ALLOWED_FRACTION * len(texels), _ALLOWED):

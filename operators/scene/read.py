@@ -37,18 +37,18 @@ from .uv_transform import UvTransform, takes_textures
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
 
-#: Session uid of a baked object, and where its charts are; of an instance session uid of the instancer,
-#: name of the object shown, persistent id, and where its charts are.
+#: Key of a mesh that gets a lightmap. For an object: its session uid and its place in an atlas. For an
+#: instance: session uid of the instancer, name of the source object, persistent id, and place.
 Entry = tuple[int, UvTransform] | tuple[int, str, tuple[int, ...], UvTransform]
 
 
 @dataclass(frozen=True)
 class Placed:
-    """The object or instance that a mesh of a scene belongs to.
+    """The object or instance of a mesh.
 
-    source     session uid of the object that is shown
-    instancer  session uid of the object that makes the instance, None for an object
-    matrix     (4, 4) float64, object space to world space
+    source:     session uid of the source object
+    instancer:  session uid of the object that makes the instance; None for an object
+    matrix:     (4, 4) float64, object space to world space
     """
 
     source: int
@@ -58,13 +58,14 @@ class Placed:
 
 @dataclass(frozen=True)
 class ReadScene:
-    """A scene ready for the engine.
+    """A scene converted for the engine.
 
-    entries       of each mesh of the scene, None for an occluder
-    notes         sentences for the user
-    fingerprints  of each object that has entries, by session uid; see `find_fingerprints`
-    uv_digests    of the lightmap UVs of the same objects, if they show them; see `uv_digest.digest_of`
-    placed        of each mesh of the scene
+    scene:         the engine's scene
+    entries:       key of each mesh of the scene; None for an occluder
+    notes:         sentences for the user
+    fingerprints:  digests of each object with entries, by session uid; see `find_fingerprints`
+    uv_digests:    digest of the lightmap UVs of the same objects, by session uid; see `uv_digest.digest_of`
+    placed:        object or instance of each mesh of the scene
     """
 
     scene: Scene
@@ -76,17 +77,17 @@ class ReadScene:
 
     @property
     def objects(self) -> tuple[tuple[int, UvTransform], ...]:
-        """The entries of objects."""
+        """The keys of objects."""
         return tuple(entry for entry in self.entries if entry is not None and len(entry) == 2)
 
     @property
     def instances(self) -> tuple[tuple[int, str, tuple[int, ...], UvTransform], ...]:
-        """The entries of instances."""
+        """The keys of instances."""
         return tuple(entry for entry in self.entries if entry is not None and len(entry) == 4)
 
     @property
     def bytes(self) -> int:
-        """Memory of the scene's triangles and textures."""
+        """Memory of the scene's triangles and textures, bytes."""
         scene = self.scene
         arrays = [getattr(mesh, name) for mesh in scene.meshes for name in _MESH_ARRAYS]
         arrays += [uvs for mesh in scene.meshes for uvs in mesh.texture_uvs.values()]
@@ -113,16 +114,18 @@ def read_scene(
     hurried: bool = False,
     edits_stored: bool = False,
 ) -> Generator[Progress | None, None, ReadScene]:
-    """Read what the scene shows in slices, return it as an engine.Scene.
-
-    objects  those that get a lightmap; every one with faces must have the UV layer. All other surfaces
-             are occluders, unless they are to be ignored.
-    paces    seconds that a unit of each stage took in earlier readings, by its name; this one adds to them
-
-    hurried       True for a reading in one piece, of a scene that changes all the time
-    edits_stored  True after `store_edits`
+    """Convert the visible objects to an engine.Scene, in slices.
 
     Raises SceneError, or SceneChangedError if the scene changes between two slices.
+
+    objects:        objects that get a lightmap; each one with faces must have the UV layer. Other surfaces
+                    are occluders, unless their role is Ignored.
+    uv_layer:       name of the lightmap UV layer
+    resolution:     width of the lightmaps, texels
+    earlier_notes:  sentences for the user that precede those of the reading
+    paces:          seconds per unit of each stage in earlier readings, by its name; updated by this one
+    hurried:        True to accept changes during the reading, for a scene that changes all the time
+    edits_stored:   True if `store_edits` was called
     """
     if not edits_stored:
         store_edits(context, objects)
@@ -139,14 +142,14 @@ def read_scene(
 
 
 def store_edits(context: SceneContext, objects: Sequence[bpy.types.Object]) -> None:
-    """Let objects in Edit Mode have what was edited; who listens to changes is told of it, and only here."""
+    """Write edit-mode changes to the meshes; only this triggers handlers of depsgraph updates."""
     for obj in objects:
         obj.update_from_editmode()
     context.evaluated_depsgraph_get()
 
 
 class _SceneReading:
-    """Reads objects first, then what they and the surroundings look like, and joins all of it."""
+    """Reads objects, then materials, world and lamps, and joins them to a scene."""
 
     def __init__(
         self, watch: SceneWatch, baked: set[int], uv_layer: str, resolution: int, notes: list[str]
@@ -162,9 +165,9 @@ class _SceneReading:
         self._next = 0
 
     def objects(self) -> Slices[None]:
-        """Read all that a render shows.
+        """Read the meshes of all objects and instances that a render shows.
 
-        From the viewport's depsgraph it is read in slices, from that of renders in one piece.
+        The viewport's dependency graph is read in slices, and the one of renders in one piece.
         """
         if uses_render(self._watch.context):
             yield "Reading render meshes"
@@ -182,7 +185,7 @@ class _SceneReading:
             raise SceneError(_nothing_left(seen, self._notes))
 
     def _read_viewport(self) -> Slices[None]:
-        """Read the objects and instances, from one event to the next where the last one has ended."""
+        """Read objects and instances in slices; each continues where the last one ended."""
         while self._next < self._watch.items:
             try:
                 announcement = self._read_some()
@@ -193,7 +196,7 @@ class _SceneReading:
             yield self._next / self._watch.items if announcement is None else announcement
 
     def looks(self) -> Slices[None]:
-        """Read what only Cycles can evaluate of materials, then the world and the lamps' nodes."""
+        """Evaluate materials by Cycles where needed, then read the world and the lamps' nodes."""
         moves = _moves(self._readings, self._places)
         self._materials = yield from self._table.finish(self._resolution, moves)
         world = yield from read_world(self._watch, self._notes, self._cache)
@@ -209,7 +212,7 @@ class _SceneReading:
         note_skipped(self._watch.context, self._skipped)
 
     def joined(self) -> Slices[ReadScene]:
-        """Return all that was read; nothing of Blender is needed any more."""
+        """Join all data to a scene; Blender's data is no longer accessed."""
         fingerprints = yield from self._fingerprints()
         meshes = []
         for reading, place in zip(self._readings, self._places, strict=True):
@@ -235,10 +238,9 @@ class _SceneReading:
         )
 
     def _uv_digests(self) -> dict[int, str]:
-        """Return the digest of the lightmap UVs of each object that gets a lightmap.
+        """Return the digest of the lightmap UVs of each object that gets a lightmap, by session uid.
 
-        Of an object that only instances show it is theirs, if they are alike; instances of own geometry have
-        other meshes.
+        An object that only instances show gets the digest of its instances if it is the same for all.
         """
         placed = zip(self._readings, self._places, strict=True)
         readings = [reading for reading, place in placed if place is not None]
@@ -251,7 +253,7 @@ class _SceneReading:
         return alike | own
 
     def _fingerprints(self) -> Slices[dict[int, str]]:
-        """Return the fingerprint of each object that gets a lightmap, its instances included."""
+        """Return the fingerprint of each object that gets a lightmap, with its instances, by session uid."""
         groups = self._light_groups, self._world_group
         light = (*in_the_world(self._lights, self._origin), self._world, *groups)
         found = yield from find_fingerprints(self._readings, self._places, self._materials, light)
@@ -263,16 +265,16 @@ class _SceneReading:
 
     @property
     def evaluations(self) -> int:
-        """How much Cycles has to evaluate."""
+        """Number of materials that Cycles must evaluate."""
         return self._table.evaluations
 
     @property
     def triangles(self) -> int:
-        """Number of triangles, instances included."""
+        """Number of triangles, including those of instances."""
         return sum(len(reading.shape.slots) for reading in self._readings)
 
     def _read_some(self) -> str | None:
-        """Read items for the length of a slice, or up to one that is to be announced: return that."""
+        """Read objects for the length of a slice; return an announcement if a large one is next."""
         time, override = Slice(), self._watch.context.material_override
         depsgraph = self._watch.depsgraph()
         for item in scene_items(depsgraph, self._watch.visible, self._next, with_hair=True):
@@ -294,7 +296,7 @@ class _SceneReading:
         return None
 
     def _read_all(self, evaluation: Evaluation) -> None:
-        """Read the objects and instances in one piece, with the images that this takes."""
+        """Read all objects and instances in one piece, with the images that materials need."""
         override = self._watch.context.material_override
         for item in evaluation.items(self._watch.visible, with_hair=True):
             depsgraph = evaluation.depsgraph_of(item)
@@ -308,7 +310,7 @@ class _SceneReading:
     def _read_item(
         self, item: SceneItem, depsgraph: bpy.types.Depsgraph, override: bpy.types.Material | None
     ) -> None:
-        """Read an object or instance; raises PixelsNeededError if an image has to be read first."""
+        """Read an object or instance; raises PixelsNeededError if an image must be read first."""
         if has_strands(item.object, depsgraph):
             self._reader.add_hair(item, depsgraph, override)
         if not item.shows_self:
@@ -328,7 +330,7 @@ def _entry(reading: ReadObject, place: UvTransform | None) -> Entry | None:
 
 
 def _moves(readings: Sequence[ReadObject], places: Sequence[UvTransform | None]) -> dict[int, Move]:
-    """Return how the charts of objects, by session uid, get to where textures over them are made."""
+    """Return the transform from lightmap UVs to the place in the atlas of each object with textures."""
     return {
         reading.source: place.apply
         for reading, place in zip(readings, places, strict=True)
@@ -339,13 +341,13 @@ def _moves(readings: Sequence[ReadObject], places: Sequence[UvTransform | None])
 def _mesh(
     reading: ReadObject, place: UvTransform | None, atlases: list[str], origin: np.ndarray
 ) -> Slices[Mesh]:
-    """Return a reading in the world, with its charts in their place."""
+    """Return the world-space mesh of an object or instance, with UVs at its place in the atlas."""
     atlas = NO_LIGHTMAP if place is None else atlases.index(place.atlas)
     return world_mesh(reading, origin, atlas, place)
 
 
 def _nothing_left(seen: set[str], notes: Sequence[str]) -> str:
-    """Return why there is nothing to bake; `seen` are objects that are occluders by choice."""
+    """Return why there is nothing to bake; `seen` are names of objects that are occluders by choice."""
     reasons = " ".join(first_line(note) for note in notes)
     details = [line for note in notes for line in note.splitlines()[1:]]
     if seen:

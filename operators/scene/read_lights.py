@@ -1,4 +1,4 @@
-"""The lamps of a scene that has been read before."""
+"""Reads the lamps again for a scene that was read before."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ from .slice_timer import Slices
 def read_lamps(
     context: SceneContext, scene: Scene, hurried: bool = False
 ) -> Generator[Progress | None, None, Scene]:
-    """Return a scene with its lamps as they are now; sentences about them are left to `read_scene`.
+    """Return a scene with its lamps as they are now; notes on them are dropped.
 
-    hurried: see `read_scene`. Raises SceneChangedError if the scene changes between two slices.
+    hurried:  True to accept changes during the reading, see `read_scene`
+
+    Raises SceneChangedError if the scene changes between two slices.
     """
     with SceneWatch(context, hurried) as watch:
         work = _read(watch, scene)
@@ -30,7 +32,7 @@ def read_lamps(
 
 
 def _progress(said: float | str | None) -> Progress:
-    """Return what a window shows of a step of reading, which says what comes next if that takes long."""
+    """Return the progress of a step of reading, which is a fraction or an announcement."""
     return Progress(said if isinstance(said, str) else "Reading lamps", 0.0)
 
 
@@ -45,7 +47,7 @@ def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:
 
 
 def _add_lamps(evaluation: Evaluation, visible: Set[int], lamps: SceneLights) -> None:
-    """Add the lamps of an evaluation; visible: session uids of the objects that renders show."""
+    """Read the lamps of an evaluation; `visible` has the session uids of objects that renders show."""
     for item in evaluation.items(visible):
         if item.source.type == "LIGHT":
             lamps.add(item)

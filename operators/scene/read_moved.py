@@ -1,4 +1,4 @@
-"""A scene that has been read before, with its objects where the viewport has them now."""
+"""Moves the objects of a scene that was read before to where the viewport shows them now."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .scene_context import SceneContext
 
 
 def read_moved(context: SceneContext, read: ReadScene, moved: Set[int]) -> ReadScene | None:
-    """Return a scene in which objects have moved, given their session uids; their meshes stay.
+    """Return a scene with the objects of the given session uids moved; their meshes are not read again.
 
-    None if more than the meshes of these objects may have changed: an instancer moves its instances.
+    None if other meshes may have moved as well, since an instancer moves its instances.
     """
     context.evaluated_depsgraph_get()
     if any(placed.instancer in moved for placed in read.placed):
@@ -38,9 +38,9 @@ def read_moved(context: SceneContext, read: ReadScene, moved: Set[int]) -> ReadS
 
 
 def _move(mesh: Mesh, before: np.ndarray, after: np.ndarray, origin: np.ndarray) -> Mesh:
-    """Return a mesh, whose positions are relative to a point, with another matrix to world space.
+    """Return a mesh, with positions relative to `origin`, transformed from one object matrix to another.
 
-    Raises LinAlgError or SceneError if it is flat before or afterwards.
+    Raises LinAlgError or SceneError if one of the matrices is singular.
     """
     shift = np.eye(4)
     shift[:3, 3] = origin

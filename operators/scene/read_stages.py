@@ -1,4 +1,4 @@
-"""The stages of reading a scene, and how far it is."""
+"""Stages and progress of reading a scene."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from .slice_timer import Slices
 
 Made = TypeVar("Made")
 
-#: Seconds that an object, an evaluation by Cycles and a triangle take before any was measured.
+#: Estimated seconds for an object, an evaluation by Cycles and a triangle, before any was measured.
 _OBJECT, _EVALUATION, _TRIANGLE = 1e-3, 0.5, 1e-6
 
 
 class ReadStages(Schedule):
-    """Objects and instances, what Cycles has to evaluate, and triangles to be joined.
+    """Schedule of reading: objects and instances, evaluations by Cycles, joining of triangles.
 
-    paces  seconds that a unit of each stage took in earlier readings, by its name; `learn` adds to them
-    items  number of objects and instances
+    paces:  seconds per unit of each stage in earlier readings, by its name; `learn` updates them
+    items:  number of objects and instances
     """
 
     def __init__(self, paces: dict[str, float], items: int) -> None:
@@ -29,11 +29,11 @@ class ReadStages(Schedule):
         super().__init__([self.objects, self.materials, self.joining])
 
     def expect(self, evaluations: int, triangles: int) -> None:
-        """Learn what is left when the objects have been read."""
+        """Set the amounts of the remaining stages after the objects have been read."""
         self.materials.amount, self.joining.amount = evaluations, triangles
 
     def follow(self, stage: Stage, work: Slices[Made]) -> Generator[Progress | None, None, Made]:
-        """Do the work of a stage; let a window show what it announces before that begins."""
+        """Run the work of a stage, and yield its progress and announcements."""
         yield self.begin(stage)
         fraction = 0.0
         while True:
@@ -53,7 +53,7 @@ class ReadStages(Schedule):
                 yield self.progress(fraction)
 
     def learn(self) -> None:
-        """Keep the paces of this reading for the next one."""
+        """Store the seconds per unit of this reading for the next one."""
         for stage in (self.objects, self.materials, self.joining):
             if stage.done > 0:
                 self._paces[stage.name] = stage.seconds / stage.done

@@ -1,4 +1,4 @@
-"""The scene and view layer of a piece of work that lasts over many events."""
+"""The scene and view layer of work that takes longer than one event."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ..lookup import find
 
 
 class SceneContext:
-    """What such work needs of a context, looked up anew each time it is asked for.
+    """Scene and view layer, looked up again for each access.
 
-    Between two events an undo may free every datablock, and a window may change to another scene. Raises
-    SceneError once the scene or its view layer is gone.
+    Between two events an undo may free all datablocks, and a window may switch to another scene. Raises
+    SceneError if the scene or its view layer was deleted.
 
-    scene_uid  session uid of the scene
+    scene_uid:  session uid of the scene
     """
 
     def __init__(self, context: bpy.types.Context) -> None:
@@ -38,16 +38,16 @@ class SceneContext:
 
     @property
     def world(self) -> bpy.types.World | None:
-        """The world of renders: the view layer's override, if it has one."""
+        """The world of renders: the view layer's override, else the scene's world."""
         return self.view_layer.world_override or self.scene.world
 
     @property
     def material_override(self) -> bpy.types.Material | None:
-        """The material that renders give to all surfaces of the view layer, if there is one."""
+        """The view layer's material override; None without one."""
         return self.view_layer.material_override
 
     def evaluated_depsgraph_get(self) -> bpy.types.Depsgraph:
-        """Return the evaluated depsgraph, up to date."""
+        """Return the updated dependency graph."""
         layer = self.view_layer
         layer.update()
         return layer.depsgraph

@@ -1,4 +1,4 @@
-"""Objects and instances as they were read, before it is decided where their charts go."""
+"""Reads objects and instances, before places for their charts are chosen."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from .uvs.uv_modifier import uv_source
 
 @dataclass(frozen=True)
 class SharedMesh:
-    """A mesh in object space, one for all that show it.
+    """A mesh in object space that all its users share.
 
-    corners    its triangles
-    slots      (t,) int32, index into `Scene.materials` of each triangle
-    box        (8, 3) float64
-    uv_digest  tells its lightmap UVs from others, see `uv_digest.digest_of`; empty without any
+    corners:    its triangles
+    slots:      (t,) int32, index into `Scene.materials` of each triangle
+    box:        (8, 3) float64, corners of its bounding box in object space
+    uv_digest:  digest of its lightmap UVs, see `uv_digest.digest_of`; empty without any
     """
 
     corners: Corners
@@ -45,16 +45,16 @@ class SharedMesh:
 class ReadObject:
     """One object or instance.
 
-    name           of the object shown
-    source         its session uid
-    instancer      session uid of the object that makes the instance, None for an object
-    persistent_id  Blender's number of the instance
-    atlas          name of the atlas its charts go to, None for an occluder
-    uvs            session uid of what its UVs come from, see `uv_source`
-    matrix         (4, 4) float64, object space to world space
-    scale          factor on its texels per metre
-    light_group    name of the light group of what it emits
-    shape          its mesh; None until all meshes have been read
+    name:           name of the source object
+    source:         its session uid
+    uvs:            session uid of its UV source, see `uv_source`
+    instancer:      session uid of the object that makes the instance; None for an object
+    persistent_id:  Blender's identifier of the instance
+    atlas:          name of the atlas for its charts; None for an occluder
+    matrix:         (4, 4) float64, object space to world space
+    scale:          factor of its texels per metre
+    light_group:    name of the light group of its emission
+    shape:          its mesh; None until all meshes have been read
     """
 
     name: str
@@ -75,10 +75,10 @@ class ReadObject:
             return self.shape.box @ self.matrix[:3, :3].T + self.matrix[:3, 3]
 
 
-#: A mesh with more corners takes Blender long enough to be announced.
+#: Meshes with more loops are announced before they are read, because this takes long.
 _LARGE = 100_000
 
-#: Triangles that the hair of one particle system or Curves object has at most.
+#: Largest number of triangles for the hair of one particle system or Curves object.
 _MOST_HAIR = 1 << 20
 
 _THINNED = (
@@ -91,14 +91,20 @@ _DISPLACED = (
     "modifier, or set Displacement of the material to Bump Only."
 )
 
-#: Tells meshes apart: where the evaluated one is, its lightmap UV layer, the materials of its slots, and if
-#: it is an occluder's.
+#: Key of a mesh: address of the evaluated mesh, its lightmap UV layer, materials of its slots, and True for
+#: occluders.
 _MeshKey = tuple[int, str, tuple[int, ...], bool]
 
 
 @dataclass(frozen=True)
 class _Unfinished:
-    """A mesh whose triangles have not been made yet; item is the first that shows it, called `name`."""
+    """A mesh whose triangles have not been made yet.
+
+    arrays:  its geometry as read from Blender
+    slots:   index into `Scene.materials` of each material slot
+    item:    key of the first object that uses it
+    name:    name of that object
+    """
 
     arrays: MeshArrays
     slots: tuple[int, ...]
@@ -107,9 +113,9 @@ class _Unfinished:
 
 
 class ItemReader:
-    """Reads what a scene shows, each mesh once, and collects what there is to say about it.
+    """Reads the objects of a scene, each mesh once, and collects notes on them.
 
-    baked  session uids of the objects that get a lightmap
+    baked:  session uids of the objects that get a lightmap
     """
 
     def __init__(
@@ -129,15 +135,15 @@ class ItemReader:
 
     @staticmethod
     def is_large(item: SceneItem) -> bool:
-        """Return whether reading an item's mesh takes long."""
+        """Return whether reading an object's mesh takes long."""
         return len(item.object.data.loops) > _LARGE
 
     def add(self, item: SceneItem, override: bpy.types.Material | None) -> None:
-        """Read an object or instance with faces; `finish_meshes` must follow sometime before `finish`.
+        """Read an object or instance with faces; call `finish_meshes` some time before `finish`.
 
-        override: material of all surfaces, if the view layer has one
+        Raises PixelsNeededError if an image must be read first.
 
-        Raises PixelsNeededError if an image has to be read first.
+        override:  material of all surfaces, if the view layer has one
         """
         if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
             return
@@ -159,11 +165,11 @@ class ItemReader:
     def add_hair(
         self, item: SceneItem, depsgraph: bpy.types.Depsgraph, override: bpy.types.Material | None
     ) -> None:
-        """Read the hair of an object or instance: thin ribbons that get no lightmap.
+        """Read the hair of an object or instance as thin ribbons, which are occluders.
 
-        override: material of all surfaces, if the view layer has one
+        Raises PixelsNeededError if an image must be read first; then call this again.
 
-        Raises PixelsNeededError if an image has to be read first; then it must be called again.
+        override:  material of all surfaces, if the view layer has one
         """
         if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
             return
@@ -197,7 +203,7 @@ class ItemReader:
             yield 0.0
 
     def finish(self) -> Slices[tuple[list[ReadObject], np.ndarray]]:
-        """Return what was read, and the point that positions are relative to, (3,) float64, world space."""
+        """Return the objects, and the origin that positions are relative to, (3,) float64 in world space."""
         if self._degenerate:
             names, count = sorted(self._degenerate), sum(self._degenerate.values())
             sentence = f"{_objects(names)}: {count} zero-area triangles were left out."
@@ -222,7 +228,7 @@ class ItemReader:
         return near, middle
 
     def _readings(self) -> Iterator[ReadObject]:
-        """Yield all items with their shapes; those whose UVs are of no use become occluders."""
+        """Yield all objects with their meshes; those with invalid UVs become occluders."""
         for key, reading in self._items:
             shape = self._shapes[key]
             if isinstance(shape, str):
@@ -234,7 +240,7 @@ class ItemReader:
             yield replace(reading, shape=shape, atlas=None if trouble else reading.atlas)
 
     def _reading(self, item: SceneItem, atlas: str | None) -> ReadObject:
-        """Return an item whose mesh has not been read yet."""
+        """Return an object without its mesh."""
         instancer = item.instancer
         return ReadObject(
             name=item.source.name,
@@ -253,13 +259,13 @@ class ItemReader:
         return item.instancer is not None and item.instancer.hemibake.role == "IGNORED"
 
     def _gets_lightmap(self, item: SceneItem) -> bool:
-        """Return whether an item is to be baked: an object that is, shown by one that is no mere occluder."""
+        """Return whether an object is baked, or an instance of it, which a baked object must make."""
         if item.source.session_uid not in self._baked:
             return False
         return item.instancer is None or item.instancer.hemibake.role == "BAKED"
 
     def _read(self, item: SceneItem, layer: str, slots: Sequence[int], atlas: str | None) -> MeshArrays:
-        """Read an item's mesh; of one that is being edited Blender has to make it."""
+        """Read an object's mesh; in edit mode Blender must first convert it."""
         if item.source.type != "MESH" or not item.source.data.is_editmode:
             return self._read_mesh(item.object.data, layer, slots, atlas)
         try:
@@ -277,7 +283,10 @@ class ItemReader:
 
 
 def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> SharedMesh | str:
-    """Return a mesh with its materials, or why it is left out; uvs: (l, 2) float32, the lightmap UVs."""
+    """Return a mesh with its materials, or the problem because of which it is left out.
+
+    uvs:  (l, 2) float32, its lightmap UVs; None without any
+    """
     if not len(corners.positions):
         return NO_FACES
     if not np.isfinite(corners.positions).all():
@@ -290,14 +299,14 @@ def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> Sh
 
 
 def _uv_trouble(uvs: np.ndarray | None) -> str | None:
-    """Return what is wrong with lightmap UVs wherever they are in an atlas."""
+    """Return the problem of lightmap UVs that are missing or not finite; None if there is none."""
     if uvs is None:
         return NO_UVS
     return None if is_finite(uvs) else NOT_FINITE_UVS
 
 
 def _box(positions: np.ndarray) -> np.ndarray:
-    """Return the corners of the box around triangles, (8, 3) float64."""
+    """Return the corners of the bounding box of triangles, (8, 3) float64."""
     bounds = np.stack([positions.min(axis=(0, 1)), positions.max(axis=(0, 1))]).astype(np.float64)
     return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(8, 3)
 

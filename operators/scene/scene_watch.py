@@ -1,4 +1,4 @@
-"""Notices that a scene changes while it is being read."""
+"""Detects changes of a scene while it is read."""
 
 from __future__ import annotations
 
@@ -16,27 +16,29 @@ from .scene_context import SceneContext
 
 Made = TypeVar("Made")
 
-#: Changes of their members and settings only: what is shown tells whether that matters.
+#: Datablocks whose updates concern only members and settings; whether these matter is checked by what is
+#: visible.
 _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
 
-#: What a surface or light looks like. Objects are tagged, too, whenever there is any new datablock.
+#: Datablocks that determine the look of surfaces and light. Objects are tagged as well for each new
+#: datablock.
 _LOOKS = (bpy.types.Material, bpy.types.World, bpy.types.Light, bpy.types.Image, bpy.types.Texture)
 
 
 class SceneChangedError(Exception):
-    """What was read of the scene is no longer what it shows: it has to be read again."""
+    """Raised if the scene changed since parts of it were read, so that it must be read again."""
 
 
 class SceneWatch:
     """Watches a scene inside `with`.
 
-    context  of the scene
-    visible  session uids of the objects that are shown
-    items    number of objects and instances in the depsgraph
+    context:  the context of the scene
+    visible:  session uids of the visible objects
+    items:    number of objects and instances in the dependency graph
     """
 
     def __init__(self, context: SceneContext, tolerant: bool = False) -> None:
-        """Watch the scene of a context; tolerant: take all changes as they come."""
+        """Watch the scene of a context; `tolerant`: True to accept all changes."""
         self.context, self._tolerant = context, tolerant
         self._changed = self._doubtful = False
         self._handlers = Handlers(
@@ -63,7 +65,7 @@ class SceneWatch:
         self._handlers.end()
 
     def depsgraph(self) -> bpy.types.Depsgraph:
-        """Return the evaluated depsgraph; raises SceneChangedError if it is not as it was."""
+        """Return the updated dependency graph; raises SceneChangedError if the scene changed."""
         depsgraph = self.context.evaluated_depsgraph_get()
         if self._doubtful:
             self._changed |= self._census() != (self.visible, self.items)
@@ -76,25 +78,25 @@ class SceneWatch:
     def evaluate(
         self, job: Callable[[Evaluation], Made], only: Collection[bpy.types.Object] | None = None
     ) -> Made:
-        """Call a function with the evaluated objects that a bake reads, see `evaluate`; return its result.
+        """Call a function with the evaluated objects of a bake, see `evaluate`; return its result.
 
-        Raises SceneChangedError if the scene is not as it was.
+        Raises SceneChangedError if the scene changed.
         """
         self.depsgraph()
         return evaluate(self.context, job, only)
 
     def accept(self) -> None:
-        """Take the scene as it is after changes of Hemibake's own."""
+        """Accept the present state of the scene, after changes made by Hemibake itself."""
         self.context.evaluated_depsgraph_get()
         self._changed = self._doubtful = False
 
     def _census(self) -> tuple[frozenset[int], int]:
-        """Return which objects are shown, and how many objects and instances there are."""
+        """Return the visible objects' session uids, and the number of objects and instances."""
         shown = frozenset(obj.session_uid for obj in visible_objects(self.context))
         return shown, len(self.context.view_layer.depsgraph.object_instances)
 
     def _find_overrides(self) -> tuple[int, ...]:
-        """Return the session uids of the view layer's material override and of the world."""
+        """Return the session uids of the view layer's material override and of the world; 0 for none."""
         chosen = self.context.material_override, self.context.world
         return tuple(0 if item is None else item.session_uid for item in chosen)
 

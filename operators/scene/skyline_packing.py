@@ -1,4 +1,4 @@
-"""Rectangles side by side in rectangles: tiles of an atlas."""
+"""Packs rectangles into rectangles: tiles of an atlas."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Box:
     height: int
 
 
-#: Page and lower left corner of each tile.
+#: Page and lower left corner (x, y) of each tile.
 Corners = list[tuple[int, int, int]]
 
 
 def pack_tiles(
     sizes: Sequence[tuple[int, int]], pages: Sequence[Box]
 ) -> Generator[None, None, Corners | None]:
-    """Return the corners of tiles, (width, height) texels; None if they do not fit. Yields after each tile.
+    """Pack tiles, (width, height) texels; return their corners, None if they do not fit.
 
-    Each goes to the first page that has room, the highest first, as low as it can lie on those below it
-    (skyline bottom-left; Jylänki 2010, A Thousand Ways to Pack the Bin, section 2.3).
+    Skyline bottom-left: the tallest tile comes first, and each goes to the lowest position on the first page
+    with room (Jylänki 2010, A Thousand Ways to Pack the Bin, section 2.3). Yields after each tile.
     """
     skylines = [_Skyline(page) for page in pages[:1]]
     corners = [(0, 0, 0)] * len(sizes)
@@ -51,14 +51,14 @@ def pack_tiles(
 
 
 class _Skyline:
-    """The upper edge of the tiles in a box, as steps from left to right: x, y, width."""
+    """The skyline of a page: the upper edge of its tiles as steps (x, y, width) from left to right."""
 
     def __init__(self, box: Box) -> None:
         self._box = box
         self._steps = [(box.x, box.y, box.width)]
 
     def place(self, width: int, height: int) -> tuple[int, int] | None:
-        """Add a tile and return its lower left corner; None without room."""
+        """Place a tile and return its lower left corner; None if there is no room."""
         right, top = self._box.x + self._box.width, self._box.y + self._box.height
         inside = (index for index, (x, _, _) in enumerate(self._steps) if x + width <= right)
         places = [(self._rest(index, width), self._steps[index][0]) for index in inside]
@@ -69,7 +69,7 @@ class _Skyline:
         return x, y
 
     def _rest(self, index: int, width: int) -> int:
-        """Return how low a tile can lie whose left side is that of a step."""
+        """Return the lowest y at which a tile can be placed with its left edge at a step."""
         end, lowest = self._steps[index][0] + width, self._box.y
         for x, y, _ in islice(self._steps, index, None):
             if x >= end:
@@ -78,7 +78,7 @@ class _Skyline:
         return lowest
 
     def _raise(self, left: int, width: int, top: int) -> None:
-        """Let the edge go over a new tile."""
+        """Raise the skyline over a new tile."""
         right = left + width
         steps = [(left, top, width)]
         for x, y, length in self._steps:
@@ -91,9 +91,10 @@ class _Skyline:
 
 
 def largest_free_box(occupied: np.ndarray) -> Box:
-    """Return the largest rectangle of False in a grid, (h, w) bool, in cells.
+    """Return the largest rectangle of False cells in a grid, (h, w) bool, in cells.
 
-    Row by row, the largest rectangle under the histogram of free cells below; a stack keeps its rising bars.
+    For each row, it is the largest rectangle under the histogram of free cells, found with a stack of rising
+    bars.
     """
     best = Box(0, 0, 0, 0)
     free = np.zeros(occupied.shape[1], int)

@@ -1,6 +1,6 @@
-"""The unit scale of a scene: settings are in metres, coordinates in Blender's units.
+"""Unit scale of a scene: settings are in metres, coordinates in Blender's units.
 
-Lights keep Blender's units, as in Cycles, which takes no notice of the unit scale.
+Lights use Blender's units, as in Cycles, which ignores the unit scale.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ import bpy
 
 
 def metres_per_unit(scene: bpy.types.Scene) -> float:
-    """Return how many metres a unit of length is; 1 where Blender shows bare numbers."""
+    """Return the metres per unit of length; 1 if the unit system is None."""
     units = scene.unit_settings
     return 1.0 if units.system == "NONE" else float(units.scale_length)
 
 
 def texels_per_unit(settings: bpy.types.PropertyGroup) -> float:
-    """Return the texels per metre that a scene's settings demand, per unit of length."""
+    """Return the texels per unit of length that a scene's setting of texels per metre demands."""
     return settings.texels_per_metre * metres_per_unit(settings.id_data)

@@ -1,7 +1,7 @@
-"""Where the charts of each object and instance go.
+"""Chooses the place of each object's and instance's charts in the atlases.
 
-An object whose charts lie on no other's keeps them where they are; those that lie on each other are placed
-side by side. Several objects or instances that show one mesh get a tile each, in atlases of their own.
+Objects whose charts overlap no others keep their place, and overlapping ones are moved (see
+`overlap_layout`). Objects or instances that share a mesh get a tile each, in further atlases.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from .slice_timer import Slices
 from .uv_transform import ChartBox, Charted, UvTransform, chart_box, charted_of
 from .uvs.uv_faults import is_inside
 
-#: Largest number of atlases with tiles for one atlas name; tiles shrink until they fit.
+#: Largest number of further atlases with tiles for one atlas, and the factor by which tiles shrink until they
+#: fit.
 _MOST_PAGES = 64
 _SHRINK = 0.9
 
-#: Texels below which the largest tile does not shrink.
+#: The largest tile is not made smaller than this, texels.
 _SMALLEST = 6
 
 Places = Slices[tuple[list[str], list[UvTransform | None]]]
@@ -33,12 +34,14 @@ Places = Slices[tuple[list[str], list[UvTransform | None]]]
 def choose_places(
     readings: Sequence[ReadObject], several: set[int], resolution: int, troubles: Troubles
 ) -> Places:
-    """Return the names of all atlases, and the place of each reading, None for occluders.
+    """Return the names of all atlases, and the place of each object or instance, None for occluders.
 
-    Yields after every few milliseconds of work.
+    Yields every few milliseconds.
 
-    several   sources of UVs that may be shown several times, see `multi_user_sources`
-    troubles  is told of readings that become occluders since they have no place
+    readings:    objects and instances
+    several:     session uids of UV sources that may be shared, see `multi_user_sources`
+    resolution:  width of the atlases, texels
+    troubles:    collects objects that become occluders, because they have no place
     """
     tiled = _tiled(readings, several)
     places: list[UvTransform | None] = [None] * len(readings)
@@ -66,7 +69,7 @@ def choose_places(
 
 
 def _all_charted(readings: Sequence[ReadObject]) -> Slices[dict[int, Charted]]:
-    """Return the charts of the readings that get a lightmap, by index."""
+    """Measure the charts of the objects that get a lightmap, by index."""
     charted = {}
     for index, reading in enumerate(readings):
         if reading.atlas is not None:
@@ -75,7 +78,7 @@ def _all_charted(readings: Sequence[ReadObject]) -> Slices[dict[int, Charted]]:
 
 
 def _by_atlas(readings: Sequence[ReadObject], indices: Iterable[int]) -> dict[str, list[int]]:
-    """Return which of some readings each atlas has."""
+    """Return the indices of the objects of each atlas, by its name."""
     groups: dict[str, list[int]] = {}
     for index in indices:
         atlas = readings[index].atlas
@@ -92,7 +95,7 @@ def _set(
 
 
 def _tiled(readings: Sequence[ReadObject], several: set[int]) -> np.ndarray:
-    """Return whether the charts of each reading may be shown by another baked one, too, (n,) bool."""
+    """Return whether each object shares its UVs with other baked objects or instances, (n,) bool."""
     users = Counter((reading.uvs, reading.atlas) for reading in readings)
     return np.array(
         [
@@ -111,9 +114,9 @@ def _tiled(readings: Sequence[ReadObject], several: set[int]) -> np.ndarray:
 def _place_tiles(
     boxes: Sequence[ChartBox], alone: Sequence[ChartBox], atlas: str, resolution: int
 ) -> Slices[Sequence[UvTransform | None]]:
-    """Return a tile for each box: as fine as objects that are alone, else as fine as fits one atlas.
+    """Return a tile for each box, at the median density of unshared objects, else as large as fits one atlas.
 
-    They are None if not all of them fit.
+    All are None if they do not fit.
     """
     density = float(np.median([box.density for box in alone])) if alone else 0.0
     fitting = yield from _fit([box.size for box in boxes], density * resolution, resolution)
@@ -127,14 +130,14 @@ def _place_tiles(
 
 
 def _free_name(atlas: str, taken: set[str | None]) -> str:
-    """Return a name whose pages are no atlas of the user's."""
+    """Return a name whose pages are not atlases of the user."""
     while any(_page_name(atlas, page) in taken for page in range(_MOST_PAGES)):
         atlas += " shared"
     return atlas
 
 
 def is_page(name: str, atlas: str) -> bool:
-    """Return True if a name is that of a page of tiles for objects of an atlas."""
+    """Return True if a name is that of a page of tiles for an atlas."""
     return re.fullmatch(re.escape(atlas) + "( shared)* instances( [0-9]+)?", name) is not None
 
 
@@ -143,10 +146,12 @@ def _page_name(atlas: str, page: int) -> str:
 
 
 def _fit(sizes: Sequence[np.ndarray], wanted: float, resolution: int) -> Slices[tuple[float, Corners] | None]:
-    """Return the texels per metre at which tiles of some sizes, (2,) metres each, fit, and their corners.
+    """Return the texels per metre at which tiles of sizes, (2,) metres each, fit, and their corners.
 
-    wanted: texels per metre, 0 for as many as fit one atlas. Tiles shrink before there are more atlases
-    than needed, but not below a few texels. None if that is not enough.
+    Tiles shrink before more atlases than needed are used, but not below a few texels. None if that is not
+    enough.
+
+    wanted:  texels per metre; 0 for as many as fit one atlas
     """
     largest = max(float(size.max()) for size in sizes)
     page = Box(0, 0, resolution, resolution)

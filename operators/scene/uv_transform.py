@@ -1,4 +1,4 @@
-"""A place in an atlas, and what decides how large it is to be."""
+"""Places of charts in an atlas, and the texel density of charts."""
 
 from __future__ import annotations
 
@@ -9,29 +9,34 @@ import numpy as np
 from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
 
-#: Smallest width and height of the box around charts, in UVs, and smallest part of it that they fill.
+#: Smallest width and height of the box around charts, UV units, and smallest fraction of it that they fill.
 _SMALLEST_BOX, _LEAST_FILLED = 1e-4, 0.05
 
 
 @dataclass(frozen=True)
 class UvTransform:
-    """A place in an atlas: lightmap uv = uv of the mesh * scale + offset."""
+    """A place in an atlas: lightmap UV = UV of the mesh * scale + offset.
+
+    atlas:   name of the atlas
+    scale:   factor of the UVs
+    offset:  offset of the scaled UVs
+    """
 
     atlas: str
     scale: float = 1.0
     offset: tuple[float, float] = (0.0, 0.0)
 
     def apply(self, uvs: np.ndarray) -> np.ndarray:
-        """Return UVs of the mesh, (..., 2) float32, as lightmap UVs."""
+        """Transform UVs of the mesh to lightmap UVs, (..., 2) float32."""
         if (self.scale, self.offset) == (1.0, (0.0, 0.0)):
             return uvs
         return (uvs.astype(np.float64) * self.scale + np.array(self.offset)).astype(np.float32)
 
 
 def takes_textures(reading: ReadObject, place: UvTransform) -> bool:
-    """Return whether textures that are made over a reading's lightmap UVs lie where its charts are put.
+    """Return whether textures over the object's lightmap UVs use its place in the atlas.
 
-    Of several that show one mesh, with tiles in an atlas of their own, the mesh itself has the textures.
+    Objects that share a mesh have tiles in other atlases; their textures use the mesh's own UVs.
     """
     return place.atlas == reading.atlas
 
@@ -40,8 +45,9 @@ def takes_textures(reading: ReadObject, place: UvTransform) -> bool:
 class ChartBox:
     """The box around charts.
 
-    low, high  (2,) float64, UVs
-    density    UV lengths per metre
+    low:      smallest corner, (2,) float64 in UV units
+    high:     largest corner, (2,) float64 in UV units
+    density:  UV length per metre
     """
 
     low: np.ndarray
@@ -54,7 +60,7 @@ class ChartBox:
         return (self.high - self.low) / self.density
 
     def place(self, atlas: str, corner: tuple[int, int], scale: float, resolution: int) -> UvTransform:
-        """Return the place whose lower left corner is a texel, at a scale in texels per metre."""
+        """Return the place with its lower left corner at a texel, and a scale in texels per metre."""
         factor = scale / self.density / resolution
         x, y = np.array(corner) / resolution - self.low * factor
         return UvTransform(atlas, float(factor), (float(x), float(y)))
@@ -62,13 +68,14 @@ class ChartBox:
 
 @dataclass(frozen=True, eq=False)
 class Charted:
-    """The charts of an object, and what they show.
+    """The charts of an object and the surface that they cover.
 
-    uvs        (t, 3, 2) float32
-    low, high  (2,) float64, corners of the box around the UVs
-    flat_area  of the charts, in UV space
-    surface    in the world, m^2
-    scale      the object's scale in lightmaps
+    uvs:        (t, 3, 2) float32, UVs of the triangles' corners
+    low:        smallest UVs, (2,) float64
+    high:       largest UVs, (2,) float64
+    flat_area:  area of the charts, UV units^2
+    surface:    area in world space, m^2
+    scale:      the object's scale in lightmaps
     """
 
     uvs: np.ndarray
@@ -80,11 +87,12 @@ class Charted:
 
 
 def make_charted(uvs: np.ndarray, positions: np.ndarray, matrix: np.ndarray, scale: float) -> Slices[Charted]:
-    """Return the charts of an object.
+    """Measure the charts of an object.
 
-    uvs        (t, 3, 2) float32
-    positions  (t, 3, 3) float32, object space
-    matrix     (4, 4) float64, object space to world space
+    uvs:        (t, 3, 2) float32
+    positions:  (t, 3, 3) float32, object space
+    matrix:     (4, 4) float64, object space to world space
+    scale:      the object's scale in lightmaps
     """
     turn = matrix[:3, :3].T
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -103,13 +111,13 @@ def make_charted(uvs: np.ndarray, positions: np.ndarray, matrix: np.ndarray, sca
 
 
 def charted_of(reading: ReadObject) -> Slices[Charted]:
-    """Return the charts of a reading that has lightmap UVs."""
+    """Measure the charts of an object or instance with lightmap UVs."""
     corners = reading.shape.corners
     return make_charted(corners.uvs, corners.positions, reading.matrix, reading.scale)
 
 
 def chart_box(charted: Charted) -> ChartBox:
-    """Return the box around an object's charts, and how dense they are for its scale in lightmaps."""
+    """Return the box around an object's charts, with their density at its scale in lightmaps."""
     high = np.maximum(charted.high, charted.low + _SMALLEST_BOX)
     flat = max(charted.flat_area, _LEAST_FILLED * float(np.prod(high - charted.low)))
     area = charted.surface * charted.scale**2

@@ -1,4 +1,4 @@
-"""An object or instance that was read -> engine.Mesh, along the world's axes."""
+"""Converts an object or instance to an engine.Mesh in world axes."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from .uv_transform import UvTransform, takes_textures
 def world_mesh(
     reading: ReadObject, origin: np.ndarray, atlas: int, place: UvTransform | None
 ) -> Slices[Mesh]:
-    """Return a reading's corners along the world's axes.
+    """Transform an object's triangles to world axes, and its UVs to its place in the atlas.
 
-    origin  (3,) float64, world space: what the positions are relative to
-    place   in the atlas; None for an occluder
+    origin:  (3,) float64 in world space; positions are relative to it
+    atlas:   index of the atlas in the scene
+    place:   place in the atlas; None for an occluder
     """
     corners, matrix = reading.shape.corners, reading.matrix
     linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
@@ -52,9 +53,9 @@ def world_mesh(
 
 
 def _normal_matrix(matrix: np.ndarray) -> np.ndarray:
-    """Return the matrix normals transform by: the inverse transpose up to a positive factor.
+    """Return the matrix that transforms normals: the inverse transpose up to a positive factor.
 
-    The cofactor matrix, with the sign of the determinant, also exists for flattened objects.
+    It is the cofactor matrix with the sign of the determinant, which also exists for singular matrices.
     """
     cofactors = np.stack([np.cross(matrix[(i + 1) % 3], matrix[(i + 2) % 3]) for i in range(3)])
     return -cofactors if np.linalg.det(matrix) < 0 else cofactors

@@ -5,7 +5,7 @@
 // Jittered ray origins within a texel. Points that another face separates from the texel's centre are avoided: they lie
 // inside an object or on the far side of a wall, where the light differs and is never displayed.
 
-// Increments of a 2D Weyl sequence, as fractions of 2^32: golden ratio - 1 and sqrt(2) - 1 bits.
+// Increments of a 2D Weyl sequence, as fractions of 2^32: golden ratio - 1 and sqrt(2) - 1.
 #define PLACES (uint2)(2654435769u, 1779033703u)
 
 // Returns the position of sample i in the texel, 0..1 along u and v.

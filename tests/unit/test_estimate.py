@@ -45,6 +45,15 @@ def test_estimate_without_bounces_needs_no_samples():
     assert estimate(EXTENT, 9973, direct, {}).sample_bytes == 0
 
 
+def test_triangles_count_before_and_after_direct_light():
+    """They take most of a bake with millions of them, in listing patches and in choosing a method."""
+    stages = BakeStages(Extent(1, 12_800_000, 1), SETTINGS, {})
+    few = BakeStages(Extent(1, 100, 1), SETTINGS, {})
+    for name in ("patches", "choosing"):
+        assert getattr(stages, name).seconds_left > 20 * getattr(few, name).seconds_left
+    assert few.choosing.seconds_left == pytest.approx(0.5, rel=0.01)
+
+
 def test_kernels_that_are_not_built_yet_count():
     prepared = estimate(EXTENT, 9973, SETTINGS, {}, preparing=12.5)
     assert prepared.seconds == pytest.approx(seconds() + 12.5)

@@ -1,4 +1,4 @@
-"""`blender -b room.blend -c hemibake --out lightmaps`: a bake from a shell, by the installed add-on."""
+"""Commands of the installed add-on for a shell: `blender -b room.blend -c hemibake --out lightmaps`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _commands: list = []
 
 
 def register() -> None:
-    """Add the commands to Blender."""
+    """Register the commands with Blender."""
     import bpy
 
     _commands.append(bpy.utils.register_cli_command("hemibake", main))
@@ -29,7 +29,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take the commands away again."""
+    """Unregister the commands."""
     import bpy
 
     while _commands:
@@ -37,7 +37,7 @@ def unregister() -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the command and return the exit code of the process, which ends then."""
+    """Run a bake and return the exit code of the process, which ends afterwards."""
     options = parser("blender -c hemibake", _DESCRIPTION)
     options.add_argument(
         "scene", type=Path, nargs="?", help=".blend, .glb, .gltf or .obj; the file that is open without one"
@@ -46,12 +46,12 @@ def main(arguments: list[str]) -> int:
 
 
 def main_of_merge(arguments: list[str]) -> int:
-    """Merge the reports of parts that were baked apart, and return the exit code."""
+    """Merge the reports of parts that were baked separately; return the exit code."""
     return execute_last(arguments, merge_parser("blender -c hemibake_merge"), merge_parts)
 
 
 def main_of_worker(arguments: list[str]) -> int:
-    """Work for a scheduler until it ends, and return the exit code."""
+    """Work for a scheduler until it ends; return the exit code."""
     return work(arguments, "blender -c hemibake_worker")
 
 

@@ -1,7 +1,7 @@
-"""What baking from a shell does, whether Blender runs the command or a Python with bpy does.
+"""The command-line bake, run by Blender or by Python with the bpy package.
 
-It drives the add-on through `bpy.ops` and `scene.hemibake`, as any script would. It is imported before
-there is a bpy, so that a mistyped option is told at once.
+It controls the add-on through `bpy.ops` and `scene.hemibake`, as any script would. It can be imported without
+bpy, so that mistyped options are reported at once.
 """
 
 from __future__ import annotations
@@ -22,15 +22,18 @@ from .scene_subset import choose_part
 from .signals import Signals, Stopped
 from .stdout_guard import end_stdout, quiet_stdout
 
-#: Endings of files that a scene can be exported to.
+#: Suffixes of files that a scene can be exported to.
 _EXPORTED = (".glb", ".gltf")
 
-#: Bakes what the options say and returns the report.
+#: Function that bakes by the options and returns the report.
 Work = Callable[[argparse.Namespace, Signals], dict]
 
 
 def execute(arguments: Sequence[str], parser: Parser, work: Work) -> int:
-    """Run a command, print what came of it, and return the exit code: 0, 1, or 128 + number of a signal."""
+    """Run a command and print its report or error.
+
+    Returns the exit code: 0, 1, or 128 + the number of a signal.
+    """
     as_json = "--json" in arguments
     try:
         with Signals() as signals:
@@ -52,7 +55,7 @@ def execute(arguments: Sequence[str], parser: Parser, work: Work) -> int:
 
 
 def execute_last(arguments: Sequence[str], parser: Parser, work: Work) -> int:
-    """Run a command as `execute` does, in a process that then ends: JSON is the last line of its output."""
+    """Run a command as `execute` does and end the process; JSON is the last line of its output."""
     code = execute(arguments, parser, work)
     if "--json" in arguments:
         end_stdout()
@@ -60,7 +63,7 @@ def execute_last(arguments: Sequence[str], parser: Parser, work: Work) -> int:
 
 
 def check_paths(options: argparse.Namespace) -> None:
-    """Raise CommandError if there is no such scene, or the baked one could not be saved or exported."""
+    """Raise CommandError if the scene does not exist, or the result could not be saved or exported."""
     if options.scene is not None:
         check_scene(options.scene.resolve())
     if options.export is not None and options.export.suffix.lower() not in _EXPORTED:
@@ -71,7 +74,7 @@ def check_paths(options: argparse.Namespace) -> None:
 
 
 def prepare(options: argparse.Namespace) -> None:
-    """Open what is named, all of it or a part, and give it the world and the settings of the options."""
+    """Open the scene, choose the part to bake, and apply the options for world and settings."""
     if options.scene is not None:
         open_scene(options.scene.resolve())
     choose_part(options)
@@ -87,7 +90,7 @@ def bake(options: argparse.Namespace, signals: Signals) -> dict:
     from ..file_format import ENCODED
     from .pictures import write_pictures
 
-    # The operator raises RuntimeError with its message if it fails.
+    # On failure the operator raises RuntimeError with its message.
     signals.check()
     bpy.ops.hemibake.bake()
     signals.check()
@@ -99,7 +102,7 @@ def bake(options: argparse.Namespace, signals: Signals) -> dict:
 
 
 def export(options: argparse.Namespace, report: dict) -> dict:
-    """Write a glTF file with the lightmaps if that is asked for; return the report, with the file."""
+    """Write a glTF file with the lightmaps if an option asks for it; return the report with the file."""
     import bpy
 
     if options.export is None:
@@ -110,7 +113,7 @@ def export(options: argparse.Namespace, report: dict) -> dict:
 
 
 def save(options: argparse.Namespace, report: dict) -> dict:
-    """Save the baked scene and the report if that is asked for; return the report, with the scene's file."""
+    """Save the baked scene and the report if options ask for it; return the report with the file."""
     import bpy
 
     if options.save_blend is not None:

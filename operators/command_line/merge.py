@@ -1,10 +1,10 @@
-"""`blender -b -c hemibake_merge FOLDER`: one report and one manifest of parts that were baked apart.
+"""Merges reports and manifests of separately baked parts: `blender -b -c hemibake_merge FOLDER`.
 
-Each part has a folder of its own in FOLDER, with the report that `--report` wrote beside its lightmaps:
+Each part has its own folder in FOLDER, with the report of `--report` beside its lightmaps:
 
     FOLDER/hall/report.json    FOLDER/hall/hemibake.json    FOLDER/hall/hall_Lightmap.exr
     FOLDER/yard/report.json    ...
-    FOLDER/report.json and FOLDER/hemibake.json are what is written
+    FOLDER/report.json and FOLDER/hemibake.json are written
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from ..result.manifest import NAME, manifest, read_manifest
 from .options import CommandError, Parser
 from .signals import Signals
 
-#: File name of the report of a part, and of all.
+#: File name of the report of a part, and of the merged report.
 REPORT = "report.json"
 
 
 def merge_parser(program: str) -> Parser:
-    """Return a parser of the options of a merge."""
+    """Return a parser for the options of a merge."""
     made = Parser(
         prog=program,
         description="Merge the reports and manifests of parts that were baked into folders of one folder.",
@@ -39,7 +39,7 @@ def merge_parser(program: str) -> Parser:
 def merge_parts(options: argparse.Namespace, _: Signals) -> dict:
     """Merge the parts of a folder, write the report and the manifest, and return the report.
 
-    Raises CommandError if a part has no report, or none that can be read; OSError if nothing can be written.
+    Raises CommandError if a part has no readable report, and OSError if a file cannot be written.
     """
     folder, parts = options.folder.resolve(), options.parts
     names = sorted(path.parent.name for path in folder.glob(f"*/{REPORT}")) if parts is None else list(parts)
@@ -69,12 +69,12 @@ def _read(path: Path) -> dict:
     return report
 
 
-#: Entries of a report that are needed of each part.
+#: Entries that each part's report must have.
 _TOTALS = {"objects", "patches", "iterations", "seconds", "files", "warnings"}
 
 
 def _sum(reports: dict[str, dict]) -> dict:
-    """Return one report of several: sums, the most iterations, files, warnings, and each of them by name."""
+    """Return the merged report: sums, maximum of iterations, files, warnings, and all parts by name."""
     seconds = Counter()
     for report in reports.values():
         seconds.update(report["seconds"])
@@ -92,7 +92,7 @@ def _sum(reports: dict[str, dict]) -> dict:
 
 
 def _lightmaps(folder: Path, names: Sequence[str]) -> dict[str, dict]:
-    """Return what the manifests of parts tell of their files, by paths from the folder."""
+    """Return the manifest entries of all parts, by file paths relative to the folder."""
     return {
         f"{name}/{file}": {**entry, **_moved(entry, name)}
         for name in names
@@ -101,14 +101,14 @@ def _lightmaps(folder: Path, names: Sequence[str]) -> dict[str, dict]:
 
 
 def _moved(entry: dict, name: str) -> dict:
-    """Return the path of a part's .blend from the folder; nothing where it was never saved."""
+    """Return the path of a part's .blend relative to the folder; empty if it was never saved."""
     blend = entry.get("blend") or ""
     relative = blend and not os.path.isabs(blend)
     return {"blend": Path(os.path.normpath(Path(name, blend))).as_posix()} if relative else {}
 
 
 def _write(path: Path, facts: dict) -> None:
-    """Replace a file as a whole."""
+    """Replace a file by JSON in one step."""
     staged = path.with_suffix(".part")
     staged.write_text(json.dumps(facts, indent=1), encoding="utf-8")
     staged.replace(path)

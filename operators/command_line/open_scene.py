@@ -1,4 +1,4 @@
-"""Opens the scene that a shell names, and gives it another world."""
+"""Opens the scene file of a command, and replaces the world."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def check_scene(scene: Path) -> None:
 
 
 def open_scene(path: Path) -> None:
-    """Open a scene file; raises CommandError if Blender cannot."""
+    """Open a scene file; raises CommandError if Blender cannot open it."""
     try:
         _OPENERS[path.suffix.lower()](str(path))
     except RuntimeError as error:
@@ -26,7 +26,7 @@ def open_scene(path: Path) -> None:
 
 
 def replace_world(radiance: tuple[float, float, float]) -> None:
-    """Give the scene a constant background of a radiance, scene-linear Rec.709."""
+    """Replace the scene's world by a constant radiance, linear Rec.709."""
     import bpy
 
     world = bpy.data.worlds.new("World")
@@ -59,11 +59,11 @@ def _import_obj(path: str) -> None:
 
 
 def _start_empty() -> None:
-    """Leave the open file for an empty one: a scene that is imported is baked alone."""
+    """Replace the open file by an empty one, so that an imported scene is baked alone."""
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
-#: What opens each kind of scene, by the ending of its file.
+#: Function that opens a scene file, by suffix.
 _OPENERS = {".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}

@@ -1,4 +1,4 @@
-"""Gives settings of the scene and of the machine the values of options."""
+"""Applies the values of options to the settings of the scene and of the machine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def apply_settings(options: argparse.Namespace) -> None:
-    """Copy the given options to the settings of the scene and, for this process, of the machine."""
+    """Copy the given options to the scene's settings and, for this process, to the machine's preferences."""
     import bpy
 
     scene = bpy.context.scene.hemibake
@@ -31,7 +31,7 @@ def apply_settings(options: argparse.Namespace) -> None:
 
 
 def _preferences() -> bpy.types.AddonPreferences:
-    """Return the preferences of the add-on, whichever repository it has been installed from."""
+    """Return the preferences of the add-on, whichever repository it was installed from."""
     import bpy
 
     addons = bpy.context.preferences.addons
@@ -39,7 +39,7 @@ def _preferences() -> bpy.types.AddonPreferences:
 
 
 def _apply(settings: bpy.types.bpy_struct, name: str, value: object) -> None:
-    """Give a setting the value of its option."""
+    """Set a setting to the value of its option; raises CommandError if it is refused."""
     try:
         setattr(settings, name, value)
     except (TypeError, ValueError, OverflowError) as error:
@@ -47,7 +47,7 @@ def _apply(settings: bpy.types.bpy_struct, name: str, value: object) -> None:
 
 
 def _refusal(setting: bpy.types.Property, value: object) -> str:
-    """Return why a setting does not take a value."""
+    """Return the reason why a setting refuses a value."""
     if setting.type == "ENUM":
         typed = ", ".join(sorted(value)) if isinstance(value, set) else str(value)
         return f"{setting.identifier} is {typed}; choose one of {', '.join(setting.enum_items.keys())}."

@@ -1,4 +1,4 @@
-"""Options of the command line: those of the engine's settings are made from their descriptions."""
+"""Command-line options; those for engine settings are generated from the settings' descriptions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ...engine.setting_types import (
 )
 from ...engine.settings import Settings, chosen_by_people, descriptions
 
-#: Options that set what the add-on adds to the engine's settings: the type, what stands for it, and the help.
+#: Options for settings that the add-on has in addition to the engine's: type, placeholder and help.
 OWN: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "texels_per_metre": (float, "N", "instead of a resolution"),
     "largest_width": (int, "TEXELS", "greatest width that texels per metre may lead to"),
@@ -43,19 +43,19 @@ OWN: dict[str, tuple[Callable[[str], Any], str, str]] = {
 
 
 class CommandError(Exception):
-    """The command cannot do what it was asked to; the message names the remedy."""
+    """Raised if a command cannot run; the message names the remedy."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Leaves it to the command how an error is reported."""
+    """Argument parser that raises CommandError instead of ending the process."""
 
     def error(self, message: str) -> None:
-        """Raise instead of ending the process."""
+        """Raise CommandError instead of ending the process."""
         raise CommandError(f"{message}. See --help.")
 
 
 def parser(program: str, description: str) -> Parser:
-    """Return a parser of all options but the scene, which a caller adds as it is given there."""
+    """Return a parser of all options except the scene, which the caller adds."""
     made = Parser(prog=program, description=description, allow_abbrev=False)
     made.add_argument("--out", type=Path, required=True, help="folder for the lightmaps")
     _add_settings(made)
@@ -83,7 +83,7 @@ def parser(program: str, description: str) -> Parser:
 
 
 def _add_part(parser: argparse.ArgumentParser) -> None:
-    """Add the options that name a part of the file; see `choose_part`."""
+    """Add the options that select a part of the file, see `choose_part`."""
     group = parser.add_argument_group("a part of the file; all else still shades and reflects")
     group.add_argument("--scene-name", metavar="NAME", help="bake this scene instead of the active one")
     part = group.add_mutually_exclusive_group()
@@ -92,16 +92,16 @@ def _add_part(parser: argparse.ArgumentParser) -> None:
 
 
 def parse(parser: Parser, arguments: Sequence[str]) -> argparse.Namespace:
-    """Return the options; raises CommandError. "--world -1,1,1" is read as one word.
+    """Parse the options; raises CommandError. "--world -1,1,1" is accepted.
 
-    By itself argparse takes what starts with - for an option.
+    By default argparse treats an argument that starts with - as an option.
     """
     words = iter(arguments)
     return parser.parse_args([f"{word}={next(words, '')}" if word == "--world" else word for word in words])
 
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add an option for each setting; what is not given is None."""
+    """Add an option for each setting; its value is None if it is not given."""
     group = parser.add_argument_group("settings, as in the panel and the preferences")
     for name in chosen_by_people():
         option = f"--{name.replace('_', '-')}"
@@ -118,7 +118,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def _reader(name: str, description: Description) -> Callable[[str], Any]:
-    """Return what turns an argument into what the Blender property of a setting takes."""
+    """Return the function that converts an argument to the type of a setting's Blender property."""
     match description.values:
         case Span():
             return type(getattr(Settings, name))
@@ -132,12 +132,12 @@ def _reader(name: str, description: Description) -> Callable[[str], Any]:
 
 
 def names(text: str) -> set[str]:
-    """Return the words between commas."""
+    """Split a text at commas into a set of words."""
     return {word for part in text.split(",") if (word := choice(part))}
 
 
 def choice(text: str) -> str:
-    """Return one word of a choice as the settings spell it."""
+    """Return a choice in lower case without spaces, as the settings spell it."""
     return text.strip().lower()
 
 
@@ -161,7 +161,7 @@ def colour(text: str) -> tuple[float, float, float]:
 
 
 def _choices(description: Description) -> str:
-    """Return the names that a choice offers, as the end of its help; else the unit."""
+    """Return the choices of a setting for the end of its help; empty for other settings."""
     match description.values:
         case OneOf(options) | SomeOf(options):
             return f": {', '.join(map(str, options))}"
@@ -169,7 +169,7 @@ def _choices(description: Description) -> str:
 
 
 def _word(description: Description) -> str:
-    """Return what stands for an argument in the help."""
+    """Return the placeholder of an argument in the help."""
     match description.values:
         case Span(unit=unit, shown=shown):
             return (shown[0] if shown else unit).replace("of the mean", "fraction").upper() or "N"

@@ -1,4 +1,4 @@
-"""Lightmaps as pictures a person can look at."""
+"""Writes lightmaps as 8-bit pictures for viewing."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
 def write_pictures(images: Sequence[bpy.types.Image], folder: Path) -> list[str]:
     """Write a picture of each lightmap beside its file and return the paths; raises OSError or RuntimeError.
 
-    The manifest knows them, so that they are replaced by those of the next bake; a file of that name that
-    is not ours stays, and the picture gets a number.
+    The manifest lists the pictures, so that the next bake replaces them. Other files of the same name are
+    kept, and the picture gets a number.
     """
     shown = [Path(image.filepath).name for image in images]
     names = [_free_name(folder, Path(name).stem) for name in shown]
@@ -34,7 +34,7 @@ def write_pictures(images: Sequence[bpy.types.Image], folder: Path) -> list[str]
 
 
 def _free_name(folder: Path, stem: str) -> str:
-    """Return the name of a picture that replaces no file of others."""
+    """Return a name for a picture that does not replace a file of another origin."""
     known, blend = read_manifest(folder), blend_from(folder)
     names = (f"{stem}{number}.png" for number in ("", *(f".{count:03d}" for count in range(1, 10**6))))
     paths = (folder / name for name in names)
@@ -42,17 +42,17 @@ def _free_name(folder: Path, stem: str) -> str:
 
 
 def read_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Return an image's colours, (h, w, 3) float32, bottom row first."""
+    """Return an image's colours, (h, w, 3) float32, first row at the bottom."""
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
     return pixels.reshape(*reversed(image.size), -1)[..., :3]
 
 
 def exposed(pixels: np.ndarray) -> np.ndarray:
-    """Return scene-linear colours as sRGB in [0, 1].
+    """Convert linear colours to sRGB in [0, 1].
 
-    Exposure: the 99th percentile of the brightest channel of all texels that are not black becomes
-    white; what is brighter is clipped.
+    The exposure makes the 99th percentile of the largest channel of all texels that are not black white.
+    Brighter texels are clipped.
     """
     brightness = pixels.max(axis=-1)
     lit = brightness[brightness > 0]
@@ -60,7 +60,7 @@ def exposed(pixels: np.ndarray) -> np.ndarray:
 
 
 def write_png(pixels: np.ndarray, path: Path) -> None:
-    """Write sRGB colours, (h, w, 3) in [0, 1], bottom row first, as an 8-bit picture."""
+    """Write sRGB colours, (h, w, 3) in [0, 1], first row at the bottom, as an 8-bit PNG."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("picture", width, height, alpha=False)
     rgba = np.ones((height, width, 4), np.float32)

@@ -1,4 +1,4 @@
-"""A part of a file's scenes to bake: one scene, the objects of a collection, or those of a lightmap."""
+"""Selects the part of a file to bake: a scene, the objects of a collection, or those of a lightmap."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 
 def choose_part(options: argparse.Namespace) -> None:
-    """Make the named scene active, and the objects of the named part the target of the bake.
+    """Activate the named scene, and make the objects of the named part the target of the bake.
 
-    Raises CommandError if there is no such scene, collection or lightmap, or nothing in it.
+    Raises CommandError if there is no such scene, collection or lightmap, or if it is empty.
     """
     if options.scene_name is not None:
         _show_scene(options.scene_name)
@@ -55,7 +55,7 @@ def _objects_of_lightmap(name: str) -> list[bpy.types.Object]:
 
 
 def _select(objects: list[bpy.types.Object], part: str) -> None:
-    """Let objects be all that is selected, and what is selected the target."""
+    """Select exactly these objects, and set the target to the selection."""
     import bpy
 
     layer = bpy.context.view_layer

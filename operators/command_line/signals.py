@@ -1,4 +1,4 @@
-"""Ctrl+C and a request to end, as an exception that nobody swallows."""
+"""Converts SIGINT and SIGTERM to an exception that Blender and Python cannot suppress."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from types import FrameType, TracebackType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-#: Time until a signal that was lost comes again, s: longer than what lost it takes to return.
+#: Delay after which a lost signal is sent again, s; longer than the code that lost it takes to return.
 _AGAIN = 0.02
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asked the process to end."""
+    """Raised when a signal asks the process to end."""
 
     def __init__(self, number: int) -> None:
         super().__init__(f"Interrupted by {signal.Signals(number).name}.")
-        #: Exit code of a process that a signal ended, as shells tell it.
+        #: Exit code of a process ended by a signal, by the convention of shells.
         self.code = 128 + number
 
 
 class Signals:
-    """Turns the first signal into a Stopped within `heard`; elsewhere it is kept until then.
+    """Raises Stopped on the first signal within `heard`; earlier signals are kept until then.
 
-    While Blender starts or ends an exception would get lost in its own scripts, or break off what removes
-    temporary files. Afterwards the process ends, which signals no longer break off: Blender's own handler
-    could not be put back, since Python does not know it.
+    While Blender starts or ends, an exception would be lost in Blender's own scripts, or would interrupt the
+    removal of temporary files. Signals after `heard` are ignored, because the process is about to end.
+    Blender's own handler cannot be restored, as Python has no access to it.
 
-    Python ignores exceptions in finalizers and callbacks of weak references, as its import system has
-    them; Blender prints those of handlers and of render engines, as Cycles', and goes on. A signal that
-    came in one of these comes again.
+    Python ignores exceptions in finalizers and callbacks of weak references, such as those of its import
+    system. Blender prints exceptions of handlers and of render engines such as Cycles, and goes on. A signal
+    that was lost in one of these is sent again.
     """
 
     def __init__(self) -> None:
@@ -56,9 +56,9 @@ class Signals:
 
     @contextmanager
     def heard(self) -> Iterator[None]:
-        """Raise Stopped as soon as a signal comes, at once if it is there already.
+        """Raise Stopped when a signal arrives, or at once if one has arrived.
 
-        Where Blender makes another error of it, or none, it is raised anew at the end.
+        If Blender replaces or suppresses the exception, it is raised again at the end.
         """
         try:
             self._raises = True
@@ -69,39 +69,39 @@ class Signals:
             self.check()
 
     def check(self) -> None:
-        """Raise Stopped if a signal has come."""
+        """Raise Stopped if a signal has arrived."""
         if self._received is not None:
             self._raised = True
             raise Stopped(self._received)
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
-        """Note a signal, and raise the first one: a second must not break off what ends the work."""
+        """Record a signal; only the first one is raised, so that none interrupts the clean-up."""
         self._received = self._received or number
         if self._raises and not self._raised:
             self.check()
 
     def _ignored(self, found: sys.UnraisableHookArgs) -> None:
-        """Tell of an exception that Python ignored, but for a Stopped."""
+        """Report an exception that Python ignored, except Stopped, whose signal is sent again."""
         if isinstance(found.exc_value, Stopped):
             self._come_again()
         else:
             self._hooks[0](found)
 
     def _printed(self, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        """Print an exception that nothing in Python catches, but for a Stopped."""
+        """Print an exception that no Python code catches, except Stopped, whose signal is sent again."""
         if isinstance(error, Stopped):
             self._come_again()
         else:
             self._hooks[1](kind, error, trace)
 
     def _come_again(self) -> None:
-        """Let a signal that was lost come again, once what lost it has returned."""
+        """Send a lost signal again after a delay."""
         self._raised = False
         threading.Timer(_AGAIN, _interrupt, (self._received,)).start()
 
 
 def _interrupt(number: int) -> None:
-    """Send the main thread a signal, which ends waiting, too; Windows only notes it."""
+    """Send the main thread a signal, which also interrupts waiting, except on Windows."""
     if sys.platform == "win32":
         _thread.interrupt_main(number)
     else:

@@ -1,4 +1,4 @@
-"""Standard output for nothing but the result of a command."""
+"""Reserves standard output for the result of a command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Send what C code and Python print on standard output to standard error."""
+    """Redirect standard output of C code and Python to standard error."""
     _flush()
     kept = os.dup(1)
     os.dup2(2, 1)
@@ -24,13 +24,13 @@ def quiet_stdout() -> Iterator[None]:
 
 
 def end_stdout() -> None:
-    """Send what the process still prints to standard error: Blender prints when it exits."""
+    """Redirect further output of the process to standard error, since Blender prints when it exits."""
     _flush()
     os.dup2(2, 1)
 
 
 def _flush() -> None:
-    """Write what Python and the C library hold back: into a pipe Blender's own lines come only at its end."""
+    """Flush Python's and the C library's buffers; into a pipe, Blender's lines come only at the end."""
     sys.stdout.flush()
     library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
     library.fflush(None)

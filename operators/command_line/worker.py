@@ -1,4 +1,4 @@
-"""`blender -b -c hemibake_worker tcp://host:8786`: lends a device to bakes, as a Dask worker."""
+"""Lends a device to bakes, as a Dask worker: `blender -b -c hemibake_worker tcp://host:8786`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NO_DASK = "Workers need the Python package 'distributed' (Dask). Install Hemiba
 
 
 def work(arguments: Sequence[str], program: str) -> int:
-    """Work until the scheduler ends or the process is stopped; return the exit code."""
+    """Run a worker until the scheduler ends or the process is stopped; return the exit code."""
     parser = argparse.ArgumentParser(prog=program, description=_DESCRIPTION, allow_abbrev=False)
     parser.add_argument("scheduler", help="address of the scheduler, as tcp://host:8786")
     parser.add_argument("--device", metavar="NAME", help="OpenCL device as Hemibake's preferences name it")
@@ -30,7 +30,7 @@ def work(arguments: Sequence[str], program: str) -> int:
 
 
 def _work(scheduler: str, device: str | None, options: Sequence[str], signals: Signals) -> int:
-    """Start a worker and wait for it; a signal that asks this process to end ends it, too."""
+    """Start a worker process and wait for it; a signal that ends this process ends the worker as well."""
     from ...engine.cluster.local_workers import DEVICE, end_worker, start_worker
 
     worker = start_worker(scheduler, {DEVICE: device} if device else {}, *options, printed=True)

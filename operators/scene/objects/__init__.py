@@ -1,1 +1,1 @@
-"""What a render shows, and its meshes."""
+"""Lists the objects and instances that a render shows, and reads their meshes."""

@@ -1,4 +1,4 @@
-"""Which coordinates can be baked."""
+"""Limits of the coordinates that can be baked."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ from ..messages import NOT_FINITE, TOO_FAR
 
 
 def coordinate_issue(points: np.ndarray, middle: np.ndarray | None = None) -> str | None:
-    """Return what is wrong with points, (n, 3) world space, seen from `middle`, else from their own."""
+    """Return the problem of points, (n, 3) in world space: not finite or too far apart; None without one.
+
+    middle:  (3,) float64, point from which distances are measured; None for the extent of the points
+             themselves
+    """
     if not np.isfinite(points).all():
         return NOT_FINITE
     low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
@@ -20,10 +24,10 @@ def coordinate_issue(points: np.ndarray, middle: np.ndarray | None = None) -> st
 
 
 def middle_of(boxes: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the median of the corners of boxes, (8, 3) each, (3,) float64; 0 without a finite one.
+    """Return the median of the corners of boxes, (8, 3) each, as (3,) float64; 0 without a finite corner.
 
-    float32 positions relative to it keep their digits however far from the origin the scene is, and
-    however far away one of its objects.
+    Positions relative to it keep their precision as float32, wherever the scene is, and even if one of its
+    objects is far away.
     """
     points = np.concatenate([np.zeros((0, 3)), *boxes])
     points = points[np.isfinite(points).all(axis=1)]

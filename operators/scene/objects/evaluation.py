@@ -1,4 +1,4 @@
-"""Evaluated objects that a bake reads: those of renders, or of the viewport where both are equal."""
+"""Evaluated objects of a bake: of the render's dependency graph, or of the viewport's if both are equal."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Evaluated objects and instances, valid in the function that gets them.
+    """Evaluated objects and instances, valid only inside the function that receives them.
 
-    depsgraph  of the objects that only renders show, and of all others if `viewport` is None
-    viewport   of the other objects
-    hidden     session uids of the objects that only renders show
+    depsgraph:  dependency graph of objects that only renders show, and of all objects if `viewport` is None
+    viewport:   dependency graph of the other objects
+    hidden:     session uids of the objects that only renders show
     """
 
     depsgraph: bpy.types.Depsgraph
@@ -32,18 +32,18 @@ class Evaluation:
 
     @property
     def depsgraphs(self) -> tuple[bpy.types.Depsgraph, ...]:
-        """All depsgraphs."""
+        """All dependency graphs."""
         return (self.depsgraph,) if self.viewport is None else (self.viewport, self.depsgraph)
 
     def evaluated(self, obj: bpy.types.Object) -> bpy.types.Object:
-        """Return an object with its modifiers applied; `is_evaluated` is False if it is not there."""
+        """Return an object with its modifiers applied; `is_evaluated` is False if it was not evaluated."""
         return obj.evaluated_get(self._of(obj))
 
     def items(self, visible: Set[int], with_hair: bool = False) -> Iterator[SceneItem]:
         """Yield the objects and instances.
 
-        visible    session uids of the objects that renders show
-        with_hair  True also for objects that show nothing but their hair
+        visible:    session uids of the objects that renders show
+        with_hair:  True to include objects of which only the hair is visible
         """
         if self.viewport is None:
             return scene_items(self.depsgraph, visible, with_hair=with_hair)
@@ -53,7 +53,7 @@ class Evaluation:
         )
 
     def depsgraph_of(self, item: SceneItem) -> bpy.types.Depsgraph:
-        """Return the depsgraph that an item comes from."""
+        """Return the dependency graph of an object or instance."""
         return self._of(item.source if item.instancer is None else item.instancer)
 
     def _of(self, obj: bpy.types.Object) -> bpy.types.Depsgraph:
@@ -67,12 +67,12 @@ def evaluate(
     job: Callable[[Evaluation], Made],
     only: Collection[bpy.types.Object] | None = None,
 ) -> Made:
-    """Call a function with the evaluated objects that a bake reads, and return its result.
+    """Call a function with the evaluated objects of a bake, and return its result.
 
-    The function must not keep any of them, nor call Cycles. Raises SceneError if Blender does not evaluate
-    the scene as a render does.
+    The function must not keep evaluated objects, and must not call Cycles. Raises SceneError if Blender does
+    not evaluate the scene as in a render.
 
-    only: the objects that the function reads, if not all; instances are none
+    only:  the objects that the function reads, without instances; None for all
     """
     if not uses_render(context) or (only is not None and reads_viewport(context, only)):
         return job(Evaluation(context.evaluated_depsgraph_get()))
@@ -80,7 +80,7 @@ def evaluate(
 
 
 def _chosen(context: SceneContext, depsgraph: bpy.types.Depsgraph) -> Evaluation:
-    """Return what the setting Meshes demands, given the depsgraph of a render."""
+    """Return the evaluation for the setting Meshes, given the dependency graph of a render."""
     if context.scene.hemibake.meshes == "RENDER":
         return Evaluation(depsgraph)
     hidden = frozenset(obj.session_uid for obj in hidden_in_viewport(context))

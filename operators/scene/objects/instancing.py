@@ -1,4 +1,4 @@
-"""Objects that instances show, and the mesh objects that are to be baked."""
+"""Finds the objects that instances show, and the mesh objects to bake."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from .render_depsgraph import reads_render
 from .render_differences import is_instancer, uses_render
 from .visible import visible_objects
 
-#: Session uids of instancers and of the objects that their instances show, in the order of the depsgraph.
+#: Pairs of session uids, in the order of the dependency graph: an instancer, and the source object of its
+#: instances.
 Pairs = tuple[tuple[int, int], ...]
 
-#: The pairs of a scene and view layer, where the depsgraph of renders has to be read for them, which takes
-#: long. `forget_instances` clears it at every change of a scene.
+#: Cached pairs by scene, view layer and the setting Meshes, for scenes whose render dependency graph must be
+#: evaluated, which takes long. `forget_instances` clears the cache at each change of a scene.
 _known: dict[tuple[int, str, str], Pairs] = {}
 
 
 def visible_meshes(context: SceneContext, viewport: bool = False) -> list[bpy.types.Object]:
-    """Return the mesh objects that are to be baked: visible ones, and those that instances show.
+    """Return the mesh objects to bake: visible ones, and source objects of instances.
 
-    viewport: True to read the viewport's instances, for an estimate that must not evaluate a render
+    viewport:  True to read the viewport's instances, for an estimate that must not evaluate a render
     """
     visible = visible_objects(context)
     instancers = {obj.session_uid for obj in visible if obj.hemibake.role == "BAKED"}
@@ -33,9 +34,11 @@ def visible_meshes(context: SceneContext, viewport: bool = False) -> list[bpy.ty
 
 
 def instance_pairs(context: SceneContext, viewport: bool = False) -> Pairs:
-    """Return which objects the instances of which other objects show, as session uids.
+    """Return the pairs of instancer and source object, as session uids.
 
-    An instance of geometry that its instancer makes itself is none. viewport: see `visible_meshes`.
+    Geometry that an instancer makes itself does not count as an instance.
+
+    viewport:  see `visible_meshes`
     """
     if not any(is_instancer(obj) for obj in bpy.data.objects):
         return ()
@@ -49,7 +52,7 @@ def instance_pairs(context: SceneContext, viewport: bool = False) -> Pairs:
 
 
 def forget_instances(*_: object) -> None:
-    """Forget all pairs after a change of a scene."""
+    """Clear the cached pairs after a change of a scene."""
     if not reads_render():
         _known.clear()
 

@@ -1,4 +1,4 @@
-"""What a render shows: objects and instances, each with its matrix."""
+"""Iterates over the objects and instances that a render shows, with their matrices."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-#: Tells items apart: session uids of the object that is shown and of what makes the instance, if it is one,
-#: and Blender's number of the instance.
+#: Key of an object or instance: session uids of the source object and of the instancer, if any, and Blender's
+#: persistent id of the instance.
 ItemKey = tuple[int, int | None, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
 class SceneItem:
-    """An object or instance; valid until the iteration over `scene_items` goes on.
+    """An object or instance; valid until the iteration over `scene_items` continues.
 
-    index          place among all that the depsgraph shows
-    object         evaluated
-    source         the original object that is shown
-    matrix         (4, 4) float64, object space to world space
-    instancer      the original object that makes the instance, None for an object itself
-    persistent_id  Blender's number of the instance
-    random         Cycles' random number of it, in [0, 1]
-    shows_self     False if only its hair is shown
+    index:          index among all objects and instances of the dependency graph
+    object:         the evaluated object
+    source:         the original object
+    matrix:         (4, 4) float64, object space to world space
+    instancer:      the original object that makes the instance; None for an object itself
+    persistent_id:  Blender's identifier of the instance
+    random:         Cycles' random number of it, in [0, 1]
+    shows_self:     False if only its hair is visible
     """
 
     index: int
@@ -40,16 +40,16 @@ class SceneItem:
 
     @property
     def key(self) -> ItemKey:
-        """What tells it apart from others."""
+        """Key of the object or instance."""
         instancer = None if self.instancer is None else self.instancer.session_uid
         return self.source.session_uid, instancer, self.persistent_id
 
 
 class Hidden(NamedTuple):
-    """Rays that do not meet an object.
+    """Kinds of rays that ignore an object.
 
-    from_shadow   True if shadow rays to lights pass it
-    from_bounces  True if gathered light passes it
+    from_shadow:   True if shadow rays to lights pass it
+    from_bounces:  True if rays of gathered light pass it
     """
 
     from_shadow: bool
@@ -57,10 +57,10 @@ class Hidden(NamedTuple):
 
 
 def hidden_from(item: SceneItem) -> Hidden:
-    """Return the rays that do not meet an object or instance, by Cycles' ray visibility.
+    """Return the kinds of rays that ignore an object or instance, by Cycles' ray visibility.
 
-    An instance is hidden where its object or what makes it is (Cycles, blender/object.cpp). The flags for
-    camera, glossy, transmission and volume rays change no diffuse light.
+    An instance is hidden if its source object or its instancer is hidden (Cycles, blender/object.cpp). The
+    flags for camera, glossy, transmission and volume rays do not affect diffuse light.
     """
     owners = [item.source] if item.instancer is None else [item.source, item.instancer]
     return Hidden(
@@ -72,11 +72,11 @@ def hidden_from(item: SceneItem) -> Hidden:
 def scene_items(
     depsgraph: bpy.types.Depsgraph, visible: Set[int], start: int = 0, with_hair: bool = False
 ) -> Iterator[SceneItem]:
-    """Yield the objects and instances of a depsgraph that renders show.
+    """Yield the objects and instances of a dependency graph that renders show.
 
-    visible    session uids of the objects that renders show
-    start      index of the first one
-    with_hair  True also for objects that show nothing but their hair, see `SceneItem.shows_self`
+    visible:    session uids of the objects that renders show
+    start:      index of the first one
+    with_hair:  True to include objects of which only the hair is visible, see `SceneItem.shows_self`
     """
     for index, instance in enumerate(islice(depsgraph.object_instances, start, None), start):
         parent = instance.parent.original if instance.is_instance else None
@@ -94,9 +94,9 @@ def scene_items(
 
 
 def name_hash(name: str) -> int:
-    """Return the 32 bits that Cycles makes of an object's name: a polynomial in 37, mixed with 0.
+    """Return Cycles' 32-bit hash of an object's name: a polynomial in 37, mixed with 0.
 
-    Jenkins 2006, lookup3, final mix of two words (Cycles, util/hash.h).
+    Mixing: Jenkins 2006, lookup3, final mix of two words (Cycles, util/hash.h).
     """
     word = 0
     for byte in name.encode():

@@ -1,4 +1,4 @@
-"""The corners of an evaluated mesh, by whole-array reads only."""
+"""Reads the triangles of an evaluated mesh, with whole-array reads only."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from ....engine.progress import finished
 from ....engine.scene.degenerate import is_degenerate
 from ..slice_timer import Slices, row_slices
 
-#: UV map of textures that were made over lightmap UVs, whichever layer of an object holds these.
+#: Name of the UV map of evaluated textures; it holds the lightmap UVs of whichever layer an object uses.
 LIGHTMAP_UVS = "Hemibake lightmap UVs"
 
 
 @dataclass(frozen=True)
 class Corners:
-    """The triangle corners of a mesh in object space, without zero-area triangles.
+    """Triangles of a mesh in object space, without zero-area triangles.
 
-    positions    (t, 3, 3) float32
-    normals      (t, 3, 3) float32
-    uvs          (t, 3, 2) float32, lightmap UV of the mesh; None if it has none
-    texture_uvs  (t, 3, 2) float32 of each UV map that textures need
-    face         (t,) int32, polygon of each triangle
-    subface      (t,) int32, number of the triangle within its polygon
-    slot         (t,) int32, material slot of each triangle
-    dropped      number of triangles without an area
+    positions:    (t, 3, 3) float32, positions of the corners
+    normals:      (t, 3, 3) float32, normals at the corners
+    uvs:          (t, 3, 2) float32, lightmap UVs of the mesh; None if it has none
+    texture_uvs:  (t, 3, 2) float32 by name of each UV map that textures use
+    face:         (t,) int32, polygon of each triangle
+    subface:      (t,) int32, index of the triangle within its polygon
+    slot:         (t,) int32, material slot of each triangle
+    dropped:      number of triangles without area
     """
 
     positions: np.ndarray
@@ -41,16 +41,16 @@ class Corners:
 
 
 def read_array(collection, attribute: str, width: int, dtype) -> np.ndarray:
-    """Return an attribute of every item of a Blender collection, (n, width) of the given type."""
+    """Return an attribute of all items of a Blender collection, (n, width) of the given type."""
     values = np.empty(len(collection) * width, dtype)
     collection.foreach_get(attribute, values)
     return values.reshape(-1, width)
 
 
 def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vertex and edge of each loop of a mesh, (l,), and the vertices of each edge, (e, 2), all int32.
+    """Return vertex and edge of each loop, (l,) int32, and the vertices of each edge, (e, 2) int32.
 
-    Attributes are copied as they are, which takes a hundredth of what reading the loops one by one does.
+    Attributes are copied as arrays, which takes a hundredth of the time of reading single loops.
     """
     return (
         read_corner_vertices(mesh),
@@ -60,24 +60,24 @@ def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def read_uvs(layer: bpy.types.MeshUVLoopLayer) -> np.ndarray:
-    """Return a UV layer at the loops of its mesh, (l, 2) float32."""
+    """Return the UVs of a layer at the loops of its mesh, (l, 2) float32."""
     return read_array(layer.uv, "vector", 2, np.float32)
 
 
 def read_corner_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Return the vertex of each loop of a mesh, (l,) int32; one that is being edited has no attributes."""
+    """Return the vertex of each loop of a mesh, (l,) int32; meshes in edit mode have no attributes."""
     if mesh.is_editmode:
         return read_array(mesh.loops, "vertex_index", 1, np.int32)[:, 0]
     return _read_attribute(mesh, ".corner_vert", "value", 1, np.int32)[:, 0]
 
 
 def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Return the vertices of a mesh, (v, 3) float32, object space."""
+    """Return the vertex positions of a mesh, (v, 3) float32, object space."""
     return _read_attribute(mesh, "position", "vector", 3, np.float32)
 
 
 def _read_attribute(mesh: bpy.types.Mesh, name: str, field: str, width: int, dtype) -> np.ndarray:
-    """Return an attribute of a mesh, (n, width); one that has no elements need not be there."""
+    """Return an attribute of a mesh, (n, width); it may be missing if it has no elements."""
     attribute = mesh.attributes.get(name)
     return (
         np.empty((0, width), dtype) if attribute is None else read_array(attribute.data, field, width, dtype)
@@ -86,13 +86,16 @@ def _read_attribute(mesh: bpy.types.Mesh, name: str, field: str, width: int, dty
 
 @dataclass(frozen=True)
 class MeshArrays:
-    """The arrays of a Blender mesh as they are, in object space.
+    """Arrays of a Blender mesh, unchanged, in object space.
 
-    positions  (v, 3) float32            loops     (t, 3) int32, of each triangle
-    corners    (l,) int32, vertices      sizes     (p,) int32, corners of each polygon
-    normals    (l, 3) float32            slot      (p,) int32, material slot of each polygon
-    uvs        (l, 2) float32, the lightmap UVs; None if there are none
-    maps       (l, 2) float32 of each UV map that textures need; None for one that the mesh does not have
+    positions:  (v, 3) float32, vertex positions
+    corners:    (l,) int32, vertex of each loop
+    normals:    (l, 3) float32, normal of each loop
+    loops:      (t, 3) int32, loops of each triangle
+    sizes:      (p,) int32, number of loops of each polygon
+    slot:       (p,) int32, material slot of each polygon
+    uvs:        (l, 2) float32, lightmap UVs; None without any
+    maps:       (l, 2) float32 by name of each UV map that textures use; None for maps that the mesh lacks
     """
 
     positions: np.ndarray
@@ -106,9 +109,9 @@ class MeshArrays:
 
 
 def read_mesh(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, str]) -> MeshArrays:
-    """Read an evaluated mesh, with its lightmap UVs from a layer, if that is named.
+    """Read the arrays of an evaluated mesh, with lightmap UVs from a layer if one is given.
 
-    uv_maps  the layer of each UV map that textures need; "" is the one that renders use
+    uv_maps:  layer of each UV map that textures use; "" is the one active for rendering
     """
     mesh.calc_loop_triangles()
     starts = read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0]
@@ -125,12 +128,12 @@ def read_mesh(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, 
 
 
 def read_corners(mesh: bpy.types.Mesh, uv_layer: str | None, uv_maps: Mapping[str, str]) -> Corners:
-    """Return the corners of an evaluated mesh, with its lightmap UVs from a layer, if that is named."""
+    """Return the triangles of an evaluated mesh, with lightmap UVs from a layer if one is given."""
     return finished(make_corners(read_mesh(mesh, uv_layer, uv_maps)))
 
 
 def make_corners(mesh: MeshArrays) -> Slices[Corners]:
-    """Return the triangle corners of a mesh. A UV map that it does not have is 0 everywhere, as in Cycles."""
+    """Return the triangles of a mesh; UV maps that it lacks are 0, as in Cycles."""
     face = np.repeat(np.arange(len(mesh.sizes), dtype=np.int32), np.maximum(mesh.sizes - 2, 0))
     subface, parts = subfaces(face), []
     for rows in row_slices(len(mesh.loops), 27):
@@ -140,7 +143,7 @@ def make_corners(mesh: MeshArrays) -> Slices[Corners]:
 
 
 def _part(mesh: MeshArrays, loops: np.ndarray, face: np.ndarray, subface: np.ndarray) -> Corners:
-    """Return the corners of some triangles."""
+    """Return a range of triangles."""
     positions = mesh.positions[mesh.corners[loops]]
     keep = ~is_degenerate(positions)
     if not keep.all():
@@ -161,7 +164,7 @@ def _part(mesh: MeshArrays, loops: np.ndarray, face: np.ndarray, subface: np.nda
 
 
 def _joined(parts: Sequence[Corners]) -> Corners:
-    """Return parts of a mesh as one."""
+    """Concatenate ranges of triangles."""
     if len(parts) == 1:
         return parts[0]
     first = parts[0]
@@ -184,7 +187,7 @@ def _joined(parts: Sequence[Corners]) -> Corners:
 
 
 def read_slots(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Return the material slot of each polygon, (p,) int32; without the attribute it is the first one."""
+    """Return the material slot of each polygon, (p,) int32; 0 without the attribute."""
     attribute = mesh.attributes.get("material_index")
     if attribute is None:
         return np.zeros(len(mesh.polygons), np.int32)
@@ -192,7 +195,7 @@ def read_slots(mesh: bpy.types.Mesh) -> np.ndarray:
 
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> bpy.types.MeshUVLoopLayer | None:
-    """Return a UV map by name; "" is the one that renders use."""
+    """Return a UV layer by name; "" is the one active for rendering."""
     if name:
         return mesh.uv_layers.get(name)
     return next((layer for layer in mesh.uv_layers if layer.active_render), None)
@@ -203,7 +206,7 @@ def _uvs(layer: bpy.types.MeshUVLoopLayer | None) -> np.ndarray | None:
 
 
 def subfaces(face: np.ndarray) -> np.ndarray:
-    """Return the index of each triangle within its polygon, (t,) int32, for ascending polygons."""
+    """Return the index of each triangle within its polygon, (t,) int32; `face` must be ascending."""
     index = np.arange(len(face), dtype=np.int32)
     starts = np.r_[True, face[1:] != face[:-1]][: len(face)]
     return index - np.maximum.accumulate(np.where(starts, index, 0)).astype(np.int32)

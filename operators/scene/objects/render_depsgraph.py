@@ -1,4 +1,4 @@
-"""Access to the depsgraph of renders: Blender passes it to the `bake` callback of a render engine."""
+"""Accesses the dependency graph of renders, which Blender passes to the `bake` callback of render engines."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from ....engine.errors import SceneError
 
 Made = TypeVar("Made")
 
-#: Name of the triangle that Blender bakes: without an object to bake there is no callback.
+#: Name of the triangle that Blender bakes, because there is no callback without an object to bake.
 _NAME = ".Hemibake reader"
 
-#: Types of objects whose edits in Edit Mode have to be stored before a render can read them.
+#: Types of objects whose edit-mode changes must be written to their data before a render can read them.
 _EDITED = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 
 
 class _Reader(bpy.types.RenderEngine):
-    """Render engine that calls a function with the depsgraph it gets.
+    """Render engine that calls a function with its dependency graph.
 
-    It is registered only while it is used, so the list of render engines does not show it.
+    It is registered only while it is used, so that the list of render engines does not show it.
 
-    active  True while the depsgraph is made, used and freed: updates of the scene are Hemibake's own
-    job     the function
+    active:  True while the dependency graph is made, used and freed; scene updates are then Hemibake's own
+    job:     the function
     """
 
     bl_idname = "HEMIBAKE_READ"
@@ -48,24 +48,24 @@ class _Reader(bpy.types.RenderEngine):
 
 
 def reads_render() -> bool:
-    """Return True while updates of the scene come from reading the depsgraph of renders."""
+    """Return True while scene updates come from reading the dependency graph of renders."""
     return _Reader.active
 
 
 def in_render(
     job: Callable[[bpy.types.Depsgraph], Made], scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
 ) -> Made:
-    """Call a function with the depsgraph of a render of a scene, and return its result.
+    """Call a function with the dependency graph of a render, and return its result.
 
-    The depsgraph is freed afterwards: the function must copy the data it needs. It must not call Cycles.
-    Blender evaluates the whole view layer at once, which slices cannot divide. Reraises errors of the
-    function; raises SceneError if Blender does not make the depsgraph.
+    The graph is freed afterwards, so that the function must copy the data it needs. It must not call Cycles.
+    Blender evaluates the whole view layer at once, without slices. Errors of the function are raised again.
+    Raises SceneError if Blender does not make the graph.
     """
     results: list[Made] = []
     errors: list[BaseException] = []
 
     def call(depsgraph: bpy.types.Depsgraph) -> None:
-        # Blender only prints errors of a callback.
+        # Blender only prints exceptions of a callback.
         try:
             results.append(job(depsgraph))
         except BaseException as error:  # noqa: BLE001
@@ -97,7 +97,7 @@ def in_render(
 
 
 def _update(view_layer: bpy.types.ViewLayer) -> None:
-    """Report all changes to who waits for them: those of a view layer and of all that windows show."""
+    """Send pending updates to handlers: those of a view layer, and of all view layers in windows."""
     view_layer.update()
     for manager in bpy.data.window_managers:
         for window in manager.windows:
@@ -105,7 +105,7 @@ def _update(view_layer: bpy.types.ViewLayer) -> None:
 
 
 def _store_edits(view_layer: bpy.types.ViewLayer) -> None:
-    """Store the edits of objects in Edit Mode in their data: a render reads nothing else."""
+    """Write edit-mode changes to objects' data, which is all that a render reads."""
     for obj in view_layer.objects:
         if obj.mode == "EDIT" and obj.type in _EDITED:
             obj.update_from_editmode()
@@ -113,7 +113,7 @@ def _store_edits(view_layer: bpy.types.ViewLayer) -> None:
 
 @contextmanager
 def _registered() -> Iterator[None]:
-    """Register the engine meanwhile."""
+    """Register the engine for the duration of the context."""
     bpy.utils.register_class(_Reader)
     try:
         yield
@@ -123,7 +123,7 @@ def _registered() -> Iterator[None]:
 
 @contextmanager
 def _engine(scene: bpy.types.Scene) -> Iterator[None]:
-    """Let a scene render with the engine meanwhile."""
+    """Set the engine of a scene for the duration of the context."""
     before = scene.render.engine
     scene.render.engine = _Reader.bl_idname
     try:
@@ -134,7 +134,7 @@ def _engine(scene: bpy.types.Scene) -> Iterator[None]:
 
 @contextmanager
 def _triangle(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    """Link an object that Blender can bake into vertex colors to a scene meanwhile."""
+    """Link an object that Blender can bake to vertex colors, for the duration of the context."""
     mesh = bpy.data.meshes.new(_NAME)
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     mesh.color_attributes.new("Color", "FLOAT_COLOR", "CORNER")
@@ -148,7 +148,7 @@ def _triangle(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
 
 
 def _bake(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, obj: bpy.types.Object) -> None:
-    """Bake an object with the engine; selection and active object stay."""
+    """Bake an object with the engine; selection and active object do not change."""
     context: dict[str, Any] = {"scene": scene, "view_layer": view_layer, "active_object": obj, "object": obj}
     context |= {"selected_objects": [obj], "selected_editable_objects": [obj]}
     with bpy.context.temp_override(**context):

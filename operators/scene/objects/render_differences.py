@@ -1,7 +1,7 @@
-"""Differences between what the viewport and what renders show of a scene.
+"""Detects differences between the viewport and renders of a scene.
 
-The tests read settings only, so they are fast. They may report a difference where the results are equal, but
-never miss one.
+The tests read only settings and are therefore fast. They may report a difference although the results are
+equal, but they do not miss one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from ..scene_context import SceneContext
 from .render_settings import level_settings
 from .visible import visible_objects
 
-#: Settings of data for the viewport and for renders, by type of object; 0 in renders is the viewport's.
+#: Resolution properties for the viewport and for renders, by type of object. A value of 0 for renders means
+#: that of the viewport.
 _RESOLUTIONS = {
     "CURVE": (("resolution_u", "render_resolution_u"), ("resolution_v", "render_resolution_v")),
     "FONT": (("resolution_u", "render_resolution_u"),),
@@ -22,24 +23,24 @@ _RESOLUTIONS = {
     "META": (("resolution", "render_resolution"),),
 }
 
-#: Custom property of the node groups that keep lightmap UVs: these give both meshes the same light.
+#: Custom property of the node groups that store lightmap UVs, which give both meshes the same light.
 UV_GROUP = "hemibake_uv_layer"
 
-#: Modifiers whose result depends on nothing but their own object.
+#: Modifiers whose result depends only on their own object.
 _INDEPENDENT = {
     "BEVEL", "BUILD", "DECIMATE", "EDGE_SPLIT", "MULTIRES", "REMESH", "SKIN", "SMOOTH", "SOLIDIFY", "SUBSURF",
     "TRIANGULATE", "WEIGHTED_NORMAL", "WELD", "WIREFRAME",
 }  # fmt: skip
 
-#: Modes in which the viewport leaves modifiers out.
+#: Modes in which the viewport does not apply all modifiers.
 _EDITED = {"EDIT", "SCULPT"}
 
 
 def uses_render(context: SceneContext) -> bool:
-    """Return True if a bake has to read the depsgraph of renders.
+    """Return True if a bake must read the dependency graph of renders.
 
-    Otherwise the viewport's has the same objects and, as far as the setting Meshes demands it, the same
-    meshes.
+    Otherwise the viewport has the same objects. It also has the same meshes, if the setting Meshes demands
+    those of renders.
     """
     if hidden_in_viewport(context):
         return True
@@ -49,7 +50,7 @@ def uses_render(context: SceneContext) -> bool:
 
 
 def reads_viewport(context: SceneContext, objects: Iterable[bpy.types.Object]) -> bool:
-    """Return True if the viewport has the meshes that are baked of objects, whatever other objects have."""
+    """Return True if the viewport's meshes of these objects equal those to bake."""
     layer, geometry = context.view_layer, Geometry(context.scene)
     return all(
         obj.visible_get(view_layer=layer) and not _may_depend(obj) and not geometry.differs(obj)
@@ -63,7 +64,7 @@ def _may_depend(obj: bpy.types.Object) -> bool:
 
 
 def _keeps_uvs(modifier: bpy.types.Modifier) -> bool:
-    """Return True if a modifier only keeps lightmap UVs."""
+    """Return True if a modifier only stores lightmap UVs."""
     group = getattr(modifier, "node_group", None)
     return group is not None and UV_GROUP in group
 
@@ -75,18 +76,18 @@ def hidden_in_viewport(context: SceneContext) -> list[bpy.types.Object]:
 
 
 class Geometry:
-    """Tests whether objects have other geometry in renders than in the viewport, as a scene sets it."""
+    """Tests whether objects have other geometry in renders than in the viewport, with a scene's settings."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self._render = scene.render
         self._known: dict[int, bool] = {}
 
     def differing(self, objects: Iterable[bpy.types.Object]) -> Iterator[bpy.types.Object]:
-        """Yield the objects whose own settings differ; others may still depend on these."""
+        """Yield the objects whose own settings differ; other objects may depend on these."""
         return (obj for obj in objects if self.differs(obj))
 
     def differs(self, obj: bpy.types.Object) -> bool:
-        """Return True if settings of an object differ."""
+        """Return True if the settings of an object differ."""
         if obj.type in _RESOLUTIONS and _resolution_differs(obj):
             return True
         return any(self._modifier_differs(modifier) for modifier in obj.modifiers)
@@ -112,7 +113,7 @@ class Geometry:
         return modifier.type == "NODES" and self._asks_for_viewport(modifier.node_group)
 
     def _particles_differ(self, settings: bpy.types.ParticleSettings) -> bool:
-        """Return True if renders have more or other particles, or hair of finer steps."""
+        """Return True if renders have more or other particles, or hair with finer steps."""
         if settings.display_percentage != 100:
             return True
         strands = settings.type == "HAIR" or settings.render_type == "PATH"
@@ -123,7 +124,7 @@ class Geometry:
         return self._render.use_simplify
 
     def _asks_for_viewport(self, group: bpy.types.NodeTree | None) -> bool:
-        """Return True if a node of a group, or of the groups in it, is Is Viewport."""
+        """Return True if a group or a group in it has an Is Viewport node."""
         if group is None or UV_GROUP in group:
             return False
         key = group.session_uid
@@ -143,7 +144,7 @@ def _resolution_differs(obj: bpy.types.Object) -> bool:
 
 
 def _instances_differ() -> bool:
-    """Return True if instances may differ: objects in instanced collections have settings of their own."""
+    """Return True if instances may differ: objects in instanced collections have their own settings."""
     instancers = [obj for obj in bpy.data.objects if is_instancer(obj)]
     if not instancers:
         return False

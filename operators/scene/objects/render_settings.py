@@ -1,4 +1,4 @@
-"""Settings that let modifiers make other faces for renders than for the viewport."""
+"""Modifier settings that differ between the viewport and renders."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import bpy
 from ...lookup import find
 from ...rollback import Rollback
 
-#: By type of modifier: its setting for the viewport, and that for renders.
+#: Names of the settings for the viewport and for renders, by type of modifier.
 _LEVELS = {
     "MULTIRES": ("levels", "render_levels"),
     "OCEAN": ("viewport_resolution", "resolution"),
@@ -19,12 +19,12 @@ _LEVELS = {
 
 
 def level_settings(modifier: bpy.types.Modifier) -> tuple[str, str] | None:
-    """Return the names of a modifier's settings of detail for the viewport and for renders, if any."""
+    """Return the names of a modifier's detail settings for the viewport and for renders; None without any."""
     return _LEVELS.get(modifier.type)
 
 
 def show_as_rendered(obj: bpy.types.Object, changes: Rollback) -> None:
-    """Let the viewport use the settings that renders use of an object's modifiers."""
+    """Copy the render settings of an object's modifiers to their viewport settings."""
     for modifier, shown, rendered in list(_differences(obj)):
         before = getattr(modifier, shown)
         changes.add(

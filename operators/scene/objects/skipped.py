@@ -1,4 +1,4 @@
-"""What a render shows and a bake leaves out."""
+"""Notes on visible objects that a bake leaves out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...compat import node_tree
 from ..scene_context import SceneContext
 from .visible import visible_objects
 
-#: Objects without faces that may look like a surface in a render.
+#: Types of objects without faces that may look like a surface in a render, with their names.
 _KINDS = {
     "POINTCLOUD": ("point cloud", "point clouds"),
     "VOLUME": ("volume", "volumes"),
@@ -18,7 +18,7 @@ _KINDS = {
 
 
 def note_skipped(context: SceneContext, notes: list[str]) -> None:
-    """Append a note for each kind of object, and for the world's volume, that a bake leaves out."""
+    """Append a note on objects, and on the world's volume, that a bake leaves out."""
     visible = visible_objects(context)
     counts = Counter(obj.type for obj in visible)
     parts = [f"{counts[kind]} {words[counts[kind] > 1]}" for kind, words in _KINDS.items() if counts[kind]]
@@ -30,7 +30,7 @@ def note_skipped(context: SceneContext, notes: list[str]) -> None:
 
 
 def _has_volume(world: bpy.types.World | None) -> bool:
-    """Return True if nodes fill the world with a volume."""
+    """Return True if the world has a volume."""
     tree = None if world is None else node_tree(world)
     output = None if tree is None else tree.get_output_node("CYCLES")
     return output is not None and output.inputs["Volume"].is_linked

@@ -3,6 +3,7 @@
 // shafts, which change no light.
 #define RECEIVER_ACCESS readonly
 #define STATE_WORDS 208
+#define WALK_WORDS (4 * 32)  // of the walk, at the end of the state: shaders/direct/light_tree.glsl
 #include "bvh_traversal.glsl"
 #include "resumed.glsl"
 #include "receiver.glsl"
@@ -140,8 +141,14 @@ void exchange(inout Sum sum)
     exchange(sum.l1);
 }
 
-// The state of an item that has paused: 7 words of the walk and at most 4 x 32, 59 of the rest.
-void exchange_state(inout int index, inout int emitter, inout vec2 span, inout Run run, inout Sum sum)
+// The work of an item so far.
+int index, emitter;
+vec2 span;
+Run run;
+Sum sum;
+
+// The state of an item that has paused, at most 79 words.
+void exchange_state()
 {
     exchange(index);
     exchange(emitter);
@@ -168,35 +175,16 @@ void exchange_state(inout int index, inout int emitter, inout vec2 span, inout R
     exchange(walk_passed);
     exchange(walk_visits);
     exchange(walk_own);
-    for (int i = 0; i < walk_depth; ++i) {
-        exchange(walk_codes[i]);
-        exchange(walk_spans[i]);
-    }
-    for (int i = 0; i < WEIGHTS_KEPT; ++i)
-        exchange(walk_kept[i]);
 }
 
 // E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
 // they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
-// the golden ratio: together they give each emitter its share, a dim one, too.
-void main()
+// the golden ratio: together they give each emitter its share, a dim one, too. Go on until all is done or it is time to
+// pause; return whether all is done.
+bool sample_on(const Receiver r)
 {
-    int item = start + int(gl_GlobalInvocationID.x);
-    if (item >= end)
-        return;
-    Receiver r = load_receiver(item);
     uint key = hash(r.rank ^ hash(seed));
     float offset = unit_float(hash(r.rank / NEIGHBOURS ^ hash(seed + 1u)) + r.rank * GOLDEN);
-    start_walk(root, budget);
-    vec2 span = vec2(0.0);
-    Sum sum = no_light();
-    Run run = start_run(0, 0.0);
-    int emitter = -1, index = 0, slot = item - start;
-    uint state = begin_state(slot, false);
-    if (state == 2u)
-        return;
-    if (state == 1u)
-        exchange_state(index, emitter, span, run, sum);
     bool done = false;
     while (!done && steps < MAX_STEPS) {
         ++steps;
@@ -263,9 +251,37 @@ void main()
             add_l1(run.sum.l1, brought * visible, tilt);
         }
     }
-    begin_state(slot, true);
-    exchange_state(index, emitter, span, run, sum);
-    end_state(slot, done);
+    return done;
+}
+
+void main()
+{
+    int item = start + int(gl_GlobalInvocationID.x);
+    if (item >= end)
+        return;
+    int slot = item - start;
+    uint state = begin_state(slot, false);
+    if (state == 2u)
+        return;
+    walk_first = 1 + STATE_WORDS * (slot + 1) - WALK_WORDS;
+    if (state == 0u)
+        start_walk(root, budget);
+    index = 0;
+    emitter = -1;
+    span = vec2(0.0);
+    run = start_run(0, 0.0);
+    sum = no_light();
+
+    // One place in the code for both ways of the state: drivers inline every call.
+    for (int turn = 0; turn < 2; ++turn) {
+        if (turn == 1 || state == 1u)
+            exchange_state();
+        if (turn == 0) {
+            bool done = sample_on(load_receiver(item));
+            begin_state(slot, true);
+            end_state(slot, done);
+        }
+    }
     results[item] = vec4(sum.light, sum.unshadowed);
 #ifdef DIRECTIONAL
     results[first_l1 + 3 * item] = vec4(sum.l1.x, 0.0);

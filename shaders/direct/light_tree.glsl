@@ -1,5 +1,6 @@
 #pragma once
 #include "emitters.glsl"
+#include "resumed.glsl"
 
 // A tree over emitters (engine/direct/light_tree.py), and the way of a patch's samples down to emitters.
 // As kernels/direct/light_tree.cl.
@@ -60,21 +61,22 @@ float weight_of(const int code, const Receiver r, out bool open)
 
 // Samples on their way: they lie evenly on a line, on which every emitter has an interval. Nodes wait
 // for their turn with the end and the width of theirs; a negative width is not known yet.
-int walk_codes[TREE_STACK];
-vec2 walk_spans[TREE_STACK];
+// Codes, ends and widths are in the item's state, from word `walk_first` on, followed by the weights that are kept.
+int walk_first;
 int walk_depth;
 bool walk_counts;   // on the first way down, which sums weights
 float walk_total;   // the weight of all lights: of emitters nearby, and of nodes far away
 float walk_scale;   // width of a weight of 1
 float walk_passed;  // where the intervals of nodes taken as one light end so far
 int walk_visits;    // nodes and emitters whose weight was asked for
-float walk_kept[WEIGHTS_KEPT];
 int walk_own;       // further emitters that may have a sample of their own
 
 void put_on_walk(const int code, const vec2 span)
 {
-    walk_codes[walk_depth] = code;
-    walk_spans[walk_depth++] = span;
+    int at = walk_first + 3 * walk_depth++;
+    states[at] = uint(code);
+    states[at + 1] = floatBitsToUint(span.x);
+    states[at + 2] = floatBitsToUint(span.y);
 }
 
 // To the root, before a way down.
@@ -109,8 +111,9 @@ int next_emitter(const Receiver r, const int root, const int budget, const float
             begin_walk(root, false);
             walk_scale = float(budget) / walk_total;
         }
-        int code = walk_codes[--walk_depth];
-        span = walk_spans[walk_depth];
+        int at = walk_first + 3 * --walk_depth;
+        int code = int(states[at]);
+        span = vec2(uintBitsToFloat(states[at + 1]), uintBitsToFloat(states[at + 2]));
         bool is_new = span.y < 0.0;
         if (!is_new) {
             if (sample_ >= span.x || span.y <= 0.0)
@@ -127,8 +130,8 @@ int next_emitter(const Receiver r, const int root, const int budget, const float
             ++walk_visits;
             if (!walk_counts && visit < WEIGHTS_KEPT) {
                 is_kept = true;
-                open = walk_kept[visit] < 0.0;
-                weights.x = walk_kept[visit];
+                weights.x = uintBitsToFloat(states[walk_first + 3 * TREE_STACK + visit]);
+                open = weights.x < 0.0;
             }
         }
         for (int i = 0; i < (is_kept ? 0 : is_new ? 1 : 2); ++i) {
@@ -148,7 +151,7 @@ int next_emitter(const Receiver r, const int root, const int budget, const float
             continue;
         }
         if (walk_counts && visit < WEIGHTS_KEPT)
-            walk_kept[visit] = open ? -1.0 : weights.x;
+            states[walk_first + 3 * TREE_STACK + visit] = floatBitsToUint(open ? -1.0 : weights.x);
         if (open) {
             put_on_walk(light_nodes[code].children[1], vec2(0.0, -1.0));
             put_on_walk(light_nodes[code].children[0], vec2(0.0, -1.0));

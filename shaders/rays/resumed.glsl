@@ -8,7 +8,8 @@
 // one that has paused and 2 for one that is done.
 layout(std430, binding = 8) buffer States { uint states[]; };
 
-#define MAX_STEPS 16384
+// Eight lanes of llvmpipe share the limit of 65,535 steps, and each ends its last sample.
+#define MAX_STEPS 2048
 
 int state_cursor;   // the next word of the item's state
 bool state_saves;   // true while the state is stored, false while it is loaded

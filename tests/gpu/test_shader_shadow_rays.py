@@ -120,7 +120,7 @@ def test_work_of_many_steps_goes_on_in_several_dispatches(opencl, made, monkeypa
     scene, parts, shaders = made("long")
     split = split_light(scene.world, parts, SETTINGS)
     lamps = [light.relative_to(parts.triangles.origin) for light in shining_lights(scene)]
-    rest = parts, lamps, split.bright, split.sky, replace(SETTINGS, light_samples=97, ao_samples=509)
+    rest = parts, lamps, split.bright, split.sky, replace(SETTINGS, light_samples=97, ao_samples=1009)
     pair = ShaderShadowRays(shaders, *rest), ShadowRays(RayScene(opencl, parts), *rest)
     for ours, theirs in (
         [finished(caster.sampled())[0] for caster in pair],

@@ -119,7 +119,10 @@ class ShaderTracer:
             self.graphics.context.memory_barrier()
             self.graphics.context.finish()
             longest = max(longest, time.perf_counter() - began)
-            if states is None or not any(states.read(4)):
+            if states is None:
+                return longest
+            if not any(states.read(4)):
+                states.release()
                 return longest
             states.write(bytes(4))
 

@@ -24,11 +24,11 @@ from benchmarks.options import ROOT
 class Outcome:
     """What became of a call.
 
-    value         what the function returned, None if it failed
-    error         a sentence, None if it did not fail
-    seconds       wall time of the process, s
-    host_bytes    peak of its resident memory, None if unknown
-    device_bytes  peak of the graphics card's used memory above what was used before, None if unknown
+    value:         what the function returned, None if it failed
+    error:         a sentence, None if it did not fail
+    seconds:       wall time of the process, s
+    host_bytes:    peak of its resident memory, None if unknown
+    device_bytes:  peak of the graphics card's used memory above what was used before, None if unknown
     """
 
     value: Any
@@ -43,8 +43,8 @@ def run_apart(
 ) -> Outcome:
     """Call "module:function" with keyword arguments that JSON can hold.
 
-    limit    wall time after which it is stopped, s
-    watched  True watches the graphics card's memory meanwhile
+    limit:    wall time after which it is stopped, s
+    watched:  True watches the graphics card's memory meanwhile
     """
     started = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:

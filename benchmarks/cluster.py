@@ -246,9 +246,9 @@ def _print_stages(stages: Mapping[str, Mapping[str, Any]]) -> None:
 def _tasks(done: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
     """Return of each kind of task how many there were and, of all workers, their seconds and bytes.
 
-    compute   seconds that all tasks took, and the longest
-    transfer  seconds in which workers fetched what they needed, as part of no task
-    bytes     of the results
+    compute:   seconds that all tasks took, and the longest
+    transfer:  seconds in which workers fetched what they needed, as part of no task
+    bytes:     of the results
     """
     kinds: dict[str, dict[str, float]] = {}
     for task in done:
@@ -275,7 +275,7 @@ def _host_bytes() -> int:
 class _Held:
     """Looks, while it is open, what memory is used of each graphics card of NVIDIA's.
 
-    most  bytes; empty without NVIDIA's tool
+    most:  bytes; empty without NVIDIA's tool
     """
 
     def __init__(self) -> None:

@@ -62,8 +62,8 @@ class Reference:
     Each baker is measured against what it gives with endless samples: a texel of Cycles is the light at its
     centre, one of Hemibake the mean of what surfaces cover of it.
 
-    samples  of a texel, in each half
-    seconds  of all when they were made
+    samples:  of a texel, in each half
+    seconds:  of all when they were made
     """
 
     def __init__(

@@ -45,9 +45,9 @@ Record = dict[str, Any]
 class Size:
     """How large a bake is.
 
-    patches  that show light
-    solved   patches, or groups of them, that bounces are solved for
-    points   of texels that show more than their centre; 0 where that was not recorded
+    patches:  that show light
+    solved:   patches, or groups of them, that bounces are solved for
+    points:   of texels that show more than their centre; 0 where that was not recorded
     """
 
     patches: float
@@ -100,9 +100,9 @@ def _point_blocks(size: Size) -> list[Span]:
 class Part:
     """A part of a bake's time.
 
-    seconds  that a record tells of it
-    terms    numbers that it grows with, by what they are
-    blocks   that workers share, a task for each; None if the client takes it
+    seconds:  that a record tells of it
+    terms:    numbers that it grows with, by what they are
+    blocks:   that workers share, a task for each; None if the client takes it
     """
 
     name: str

@@ -20,8 +20,8 @@ class Point:
 class Reach:
     """When an error is reached.
 
-    seconds  None if it is not
-    how      "interpolated"; "at most": the fastest bake is already better; "extrapolated"; "not reached"
+    seconds:  None if it is not
+    how:      "interpolated"; "at most": the fastest bake is already better; "extrapolated"; "not reached"
     """
 
     seconds: float | None

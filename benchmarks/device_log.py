@@ -34,12 +34,12 @@ _HELPERS = (
 class Entry:
     """A command to the device, or a call of NumPy.
 
-    stage    of the bake
-    kind     one of the kinds above
-    name     of a kernel, or the function that asked for it
-    size     bytes that are moved or filled, 0 for launches and passes
-    seconds  that the host spends in the call, s
-    event    of a launch, whose queue takes times
+    stage:    of the bake
+    kind:     one of the kinds above
+    name:     of a kernel, or the function that asked for it
+    size:     bytes that are moved or filled, 0 for launches and passes
+    seconds:  that the host spends in the call, s
+    event:    of a launch, whose queue takes times
     """
 
     stage: str
@@ -58,8 +58,8 @@ class Entry:
 class DeviceLog:
     """Entries of bakes, while `logging`; and wall times, s, by stage.
 
-    entries  in their order; of launches by other threads, too
-    seconds  by stage
+    entries:  in their order; of launches by other threads, too
+    seconds:  by stage
     """
 
     def __init__(self) -> None:

@@ -15,7 +15,7 @@ _NVIDIA = ("--query-gpu=memory.used", "--format=csv,noheader,nounits", "-lms", "
 class DeviceMemory:
     """Watches the first card while it is entered.
 
-    peak  bytes above what was in use at first, None if no driver tells
+    peak:  bytes above what was in use at first, None if no driver tells
     """
 
     def __init__(self) -> None:

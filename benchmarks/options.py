@@ -12,12 +12,12 @@ ROOT = Path(__file__).resolve().parent.parent
 class Options:
     """The same for every suite.
 
-    gpu      True chooses sizes for a graphics card
-    full     True measures everything, False what takes minutes
-    scenes   folder of scene files
-    only     names of the scenes that are compared with Cycles; none for all
-    cache    folder of references that are kept between runs
-    results  folder of the stored results
+    gpu:      True chooses sizes for a graphics card
+    full:     True measures everything, False what takes minutes
+    scenes:   folder of scene files
+    only:     names of the scenes that are compared with Cycles; none for all
+    cache:    folder of references that are kept between runs
+    results:  folder of the stored results
     """
 
     gpu: bool = False

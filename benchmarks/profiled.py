@@ -21,9 +21,9 @@ from engine.plan.stages import BakeStages, Extent
 class ProfiledCompute(ComputeDevice):
     """A Compute whose queue takes the time of every kernel.
 
-    events             (name, event) of every kernel that was started
-    processor_seconds  what kernels took of this process's processors, s, by name; only where a processor
-                       computes: each is waited for
+    events:             (name, event) of every kernel that was started
+    processor_seconds:  what kernels took of this process's processors, s, by name; only where a processor
+                        computes: each is waited for
     """
 
     def __init__(self, cache_dir: str | None = None) -> None:

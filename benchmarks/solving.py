@@ -49,9 +49,9 @@ def solve_job(scene: Scene, settings: Settings, compute: ComputeDevice | None = 
 class Timing:
     """How long an iteration takes.
 
-    seconds     mean of the iterations
-    iterations  how many were timed
-    fraction    of the patches that were gathered; less than 1 if the time was up
+    seconds:     mean of the iterations
+    iterations:  how many were timed
+    fraction:    of the patches that were gathered; less than 1 if the time was up
     """
 
     seconds: float

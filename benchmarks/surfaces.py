@@ -16,7 +16,7 @@ from tests.analytic.scenes import Chart
 class Surface:
     """A grid of quads with a chart of its own, seen from the side of columns x rows.
 
-    points  (rows + 1, columns + 1, 3) float64, m
+    points:  (rows + 1, columns + 1, 3) float64, m
     """
 
     points: np.ndarray
@@ -37,8 +37,8 @@ def quad(corners: np.ndarray, material: int) -> Surface:
 def turned(radius: np.ndarray, height: np.ndarray, foot: np.ndarray, columns: int, material: int) -> Surface:
     """Return a profile that is turned about a vertical axis.
 
-    radius  (rows + 1, 1) or (rows + 1, columns + 1), m
-    height  (rows + 1,), m, ascending
+    radius:  (rows + 1, 1) or (rows + 1, columns + 1), m
+    height:  (rows + 1,), m, ascending
     """
     turn = 2 * np.pi * np.linspace(0, 1, columns + 1)
     upward = np.broadcast_to(height[:, None], (len(height), columns + 1))

@@ -33,8 +33,8 @@ FLOOR, BACK, LIGHT = 0, 4, 14
 class Artifacts:
     """How far patches are from what they should show, standard deviation as a fraction of their light.
 
-    banding  what neighbours have in common
-    noise    what they do not
+    banding:  what neighbours have in common
+    noise:    what they do not
     """
 
     banding: float
@@ -61,7 +61,7 @@ def main() -> None:
 def artifacts(prepared: Prepared, light: np.ndarray, truth: np.ndarray) -> Artifacts:
     """Return banding and noise over all polygons but the light.
 
-    light, truth  (n,) float, E/pi of each patch
+    light, truth:  (n,) float, E/pi of each patch
 
     Half the mean square of the difference between neighbours is the variance of noise; the rest of the
     variance is the covariance of neighbours: banding.

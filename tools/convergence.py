@@ -44,8 +44,8 @@ RESOLUTION = 128
 class Curve:
     """One line of the graph.
 
-    difference  mean |E - E_gs| over patches and channels after each iteration, fraction of mean E_gs
-    seconds     of all iterations
+    difference:  mean |E - E_gs| over patches and channels after each iteration, fraction of mean E_gs
+    seconds:     of all iterations
     """
 
     hemicube: int

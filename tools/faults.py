@@ -59,11 +59,11 @@ _NEEDED = ("benchmarks", "engine", "kernels", "shaders", "tests/analytic", "test
 class Trial:
     """A bake.
 
-    seconds   that it took
-    lengths   s of its stages, by name
-    found     tasks that found what a block sees
-    held      blocks that a worker had which was killed
-    in_stage  whether one was killed before the stage was over
+    seconds:   that it took
+    lengths:   s of its stages, by name
+    found:     tasks that found what a block sees
+    held:      blocks that a worker had which was killed
+    in_stage:  whether one was killed before the stage was over
     """
 
     lightmap: BakeResult
@@ -117,7 +117,7 @@ class Room:
 class Moment:
     """A moment of a bake: so many seconds after a stage has begun, or at its end if that is earlier.
 
-    in_stage  whether the moment came before the end
+    in_stage:  whether the moment came before the end
     """
 
     def __init__(self, stage: str, delay: float, strike: Callable[[], None]) -> None:

@@ -62,9 +62,9 @@ OPENEXR = {
 class Loss(NamedTuple):
     """Errors of light after it was written and read, relative to each texel, and the size of the file.
 
-    mean, p99  of all texels
-    dark       mean of those whose brightest channel is below 0.01, the darkest decade
-    size       bytes a texel
+    mean, p99:  of all texels
+    dark:       mean of those whose brightest channel is below 0.01, the darkest decade
+    size:       bytes a texel
     """
 
     mean: float

@@ -163,7 +163,7 @@ class Events:
 class SharedMemory:
     """An OpenCL object that is also OpenGL's, or nobody's; OpenCL has it from `acquire` to `release`.
 
-    calls  the names of the functions that acquire and release it
+    calls:  the names of the functions that acquire and release it
     """
 
     def __init__(
@@ -259,7 +259,8 @@ class BufferShare:
 class ExternalShare:
     """A buffer of the size of a texture array in memory that both import, filled by OpenGL, read by OpenCL.
 
-    export  returns two file descriptors of the same new memory of at least so many bytes, and how many it has
+    export:  returns two file descriptors of the same new memory of at least so many bytes, and how many it
+             has
     """
 
     name = "external memory"

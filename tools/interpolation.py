@@ -87,9 +87,9 @@ def main() -> None:
 def interpolated(image: np.ndarray, known: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the image that Elias' interpolation makes of a chart, and which texels have a hemicube.
 
-    image      (h, w) float, what a hemicube of each texel gathers; 0 where `known` is False
-    known      (h, w) bool, texels of the chart
-    tolerance  see `TOLERANCES`
+    image:      (h, w) float, what a hemicube of each texel gathers; 0 where `known` is False
+    known:      (h, w) bool, texels of the chart
+    tolerance:  see `TOLERANCES`
     """
     rows, columns = (np.unique(np.append(np.arange(0, size, STEP), size - 1)) for size in image.shape)
     result, sampled = np.zeros_like(image), np.zeros(image.shape, bool)

@@ -20,7 +20,7 @@ WIDTHS, LAYERS = (32, 64, 128), (1, 2, 4, 8)
 class Times:
     """Milliseconds of an iteration of the room with 10,700 patches, the paper's and ours.
 
-    devices  our devices' names, by "gpu" and "cpu"
+    devices:  our devices' names, by "gpu" and "cpu"
     """
 
     def __init__(self) -> None:

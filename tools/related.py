@@ -42,9 +42,9 @@ from tests.reference.shooting import Shooting
 class Curve:
     """One method; a point for each estimate.
 
-    seconds  since the start, visibility included
-    views    hemicubes that were summed or shot through, or lights whose shadows were cast, per patch
-    error    mean |E - E_true| over patches and channels, fraction of mean E_true
+    seconds:  since the start, visibility included
+    views:    hemicubes that were summed or shot through, or lights whose shadows were cast, per patch
+    error:    mean |E - E_true| over patches and channels, fraction of mean E_true
     """
 
     name: str

@@ -31,10 +31,10 @@ _PERIOD = 0.5
 class Reloader:
     """Reloads a package once one of its files has changed.
 
-    folders  that contain its Python files
-    package  name of the package in `sys.modules`
-    enable   imports and registers the package; raises an exception if a file has an error
-    disable  unregisters it
+    folders:  that contain its Python files
+    package:  name of the package in `sys.modules`
+    enable:   imports and registers the package; raises an exception if a file has an error
+    disable:  unregisters it
     """
 
     def __init__(

@@ -28,7 +28,7 @@ _MODULE = "bl_ext.user_default.hemibake"
 class Stalls:
     """The gaps between calls of a timer, s, by the stage of the bake that is running.
 
-    total  how long the bake took, s
+    total:  how long the bake took, s
     """
 
     def __init__(self, ended: Callable[[], None] = lambda: None) -> None:

@@ -41,9 +41,9 @@ _TOLERANCE = 1e-5
 class Case:
     """A kernel, its inputs, and what it has to find.
 
-    groups  hemicubes or patches
-    count   numbers that each adds up
-    truth   (groups, 4) float64
+    groups:  hemicubes or patches
+    count:   numbers that each adds up
+    truth:   (groups, 4) float64
     """
 
     kernel: KernelText

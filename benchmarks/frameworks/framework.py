@@ -16,8 +16,8 @@ class MissingError(Exception):
 class Framework(Protocol):
     """A way to run kernels on a device.
 
-    name    of the framework
-    device  its own name for the device
+    name:    of the framework
+    device:  its own name for the device
     """
 
     name: str

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 class KernelText:
     """A kernel whose groups write a float4 each.
 
-    inputs  type and name of each array, in the words of OpenCL
-    count   what an array has of numbers that each group adds up
-    body    adds them up in `sum`, the items `item`, `item` + ITEMS, ... of the group `group`
+    inputs:  type and name of each array, in the words of OpenCL
+    count:   what an array has of numbers that each group adds up
+    body:    adds them up in `sum`, the items `item`, `item` + ITEMS, ... of the group `group`
     """
 
     name: str

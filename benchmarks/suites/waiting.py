@@ -149,8 +149,8 @@ def _cases(options: Options) -> tuple[_Case, ...]:
 def _measured(case: _Case, kernels: str, against_truth: bool) -> dict[str, Any]:
     """Bake a case until it is warm, then again, then with a lamp; return the slowest of each.
 
-    kernels        folder of those that other cases have built
-    against_truth  True to measure the error, too, against a bake with many rays of every patch
+    kernels:        folder of those that other cases have built
+    against_truth:  True to measure the error, too, against a bake with many rays of every patch
     """
     scene, session = _SCENES[case.scene](case.resolution), Session()
     chosen = replace(case.settings, cache_dir=kernels)

@@ -23,7 +23,7 @@ _FAREWELL = 0.1
 class Admission(WorkerPlugin):
     """Worker plugin that closes workers with another Hemibake or without a device; each reports the reason.
 
-    digest  required digest of the source files
+    digest:  required digest of the source files
     """
 
     name = "hemibake-admission"

@@ -22,8 +22,8 @@ from .scene_payload import ScenePayload
 class BlockVisibility:
     """Patches or patch groups of a block, which gather from all sources.
 
-    views  (m, 2) float32, see `RemoteDevices.views`
-    bytes  device memory of the samples
+    views:  (m, 2) float32, see `RemoteDevices.views`
+    bytes:  device memory of the samples
     """
 
     def __init__(self, shipment: ScenePayload, table: PatchTable, rows: SentRows) -> None:

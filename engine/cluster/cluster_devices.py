@@ -54,9 +54,9 @@ class ClusterDevices:
     ) -> None:
         """Send the patches of a scene to the workers.
 
-        folder  folder in the shared memory of all workers; empty if there is none
-        rays    rays from the patches
-        bright  sampled emissive triangles
+        folder:  folder in the shared memory of all workers; empty if there is none
+        rays:    rays from the patches
+        bright:  sampled emissive triangles
         """
         self._tasks, self._shipped, self._folder = tasks, shipped, folder
         self._memories = RadianceExchangePair(folder)

@@ -15,8 +15,8 @@ from .tasks import Tasks
 class DistributedScene:
     """Scene on the workers.
 
-    shipment  task whose result is the scene; workers fetch it from each other
-    ready     one task per worker that builds the BVH
+    shipment:  task whose result is the scene; workers fetch it from each other
+    ready:     one task per worker that builds the BVH
     """
 
     shipment: Future

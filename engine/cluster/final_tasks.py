@@ -63,8 +63,8 @@ def light_at_samples(
 ) -> GatheredSamples:
     """Return the light that texel samples gather from all sources; see `texel_sample_gather.gather_at`.
 
-    solved  table of the sources: patches or patch groups
-    how     solver choice of the patches, and settings of the samples
+    solved:  table of the sources: patches or patch groups
+    how:     solver choice of the patches, and settings of the samples
     """
     (choice, settings), scene = how, prepared(shipment)
     patches, sources = scene.patches(table), scene.sources(solved)

@@ -135,8 +135,8 @@ def start_worker(
 ) -> subprocess.Popen[bytes]:
     """Start a worker process of a scheduler, with one thread, so one block at a time.
 
-    options  further options of `dask worker`
-    printed  True to show its output on this process's output
+    options:  further options of `dask worker`
+    printed:  True to show its output on this process's output
     """
     command = [sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, "--nthreads", "1"]
     command += ["--no-dashboard", "--no-nanny", "--memory-limit", "0", *options]

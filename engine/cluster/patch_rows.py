@@ -17,10 +17,10 @@ from .stored_array import StoredArray
 class PatchRows(NumpyPickle):
     """Consecutive patches or patch groups; see `PatchList`.
 
-    first        index of the first patch
-    texel        (m,) int32
-    triangle     (m,) int32
-    barycentric  (m, 3) float32
+    first:        index of the first patch
+    texel:        (m,) int32
+    triangle:     (m,) int32
+    barycentric:  (m, 3) float32
     """
 
     first: int

@@ -19,9 +19,9 @@ from .stored_array import StoredArray
 class SparseRadiance(NumpyPickle):
     """Radiance of patches, most of which are black.
 
-    count   number of patches
-    patch   (k,) uint32, patches that are not black
-    values  (k, 3) float32, their radiance
+    count:   number of patches
+    patch:   (k,) uint32, patches that are not black
+    values:  (k, 3) float32, their radiance
     """
 
     count: int
@@ -52,10 +52,10 @@ class SparseRadiance(NumpyPickle):
 class PatchTable(NumpyPickle):
     """Patches or patch groups as sources for all workers: index map and emission.
 
-    name            unique name
-    texel_to_patch  (atlases, r, r) uint32, see `PatchScene`
-    emission        radiance of visible back faces, see `SolveJob.back_emission`
-    back_to_back    see `PatchScene`
+    name:            unique name
+    texel_to_patch:  (atlases, r, r) uint32, see `PatchScene`
+    emission:        radiance of visible back faces, see `SolveJob.back_emission`
+    back_to_back:    see `PatchScene`
     """
 
     name: str
@@ -75,12 +75,12 @@ class PatchTable(NumpyPickle):
 class SceneTable(PatchTable):
     """Patches of a scene, and all emission that shadow rays sample.
 
-    glow                     emission of front faces
-    backs                    emission of back faces; None if equal
-    shining                  (s,) int64, triangles with an emissive patch
-    sampled                  (b,) int64, triangles sampled as lights
-    radiance, back_radiance  (b, 3) float32, radiance of these
-    uniform                  (b,) bool, True if radiance is constant over the triangle
+    glow:                     emission of front faces
+    backs:                    emission of back faces; None if equal
+    shining:                  (s,) int64, triangles with an emissive patch
+    sampled:                  (b,) int64, triangles sampled as lights
+    radiance, back_radiance:  (b, 3) float32, radiance of these
+    uniform:                  (b,) bool, True if radiance is constant over the triangle
     """
 
     glow: SparseRadiance
@@ -110,8 +110,8 @@ class SceneTable(PatchTable):
     def bright(self, triangles: int, left: np.ndarray) -> SampledTriangles:
         """Return the sampled triangles.
 
-        triangles  number of triangles of the scene
-        left       (n, 3) float32, see `SampledTriangles.back_left`; front faces are not needed
+        triangles:  number of triangles of the scene
+        left:       (n, 3) float32, see `SampledTriangles.back_left`; front faces are not needed
         """
         shining = np.zeros(triangles, bool)
         shining[self.shining] = True

@@ -30,7 +30,7 @@ def worker_devices() -> Devices:
 class PreparedScene:
     """Scene of a payload on this worker's devices; triangles of the last bake are reused if unchanged.
 
-    scene  the scene, including objects without lightmap
+    scene:  the scene, including objects without lightmap
 
     Raises DeviceError if the worker has no OpenGL or no OpenCL.
     """

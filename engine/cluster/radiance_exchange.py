@@ -23,10 +23,10 @@ _CHANNELS = 3
 class MappedRadiance(NumpyPickle):
     """HalfRadiance in a file that all workers of the machine map.
 
-    path    path of the file
-    count   number of patches
-    unit    W/(m^2 sr)
-    number  version of the content, since the file is reused
+    path:    path of the file
+    count:   number of patches
+    unit:    W/(m^2 sr)
+    number:  version of the content, since the file is reused
     """
 
     path: str
@@ -46,8 +46,8 @@ class MappedRadiance(NumpyPickle):
 class RadianceExchange:
     """Two files that the client and the workers of its machine map and reuse for many iterations.
 
-    rows  (count, 3) float32, gathered irradiance
-    path  path of the file of the rows
+    rows:  (count, 3) float32, gathered irradiance
+    path:  path of the file of the rows
     """
 
     def __init__(self, folder: str, count: int) -> None:

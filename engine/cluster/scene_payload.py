@@ -24,9 +24,9 @@ _LEVEL, _NONE = 1, 0
 class ScenePayload:
     """Scene and settings as bytes.
 
-    data    zlib-compressed bytes; empty if they are in a file
-    path    path of a file in the client's shared memory; empty without one
-    digest  SHA-256 of the bytes, hexadecimal; identifies the scene on workers
+    data:    zlib-compressed bytes; empty if they are in a file
+    path:    path of a file in the client's shared memory; empty without one
+    digest:  SHA-256 of the bytes, hexadecimal; identifies the scene on workers
     """
 
     data: bytes
@@ -37,8 +37,8 @@ class ScenePayload:
     def of(cls, scene: Scene, settings: Settings, local: bool, folder: str = "") -> ScenePayload:
         """Pack a scene that includes objects without lightmap; data that only patches need is removed.
 
-        local   True if the data does not leave this machine
-        folder  in the shared memory of all workers; empty if there is none
+        local:   True if the data does not leave this machine
+        folder:  in the shared memory of all workers; empty if there is none
         """
         data = portable_bytes((_for_rays(scene), settings_for_tints(scene, settings)[0]))
         digest = hashlib.sha256(data).hexdigest()

@@ -15,8 +15,8 @@ from .tasks import Tasks
 class ShippedPatches:
     """Patches or patch groups on workers.
 
-    table  task whose result is the table; workers fetch it from each other
-    count  number of patches
+    table:  task whose result is the table; workers fetch it from each other
+    count:  number of patches
     """
 
     def __init__(self, tasks: Tasks, patches: PatchList, table: PatchTable, folder: str) -> None:

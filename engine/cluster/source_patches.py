@@ -28,8 +28,8 @@ from .triangle_scene import TriangleScene
 class SourcePatches:
     """Patches or patch groups as sources of radiance, on the device of a worker.
 
-    name  name of their table
-    job   radiosity problem of the sources, without receiving patches
+    name:  name of their table
+    job:   radiosity problem of the sources, without receiving patches
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class SourcePatches:
 class ScenePatches(SourcePatches):
     """Patches of a scene as sources.
 
-    lighting  direct lighting by shadow rays
+    lighting:  direct lighting by shadow rays
     """
 
     def __init__(

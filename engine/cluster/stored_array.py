@@ -18,11 +18,11 @@ from .memory_folder import file_with
 class StoredArray(NumpyPickle):
     """Array, or a range of its rows, for transfer to workers.
 
-    data   the rows; empty if they are in a file
-    path   path of a file in the client's shared memory; empty without one
-    kind   dtype, as `numpy.dtype.str`
-    shape  shape of the rows
-    first  index of the first row in the file
+    data:   the rows; empty if they are in a file
+    path:   path of a file in the client's shared memory; empty without one
+    kind:   dtype, as `numpy.dtype.str`
+    shape:  shape of the rows
+    first:  index of the first row in the file
     """
 
     data: np.ndarray

@@ -67,8 +67,8 @@ class Tasks:
     ) -> list[Future]:
         """Start a task for each tuple of arguments; repeated calls create new tasks.
 
-        arguments  futures, whose results are passed, and small built-in values
-        worker     address of the preferred worker; None for any
+        arguments:  futures, whose results are passed, and small built-in values
+        worker:     address of the preferred worker; None for any
         """
         calls = [list(values) for values in arguments]
         called = [self._function(function)] * len(calls)

@@ -23,9 +23,9 @@ from ..visibility.rays.ray_scene import RayScene
 class TriangleScene:
     """Triangles and their ray tracer, without patches.
 
-    steps    texel steps of each triangle
-    cutouts  transparency of the surfaces
-    rays     ray scene without receivers
+    steps:    texel steps of each triangle
+    cutouts:  transparency of the surfaces
+    rays:     ray scene without receivers
     """
 
     triangles: Triangles

@@ -41,9 +41,9 @@ _UNSAFE = (
 class Workers:
     """Workers that may take part in a bake.
 
-    client    client of their scheduler
-    address   address of the scheduler
-    warnings  sentences for the user: refused workers, and an unencrypted connection
+    client:    client of their scheduler
+    address:   address of the scheduler
+    warnings:  sentences for the user: refused workers, and an unencrypted connection
 
     folder: in the shared memory of this machine; empty if there is none
     """

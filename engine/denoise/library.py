@@ -57,7 +57,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
 class DenoiseLibrary:
     """Loaded library.
 
-    call  its functions, by their names in oidn.h
+    call:  its functions, by their names in oidn.h
 
     Raises DenoiseError if the file is not a usable Open Image Denoise library.
     """
@@ -85,8 +85,8 @@ class DenoiseLibrary:
 class DenoiseDevice:
     """Device that denoises images; `release` frees it.
 
-    kind  one of DEVICE_TYPES
-    name  library, version and kind, for display
+    kind:  one of DEVICE_TYPES
+    name:  library, version and kind, for display
 
     Raises DenoiseError if there is no such device, or the library's major version is not 2.
     """
@@ -142,7 +142,7 @@ class DenoiseDevice:
 class _Filter:
     """Filter "RT" for high dynamic range images, and its image buffer on a device.
 
-    shape  shape of the image, (h, w, 3), which is filtered in place
+    shape:  shape of the image, (h, w, 3), which is filtered in place
     """
 
     def __init__(self, library: DenoiseLibrary, device: int, shape: tuple[int, ...]) -> None:

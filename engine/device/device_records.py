@@ -24,8 +24,8 @@ _OLD = 86_400
 class DeviceKey(NamedTuple):
     """A device with one version of its driver.
 
-    digest  see `program_cache.device_digest`
-    name    as in `Settings.opencl_device`
+    digest:  see `program_cache.device_digest`
+    name:    as in `Settings.opencl_device`
     """
 
     digest: str

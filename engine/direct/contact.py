@@ -28,10 +28,11 @@ _BEFORE = 1e-4
 class Contacts:
     """Effects of nearby faces on patches, (n,) bool each.
 
-    hide          True if a touching face covers the patch
-    back_to_back  True if a coincident face points the other way and both are open, as walls of adjacent rooms
-    shine         True if the patch sees the back of an emissive surface, as a ceiling above a hanging panel:
-                  most of its view is back faces, but it is lit
+    hide:          True if a touching face covers the patch
+    back_to_back:  True if a coincident face points the other way and both are open, as walls of adjacent
+                   rooms
+    shine:         True if the patch sees the back of an emissive surface, as a ceiling above a hanging panel:
+                   most of its view is back faces, but it is lit
     """
 
     hide: np.ndarray
@@ -67,8 +68,8 @@ def patches_lit_by_backs(
 ) -> np.ndarray:
     """Return which patches, among those that see mostly back faces, see an emissive back face, (n,) bool.
 
-    shines     (t,) bool, True for emissive triangles
-    positions  (t, 3, 3) float, corners of the triangles, metres, relative to `Triangles.origin`
+    shines:     (t,) bool, True for emissive triangles
+    positions:  (t, 3, 3) float, corners of the triangles, metres, relative to `Triangles.origin`
     """
     if scene.shaders is not None:
         return lit_by_back_faces(scene.shaders, shines, _planes_in_front(positions[shines]))

@@ -19,11 +19,11 @@ from .stale_shadows import find_stale_shadows
 class DirectLightCache:
     """Direct light of n patches, and everything that determines it.
 
-    lights     sampled lights and sample counts; see `ShadowRays.lights`
-    parts      the patches and the geometry
-    receivers  records of the patches, see `RayScene.receivers`
-    light      (n, 3) float32, E/pi
-    l1         L1 of the light, see `DirectLighting`
+    lights:     sampled lights and sample counts; see `ShadowRays.lights`
+    parts:      the patches and the geometry
+    receivers:  records of the patches, see `RayScene.receivers`
+    light:      (n, 3) float32, E/pi
+    l1:         L1 of the light, see `DirectLighting`
     """
 
     lights: tuple

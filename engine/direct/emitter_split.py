@@ -30,8 +30,8 @@ def split_light(
 ) -> EmitterSplit:
     """Split the emission of surfaces and world; with sample_emission off, all is left to the gather.
 
-    bright  chooses the triangles to sample
-    split   splits the world
+    bright:  chooses the triangles to sample
+    split:   splits the world
     """
     chosen = bright(parts) if settings.sample_emission else no_bright_triangles(parts)
     return EmitterSplit(chosen, sky_of(world, settings, split))

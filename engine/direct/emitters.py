@@ -76,13 +76,13 @@ _EVEN = 1e-4
 class SampledTriangles:
     """Emissive triangles that are sampled by shadow rays.
 
-    triangles      (k,) int, indices into `Triangles`
-    radiance       (k, 3) float32, mean radiance of the front times opacity, W/(m^2 sr)
-    back_radiance  (k, 3) float32, the same of the back
-    uniform        (k,) bool, True if both are constant over the triangle
-    emission_left  (n, 3) float32, radiance of each patch's front that is left to the gather
-    back_left      (n, 3) float32, the same of the back
-    shining        (t,) bool, True for triangles with a patch whose back emits
+    triangles:      (k,) int, indices into `Triangles`
+    radiance:       (k, 3) float32, mean radiance of the front times opacity, W/(m^2 sr)
+    back_radiance:  (k, 3) float32, the same of the back
+    uniform:        (k,) bool, True if both are constant over the triangle
+    emission_left:  (n, 3) float32, radiance of each patch's front that is left to the gather
+    back_left:      (n, 3) float32, the same of the back
+    shining:        (t,) bool, True for triangles with a patch whose back emits
     """
 
     triangles: np.ndarray
@@ -189,8 +189,8 @@ def _mean_radiance(
 def lamp_records(light: Light, modulation: int = 0) -> np.ndarray:
     """Return the records of one light, (k,) EMITTER; area lights consist of triangles.
 
-    light       the light, with its position relative to `Triangles.origin`
-    modulation  index of its record, see modulation.pack_modulations; 0 for none
+    light:       the light, with its position relative to `Triangles.origin`
+    modulation:  index of its record, see modulation.pack_modulations; 0 for none
     """
     makers = {"area": _area_records, "sun": _sun_record}
     records = makers.get(light.kind, _point_record)(light)

@@ -44,8 +44,8 @@ _BOUNDED = (
 class LightTree:
     """Binary tree over emitters.
 
-    nodes  (m,) LIGHT_NODE
-    root   index of an inner node, or the complement ~i of the only emitter
+    nodes:  (m,) LIGHT_NODE
+    root:   index of an inner node, or the complement ~i of the only emitter
     """
 
     nodes: np.ndarray
@@ -56,11 +56,11 @@ class LightTree:
 class _Emitters:
     """Bounds and power of emitters at finite distance, (k, ...) float64.
 
-    low, high    (k, 3), bounding boxes, metres
-    axis, angle  (k, 3), (k,) cone of emission directions; half angle, radians
-    totals       (k, 15), quantities that are summed over a node's emitters: power, power times centre (3),
-                 isotropic power, power a along the normals n of both sides, a n of one-sided emitters (3),
-                 and a n n: xx, yy, zz, xy, xz, yz
+    low, high:    (k, 3), bounding boxes, metres
+    axis, angle:  (k, 3), (k,) cone of emission directions; half angle, radians
+    totals:       (k, 15), quantities that are summed over a node's emitters: power, power times centre (3),
+                  isotropic power, power a along the normals n of both sides, a n of one-sided emitters (3),
+                  and a n n: xx, yy, zz, xy, xz, yz
     """
 
     low: np.ndarray

@@ -27,12 +27,12 @@ _FEW = 4
 class DirectLighting:
     """Direct lighting of a scene, and the emission that is left to the gather.
 
-    emission_left  (n, 3) float32, radiance of each patch's front that the gather has to handle
-    backs_left     (n, 3) float32, the same of the back; None if equal to the front
-    sky_left       (h, w, 3) float32, radiance of the sky that the gather has to handle
-    l1             (n, 3, 3) float32, L1 of the sampled light after `gather`: world axis, rgb; see
-                   irradiance_l1.cl. (0, 3, 3) without directional maps
-    warnings       sentences for the user
+    emission_left:  (n, 3) float32, radiance of each patch's front that the gather has to handle
+    backs_left:     (n, 3) float32, the same of the back; None if equal to the front
+    sky_left:       (h, w, 3) float32, radiance of the sky that the gather has to handle
+    l1:             (n, 3, 3) float32, L1 of the sampled light after `gather`: world axis, rgb; see
+                    irradiance_l1.cl. (0, 3, 3) without directional maps
+    warnings:       sentences for the user
     """
 
     def __init__(
@@ -47,9 +47,9 @@ class DirectLighting:
     ) -> None:
         """Split the light of a scene.
 
-        elsewhere  casts rays from all patches on devices of other processes; None for this device
-        split      both parts of the emission; None to compute them
-        meanwhile  called while other processes cast rays
+        elsewhere:  casts rays from all patches on devices of other processes; None for this device
+        split:      both parts of the emission; None to compute them
+        meanwhile:  called while other processes cast rays
         """
         self._scene, self._parts, self._settings = scene, parts, settings
         self._ray_scene, self._meanwhile = rays, meanwhile

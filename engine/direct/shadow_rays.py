@@ -52,10 +52,10 @@ class ShadowCaster(Protocol):
 class ShadowRays:
     """Shadow rays from the patches of `receivers` to all sampled lights.
 
-    parts   the emitting scene
-    lamps   the lights that emit
-    bright  sampled emissive triangles
-    sky     the sky, whose bright part is sampled
+    parts:   the emitting scene
+    lamps:   the lights that emit
+    bright:  sampled emissive triangles
+    sky:     the sky, whose bright part is sampled
     """
 
     def __init__(

@@ -21,11 +21,11 @@ _REST_SIZE = (256, 512)
 class SkyDistribution:
     """Sampling distribution of the bright sky, see `Bright` in kernels/direct/emitters.cl.
 
-    size        rows and columns of the map
-    listed      (k,) int32, indices of the bright pixels, k >= 1
-    pixels      (k, 4) float32, their radiance, W/(m^2 sr)
-    cumulative  (k,) float32, cumulative luminance times solid angle, normalised to 1
-    total       luminance times solid angle of all, before normalisation
+    size:        rows and columns of the map
+    listed:      (k,) int32, indices of the bright pixels, k >= 1
+    pixels:      (k, 4) float32, their radiance, W/(m^2 sr)
+    cumulative:  (k,) float32, cumulative luminance times solid angle, normalised to 1
+    total:       luminance times solid angle of all, before normalisation
     """
 
     size: tuple[int, int]
@@ -39,8 +39,8 @@ class SkyDistribution:
 class Sky:
     """Both parts of a world, equirectangular as `Scene.world`; their sum is the world's radiance.
 
-    rest    (h, w, 3) float32, part for the gather
-    bright  (h, w, 3) float32, part sampled by shadow rays; None if no pixel is bright
+    rest:    (h, w, 3) float32, part for the gather
+    bright:  (h, w, 3) float32, part sampled by shadow rays; None if no pixel is bright
     """
 
     rest: np.ndarray

@@ -36,9 +36,9 @@ def find_stale_shadows(
 ) -> np.ndarray:
     """Return the patches, (k,) int32 ascending, whose shadow rays may hit something else than before.
 
-    before    receivers of the patches at their old positions, see `RayScene.receivers`
-    emitters  (m,) EMITTER, targets of the rays
-    moved     (t, 3, 3) float32, moved triangles at old and new positions, metres from `Triangles.origin`
+    before:    receivers of the patches at their old positions, see `RayScene.receivers`
+    emitters:  (m,) EMITTER, targets of the rays
+    moved:     (t, 3, 3) float32, moved triangles at old and new positions, metres from `Triangles.origin`
     """
     compute, lights = rays.compute, _balls(emitters)
     codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NEAR", "FAR", "EVERYWHERE")))

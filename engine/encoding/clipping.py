@@ -13,8 +13,8 @@ from .encoding import Limits
 class Clipping:
     """Clipped texels of a lightmap, (h, w) bool.
 
-    bright  brighter than the encoding's maximum
-    dark    not black, but encoded as black
+    bright:  brighter than the encoding's maximum
+    dark:    not black, but encoded as black
     """
 
     bright: np.ndarray

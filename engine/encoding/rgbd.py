@@ -17,7 +17,7 @@ class Rgbd:
     looks like a plain image. Babylon.js stores environments this way (`toRGBD` of its shaders: range 255,
     gamma 2.2).
 
-    range  largest light
+    range:  largest light
     """
 
     range: float = 1.0

@@ -16,7 +16,7 @@ class Rgbm:
     Karis 2009, "RGBM color encoding": the multiplier is rounded up, so that colours stay at most 1. Gamma 2
     or 2.2 gives dark texels finer steps; gamma 1 is the cheapest to decode.
 
-    range  largest light
+    range:  largest light
     """
 
     range: float = 1.0

@@ -13,8 +13,8 @@ from .encoding import largest_level, quantised
 class SignedNorm:
     """Signed normalised values in three channels: value = range (2 rgb - 1), as in normal maps.
 
-    range  largest absolute value
-    bits   per channel, 8 or 16
+    range:  largest absolute value
+    bits:   per channel, 8 or 16
     """
 
     range: float = 1.0

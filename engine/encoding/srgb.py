@@ -14,8 +14,8 @@ from .encoding import largest_level, quantised
 class Srgb:
     """sRGB (IEC 61966-2-1) of light times 2^exposure, in three channels.
 
-    exposure  stops
-    bits      per channel, 8 or 16
+    exposure:  stops
+    bits:      per channel, 8 or 16
     """
 
     exposure: float = 0.0

@@ -17,10 +17,10 @@ from .visibility_cache import BackfaceLight, SampleRows
 class BackgroundLight:
     """Background light of `count` patches, summed over their cached visibility samples.
 
-    receivers  records of the patches, see `RayScene.receivers`
-    light      float4 of each patch: E/pi in rgb; in a the fraction of the hemisphere without back faces
-    l1         3 float4 of each patch, axes x, y and z, see irradiance_l1.cl; None without directional maps
-    complete   True once all patches are summed; set by the caller that has summed all rows
+    receivers:  records of the patches, see `RayScene.receivers`
+    light:      float4 of each patch: E/pi in rgb; in a the fraction of the hemisphere without back faces
+    l1:         3 float4 of each patch, axes x, y and z, see irradiance_l1.cl; None without directional maps
+    complete:   True once all patches are summed; set by the caller that has summed all rows
     """
 
     complete = False

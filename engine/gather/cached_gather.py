@@ -32,9 +32,9 @@ class CachedGather:
 
     The first iteration fills the cache if it is not complete, and sums the background light.
 
-    identity    visibility sampler that fills the cache; None if it is complete
-    l1          gathers L1 of the converged light
-    checkpoint  stores rows of the cache, so that an interrupted bake can resume
+    identity:    visibility sampler that fills the cache; None if it is complete
+    l1:          gathers L1 of the converged light
+    checkpoint:  stores rows of the cache, so that an interrupted bake can resume
     """
 
     def __init__(

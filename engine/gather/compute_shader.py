@@ -22,7 +22,7 @@ _FRAMES, _MULTIPLIER = 0, 1
 class HemicubeTables:
     """Input that all hemicube shaders share: hemicube frames and the multiplier map; plus one output buffer.
 
-    sums  float4 of each hemicube, written by a shader
+    sums:  float4 of each hemicube, written by a shader
     """
 
     def __init__(self, graphics: GraphicsContext, tiles: Tiles) -> None:

@@ -14,8 +14,8 @@ from ..device.opencl import cl
 class DeviceL1:
     """Irradiance gradients (L1) of n patches on the device; NumPy converts the object to an array.
 
-    buffer     3 float4 of each patch, axes x, y and z
-    receivers  records of the patches, see `RayScene.receivers`
+    buffer:     3 float4 of each patch, axes x, y and z
+    receivers:  records of the patches, see `RayScene.receivers`
     """
 
     def __init__(self, compute: ComputeDevice, buffer: cl.Buffer, receivers: cl.Buffer, count: int) -> None:

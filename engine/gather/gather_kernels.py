@@ -15,8 +15,8 @@ from .visibility_cache import SampleRows
 class GatherKernels:
     """Kernels that gather from rows of cached visibility samples.
 
-    sampling  layout of the samples
-    groups    number of light groups gathered at once; their radiance is interleaved per patch
+    sampling:  layout of the samples
+    groups:    number of light groups gathered at once; their radiance is interleaved per patch
     """
 
     def __init__(self, compute: ComputeDevice, sampling: SampleLayout, groups: int = 1) -> None:
@@ -34,9 +34,9 @@ class GatherKernels:
     ) -> None:
         """Gather for the patches of these rows.
 
-        radiance  float4 of each light group by source + 1, W/(m^2 sr)
-        outputs   kernel arguments from `interface.GatherBuffers.outputs`
-        stride    one in this many groups of four samples is read; 1 unless samples have equal weights
+        radiance:  float4 of each light group by source + 1, W/(m^2 sr)
+        outputs:   kernel arguments from `interface.GatherBuffers.outputs`
+        stride:    one in this many groups of four samples is read; 1 unless samples have equal weights
         """
         (group,) = self._gather.group(*self._compute.work_sizes.gather)
         self._gather(

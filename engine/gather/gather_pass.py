@@ -16,7 +16,7 @@ from .interface import DeviceGather
 class GatherPass:
     """Final gather by n patches from the radiance of m sources; see `GatherBuffers`.
 
-    sampled_light  (n, 3) float32, E/pi of light sampled by shadow rays; must not change
+    sampled_light:  (n, 3) float32, E/pi of light sampled by shadow rays; must not change
     """
 
     sparse = False

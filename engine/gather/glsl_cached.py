@@ -25,9 +25,9 @@ def fits_glsl_cache(graphics: GraphicsContext, tiles: Tiles, patches: int) -> bo
 class GlslCachedIntegrator:
     """Cache of item-buffer hemicubes in batches, and gathers from it; needs `GraphicsContext.computes`.
 
-    texture   (layers, height, width) uint32 array of item buffers, see `visibility.targets`
-    emission  (n, 3) float32 radiance of back faces
-    sky       (h, w, 3) float32 radiance, equirectangular as `Scene.world`
+    texture:   (layers, height, width) uint32 array of item buffers, see `visibility.targets`
+    emission:  (n, 3) float32 radiance of back faces
+    sky:       (h, w, 3) float32 radiance, equirectangular as `Scene.world`
 
     Background light of sky and back faces is summed once per batch.
     """

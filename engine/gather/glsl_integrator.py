@@ -14,9 +14,9 @@ from .compute_shader import ComputeShader, HemicubeTables, Textures, sky_texture
 class GlslIntegrator:
     """Integrator of radiance hemicubes in a texture array; needs `GraphicsContext.computes`.
 
-    texture  (layers, height, width, 4) float radiance, see `visibility.targets`
-    depth    depth of the same hemicubes; its far value marks background
-    sky      (h, w, 3) float32 radiance, equirectangular as `Scene.world`; a single pixel is a uniform sky
+    texture:  (layers, height, width, 4) float radiance, see `visibility.targets`
+    depth:    depth of the same hemicubes; its far value marks background
+    sky:      (h, w, 3) float32 radiance, equirectangular as `Scene.world`; a single pixel is a uniform sky
     """
 
     name = "glsl"

@@ -25,8 +25,8 @@ class HalfRadiance(NumpyPickle):
     Gathering averages over many patches, so rounding errors of 1/4096 vanish in the noise of rays. Values
     below 1e-12 of the maximum become black.
 
-    parts  (n, 3) float16
-    unit   scale of `parts`, W/(m^2 sr)
+    parts:  (n, 3) float16
+    unit:   scale of `parts`, W/(m^2 sr)
     """
 
     parts: np.ndarray

@@ -49,8 +49,8 @@ class PaperGather:
     ) -> None:
         """Create the render target, hemicubes and integrator.
 
-        emission  (n, 3) float32 radiance of back faces
-        sky       (h, w, 3) float32 radiance, equirectangular, `Sky.rest`
+        emission:  (n, 3) float32 radiance of back faces
+        sky:       (h, w, 3) float32 radiance, equirectangular, `Sky.rest`
         """
         # OpenGL integrates if it has compute shaders, else OpenCL after a copy through the host. The choice
         # is fixed, not timed: both differ in the last bits, and equal bakes must give equal bits.

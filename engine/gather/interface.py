@@ -18,10 +18,10 @@ from .device_l1 import L1
 class GatherBuffers(Protocol):
     """Input and output buffers of one gather iteration.
 
-    count         number of gathering patches
-    radiance      float4 by patch + 1, W/(m^2 sr); entry 0 and the last (background) are black
-    patches_seen  float of each patch: the fraction of its hemisphere in which it sees patches
-    sparse        True if gathers that support it may use a part of the samples; see `Radiosity.sparse`
+    count:         number of gathering patches
+    radiance:      float4 by patch + 1, W/(m^2 sr); entry 0 and the last (background) are black
+    patches_seen:  float of each patch: the fraction of its hemisphere in which it sees patches
+    sparse:        True if gathers that support it may use a part of the samples; see `Radiosity.sparse`
     """
 
     count: int

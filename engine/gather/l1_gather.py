@@ -37,8 +37,8 @@ class NoL1:
 class L1Gather:
     """Gather of L1 from cached visibility samples, whose directions follow from their index in the row.
 
-    receivers  records of the patches, see `RayScene.receivers`
-    result     3 float4 of each patch, axes x, y and z
+    receivers:  records of the patches, see `RayScene.receivers`
+    result:     3 float4 of each patch, axes x, y and z
     """
 
     def __init__(

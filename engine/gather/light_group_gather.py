@@ -50,7 +50,7 @@ class LightGroupGather:
     Results of one patch are adjacent. A sample is read once for all groups, whose radiances share cache
     lines.
 
-    static  background light of each group
+    static:  background light of each group
     """
 
     def __init__(
@@ -93,9 +93,9 @@ class LightGroupGather:
 class LightGroupPass:
     """Final gather of several light groups for receivers that are no patches, with visibility of their own.
 
-    sources  number of patches that samples may hit
-    static   background light of each group; back faces count as black
-    cached   number of receivers whose samples are stored at a time
+    sources:  number of patches that samples may hit
+    static:   background light of each group; back faces count as black
+    cached:   number of receivers whose samples are stored at a time
     """
 
     def __init__(

@@ -44,8 +44,8 @@ class HemicubeIntegrator:
 
         rgb is E/pi, the multiplier-weighted mean radiance above the horizon; a is the weighted mean of the
         front flag.
-        hemicubes  (layers, height, width, 4) float32 radiance and front flag
-        frames     (m, 4, 3) float32, the rows of `Viewpoints.frame` and the horizon
+        hemicubes:  (layers, height, width, 4) float32 radiance and front flag
+        frames:     (m, 4, 3) float32, the rows of `Viewpoints.frame` and the horizon
         """
         tiles, count = self._tiles, len(frames)
         padded = FRAME.array(tiles.capacity)

@@ -40,9 +40,9 @@ class RemoteGather(Protocol):
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
         """Switch the devices to patch groups, and start to compute the visibility of the groups.
 
-        leader          (m,) int64, the representative patch of each group
-        texel_to_group  (atlases, r, r) uint32, group + 1 of each texel's patch, or 0
-        emission        (m, 3) float32, emitted radiance of each group
+        leader:          (m,) int64, the representative patch of each group
+        texel_to_group:  (atlases, r, r) uint32, group + 1 of each texel's patch, or 0
+        emission:        (m, 3) float32, emitted radiance of each group
         """
         ...
 

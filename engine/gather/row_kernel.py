@@ -39,8 +39,8 @@ class RowKernel:
     ) -> None:
         """Build a kernel of a file.
 
-        receivers  records of the patches, see `RayScene.receivers`
-        pattern    sample pattern for equal weights; weighted samples use their multiplier map instead
+        receivers:  records of the patches, see `RayScene.receivers`
+        pattern:    sample pattern for equal weights; weighted samples use their multiplier map instead
         """
         self._compute, self._receivers = compute, receivers
         options = (*sampling.options, *directional_options(settings))

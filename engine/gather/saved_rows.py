@@ -16,8 +16,8 @@ from ..resume.checkpoint import Arrays, Checkpoint
 class Table:
     """Buffer of the device with one row per patch.
 
-    row    bytes per row; 0 if the buffer has no rows and belongs to all patches together
-    first  patch of the first row
+    row:    bytes per row; 0 if the buffer has no rows and belongs to all patches together
+    first:  patch of the first row
     """
 
     buffer: cl.Buffer
@@ -37,8 +37,8 @@ class SavedRows:
         first ............ read ......... saved ........ found ........... last
           | of a checkpoint  | written      | found since  | to be found     |
 
-    identity  name of the visibility sampler
-    tables    buffers by name; those with rows hold one row per patch
+    identity:  name of the visibility sampler
+    tables:    buffers by name; those with rows hold one row per patch
     """
 
     def __init__(

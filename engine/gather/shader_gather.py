@@ -47,8 +47,8 @@ _TRACING = 0.9
 class ShaderGather:
     """Gather with samples traced by compute shaders; samples beyond 1 GiB are traced in every iteration.
 
-    samples    number per patch
-    keeps_all  True if all samples are traced once
+    samples:    number per patch
+    keeps_all:  True if all samples are traced once
     """
 
     def __init__(
@@ -61,10 +61,10 @@ class ShaderGather:
     ) -> None:
         """Create the tables and buffers of the shaders.
 
-        receivers      receiving patches
-        sources        m patches whose light is gathered
-        back_emission  (m, 3) float32, radiance of back faces of the sources, W/(m^2 sr)
-        sky            (h, w, 3) float32, radiance, equirectangular as `Scene.world`
+        receivers:      receiving patches
+        sources:        m patches whose light is gathered
+        back_emission:  (m, 3) float32, radiance of back faces of the sources, W/(m^2 sr)
+        sky:            (h, w, 3) float32, radiance, equirectangular as `Scene.world`
         """
         self._scene, self._tracer, self._graphics = receivers, receivers.tracer, receivers.graphics
         self.samples = min(ray_count(settings), _MAX_SAMPLES)

@@ -22,10 +22,10 @@ _NOTHING = np.zeros((1, 3, 3), np.float32)
 class StaleSamples:
     """Difference between the patches for which samples were cached and the current patches.
 
-    parts, rays  current patches and rays
-    triangles    (k, 3, 3) float32, metres from `Triangles.origin`: moved triangles at old and new positions
-    buffers      the same on the device
-    begun        True once some samples are updated; from then on the cache matches neither state
+    parts, rays:  current patches and rays
+    triangles:    (k, 3, 3) float32, metres from `Triangles.origin`: moved triangles at old and new positions
+    buffers:      the same on the device
+    begun:        True once some samples are updated; from then on the cache matches neither state
     """
 
     def __init__(
@@ -44,8 +44,8 @@ class StaleSamples:
     ) -> StaleSamples | None:
         """Return the difference, or None if recomputing all visibility is better.
 
-        before  patches for which samples were cached, and their receivers
-        begun   an earlier difference, for which some samples are updated already
+        before:  patches for which samples were cached, and their receivers
+        begun:   an earlier difference, for which some samples are updated already
         """
         triangles = moved_triangles(before[0], parts)
         if triangles is None:

@@ -35,8 +35,8 @@ class SampleRows:
 class BackfaceLight:
     """Sums over samples that hit back faces, on the OpenCL device; computed along with the samples.
 
-    light, patches_seen, seen, l1  `back_light`, `patches_seen`, `backs_seen`, `back_l1` of
-                                   `VisibilityBuffers`
+    light, patches_seen, seen, l1:  `back_light`, `patches_seen`, `backs_seen`, `back_l1` of
+                                    `VisibilityBuffers`
     """
 
     def __init__(self, compute: ComputeDevice, count: int, sources: int, directional: bool) -> None:
@@ -61,9 +61,9 @@ class VisibilityCache:
     The cache is valid for any light on the same patches. Exception: emission of back faces is summed, not
     stored per sample.
 
-    sampling  layout of the samples
-    count     number of receiving patches
-    pieces    rows in allocation order; incomplete until all patches are done
+    sampling:  layout of the samples
+    count:     number of receiving patches
+    pieces:    rows in allocation order; incomplete until all patches are done
     """
 
     def __init__(
@@ -77,9 +77,9 @@ class VisibilityCache:
     ) -> None:
         """Create an empty cache.
 
-        parts     receiving patches
-        rays      rays from these patches
-        emission  (m, 3) float32 radiance of the patches that samples may hit
+        parts:     receiving patches
+        rays:      rays from these patches
+        emission:  (m, 3) float32 radiance of the patches that samples may hit
         """
         self._compute, self.sampling, self.count = compute, sampling, len(parts.patches)
         self._parts, self._receivers, self._emission = parts, rays.receivers, emission

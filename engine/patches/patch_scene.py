@@ -25,13 +25,13 @@ from .texel_to_patch import IndexMap, index_map
 class PatchScene:
     """Which texels are patches, where they are, and what they are made of.
 
-    cutouts         what light passes through on the triangles
-    texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
-    warnings        sentences for the user
-    back_to_back    whether faces lie on one another that look apart
-    charts, index   what the next subdivision may start from, if they are known
-    sides           pairs of patches on both sides of translucent surfaces; None if there are none
-    source_count    largest number in the index map; None to compute it
+    cutouts:         what light passes through on the triangles
+    texel_to_patch:  (atlases, r, r) uint32 index map: patch + 1, or 0
+    warnings:        sentences for the user
+    back_to_back:    whether faces lie on one another that look apart
+    charts, index:   what the next subdivision may start from, if they are known
+    sides:           pairs of patches on both sides of translucent surfaces; None if there are none
+    source_count:    largest number in the index map; None to compute it
     """
 
     triangles: Triangles

@@ -19,8 +19,8 @@ from .patch_list import PatchList
 class Sides:
     """Pairs of points on both sides of translucent surfaces.
 
-    pairs  (k, 2) int64, indices of points; each point is in one pair at most
-    own    (k, 2, 3) float32, rho / (rho + tau) of each: the weight of light from its own side
+    pairs:  (k, 2) int64, indices of points; each point is in one pair at most
+    own:    (k, 2, 3) float32, rho / (rho + tau) of each: the weight of light from its own side
     """
 
     pairs: np.ndarray

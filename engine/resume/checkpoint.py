@@ -25,9 +25,9 @@ _LIGHT, _KEY = "light", "key"
 class Checkpoints:
     """Checkpoints that a bake writes, and those of interrupted bakes from which it resumes.
 
-    cache_dir, limit  see `CheckpointFolder`
-    interval          seconds between two writes, and before the first
-    resumed           sentences for the report: restored data
+    cache_dir, limit:  see `CheckpointFolder`
+    interval:          seconds between two writes, and before the first
+    resumed:           sentences for the report: restored data
     """
 
     def __init__(self, cache_dir: str | None = None, limit: int = 0, interval: float = 0) -> None:

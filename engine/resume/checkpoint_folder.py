@@ -18,8 +18,8 @@ _NAME = "resume"
 class CheckpointFolder:
     """Storage of checkpoints within a size limit.
 
-    cache_dir  parent folder; None to store nothing
-    limit      maximum size of all checkpoints, bytes
+    cache_dir:  parent folder; None to store nothing
+    limit:      maximum size of all checkpoints, bytes
     """
 
     def __init__(self, cache_dir: str | None, limit: int) -> None:

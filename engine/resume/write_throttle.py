@@ -14,7 +14,7 @@ _RATE, _LEAST = 200e6, 1 << 24
 class WriteThrottle:
     """Throttle of checkpoint writes by time and size.
 
-    interval  seconds between two writes, and before the first
+    interval:  seconds between two writes, and before the first
     """
 
     def __init__(self, interval: float) -> None:

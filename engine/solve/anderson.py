@@ -27,9 +27,9 @@ class Anderson:
     def weights(self, newest: int, products: np.ndarray) -> np.ndarray:
         """Return the weights of all columns, (COLUMNS, 3) float64, with sum 1.
 
-        newest    index of the latest column
-        products  (COLUMNS, COLUMNS, 3) float64, inner products of the newest defect (its own row and column)
-                  and of the differences of the other defects to it
+        newest:    index of the latest column
+        products:  (COLUMNS, COLUMNS, 3) float64, inner products of the newest defect (its own row and column)
+                   and of the differences of the other defects to it
 
         Minimises |f + sum t_j (f_j - f)| over t. A ridge handles linear dependence, and the history restarts
         after the defect has grown (Walker and Ni 2011).

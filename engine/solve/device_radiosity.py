@@ -36,12 +36,12 @@ class DeviceRadiosity:
 
     Parameters are as in `host_radiosity.HostRadiosity`, except for these:
 
-    emission      float4 by patch + 1 on the device, radiance visible to the patches; entry 0 is black
-    radiance      float4 by patch + 1; entry 0 and the last (background) are black
-    patches_seen  float of each patch: fraction of its hemisphere covered by other patches
-    sparse        True for gathers that support sparse iterations
-    sides         pairs of patches of translucent surfaces, whose `sampled_light` is blended already; None if
-                  none
+    emission:      float4 by patch + 1 on the device, radiance visible to the patches; entry 0 is black
+    radiance:      float4 by patch + 1; entry 0 and the last (background) are black
+    patches_seen:  float of each patch: fraction of its hemisphere covered by other patches
+    sparse:        True for gathers that support sparse iterations
+    sides:         pairs of patches of translucent surfaces, whose `sampled_light` is blended already; None if
+                   none
     """
 
     def __init__(

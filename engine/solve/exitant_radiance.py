@@ -23,10 +23,10 @@ def exitant_radiance(
 
     The arrays must not change afterwards: each is uploaded only once.
 
-    emission     (n, 3) float32, W/(m^2 sr)
-    reflectance  (n, 3) float32
-    irradiance   (n, 3) float32, E/pi
-    stand_in     (n,) int64, patch whose reflected light replaces each patch's own; None if none
+    emission:     (n, 3) float32, W/(m^2 sr)
+    reflectance:  (n, 3) float32
+    irradiance:   (n, 3) float32, E/pi
+    stand_in:     (n,) int64, patch whose reflected light replaces each patch's own; None if none
     """
     (kernel,) = compute.kernels(_SOURCE, "exitant_radiance")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))

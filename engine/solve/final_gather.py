@@ -18,11 +18,11 @@ from .reflected_radiance import reflected_light
 class FinalGather:
     """Irradiance of n points, gathered once from m sources.
 
-    sampled_light    (n, 3) float32, E/pi of light sampled by shadow rays
-    emission         (m, 3) float32, emitted radiance of the sources
-    reflectance      (m, 3) float32
-    bounces          False to gather no reflected light
-    separate_direct  True if direct and indirect light are separate outputs
+    sampled_light:    (n, 3) float32, E/pi of light sampled by shadow rays
+    emission:         (m, 3) float32, emitted radiance of the sources
+    reflectance:      (m, 3) float32
+    bounces:          False to gather no reflected light
+    separate_direct:  True if direct and indirect light are separate outputs
     """
 
     def __init__(

@@ -19,8 +19,8 @@ from .solver import Solver
 class GroupedSolution:
     """`Solution` for all patches from a solver of patch groups.
 
-    groups  the patch groups
-    last    final gather of every patch from the groups
+    groups:  the patch groups
+    last:    final gather of every patch from the groups
     """
 
     def __init__(

@@ -19,16 +19,16 @@ from .reflected_radiance import reflected_light
 class HostRadiosity:
     """Radiosity state (`radiosity_state.Radiosity`) in host memory; iterations are never sparse.
 
-    reflectance     (n, 3) float32
-    emission        (n, 3) float32, emitted radiance visible to the patches, W/(m^2 sr)
-    area            (n,) float32, m^2
-    sampled_light   (n, 3) float32, E/pi of light sampled by shadow rays; None for none
-    gathers_direct  True if patches gather direct light, see `solver.Solver`
-    columns         number of iterates kept
-    indirect        (n, 3) float32, E/pi of reflected light to start from; None for none
-    direct          (n, 3) float32, E/pi of all other light to start from, if known
-    sides           pairs of patches of translucent surfaces; None if none
-    fronts          number of patches on front faces, which come first; None for all
+    reflectance:     (n, 3) float32
+    emission:        (n, 3) float32, emitted radiance visible to the patches, W/(m^2 sr)
+    area:            (n,) float32, m^2
+    sampled_light:   (n, 3) float32, E/pi of light sampled by shadow rays; None for none
+    gathers_direct:  True if patches gather direct light, see `solver.Solver`
+    columns:         number of iterates kept
+    indirect:        (n, 3) float32, E/pi of reflected light to start from; None for none
+    direct:          (n, 3) float32, E/pi of all other light to start from, if known
+    sides:           pairs of patches of translucent surfaces; None if none
+    fronts:          number of patches on front faces, which come first; None for all
     """
 
     sparse = False

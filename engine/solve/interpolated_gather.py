@@ -26,14 +26,14 @@ class InterpolatedGather:
     Gathered irradiance that is planar with that of neighbour patches is replaced by the plane, which has less
     noise.
 
-    squares          fit planes to the solved groups, then to smaller squares; empty if patches are solved
-    neighbours       fits planes to the irradiance of patches
-    sampled_light    (n, 3) float32, E/pi of light sampled by shadow rays
-    of_groups        (m, 3) float32, the same for the groups
-    tolerance        maximum residual of a plane, as a fraction of all light
-    separate_direct  True if direct and indirect light are separate outputs
-    directional      True if L1 is needed
-    last_of          creates the final gather of patches, from their indices
+    squares:          fit planes to the solved groups, then to smaller squares; empty if patches are solved
+    neighbours:       fits planes to the irradiance of patches
+    sampled_light:    (n, 3) float32, E/pi of light sampled by shadow rays
+    of_groups:        (m, 3) float32, the same for the groups
+    tolerance:        maximum residual of a plane, as a fraction of all light
+    separate_direct:  True if direct and indirect light are separate outputs
+    directional:      True if L1 is needed
+    last_of:          creates the final gather of patches, from their indices
     """
 
     def __init__(
@@ -94,9 +94,9 @@ class InterpolatedGather:
 
         Yields progress 0..1.
 
-        gathered        (m, 4) float32 of each light group, by patch group, without sampled light
-        sampled_light   (g, n, 3) float32
-        gather_patches  gathers for patches, from their indices
+        gathered:        (m, 4) float32 of each light group, by patch group, without sampled light
+        sampled_light:   (g, n, 3) float32
+        gather_patches:  gathers for patches, from their indices
         """
         nothing, fitting = np.zeros(sampled_light.shape[1], np.float32), iter(self._fitting)
 
@@ -122,9 +122,9 @@ class InterpolatedGather:
 
         Yields progress 0..1.
 
-        fit         fits planes to the light of squares; see `Interpolation.fit`
-        gather_for  replaces the light of patches, by index, in layers of all patches
-        lowest      lower bound of the light
+        fit:         fits planes to the light of squares; see `Interpolation.fit`
+        gather_for:  replaces the light of patches, by index, in layers of all patches
+        lowest:      lower bound of the light
         """
         if self._squares:
             values, own = yield from self._from_squares(layers, fit, gather_for, lowest)

@@ -18,7 +18,7 @@ _DARK, _BRIGHT = 0.05, 2.0
 class Interpolation:
     """Planes fitted to the irradiance of groups around each of n patches; kernels/solve/interpolate.cl.
 
-    leader  (m,) int64, representative patch of each group
+    leader:  (m,) int64, representative patch of each group
     """
 
     def __init__(
@@ -33,9 +33,9 @@ class Interpolation:
     ) -> None:
         """Store the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`.
 
-        opening       float32 of each patch, see `openness`; None for no test of nearby geometry
-        beside_backs  (n,) bool, patches that see back faces with patches of their own. Irradiance varies
-                      quickly there, so no plane is fitted. None if there are none
+        opening:       float32 of each patch, see `openness`; None for no test of nearby geometry
+        beside_backs:  (n,) bool, patches that see back faces with patches of their own. Irradiance varies
+                       quickly there, so no plane is fitted. None if there are none
         """
         self.leader, self._opening = leader, opening
         self._apart = None if beside_backs is None else beside_backs[leader]
@@ -58,11 +58,11 @@ class Interpolation:
 
         Patches whose openness differs from that of the groups do not fit either.
 
-        layers     (m, 4) float32 each, of the groups: E/pi, and fraction of the hemisphere without back
-                   faces; the first layer decides the fit
-        beside     (n,) float32, other light of each patch, E/pi, sum of the channels
-        tolerance  maximum residual of a plane, as a fraction of all light of the patch
-        lowest     lower bound of the light; minus infinity for signed values
+        layers:     (m, 4) float32 each, of the groups: E/pi, and fraction of the hemisphere without back
+                    faces; the first layer decides the fit
+        beside:     (n,) float32, other light of each patch, E/pi, sum of the channels
+        tolerance:  maximum residual of a plane, as a fraction of all light of the patch
+        lowest:     lower bound of the light; minus infinity for signed values
         """
         compute, count = self._compute, self._count
         write = cl.mem_flags.WRITE_ONLY
@@ -91,10 +91,10 @@ class Interpolation:
         A plane underestimates a maximum and overestimates a minimum of the light. The residuals of the groups
         at their representatives are smoothed with the same weights and added.
 
-        layers  (m, 4) float32 each, of the groups; see `fit`
-        values  (n, 4) float32 each, of the patches, from `fit`; changed in place
-        fits    (n,) bool, True for interpolated patches
-        lowest  lower bound of the light; see `fit`
+        layers:  (m, 4) float32 each, of the groups; see `fit`
+        values:  (n, 4) float32 each, of the patches, from `fit`; changed in place
+        fits:    (n,) bool, True for interpolated patches
+        lowest:  lower bound of the light; see `fit`
         """
         compute, count, leader = self._compute, self._count, self.leader
         rest = np.stack([layer - value[leader] for layer, value in zip(layers, values, strict=True)])

@@ -20,10 +20,10 @@ PLAIN_COLUMNS = 2
 class IterationSums:
     """Sums over all patches after an iteration; see kernels/solve/iterate_sums.cl.
 
-    products   (c, c, 3) float64, c columns, see `Anderson.weights`
-    reflected  (3,) float64, m^2, reflectance times area times the newest defect
-    seen       (3,) float64, m^2, reflectance times area times the fraction of visible patches
-    total      mean of E/pi, sum of the channels
+    products:   (c, c, 3) float64, c columns, see `Anderson.weights`
+    reflected:  (3,) float64, m^2, reflectance times area times the newest defect
+    seen:       (3,) float64, m^2, reflectance times area times the fraction of visible patches
+    total:      mean of E/pi, sum of the channels
     """
 
     products: np.ndarray
@@ -36,12 +36,12 @@ class IterationSums:
 class FluxSums:
     """Flux balance: radiance times area, summed over all patches, (3,) float64 each, W/sr.
 
-    incident   gathered by patches
-    reflected  reflected by patches
-    escaped    emitted and reflected towards the background
-    on_backs   emitted and reflected towards back faces
-    sources    gathered from sources, and emitted where no patch receives it
-    under_way  reflected in the last iteration, to be gathered in the next
+    incident:   gathered by patches
+    reflected:  reflected by patches
+    escaped:    emitted and reflected towards the background
+    on_backs:   emitted and reflected towards back faces
+    sources:    gathered from sources, and emitted where no patch receives it
+    under_way:  reflected in the last iteration, to be gathered in the next
     """
 
     incident: np.ndarray
@@ -63,9 +63,9 @@ class FluxSums:
 class IterationStep:
     """Change of irradiance in one iteration, mean over the patches.
 
-    change    of E/pi, sum of the channels
-    relative  relative to each patch's own light, mean over front faces, since lightmaps show no back faces
-    flux      flux added to the patches' exitant light, W, sum of all patches and channels
+    change:    of E/pi, sum of the channels
+    relative:  relative to each patch's own light, mean over front faces, since lightmaps show no back faces
+    flux:      flux added to the patches' exitant light, W, sum of all patches and channels
     """
 
     change: float
@@ -76,12 +76,12 @@ class IterationStep:
 class Radiosity(Protocol):
     """Irradiance of all patches, and one iteration on it.
 
-    count    number of patches
-    area     total area, m^2
-    columns  iterates kept in a ring: `anderson.COLUMNS` with acceleration, else PLAIN_COLUMNS
-    sparse   True while iterations gather from a part of the samples. The error is noise per patch, which the
-             first full iteration removes except for its mean. The solver ends this state; the iteration for
-             direct light is always full
+    count:    number of patches
+    area:     total area, m^2
+    columns:  iterates kept in a ring: `anderson.COLUMNS` with acceleration, else PLAIN_COLUMNS
+    sparse:   True while iterations gather from a part of the samples. The error is noise per patch, which the
+              first full iteration removes except for its mean. The solver ends this state; the iteration for
+              direct light is always full
 
     A warm start begins with reflected light in the first irradiance. If patches gather direct light too, an
     iteration for direct light alone comes first, and the last column holds the reflected light meanwhile.
@@ -123,8 +123,8 @@ class Radiosity(Protocol):
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums | None:
         """Return the flux balance after an iteration; None if the fraction of visible patches is unknown.
 
-        emission  (n, 3) float32, total emitted radiance of each patch
-        direct    (n, 3) float32, E/pi of light that was not reflected
+        emission:  (n, 3) float32, total emitted radiance of each patch
+        direct:    (n, 3) float32, E/pi of light that was not reflected
         """
 
     def gather_l1(self) -> Generator[float, None, L1]:

@@ -10,9 +10,9 @@ def reflected_light(
 ) -> np.ndarray:
     """Return the reflected radiance of patches, (n, 3) float32.
 
-    reflectance  (n, 3) float32
-    irradiance   (n, 3) float32, E/pi
-    stand_in     (n,) int64, patch whose reflected light replaces each patch's own; None if none
+    reflectance:  (n, 3) float32
+    irradiance:   (n, 3) float32, E/pi
+    stand_in:     (n,) int64, patch whose reflected light replaces each patch's own; None if none
     """
     reflected: np.ndarray = reflectance * irradiance
     return reflected if stand_in is None else reflected[stand_in]

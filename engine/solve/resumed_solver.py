@@ -18,7 +18,7 @@ class ResumedSolver(Solver):
 
     The last iteration is always run, because its result on the device is read afterwards.
 
-    key  returns the key of the light in the checkpoint
+    key:  returns the key of the light in the checkpoint
     """
 
     def __init__(

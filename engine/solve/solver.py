@@ -55,17 +55,17 @@ class Solver:
     iteration (paper, IV.C). With acceleration, the first step adds the ambient light that energy balance
     requires (Cohen et al. 1988), and later steps use Anderson acceleration.
 
-    radiosity       holds the light; its first radiance is emission, or emission plus reflected sampled light;
-                    iterations are accelerated if it has more than PLAIN_COLUMNS columns
-    sampled_light   (n, 3) float32, E/pi of light sampled by shadow rays
-    gathers_direct  True if patches gather emission and background in the first iteration, which then gives
-                    direct light
-    reflected       (n, 3) float32, E/pi of the reflected light in the radiosity's start state; None for none
-    direct          (n, 3) float32, E/pi of the unreflected light in the start state; None for none
-    front           (n,) float32, fraction of each hemisphere without back faces, if known
-    find_stand_ins  returns `stand_in` from the result of the first iteration; None for no substitutes
-    stand_in        (n,) int64, patch whose reflected light replaces each patch's own, itself for most; None
-                    for no substitutes, and before the first iteration
+    radiosity:       holds the light; its first radiance is emission, or emission plus reflected sampled
+                     light; iterations are accelerated if it has more than PLAIN_COLUMNS columns
+    sampled_light:   (n, 3) float32, E/pi of light sampled by shadow rays
+    gathers_direct:  True if patches gather emission and background in the first iteration, which then gives
+                     direct light
+    reflected:       (n, 3) float32, E/pi of the reflected light in the radiosity's start state; None for none
+    direct:          (n, 3) float32, E/pi of the unreflected light in the start state; None for none
+    front:           (n,) float32, fraction of each hemisphere without back faces, if known
+    find_stand_ins:  returns `stand_in` from the result of the first iteration; None for no substitutes
+    stand_in:        (n,) int64, patch whose reflected light replaces each patch's own, itself for most; None
+                     for no substitutes, and before the first iteration
 
     A sparse radiosity is first solved by sparse iterations, then by a few full ones. The sparse solution is
     correct except for noise. A full iteration averages the noise out; the ambient step corrects its mean.

@@ -20,8 +20,8 @@ _MOST_SHEETS = 8
 class Adjacency:
     """Pairs of polygons that share an edge and traverse it in opposite directions.
 
-    first, second  (n,) int64, polygons
-    cosine         (n,) float64, cosine of the angle between their normals
+    first, second:  (n,) int64, polygons
+    cosine:         (n,) float64, cosine of the angle between their normals
     """
 
     first: np.ndarray
@@ -55,8 +55,8 @@ def find_adjacency(mesh: PolygonMesh, vertex: np.ndarray, normals: np.ndarray) -
     Edges in `mesh.parted` are skipped. Where more than two polygons meet, those with the most similar normals
     are paired.
 
-    vertex   (v,) int64, from `weld`
-    normals  (p, 3), from `polygon_normals`
+    vertex:   (v,) int64, from `weld`
+    normals:  (p, 3), from `polygon_normals`
     """
     loops = vertex[mesh.corners]
     ends = loops[mesh.after]

@@ -22,10 +22,10 @@ _MOST = 3.0
 class Alignment:
     """Piecewise linear displacement of chart points along both axes.
 
-    texels   (l, 2) float64, position of each loop from the corner of its chart
-    chart    (l,) int64, chart of each loop
-    borders  (b, 2) int64, loops at the ends of border edges
-    boxes    (c, 2) int64, columns and rows of each chart's box, whose sides stay
+    texels:   (l, 2) float64, position of each loop from the corner of its chart
+    chart:    (l,) int64, chart of each loop
+    borders:  (b, 2) int64, loops at the ends of border edges
+    boxes:    (c, 2) int64, columns and rows of each chart's box, whose sides stay
     """
 
     def __init__(self, texels: np.ndarray, chart: np.ndarray, borders: np.ndarray, boxes: np.ndarray) -> None:

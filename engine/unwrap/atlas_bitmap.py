@@ -19,7 +19,7 @@ _FIRST_ROWS = 256
 class ChartBitmap:
     """Texels covered by a chart, in its bounding box. Charts with equal texels should share one bitmap.
 
-    spans  row, first column and length of each run of texels; the smallest first column is 0
+    spans:  row, first column and length of each run of texels; the smallest first column is 0
     """
 
     width: int
@@ -74,8 +74,8 @@ class AtlasBitmap:
     with k = floor(log2(n)) and rest n - 2^k, is free where level k and level k shifted by the rest are both
     set.
 
-    height  number of rows up to the highest chart
-    _runs   length of the longest free run of each row
+    height:  number of rows up to the highest chart
+    _runs:   length of the longest free run of each row
     """
 
     width: int

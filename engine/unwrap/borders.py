@@ -13,8 +13,8 @@ _NEAR = 1e-3
 def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.ndarray:
     """Return the loops, (b,) int64, whose edges are on the border of their chart.
 
-    uvs    (l, 2) float64, UV of each loop
-    chart  (l,) int64, chart of each loop; -1 for none
+    uvs:    (l, 2) float64, UV of each loop
+    chart:  (l,) int64, chart of each loop; -1 for none
     """
     used = np.flatnonzero(chart >= 0)
     start, end = mesh.corners[used].astype(np.int64), mesh.corners[mesh.after[used]].astype(np.int64)

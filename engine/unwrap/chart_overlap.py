@@ -20,8 +20,8 @@ _ALLOWED = 0.002
 def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
     """Return True for each chart that overlaps itself, (count,) bool.
 
-    uvs    (t, 3, 2) float64, UV of each triangle corner
-    chart  (t,) int64 below `count`, chart of each triangle; -1 for none
+    uvs:    (t, 3, 2) float64, UV of each triangle corner
+    chart:  (t,) int64 below `count`, chart of each triangle; -1 for none
     """
     triangles = np.bincount(chart[chart >= 0], minlength=count)
     used = np.flatnonzero((chart >= 0) & (triangles[chart] >= _FEWEST))

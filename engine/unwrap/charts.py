@@ -21,8 +21,8 @@ _LEAST_FLAT = 0.01
 def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCharts:
     """Return a mesh's charts such that every loop has one UV.
 
-    uvs    (t, 3, 2) float64, metres, UV of each triangle corner
-    chart  (t,) int64, chart of each triangle, -1 for none
+    uvs:    (t, 3, 2) float64, metres, UV of each triangle corner
+    chart:  (t,) int64, chart of each triangle, -1 for none
     """
     torn = np.union1d(_torn_polygons(mesh, uvs, chart), _doubled_polygons(mesh, chart))
     empty = _empty_polygons(mesh)
@@ -81,7 +81,7 @@ def _doubled_polygons(mesh: PolygonMesh, chart: np.ndarray) -> np.ndarray:
 def flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Flatten polygons, (p, n, 3), to the plane, (p, n, 2), without overlap and with equal area.
 
-    triangles  (p, t, 3) int, corners of each polygon's triangles
+    triangles:  (p, t, 3) int, corners of each polygon's triangles
 
     A polygon is projected along its mean normal. If it folds over itself there, its corners are placed on a
     circle instead, where any triangulation is free of overlap.

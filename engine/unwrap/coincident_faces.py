@@ -32,8 +32,8 @@ def make_layers(sheet: np.ndarray, part: np.ndarray) -> np.ndarray:
     Different layers are not guaranteed for large parts, each of which stays in one layer unless it overlaps
     itself.
 
-    sheet  (p,) int64, from `coincident_groups`
-    part   (p,) int64, smooth part of the surface of each polygon; larger parts get lower layers
+    sheet:  (p,) int64, from `coincident_groups`
+    part:   (p,) int64, smooth part of the surface of each polygon; larger parts get lower layers
     """
     size = np.bincount(part)
     order = np.lexsort((np.arange(len(part)), part, -size[part], sheet))

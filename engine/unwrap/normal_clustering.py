@@ -29,10 +29,10 @@ def split_by_normal(
 ) -> np.ndarray:
     """Return the part of each polygon, (p,) int64, with large curved parts split.
 
-    normals  (p, 3), area-weighted normals of polygons
-    smooth   (n,) bool, pairs of polygons without a crease between them
-    part     (p,) int64, smooth part of each polygon
-    bent     (c,) bool, parts that cannot be projected
+    normals:  (p, 3), area-weighted normals of polygons
+    smooth:   (n,) bool, pairs of polygons without a crease between them
+    part:     (p,) int64, smooth part of each polygon
+    bent:     (c,) bool, parts that cannot be projected
     """
     size = np.bincount(part)
     large = np.flatnonzero(bent & (size >= _LARGE))

@@ -15,9 +15,9 @@ _WORTH_TURNING = 0.85
 def lying(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
     """Return the clockwise angle, (count,), that gives each chart a small box, wider than high.
 
-    uvs    (n, 2), points of charts; border points suffice
-    after  (n, 2), next point along each point's polygon
-    chart  (n,) int64 below `count`, chart of each point
+    uvs:    (n, 2), points of charts; border points suffice
+    after:  (n, 2), next point along each point's polygon
+    chart:  (n,) int64 below `count`, chart of each point
 
     A chart is aligned to its edges if these are at right angles. Otherwise the smallest box has a side along
     an edge of the convex hull (Freeman and Shapira 1975); a search with halved steps converges to such a

@@ -35,9 +35,9 @@ _SLIVER = 1e-5
 class PlanarCharts:
     """Result of the projection.
 
-    uvs    (t, 3, 2) float64, metres, UV of each triangle corner
-    chart  (t,) int64, chart of each triangle; -1 where it is not planar
-    part   (p,) int64, smooth part of the surface of each polygon
+    uvs:    (t, 3, 2) float64, metres, UV of each triangle corner
+    chart:  (t,) int64, chart of each triangle; -1 where it is not planar
+    part:   (p,) int64, smooth part of the surface of each polygon
     """
 
     uvs: np.ndarray

@@ -12,12 +12,12 @@ import numpy as np
 class PolygonMesh:
     """Mesh to be unwrapped.
 
-    positions  (v, 3) float64, world space, metres
-    corners    (l,) int32, vertex of each loop; a polygon's loops are consecutive
-    starts     (p + 1,) int32, first loop of each polygon, then l
-    triangles  (t, 3) int32, loops of each triangle
-    polygon    (t,) int32, polygon of each triangle
-    parted     (k,) int64, loops whose edges separate charts
+    positions:  (v, 3) float64, world space, metres
+    corners:    (l,) int32, vertex of each loop; a polygon's loops are consecutive
+    starts:     (p + 1,) int32, first loop of each polygon, then l
+    triangles:  (t, 3) int32, loops of each triangle
+    polygon:    (t,) int32, polygon of each triangle
+    parted:     (k,) int64, loops whose edges separate charts
     degenerate (d,) int64, triangles without area in the precision of their coordinates
     """
 
@@ -48,8 +48,8 @@ class PolygonMesh:
 class MeshCharts:
     """Charts of a mesh, flattened but not packed.
 
-    uvs    (l, 2) float64, metres, UV of each loop
-    chart  (t,) int64, chart of each triangle; -1 for polygons without area, which need no texels
+    uvs:    (l, 2) float64, metres, UV of each loop
+    chart:  (t,) int64, chart of each triangle; -1 for polygons without area, which need no texels
     """
 
     uvs: np.ndarray

@@ -13,9 +13,9 @@ def row_spans(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return chart, row, first column and end column of each run of texels that charts touch, (n,) each.
 
-    corners  (t, 3, 2), texels from the lower left corner of the triangle's chart
-    chart    (t,) int64, chart of each triangle
-    size     (c, 2) int64, columns and rows of each chart's box
+    corners:  (t, 3, 2), texels from the lower left corner of the triangle's chart
+    chart:    (t,) int64, chart of each triangle
+    size:     (c, 2) int64, columns and rows of each chart's box
 
     Runs of a row are disjoint; charts, rows and columns ascend.
     """
@@ -29,9 +29,9 @@ def border_spans(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the runs of `row_spans` from the border edges of charts only, which are fewer than triangles.
 
-    ends   (e, 2, 2), texels from the lower left corner of the edge's chart, in polygon order
-    chart  (e,) int64, chart of each edge
-    size   (c, 2) int64, columns and rows of each chart's box
+    ends:   (e, 2, 2), texels from the lower left corner of the edge's chart, in polygon order
+    chart:  (e,) int64, chart of each edge
+    size:   (c, 2) int64, columns and rows of each chart's box
 
     A row of a chart consists of the texels that its border touches, and of its interior along the row's
     centre line.

@@ -199,9 +199,9 @@ def _segments(atlas: Any, index: int, mesh: PolygonMesh, scale: float) -> Segmen
 def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, draft: float) -> np.ndarray:
     """Return the size of a draft texel in each triangle's chart, metres, (t, 1, 2).
 
-    texels  (t, 3, 2), position of each triangle corner in the draft
-    chart   (t,), chart of each triangle, -1 for none
-    draft   metres per texel before xatlas stretched each chart to a whole number of texels on both axes
+    texels:  (t, 3, 2), position of each triangle corner in the draft
+    chart:   (t,), chart of each triangle, -1 for none
+    draft:   metres per texel before xatlas stretched each chart to a whole number of texels on both axes
 
     The texel size (a, b) is fitted such that edges (a u, b v) match their lengths in space, by least squares
     in a^2 and b^2. The longer axis uses the fit; the other axis, which may be shorter than a texel, follows

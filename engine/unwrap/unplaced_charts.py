@@ -25,11 +25,11 @@ _HALVINGS = 8
 class UnplacedCharts:
     """Oriented charts without a position on a page.
 
-    uvs      (l, 2) float64, metres, UV of each loop from the lower left corner of its chart
-    chart    (l,) int64, chart of each loop; 0 for loops in none
-    borders  (b, 2) int64, loops at the ends of border edges, in polygon order
-    size     (c, 2) float64, metres, box of each chart
-    area     (c,) float64, m^2, area of each chart
+    uvs:      (l, 2) float64, metres, UV of each loop from the lower left corner of its chart
+    chart:    (l,) int64, chart of each loop; 0 for loops in none
+    borders:  (b, 2) int64, loops at the ends of border edges, in polygon order
+    size:     (c, 2) float64, metres, box of each chart
+    area:     (c,) float64, m^2, area of each chart
     """
 
     uvs: np.ndarray

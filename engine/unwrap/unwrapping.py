@@ -25,12 +25,12 @@ _LARGEST = 16384
 class PackJob:
     """Meshes whose charts share one atlas square.
 
-    meshes      indices of the meshes
-    resolution  texels of an image across the square
-    padding     minimum distance between charts, texels
-    align       True to align axis-parallel chart borders to texel boundaries
-    pages       number of squares to spread the meshes over, as densely as all fit
-    density     minimum density, texels per metre, reached by adding squares; 0 for any
+    meshes:      indices of the meshes
+    resolution:  texels of an image across the square
+    padding:     minimum distance between charts, texels
+    align:       True to align axis-parallel chart borders to texel boundaries
+    pages:       number of squares to spread the meshes over, as densely as all fit
+    density:     minimum density, texels per metre, reached by adding squares; 0 for any
     """
 
     meshes: tuple[int, ...]
@@ -45,9 +45,9 @@ class PackJob:
 class PackResult:
     """One filled square; a job may need several.
 
-    square  index of the job
-    meshes  indices of the meshes
-    uvs     UVs of the loops of each mesh, (l, 2) float32
+    square:  index of the job
+    meshes:  indices of the meshes
+    uvs:     UVs of the loops of each mesh, (l, 2) float32
     """
 
     square: int
@@ -59,8 +59,8 @@ class PackResult:
 class Unwrapped:
     """Charts of each mesh, and filled squares.
 
-    too_small  for each mesh with too many charts for its square: its index, and the resolution that would
-               suffice, or 0 if even the largest would not
+    too_small:  for each mesh with too many charts for its square: its index, and the resolution that would
+                suffice, or 0 if even the largest would not
     """
 
     charts: tuple[MeshCharts, ...]
@@ -76,8 +76,8 @@ def unwrap(
 ) -> Generator[Progress, None, Unwrapped]:
     """Segment meshes without charts, and pack all squares; yield progress.
 
-    meshes  meshes with finite coordinates
-    charts  charts of each mesh if known, else None
+    meshes:  meshes with finite coordinates
+    charts:  charts of each mesh if known, else None
     """
     missing = [mesh for mesh, made in zip(meshes, charts, strict=True) if made is None]
     triangles = sum(len(mesh.triangles) for mesh in missing)

@@ -30,15 +30,15 @@ def directional_options(settings: Settings) -> tuple[str, ...]:
 class VisibilityBuffers:
     """Output buffers of a `VisibilitySampler` on the OpenCL device.
 
-    cache         one row of samples per patch from `cached_from` on, uint16 or uint32: patch + 1 for a front
-                  face, `Background.outside` for the background, else 0
-    cached_from   first patch of the cache
-    back_light    float4 of each patch: E/pi from visible back faces, and the fraction of its hemisphere
-                  without back faces
-    patches_seen  float of each patch: fraction of its hemisphere covered by other patches
-    backs_seen    uint8 by source + 1: set to 1 if a sample hits its back face
-    back_l1       3 float4 of each patch, axes x, y and z: L1 of the light from back faces, see
-                  kernels/gather/irradiance_l1.cl; None without directional maps
+    cache:         one row of samples per patch from `cached_from` on, uint16 or uint32: patch + 1 for a front
+                   face, `Background.outside` for the background, else 0
+    cached_from:   first patch of the cache
+    back_light:    float4 of each patch: E/pi from visible back faces, and the fraction of its hemisphere
+                   without back faces
+    patches_seen:  float of each patch: fraction of its hemisphere covered by other patches
+    backs_seen:    uint8 by source + 1: set to 1 if a sample hits its back face
+    back_l1:       3 float4 of each patch, axes x, y and z: L1 of the light from back faces, see
+                   kernels/gather/irradiance_l1.cl; None without directional maps
     """
 
     cache: cl.Buffer
@@ -52,12 +52,12 @@ class VisibilityBuffers:
 class VisibilitySampler(Protocol):
     """Method that computes visibility samples of patches.
 
-    name        "raster" or "rays"
-    samples     number per patch, a multiple of 4
-    row_bytes   bytes per patch in the cache, `sample_bytes` per sample
-    batch       patches processed at once; fewer take the same time
-    multiplier  (samples,) float32 weights with sum 1, or None for equal weights
-    tints       (64, 4) float32, see `tints.tint_palette`, or None if samples have no tints
+    name:        "raster" or "rays"
+    samples:     number per patch, a multiple of 4
+    row_bytes:   bytes per patch in the cache, `sample_bytes` per sample
+    batch:       patches processed at once; fewer take the same time
+    multiplier:  (samples,) float32 weights with sum 1, or None for equal weights
+    tints:       (64, 4) float32, see `tints.tint_palette`, or None if samples have no tints
     """
 
     name: str
@@ -75,7 +75,7 @@ class VisibilitySampler(Protocol):
 class SampleLayout:
     """Layout of cached samples, as far as kernels need it to read them.
 
-    name, samples, row_bytes, multiplier, tints  see `VisibilitySampler`
+    name, samples, row_bytes, multiplier, tints:  see `VisibilitySampler`
     """
 
     name: str
@@ -113,12 +113,12 @@ class SampleLayout:
 class Background:
     """Radiance of everything except the front faces of patches, on the OpenCL device.
 
-    emission       float4 by patch + 1, radiance of back faces; entry 0 is black
-    outside        cache entry of samples that hit the sky: the one after the last patch
-    sky            float4 of each pixel, radiance, equirectangular; row 0 at the bottom
-    width, height  size of the sky, pixels
-    open_sky       float4, E/pi of the unoccluded sky, see `open_sky`; None if the sky is uniform or uneven
-    dark           True if the sky is black
+    emission:       float4 by patch + 1, radiance of back faces; entry 0 is black
+    outside:        cache entry of samples that hit the sky: the one after the last patch
+    sky:            float4 of each pixel, radiance, equirectangular; row 0 at the bottom
+    width, height:  size of the sky, pixels
+    open_sky:       float4, E/pi of the unoccluded sky, see `open_sky`; None if the sky is uniform or uneven
+    dark:           True if the sky is black
     """
 
     emission: cl.Buffer

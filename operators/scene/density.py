@@ -35,8 +35,8 @@ _NO_TRIANGLES = np.zeros((0, 3, 2), np.float32)
 class ChartArea(NamedTuple):
     """Area that the charts of one lightmap have in the scene and in the lightmap.
 
-    surface  area of the objects in world space, times the square of their scale in lightmaps, units^2
-    covered  fraction of the lightmap that the charts cover; 0 if they are not packed yet
+    surface:  area of the objects in world space, times the square of their scale in lightmaps, units^2
+    covered:  fraction of the lightmap that the charts cover; 0 if they are not packed yet
     """
 
     surface: float
@@ -45,7 +45,7 @@ class ChartArea(NamedTuple):
     def side(self, lightmaps: int = 1) -> float:
         """Return the length of surface along the width of the lightmap, units.
 
-        lightmaps  number of lightmaps that charts are spread over, if they are not packed yet
+        lightmaps:  number of lightmaps that charts are spread over, if they are not packed yet
         """
         filled = self.covered or _FILLED * lightmaps
         return math.sqrt(self.surface / filled)

@@ -24,10 +24,10 @@ def quads(
 ) -> Mesh:
     """Return a mesh of flat-shaded quads, each with a chart of its own.
 
-    corners     (q, 4, 3) float, counter-clockwise from the front; the first two span the chart's x
-    charts      q rectangles in texels
-    materials   q indices into the scene's materials
-    resolution  width and height of the lightmap, texels
+    corners:     (q, 4, 3) float, counter-clockwise from the front; the first two span the chart's x
+    charts:      q rectangles in texels
+    materials:   q indices into the scene's materials
+    resolution:  width and height of the lightmap, texels
     """
     uvs = np.array([_chart_corners(chart) for chart in charts], np.float32) / resolution
     split = np.array([[0, 1, 2], [0, 2, 3]])

@@ -36,10 +36,10 @@ SETTINGS = Settings(resolution=128, hemicube=N, sample_emission=False, visibilit
 class Hemicubes:
     """Hemicubes of a few patches of the nine-quad room; the radiance of a patch is (index, face + 1, 1).
 
-    cast    (m, 3n, n, 4) float32, ray by ray
-    drawn   (m, 3n, n, 4) float32, by OpenGL
-    summed  (m, 4) float32, `drawn` integrated by OpenCL
-    views   what the rays saw
+    cast:    (m, 3n, n, 4) float32, ray by ray
+    drawn:   (m, 3n, n, 4) float32, by OpenGL
+    summed:  (m, 4) float32, `drawn` integrated by OpenCL
+    views:   what the rays saw
     """
 
     prepared: Prepared

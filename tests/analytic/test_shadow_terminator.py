@@ -27,9 +27,9 @@ SETTINGS = Settings(
 def ball(segments, rings, chart=(0.02, 0.02, 0.6, 0.96), inwards=False, turned=False):
     """Return a UV sphere of radius 1 that is shaded smooth, as Blender makes it.
 
-    chart    x, y, width and height of its chart on the lightmap
-    inwards  True if it is seen from inside
-    turned   True if its normals point against its faces
+    chart:    x, y, width and height of its chart on the lightmap
+    inwards:  True if it is seen from inside
+    turned:   True if its normals point against its faces
     """
     u, v = np.meshgrid(np.linspace(0, 1, segments + 1), np.linspace(0, 1, rings + 1))
     azimuth, polar = 2 * np.pi * u, np.pi * (1 - v)

@@ -27,8 +27,8 @@ class CaseFailed(AssertionError):  # noqa: N818
 class Apart:
     """A process that gives one case after the other to a function, and is started anew where it ends.
 
-    function  "module:name"
-    limit     longest time of a case, s
+    function:  "module:name"
+    limit:     longest time of a case, s
     """
 
     def __init__(self, function: str, limit: float) -> None:

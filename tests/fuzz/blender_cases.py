@@ -43,10 +43,10 @@ STEPS = ("bake", "preview", "unwrap", "cancel", "save", "undo push")
 class Thing:
     """An object.
 
-    uvs        names of its UV layers; the one of lightmaps has texels of its own for each face
-    spread     of lightmap UVs: 1 fills the square, more leaves it
-    slots      materials by number, None for an empty slot; `linked` says where they are linked
-    indices    material indices of the faces, in turn
+    uvs:      names of its UV layers; the one of lightmaps has texels of its own for each face
+    spread:   of lightmap UVs: 1 fills the square, more leaves it
+    slots:    materials by number, None for an empty slot; `linked` says where they are linked
+    indices:  material indices of the faces, in turn
     """
 
     kind: str = "cube"
@@ -83,9 +83,9 @@ class Lamp:
 class Case:
     """A file and what is done with it.
 
-    slices  after which a bake is cancelled
-    mode    of the active object, where it has that mode
-    saved   whether the file has been saved before
+    slices:  after which a bake is cancelled
+    mode:    of the active object, where it has that mode
+    saved:   whether the file has been saved before
     """
 
     things: tuple[Thing, ...] = (Thing(),)

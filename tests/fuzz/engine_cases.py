@@ -24,10 +24,10 @@ _AWAY, _ROOM = 4.0, 1.0
 class Shape:
     """A mesh.
 
-    kind    one of SHAPES
-    count   of its parts, for kinds that have any number
-    uvs     one of UVS
-    turn    seed of a rotation, 0 for none
+    kind:   one of SHAPES
+    count:  of its parts, for kinds that have any number
+    uvs:    one of UVS
+    turn:   seed of a rotation, 0 for none
     """
 
     kind: str = "quad"
@@ -103,13 +103,13 @@ class Sky:
 class Case:
     """A bake.
 
-    scale    of everything, m
-    away     distance of the scene from the origin in its own sizes
-    room     reflectance of a closed room that stands apart, or None
-    spoil    name of one of SPOILS, what is wrong with the scene or the settings, or None
-    cancel   slice after which the bake is cancelled, or None
-    other    settings with which the same scene is baked again for comparison, or None
-    damage   keeps the patch list in a file, in which the byte of this number (modulo the size) is changed
+    scale:   of everything, m
+    away:    distance of the scene from the origin in its own sizes
+    room:    reflectance of a closed room that stands apart, or None
+    spoil:   name of one of SPOILS, what is wrong with the scene or the settings, or None
+    cancel:  slice after which the bake is cancelled, or None
+    other:   settings with which the same scene is baked again for comparison, or None
+    damage:  keeps the patch list in a file, in which the byte of this number (modulo the size) is changed
              before the scene is baked again; -1 for none, None for no file
     """
 

@@ -71,7 +71,7 @@ def differences(before: Any, after: Any, path: str = "") -> Iterator[str]:
 def without_results(facts: dict[str, Any], uv_layer: str, moved: set[str]) -> dict[str, Any]:
     """Return a fingerprint without what a bake makes: lightmap images, and UVs in layers or by modifiers.
 
-    moved  objects that have got lightmap UVs: they may get an atlas of their own, and know which UVs we made
+    moved:  objects that have got lightmap UVs: they may get an atlas of their own, and know which UVs we made
     """
     users = {
         kind: {name: item for name, item in facts[kind].items() if not _is_made(name, item)}

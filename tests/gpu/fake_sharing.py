@@ -12,11 +12,11 @@ from tools.gl_interop import texture_bytes
 class FakeLibrary:
     """Real function pointers, so that ctypes converts every argument.
 
-    texture     what is shared, as itself or in a buffer
-    fails       names of functions that return an error
-    imported    the OpenGL buffer that stands in for external memory
-    calls       name and arguments of all calls, in order
-    properties  of the context, or of the external memory
+    texture:     what is shared, as itself or in a buffer
+    fails:       names of functions that return an error
+    imported:    the OpenGL buffer that stands in for external memory
+    calls:       name and arguments of all calls, in order
+    properties:  of the context, or of the external memory
     """
 
     def __init__(self, compute, texture=None, fails=(), imported=None):

@@ -35,8 +35,8 @@ print(json.dumps(sorted(set(paths))))
 class Blender:
     """A Blender to start.
 
-    command  what starts it with the script of a session, without the session's arguments
-    path     of Python modules, None for those of a Blender program
+    command:  what starts it with the script of a session, without the session's arguments
+    path:     of Python modules, None for those of a Blender program
     """
 
     command: tuple[str, ...]
@@ -45,7 +45,7 @@ class Blender:
     def run(self, user: Path, *steps: tuple, driver: str | None = None) -> list:
         """Do the steps of a session with a user folder and no network; return their answers.
 
-        driver  folder of OpenCL drivers' .icd files, None for those of this machine
+        driver:  folder of OpenCL drivers' .icd files, None for those of this machine
         """
         user.mkdir(parents=True, exist_ok=True)
         answers = user.parent / f"{user.name}.json"

@@ -27,9 +27,9 @@ def parallel_rectangles(width: float, depth: float, distance: float) -> float:
 def perpendicular_rectangles(length: float, width: float, height: float) -> float:
     """Return the form factor from a horizontal to a vertical rectangle on a common edge (Howell C-14).
 
-    length  length of the common edge, metres
-    width   of the sending rectangle, metres
-    height  of the receiving rectangle, metres
+    length:  length of the common edge, metres
+    width:   of the sending rectangle, metres
+    height:  of the receiving rectangle, metres
     """
     w, h = width / length, height / length
     w2, h2 = w * w, h * h
@@ -53,9 +53,9 @@ def polygon(point: np.ndarray, normal: np.ndarray, corners: np.ndarray) -> np.nd
     the angle that an edge subtends, and Gamma_i the unit normal of its plane through the point. F is positive
     if the corners run counter-clockwise as seen from the point.
 
-    point    (n, 3) float, world space, metres
-    normal   (n, 3) float, world space, unit
-    corners  (n, 4, 3) float, world space, metres; a triangle repeats a corner
+    point:    (n, 3) float, world space, metres
+    normal:   (n, 3) float, world space, unit
+    corners:  (n, 4, 3) float, world space, metres; a triangle repeats a corner
 
     Returns (n,) float64.
     """
@@ -97,9 +97,9 @@ def sphere_irradiance(emission: np.ndarray, reflectance: np.ndarray, area: np.nd
     The kernel of a sphere is constant, so E/pi is the area mean of the radiance e + rho E/pi: E/pi = mean(e)
     / (1 - mean(rho)).
 
-    emission     (n, 3) float, radiance of each patch
-    reflectance  (n, 3) float
-    area         (n,) float, m^2
+    emission:     (n, 3) float, radiance of each patch
+    reflectance:  (n, 3) float
+    area:         (n,) float, m^2
 
     Returns (3,) float64, radiance.
     """

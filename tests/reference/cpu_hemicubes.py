@@ -19,9 +19,9 @@ from engine.visibility.views.viewpoints import viewpoints
 class View:
     """Item buffer of a hemicube, by texel of the unfolded layout.
 
-    patch   (3n, n) int32, patch + 1, or 0 if the lightmap texel has no patch
-    facing  (3n, n) int8, 1 for a front face, -1 for a back face, 0 for the background
-    above   (3n, n) bool, False below the plane of the patch's own surface
+    patch:   (3n, n) int32, patch + 1, or 0 if the lightmap texel has no patch
+    facing:  (3n, n) int8, 1 for a front face, -1 for a back face, 0 for the background
+    above:   (3n, n) bool, False below the plane of the patch's own surface
     """
 
     patch: np.ndarray
@@ -32,8 +32,8 @@ class View:
 class CpuHemicubes:
     """Hemicubes of a scene's patches, with the directions, rotations and look-ups of the GPU path.
 
-    texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
-    emission        (n, 3) float32, radiance of back faces
+    texel_to_patch:  (atlases, r, r) uint32 index map: patch + 1, or 0
+    emission:        (n, 3) float32, radiance of back faces
 
     For small scenes only: every ray is tested against every triangle.
     """
@@ -91,8 +91,8 @@ class CpuHemicubes:
     def gather_views(self, views: list[View], radiance: np.ndarray) -> np.ndarray:
         """Return E/pi and the fraction of front faces, (m, 4) float32, one hemicube at a time.
 
-        views     of m patches
-        radiance  (n, 3) float32, radiance of each patch
+        views:     of m patches
+        radiance:  (n, 3) float32, radiance of each patch
         """
         return np.array(
             [integrate(self.image(view, radiance), self._multiplier * view.above) for view in views]
@@ -108,8 +108,8 @@ class CpuHemicubes:
 def integrate(image: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
     """Integrate one hemicube in the order of the three kernels (paper, IV.C): multiply, rows, columns.
 
-    image       (3n, n, 4) float32, unfolded layout
-    multiplier  (3n, n) float32, from `hemicube.multiplier_map`
+    image:       (3n, n, 4) float32, unfolded layout
+    multiplier:  (3n, n) float32, from `hemicube.multiplier_map`
 
     Returns the weighted sum, (4,) float32.
     """
@@ -143,8 +143,8 @@ def nearest_hits(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the closest hit of each ray (Moeller and Trumbore 1997).
 
-    eye         (3,) float64, common origin, metres from `Triangles.origin`
-    directions  (m, 3) float64, world space, any length
+    eye:         (3,) float64, common origin, metres from `Triangles.origin`
+    directions:  (m, 3) float64, world space, any length
 
     Returns the triangle, (m,) int, -1 for none; lightmap UV, (m, 2) float64; and True for front faces, (m,)
     bool.

@@ -37,8 +37,8 @@ def form_factors(geometry: PatchGeometry, scene: Scene) -> np.ndarray:
     clipped to the horizon. Both are multiplied by the visible fraction of patch j, from exact intersection
     with the planar pieces of the scene.
 
-    geometry  of n patches; each is a full texel, even where a chart covers only a part
-    scene     scene whose triangles occlude
+    geometry:  of n patches; each is a full texel, even where a chart covers only a part
+    scene:     scene whose triangles occlude
 
     Returns (n, n) float32, 4 n^2 bytes: F_ij where the front of j is visible, -F_ij for its back. In a closed
     room the magnitudes of every row sum to 1.
@@ -146,7 +146,7 @@ def _misses(
 ) -> np.ndarray:
     """Return True where the line between two points misses a piece.
 
-    here, there  (r, 3) and (c, 3) float, metres from `Triangles.origin`; r = c with `paired`
+    here, there:  (r, 3) and (c, 3) float, metres from `Triangles.origin`; r = c with `paired`
 
     Returns (r, c) bool, or (r,) with `paired`.
     """

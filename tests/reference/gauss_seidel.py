@@ -16,11 +16,11 @@ def gauss_seidel(
 
     F are the form factors to front faces, F' those to back faces, which only emit.
 
-    factors      (n, n) float32, from `form_factors`: F_ij or -F'_ij, zero on the diagonal
-    emission     (n, 3) float32, radiance
-    reflectance  (n, 3) float32
-    tolerance    maximum change of a patch at convergence, as a fraction of the largest radiance
-    sweeps       maximum number of iterations
+    factors:      (n, n) float32, from `form_factors`: F_ij or -F'_ij, zero on the diagonal
+    emission:     (n, 3) float32, radiance
+    reflectance:  (n, 3) float32
+    tolerance:    maximum change of a patch at convergence, as a fraction of the largest radiance
+    sweeps:       maximum number of iterations
 
     Returns the radiance, (n, 3) float32, and the number of iterations.
     """
@@ -41,8 +41,8 @@ def gauss_seidel(
 def gather(factors: np.ndarray, radiance: np.ndarray, emission: np.ndarray) -> np.ndarray:
     """Return E/pi = F L + F' e of every patch, (n, 3) float32.
 
-    factors   (n, n) float32, from `form_factors`
-    radiance  (n, 3) float32, L of front faces
-    emission  (n, 3) float32, e of back faces
+    factors:   (n, n) float32, from `form_factors`
+    radiance:  (n, 3) float32, L of front faces
+    emission:  (n, 3) float32, e of back faces
     """
     return np.stack([np.maximum(row, 0) @ radiance - np.minimum(row, 0) @ emission for row in factors])

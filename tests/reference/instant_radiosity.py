@@ -26,10 +26,10 @@ _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 6
 class InstantRadiosity:
     """Virtual point lights of a scene, and their irradiance at its patches.
 
-    polygon      (t,) int, planar polygon of each triangle
-    emission     (t, 3) float, radiance of each triangle's front
-    reflectance  (t, 3) float
-    nearest      minimum distance in the irradiance formula, metres, because 1 / r^2 is unbounded
+    polygon:      (t,) int, planar polygon of each triangle
+    emission:     (t, 3) float, radiance of each triangle's front
+    reflectance:  (t, 3) float
+    nearest:      minimum distance in the irradiance formula, metres, because 1 / r^2 is unbounded
 
     For small scenes only: every shadow ray is tested against every triangle.
     """

@@ -20,10 +20,10 @@ _IN_FRONT = 0.05
 class Records:
     """Irradiance records of n points, from hemicubes.
 
-    light        (n,) float64, E/pi
-    translation  (n, 3) float64, 1/m, gradient of E/pi by position
-    rotation     (n, 3) float64, gradient of E/pi by the normal
-    distance     (n,) float64, metres, harmonic mean distance of visible surfaces
+    light:        (n,) float64, E/pi
+    translation:  (n, 3) float64, 1/m, gradient of E/pi by position
+    rotation:     (n, 3) float64, gradient of E/pi by the normal
+    distance:     (n,) float64, metres, harmonic mean distance of visible surfaces
     """
 
     light: np.ndarray
@@ -35,9 +35,9 @@ class Records:
 def records(width: int, frame: np.ndarray, radiance: np.ndarray, distance: np.ndarray) -> Records:
     """Return the records of hemicubes of a width.
 
-    frame     (n, 3, 3) float64, see `hemicube.frames`
-    radiance  (n, 3 width, width) float64, radiance of each texel, unfolded layout
-    distance  the same shape, metres along the texel's direction, infinite for background
+    frame:     (n, 3, 3) float64, see `hemicube.frames`
+    radiance:  (n, 3 width, width) float64, radiance of each texel, unfolded layout
+    distance:  the same shape, metres along the texel's direction, infinite for background
     """
     weight, axes, spacing = multiplier_map(width).astype(np.float64), face_axes(frame), 2.0 / width
     light = np.einsum("nyx,yx->n", radiance, weight)
@@ -78,10 +78,10 @@ def _borders(
     As the viewpoint moves, a border moves on the face with the nearer of its two surfaces, so one texel grows
     at the expense of the other (Ward and Heckbert 1992, for strata of a hemisphere).
 
-    radiance, depth  (n, rows, columns); depth in metres along the face's axis
-    weight           (rows, columns), multiplier map
-    place, spacing   position and spacing of the columns on the face, at distance 1
-    axes             (n, 2, 3), axis across the columns, and the face's axis
+    radiance, depth:  (n, rows, columns); depth in metres along the face's axis
+    weight:           (rows, columns), multiplier map
+    place, spacing:   position and spacing of the columns on the face, at distance 1
+    axes:             (n, 2, 3), axis across the columns, and the face's axis
     """
     step = radiance[:, :, :-1] - radiance[:, :, 1:]
     density = (weight[:, :-1] + weight[:, 1:]) / (2 * spacing)
@@ -95,11 +95,11 @@ def _borders(
 class IrradianceCache:
     """Irradiance cache among n points.
 
-    points   (n, 3) float64, metres
-    normals  (n, 3) float64, unit
-    found    records of all points, used only where a point is chosen as a record
-    error    maximum interpolation error (Ward's a): distance over radius plus change of normal
-    reaches  (2,) minimum and maximum radius of a record, metres
+    points:   (n, 3) float64, metres
+    normals:  (n, 3) float64, unit
+    found:    records of all points, used only where a point is chosen as a record
+    error:    maximum interpolation error (Ward's a): distance over radius plus change of normal
+    reaches:  (2,) minimum and maximum radius of a record, metres
     """
 
     def __init__(

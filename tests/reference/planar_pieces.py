@@ -22,11 +22,11 @@ class PlanarPieces:
 
     A point of piece s is origin + a * edge_u + b * edge_v with a, b in [0, 1], and a + b <= 1 for triangles.
 
-    origin          (s, 3) float64, metres from `Triangles.origin`
-    edge_u, edge_v  (s, 3) float64, metres
-    normal          (s, 3) float64, unit, along edge_u x edge_v
-    triangular      (s,) bool
-    of_triangle     (t,) int32, piece of each triangle of the concatenated meshes
+    origin:          (s, 3) float64, metres from `Triangles.origin`
+    edge_u, edge_v:  (s, 3) float64, metres
+    normal:          (s, 3) float64, unit, along edge_u x edge_v
+    triangular:      (s,) bool
+    of_triangle:     (t,) int32, piece of each triangle of the concatenated meshes
     """
 
     origin: np.ndarray

@@ -16,14 +16,14 @@ from engine.visibility.views.viewpoints import Viewpoints
 class Shooting:
     """State of progressive refinement.
 
-    seen         (n, 3 N N) integers, patch + 1 or 0 for each texel of each patch's hemicube, unfolded layout
-    points       viewpoints of these hemicubes
-    polygon      (n,) int, planar polygon of each patch
-    emission     (n, 3) float32, radiance
-    reflectance  (n, 3) float32
+    seen:         (n, 3 N N) integers, patch + 1 or 0 for each texel of each patch's hemicube, unfolded layout
+    points:       viewpoints of these hemicubes
+    polygon:      (n,) int, planar polygon of each patch
+    emission:     (n, 3) float32, radiance
+    reflectance:  (n, 3) float32
 
-    irradiance  (n, 3) float64, E/pi received so far
-    shots       number of shots so far
+    irradiance:  (n, 3) float64, E/pi received so far
+    shots:       number of shots so far
     """
 
     def __init__(
@@ -92,8 +92,8 @@ class Shooting:
 def texels_of(directions: np.ndarray, axes: np.ndarray, n: int) -> np.ndarray:
     """Return the texel of an n-wide hemicube that each direction hits, (m,) int64, unfolded layout.
 
-    directions  (m, 3) float64, any length, above the hemicube's plane
-    axes        (5, 3, 3) float64, from `hemicube.face_axes`
+    directions:  (m, 3) float64, any length, above the hemicube's plane
+    axes:        (5, 3, 3) float64, from `hemicube.face_axes`
     """
     local = np.einsum("fad,md->fma", axes, directions)
     face = local[:, :, 2].argmax(axis=0)

@@ -16,7 +16,7 @@ NO_POINTS = points_at(np.zeros((0, 2)))
 def near_charts(gap, offset):
     """Return two lit charts that share a seam, and a dark one beside the first; the chart of the dark one.
 
-    gap, offset  texels between lit and dark, and of their borders from those of texels
+    gap, offset:  texels between lit and dark, and of their borders from those of texels
     """
     lit = tile((0, 0), (2, 2), (3, 4 + offset, 17 + offset, 16))
     beyond_seam = tile((2, 0), (2, 2), (4, 38, 17, 16))

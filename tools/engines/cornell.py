@@ -23,7 +23,7 @@ _BUMPS = 5
 def bake(resolution: int = 192, quality: str = "high", directional: str | None = None) -> None:
     """Build the box in an empty file and bake it.
 
-    directional  output that tells where light comes from; its surfaces then have a normal map
+    directional:  output that tells where light comes from; its surfaces then have a normal map
     """
     import bpy
 

@@ -51,9 +51,9 @@ def render(
 ) -> np.ndarray:
     """Return what Godot shows through a file's camera, (h, w, 3) float32, linear, bottom row first.
 
-    path         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it
-    hide         names of nodes that are not shown
-    directional  shade normal maps with the maps of the output Directional
+    path:         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it
+    hide:         names of nodes that are not shown
+    directional:  shade normal maps with the maps of the output Directional
 
     Raises RuntimeError if Godot shows nothing.
     """

@@ -20,12 +20,12 @@ def ask(
 ) -> None:
     """Put what a render takes into a folder: an exported file, its maps, a program's source, and show.json.
 
-    program      copied beside them
-    path         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it
-    size         width and height, pixels
-    hide         names of nodes that are not shown
-    directional  True to shade normal maps with the maps of the output Directional
-    own          what this engine is asked besides
+    program:      copied beside them
+    path:         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it
+    size:         width and height, pixels
+    hide:         names of nodes that are not shown
+    directional:  True to shade normal maps with the maps of the output Directional
+    own:          what this engine is asked besides
     """
     asked = {
         "file": path.name, "width": size[0], "height": size[1], "hidden": list(hide),

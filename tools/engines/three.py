@@ -59,8 +59,8 @@ def render(
 ) -> np.ndarray:
     """Return what three.js shows through a file's camera, (h, w, 3) float32, linear, bottom row first.
 
-    hide   names of nodes that are not shown
-    files  show the OpenEXR lightmaps beside the file instead of those in it
+    hide:   names of nodes that are not shown
+    files:  show the OpenEXR lightmaps beside the file instead of those in it
     """
     asked = {"file": path.name, "width": width, "height": height, "hide": ",".join(hide)}
     answers: queue.Queue[tuple[str, bytes]] = queue.Queue()

@@ -34,8 +34,8 @@ _FIRST_DAY = 315532800
 def build(wheels: Sequence[Wheel], folder: Path, version: str | None = None) -> list[Path]:
     """Build the package of each platform into a folder and return their paths.
 
-    wheels   of all platforms; the builder chooses
-    version  None for the manifest's
+    wheels:   of all platforms; the builder chooses
+    version:  None for the manifest's
     """
     with tempfile.TemporaryDirectory(prefix="hemibake-package-") as scratch:
         source, built = Path(scratch) / "source", Path(scratch) / "built"

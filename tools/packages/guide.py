@@ -59,8 +59,8 @@ def _relative(page: Path, start: Path) -> str:
 def to_html(text: str, page: Path, pages: list[Path]) -> str:
     """Return the HTML of Markdown as the docs use it: headings, paragraphs, lists, tables, code.
 
-    page   its file, from which links start
-    pages  files that have an HTML page too
+    page:   its file, from which links start
+    pages:  files that have an HTML page too
     """
     kept: list[str] = []
 

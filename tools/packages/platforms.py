@@ -16,8 +16,8 @@ MISSING = {_DISTRIBUTIONS: ("xatlas",)}
 class Platform:
     """A platform by Blender's name, and the tags of the wheels that run on the oldest system Blender does.
 
-    system   `sys.platform` there
-    pythons  of the Blenders there
+    system:   `sys.platform` there
+    pythons:  of the Blenders there
     """
 
     name: str

@@ -27,8 +27,8 @@ _LOOKS = 64
 class TexelAreas:
     """Means over what is known of texels.
 
-    bakes  two independent ones of Cycles, (atlases, h, w, 4) float32: alpha is 0 where nothing is known
-    share  (atlases, h, w, 3) float32, the part of a texel that each channel is known of
+    bakes:  two independent ones of Cycles, (atlases, h, w, 4) float32: alpha is 0 where nothing is known
+    share:  (atlases, h, w, 3) float32, the part of a texel that each channel is known of
     """
 
     bakes: tuple[np.ndarray, np.ndarray]

@@ -8,8 +8,8 @@ import numpy as np
 def block_means(fine: np.ndarray, known: np.ndarray, width: int) -> np.ndarray:
     """Return the means over what is known of blocks `width` wide, (atlases, h, w, c) float32; 0 for nothing.
 
-    fine   (atlases, width * h, width * w, c) float32
-    known  of the same shape, bool
+    fine:   (atlases, width * h, width * w, c) float32
+    known:  of the same shape, bool
     """
     means: np.ndarray = _sums(np.where(known, fine, 0), width) / np.maximum(_sums(known, width), 1)
     return means

@@ -27,9 +27,9 @@ CENTRES = {"texel_samples": 1, "hide_seams": False}
 class Beside:
     """Light beside lines; row k of `_POINTS` lies (k + 1/2) * _REACH / _POINTS texels from the line.
 
-    ours    (lightmaps, lines, rows, points, 3), of each lightmap
-    bakes   (2, lines, rows, points, 3), of Cycles, with independent noise
-    texel   m, width of texels
+    ours:   (lightmaps, lines, rows, points, 3), of each lightmap
+    bakes:  (2, lines, rows, points, 3), of Cycles, with independent noise
+    texel:  m, width of texels
     """
 
     ours: np.ndarray

@@ -17,9 +17,9 @@ from tools.verification.texel_scenes import block, thin_wall
 class Line:
     """A line of contact on one flat surface.
 
-    name        of the object whose surface it is
-    start, end  (3,) float64, m
-    away        (3,) float64, unit vector in the surface, across the line to where light falls
+    name:        of the object whose surface it is
+    start, end:  (3,) float64, m
+    away:        (3,) float64, unit vector in the surface, across the line to where light falls
     """
 
     name: str

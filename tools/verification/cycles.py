@@ -34,7 +34,7 @@ def realised(context: bpy.types.Context, read, resolution: int) -> Iterator[Real
 class RealisedScene:
     """Copies of what a bake saw, which Cycles can bake without touching the user's objects.
 
-    seconds  wall time of Blender's bake operator in the last bake, s
+    seconds:  wall time of Blender's bake operator in the last bake, s
     """
 
     def __init__(self, context: bpy.types.Context, read, resolution: int) -> None:
@@ -73,8 +73,8 @@ class RealisedScene:
     def bake(self, samples: int, seed: int, device: str = "CPU", persistent: bool = False) -> np.ndarray:
         """Return E/pi of every atlas, (atlases, h, w, 4) float32; alpha is 0 where nothing is baked.
 
-        device      "CPU" or "GPU", as in Cycles
-        persistent  True lets Cycles keep its scene between bakes
+        device:      "CPU" or "GPU", as in Cycles
+        persistent:  True lets Cycles keep its scene between bakes
         """
         _set_up(self._scene, samples, seed)
         self._scene.cycles.device, self._scene.render.use_persistent_data = device, persistent
@@ -91,7 +91,7 @@ class RealisedScene:
     ) -> np.ndarray:
         """Return E/pi on a rectangle of an object's flat surface, (h, w, 3) float32: rows go along `away`.
 
-        corner, along, away  (3,) float64, m, one corner of the rectangle and its sides
+        corner, along, away:  (3,) float64, m, one corner of the rectangle and its sides
         """
         _set_up(self._scene, samples, seed)
         obj, atlas = self._copies[name]

@@ -17,11 +17,11 @@ BLACK = 0.01
 class Difference:
     """Relative figures over all channels of the texels that both cover.
 
-    rmse, bias  root of the mean squared error and mean error, relative to the reference's mean
-    smooth      rmse off the edges of light
-    noise       of the reference's mean, taken out of both rmse
-    texels      compared; hidden: left out, since they are inside of something or black
-    edges       fraction of the texels that are on an edge of light
+    rmse, bias:  root of the mean squared error and mean error, relative to the reference's mean
+    smooth:      rmse off the edges of light
+    noise:       of the reference's mean, taken out of both rmse
+    texels:      compared; hidden: left out, since they are inside of something or black
+    edges:       fraction of the texels that are on an edge of light
     """
 
     rmse: float
@@ -47,11 +47,11 @@ def compare(
 ) -> tuple[Difference, np.ndarray]:
     """Return the figures, and the difference relative to the mean, (atlases, h, w, 3), 0 where left out.
 
-    ours     (atlases, h, w, 3) float32, E/pi
-    known    (atlases, h, w) bool, has a patch that is not hidden inside of something
-    weight   (atlases, h, w, 3) float32, of each channel of each texel; 0 where it is not known
-    bakes    two independent bakes of Cycles, (atlases, h, w, 4): the mean of (ours - first) times
-             (ours - second) is the squared error without their noise
+    ours:    (atlases, h, w, 3) float32, E/pi
+    known:   (atlases, h, w) bool, has a patch that is not hidden inside of something
+    weight:  (atlases, h, w, 3) float32, of each channel of each texel; 0 where it is not known
+    bakes:   two independent bakes of Cycles, (atlases, h, w, 4): the mean of (ours - first) times (ours -
+             second) is the squared error without their noise
     """
     first, second = (bake[..., :3].astype(np.float64) for bake in bakes)
     baked = bakes[0][..., 3] > 0

@@ -19,11 +19,11 @@ from tools.verification.doubled import doubled_texels
 class Comparison:
     """What a comparison gives.
 
-    figures     against what Cycles bakes, which is the face at each texel's centre
-    areas       against the mean of what Cycles bakes within each texel
-    difference  (atlases, h, w, 3), that of the figures, relative to the mean
-    area_difference  that of areas
-    notes       of Hemibake's bake
+    figures:          against what Cycles bakes, which is the face at each texel's centre
+    areas:            against the mean of what Cycles bakes within each texel
+    difference:       (atlases, h, w, 3), that of the figures, relative to the mean
+    area_difference:  that of areas
+    notes:            of Hemibake's bake
     """
 
     figures: Difference

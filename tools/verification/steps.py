@@ -14,10 +14,10 @@ _POINTS, _NEAR, _ALIKE = 5, 1e-4, 0.999
 class Border:
     """Points on both sides of borders, each where two charts meet on one smooth surface.
 
-    atlas   (p, 2) int
-    uv      (p, 2, 2) float64
-    run     (p, 2, 2) float64, UV along the part of the border that a pair stands for, in whose middle it is
-    length  (p,) float64, m, of that part
+    atlas:   (p, 2) int
+    uv:      (p, 2, 2) float64
+    run:     (p, 2, 2) float64, UV along the part of the border that a pair stands for, in whose middle it is
+    length:  (p,) float64, m, of that part
     """
 
     atlas: np.ndarray

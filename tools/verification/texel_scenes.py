@@ -16,9 +16,9 @@ from tools.verification.scenes import lamp, material, open_glb, world
 class View:
     """How a scene is baked and looked at.
 
-    resolution  of the lightmap, texels
-    exposure    of the picture, stops
-    removed     objects that are left out of the pictures of lightmaps
+    resolution:  of the lightmap, texels
+    exposure:    of the picture, stops
+    removed:     objects that are left out of the pictures of lightmaps
     """
 
     resolution: int

@@ -19,8 +19,8 @@ _BIT = (1 << _FACE).astype(np.uint8)
 class DrawList:
     """One instanced draw for each visible cluster.
 
-    items     (k,) uint32, instances, cluster by cluster
-    commands  (d, 5) uint32: indices, instances, first index, 0, first item (DrawElementsIndirectCommand)
+    items:     (k,) uint32, instances, cluster by cluster
+    commands:  (d, 5) uint32: indices, instances, first index, 0, first item (DrawElementsIndirectCommand)
     """
 
     items: np.ndarray
@@ -37,10 +37,10 @@ def whole_draws(first: np.ndarray) -> np.ndarray:
 def face_items(seen: np.ndarray, slots: np.ndarray, faces: range, draws: np.ndarray) -> DrawList:
     """Return a draw list with one instance for each face on which a cluster is visible.
 
-    seen   (c, m, 5) bool, visibility by cluster, hemicube and face
-    slots  (m,) slots of the hemicubes
-    faces  faces to draw
-    draws  commands from `whole_draws`
+    seen:   (c, m, 5) bool, visibility by cluster, hemicube and face
+    slots:  (m,) slots of the hemicubes
+    faces:  faces to draw
+    draws:  commands from `whole_draws`
     """
     codes = (slots[:, None] * _SLOT + _FACE[faces.start : faces.stop]).astype(np.uint32)
     cluster, column = np.nonzero(seen[:, :, faces.start : faces.stop].reshape(len(seen), -1))

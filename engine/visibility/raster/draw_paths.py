@@ -64,7 +64,7 @@ class MeshBuffers:
 class DrawPath:
     """Rendering path for a mesh; `name` is one of `available_paths`.
 
-    features  further features with which shaders/visibility/hemicube.* are built
+    features:  further features with which shaders/visibility/hemicube.* are built
     """
 
     def __init__(

@@ -30,8 +30,8 @@ Take = Callable[[int, int, np.ndarray], None]
 class _Views:
     """Hemicubes ready to be drawn.
 
-    frames    (m, 4, 3) float32, from `Viewpoints.frames`
-    matrices  (m, 5, 4, 4) float32, from `hemicube.matrices`
+    frames:    (m, 4, 3) float32, from `Viewpoints.frames`
+    matrices:  (m, 5, 4, 4) float32, from `hemicube.matrices`
     """
 
     frames: np.ndarray
@@ -41,7 +41,7 @@ class _Views:
 class Hemicubes:
     """Hemicubes of all patches, drawn in batches.
 
-    again  True if all are drawn more than once, so that view matrices are cached
+    again:  True if all are drawn more than once, so that view matrices are cached
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Hemicubes:
     def draw(self, first: int, last: int, take: Take) -> Generator[float, None, None]:
         """Draw the hemicubes of patches first <= i < last, batch by batch; yield progress 0..1.
 
-        take  called after each batch with its first patch, its end, and `Viewpoints.frames`
+        take:  called after each batch with its first patch, its end, and `Viewpoints.frames`
         """
         step = self._tiles.capacity
         for start in range(first, last, step):

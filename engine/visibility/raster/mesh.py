@@ -14,11 +14,11 @@ from ...scene.triangles import Triangles
 class IndexedMesh:
     """Contents of vertex and index buffers.
 
-    vertices  (v, 6) float32: position, lightmap UV, lightmap index; -1 - index if the back face is a separate
-              triangle
-    cutouts   (v, 5) float32: UV on the front's opacity map, material, UV on the back's map; None without
-              transparency
-    indices   (3 t,) uint32
+    vertices:  (v, 6) float32: position, lightmap UV, lightmap index; -1 - index if the back face is a
+               separate triangle
+    cutouts:   (v, 5) float32: UV on the front's opacity map, material, UV on the back's map; None without
+               transparency
+    indices:   (3 t,) uint32
     """
 
     vertices: np.ndarray

@@ -30,13 +30,13 @@ _TRIAL = 0.005
 class HemicubeRaster:
     """Rasteriser of the hemicubes of a batch.
 
-    cutouts         transparency of the surfaces
-    texel_to_patch  (atlases, r, r) uint32 index map: patch + 1, or 0
-    target          texture to draw into, in the layout of `tiles`
-    path            one of `draw_paths.available_paths`, or None to time them and keep the fastest
-    culling         False draws all triangles into all faces
-    back_to_back    True if coincident faces point in opposite directions; their front faces then win
-    depth           depth of the drawn hemicubes; the clear value is the farthest
+    cutouts:         transparency of the surfaces
+    texel_to_patch:  (atlases, r, r) uint32 index map: patch + 1, or 0
+    target:          texture to draw into, in the layout of `tiles`
+    path:            one of `draw_paths.available_paths`, or None to time them and keep the fastest
+    culling:         False draws all triangles into all faces
+    back_to_back:    True if coincident faces point in opposite directions; their front faces then win
+    depth:           depth of the drawn hemicubes; the clear value is the farthest
     """
 
     def __init__(

@@ -22,9 +22,9 @@ _SKY = 0x7FFFFFFF
 class RasterTarget(Protocol):
     """Texture array for drawn hemicubes.
 
-    texture   (layers, height, width) in the layout of Tiles
-    features  features with which shaders/visibility/hemicube.* are built
-    lookups   textures that the shaders read, by name
+    texture:   (layers, height, width) in the layout of Tiles
+    features:  features with which shaders/visibility/hemicube.* are built
+    lookups:   textures that the shaders read, by name
     """
 
     texture: moderngl.TextureArray
@@ -42,9 +42,9 @@ class RadianceTarget:
 
     In a, back faces have 0.
 
-    emission  (n, 3) float32 radiance of back faces
-    nothing   4 numbers for texels without a surface; None leaves the old colour, and depth marks them
-    half      True for float16, radiance up to 65504 with 11 bits; for `GlslIntegrator` only
+    emission:  (n, 3) float32 radiance of back faces
+    nothing:   4 numbers for texels without a surface; None leaves the old colour, and depth marks them
+    half:      True for float16, radiance up to 65504 with 11 bits; for `GlslIntegrator` only
     """
 
     features: tuple[str, ...] = ()

@@ -35,16 +35,16 @@ _SIDES = (
 class TriangleClusters:
     """Triangles sorted along a Morton curve and cut into clusters of neighbours.
 
-    order  (t,) int64, triangles in drawing order
-    first  (c + 1,) int64, start of each cluster in `order`, and the end of the last
-    draws  (c, 5) uint32, from `whole_draws`
+    order:  (t,) int64, triangles in drawing order
+    first:  (c + 1,) int64, start of each cluster in `order`, and the end of the last
+    draws:  (c, 5) uint32, from `whole_draws`
     """
 
     def __init__(self, positions: np.ndarray, one_sided: np.ndarray, culling: bool = True) -> None:
         """Build the clusters; only one if culling is False.
 
-        positions  (t, 3, 3) float32, metres
-        one_sided  (t,) bool, True for triangles with transparent back faces
+        positions:  (t, 3, 3) float32, metres
+        one_sided:  (t,) bool, True for triangles with transparent back faces
         """
         count = len(positions)
         size = _SIZE if culling and count >= _WORTHWHILE else count

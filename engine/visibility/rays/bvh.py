@@ -54,12 +54,12 @@ LINK = DeviceStruct(
 class BvhLayout:
     """Layout of a BVH.
 
-    width   children of a node: 2, 4 or 8
-    packet  triangles of a leaf that are tested at once: 1, 2, 4 or 8
-    leaf    maximum number of triangles of a leaf, at most 7 packets
-    cost    cost of a packet test relative to a node test
-    top     number of clusters at which merging stops; these are joined top-down, which gives better boxes but
-            takes longer
+    width:   children of a node: 2, 4 or 8
+    packet:  triangles of a leaf that are tested at once: 1, 2, 4 or 8
+    leaf:    maximum number of triangles of a leaf, at most 7 packets
+    cost:    cost of a packet test relative to a node test
+    top:     number of clusters at which merging stops; these are joined top-down, which gives better boxes
+             but takes longer
     """
 
     width: int
@@ -78,12 +78,12 @@ _GRAPHICS = BvhLayout(2, 1, 2, 0.5)
 class Bvh:
     """Nodes and packets of triangles on the device, as kernels/rays/bvh_traversal.cl reads them.
 
-    nodes      `width` boxes and children each
-    triangles  packets
-    options    build options of the layout, for kernels/rays/bvh_traversal.cl
-    levels     depth of the tree
-    stack      size of the traversal stack, nodes
-    top        upper levels, reusable for the same triangles at other positions; None for many triangles
+    nodes:      `width` boxes and children each
+    triangles:  packets
+    options:    build options of the layout, for kernels/rays/bvh_traversal.cl
+    levels:     depth of the tree
+    stack:      size of the traversal stack, nodes
+    top:        upper levels, reusable for the same triangles at other positions; None for many triangles
     """
 
     nodes: cl.Buffer
@@ -111,8 +111,8 @@ def build_bvh(
     Clusters along a Morton curve merge with their best neighbours (PLOC; Meister and Bittner 2018). The
     remaining clusters are joined top-down, or by the tree of `top`. Binary nodes then collapse to wide nodes.
 
-    reach  largest coordinate of a corner, metres
-    top    upper levels of the same triangles at earlier positions
+    reach:  largest coordinate of a corner, metres
+    top:    upper levels of the same triangles at earlier positions
     """
     return _Builder(compute, positions, reach, shape or shape_for(compute), top).build()
 
@@ -121,13 +121,13 @@ def build_bvh(
 class _Level:
     """Wide nodes of successive levels.
 
-    children  binary nodes that are their children
-    before    prefix sums of inner children and of packets
-    totals    offsets of these sums per chunk
-    count     number of nodes
-    packets   number of packets in their leaves
-    depth     number of levels
-    origin    offset of the inner children, relative to the first of these nodes
+    children:  binary nodes that are their children
+    before:    prefix sums of inner children and of packets
+    totals:    offsets of these sums per chunk
+    count:     number of nodes
+    packets:   number of packets in their leaves
+    depth:     number of levels
+    origin:    offset of the inner children, relative to the first of these nodes
     """
 
     children: cl.Buffer

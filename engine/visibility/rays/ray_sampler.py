@@ -27,10 +27,10 @@ from .receiver_records import RECEIVER
 class GatheredBuffers:
     """Output buffers of `RaySampler.gather` on the OpenCL device.
 
-    light                     float4 of each patch: E/pi, and the fraction of the hemisphere without back
-                              faces
-    patches_seen, backs_seen  as in `VisibilityBuffers`
-    l1                        3 float4 of each patch, see `VisibilityBuffers.back_l1`
+    light:                     float4 of each patch: E/pi, and the fraction of the hemisphere without back
+                               faces
+    patches_seen, backs_seen:  as in `VisibilityBuffers`
+    l1:                        3 float4 of each patch, see `VisibilityBuffers.back_l1`
     """
 
     light: cl.Buffer
@@ -43,9 +43,9 @@ class GatheredBuffers:
 class MovedBuffers:
     """Geometry that moved since samples were cached, on the OpenCL device.
 
-    nodes, triangles  BVH of moved triangles, at old and new positions
-    ball              float4: centre and radius of their bounding ball, metres
-    views             uint8 of each patch: 1 if its viewpoint moved
+    nodes, triangles:  BVH of moved triangles, at old and new positions
+    ball:              float4: centre and radius of their bounding ball, metres
+    views:             uint8 of each patch: 1 if its viewpoint moved
     """
 
     nodes: cl.Buffer

@@ -35,9 +35,9 @@ TRANSMITTANCE = DeviceStruct(
 class RayTracer:
     """Triangles of a scene on the OpenCL device, for bvh_traversal.cl and kernels that include it.
 
-    cutouts    transmittance of the surfaces
-    arguments  kernel arguments for RAYS_ARGUMENTS
-    top        upper levels of the BVH, see `Bvh`
+    cutouts:    transmittance of the surfaces
+    arguments:  kernel arguments for RAYS_ARGUMENTS
+    top:        upper levels of the BVH, see `Bvh`
     """
 
     def __init__(
@@ -78,8 +78,8 @@ class RayTracer:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the closest hit of each ray; only back faces count if `backs`.
 
-        origins, directions  (m, 3) float, world space, metres from `Triangles.origin`
-        kind                 SHADOW or BOUNCE of engine/scene/cutouts.py, selects the transmittance
+        origins, directions:  (m, 3) float, world space, metres from `Triangles.origin`
+        kind:                 SHADOW or BOUNCE of engine/scene/cutouts.py, selects the transmittance
 
         Returns triangle (m,) int32, -1 for none; front (m,) bool; distance (m,) float32 in lengths of the
         direction.
@@ -100,9 +100,9 @@ class RayTracer:
     ) -> np.ndarray:
         """Return the transmittance along each ray up to a distance, (m, 3) float32, rgb.
 
-        origins, directions  (m, 3) float as in `cast`
-        distance             in lengths of the direction
-        kind                 SHADOW or BOUNCE of engine/scene/cutouts.py, selects the transmittance
+        origins, directions:  (m, 3) float as in `cast`
+        distance:             in lengths of the direction
+        kind:                 SHADOW or BOUNCE of engine/scene/cutouts.py, selects the transmittance
         """
         through = np.empty((len(origins), 3), np.float32)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)

@@ -24,8 +24,8 @@ _WORSE = 1.25
 class UpperLevels:
     """Binary tree over clusters of triangles, built level by level by the surface area heuristic.
 
-    count  number of clusters
-    root   root node; nodes are numbered like those of the clusters
+    count:  number of clusters
+    root:   root node; nodes are numbered like those of the clusters
     """
 
     def __init__(
@@ -40,9 +40,9 @@ class UpperLevels:
     ) -> None:
         """Build the tree over at least one cluster.
 
-        boxes, links  BOX and LINK of all nodes, filled for the clusters; `fit` fills the others
-        cluster       int, node of each cluster
-        made          number of nodes so far; count - 1 more follow
+        boxes, links:  BOX and LINK of all nodes, filled for the clusters; `fit` fills the others
+        cluster:       int, node of each cluster
+        made:          number of nodes so far; count - 1 more follow
         """
         self._compute, self._made, self.count = compute, made, count
         self._levels: list[tuple[int, int]] = []

@@ -38,10 +38,10 @@ FRAME = DeviceStruct(
 class Viewpoints:
     """Positions and orientations of n hemicubes.
 
-    eye      (n, 3) float64, metres from `Triangles.origin`
-    frame    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
-    near     (n,) float64, distance of the near plane, metres
-    horizon  (n, 3) float32, geometric normal along right, up, normal; nothing is visible behind its plane
+    eye:      (n, 3) float64, metres from `Triangles.origin`
+    frame:    (n, 3, 3) float64, rows right, up, normal, from `hemicube.frames`
+    near:     (n,) float64, distance of the near plane, metres
+    horizon:  (n, 3) float32, geometric normal along right, up, normal; nothing is visible behind its plane
     """
 
     eye: np.ndarray

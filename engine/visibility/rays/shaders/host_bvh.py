@@ -22,12 +22,12 @@ _MISSING = np.float32(1e30)
 class HostBvh:
     """Binary hierarchy of triangles as shaders/rays/bvh_traversal.glsl reads it.
 
-    nodes      (m, 4, 4) uint32, at least one node: float32 low corner of the first child, m, and its code;
-               its high corner and 0; the same of the second child. The code is a node, or
-               ~(first triangle << 3 | triangles) of a leaf
-    triangles  (t, 3, 4) uint32, in Morton order: float32 first corner, m, and the triangle's number; both
-               edges from there, m, and 0
-    depth      levels of nodes: a ray postpones at most one child on each
+    nodes:      (m, 4, 4) uint32, at least one node: float32 low corner of the first child, m, and its code;
+                its high corner and 0; the same of the second child. The code is a node, or ~(first triangle
+                << 3 | triangles) of a leaf
+    triangles:  (t, 3, 4) uint32, in Morton order: float32 first corner, m, and the triangle's number; both
+                edges from there, m, and 0
+    depth:      levels of nodes: a ray postpones at most one child on each
     """
 
     nodes: np.ndarray
@@ -54,9 +54,9 @@ def build_host_bvh(positions: np.ndarray) -> HostBvh:
 class _Level:
     """Nodes of one level of the tree, k of them.
 
-    start   (k, 2) int64, first triangle of each child
-    end     (k, 2) int64, triangle after the last one of each child
-    inner   (k, 2) bool, True if the child is a node of the next level
+    start:  (k, 2) int64, first triangle of each child
+    end:    (k, 2) int64, triangle after the last one of each child
+    inner:  (k, 2) bool, True if the child is a node of the next level
     """
 
     start: np.ndarray

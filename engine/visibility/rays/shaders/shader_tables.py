@@ -14,8 +14,8 @@ from ....errors import DeviceMemoryError
 class ShaderTables:
     """Arrays one after another in a buffer of 32-bit words.
 
-    buffer    the words
-    uniforms  first_<name>: the word at which an array begins
+    buffer:    the words
+    uniforms:  first_<name>: the word at which an array begins
     """
 
     def __init__(self, graphics: GraphicsContext, arrays: Mapping[str, np.ndarray]) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.patches.patch_list import PatchList
-from engine.visibility.rays.receiver_records import _points
+from engine.visibility.rays.receiver_records import points_of_texels
 
 
 @pytest.mark.parametrize(
@@ -18,4 +18,4 @@ from engine.visibility.rays.receiver_records import _points
 def test_texels_of_different_atlases_are_different_texels(atlas, texel, points):
     columns = np.array(atlas, np.int32), np.array(texel, np.int32)
     patches = PatchList(8, *columns, np.zeros(len(texel), np.int32), np.zeros((len(texel), 3), np.float32))
-    assert _points(patches) == points
+    assert points_of_texels(patches) == points

@@ -142,6 +142,7 @@ def _bake(
     job = SolveJob(
         graphics, compute, patch_scene, rays, lighting.emission_left, lighting.sky_left, sampled,
         areas.result(), settings, remote, kept, near=contacts, backs=lighting.backs_left,
+        mapped=patch_scene.patches.count_in(len(atlases)),
     ).after(previous)  # fmt: skip
     solution, choice, solved = choose_solver(job)
     if remote and compute and choice.method != "none":

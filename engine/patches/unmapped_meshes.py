@@ -99,8 +99,9 @@ def _fitting_places(meshes: list[Mesh], resolution: int, capacity: int, texel: f
     size = _COARSENESS * texel
     size = size if size > 0 else float(np.ptp(positions.reshape(-1, 3), axis=0).max()) / resolution + 1e-12
     longest = np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
+    area = _areas(positions)
     while True:
-        places = _places_at(positions.mean(axis=1), longest, kinds, size)
+        places = _places_at(positions.mean(axis=1), longest, area, kinds, size)
         if places.texels <= texels and 4 ** int(places.level.max()) <= capacity:
             return places
         size *= _STEP
@@ -118,6 +119,13 @@ def texel_size(scene: Scene, resolution: int) -> float:
     return float(np.sqrt(world / charts)) / resolution if charts > 0 else 0.0
 
 
+def _areas(positions: np.ndarray) -> np.ndarray:
+    """Return twice the area of each triangle, (t,) float64."""
+    first, second = positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0]
+    doubled: np.ndarray = np.linalg.norm(np.cross(first, second), axis=1)
+    return doubled
+
+
 def _dominant_axis(positions: np.ndarray) -> np.ndarray:
     """Return which of the six directions along the axes each triangle faces most, (t,) int."""
     normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
@@ -126,7 +134,9 @@ def _dominant_axis(positions: np.ndarray) -> np.ndarray:
     return facing
 
 
-def _places_at(centers: np.ndarray, longest: np.ndarray, kinds: np.ndarray, size: float) -> _Places:
+def _places_at(
+    centers: np.ndarray, longest: np.ndarray, area: np.ndarray, kinds: np.ndarray, size: float
+) -> _Places:
     """Return the places of triangles if a texel is `size` metres wide."""
     level = np.ceil(np.log2(np.maximum(longest / size, 1.0))).astype(np.int64)
     level = np.minimum(level, 13)
@@ -137,8 +147,10 @@ def _places_at(centers: np.ndarray, longest: np.ndarray, kinds: np.ndarray, size
     keys[level > 0, 1:] = 0
     block = _unique_rows(keys)
 
-    # The largest triangle of a cluster stands for all of it.
-    order = np.lexsort((-longest, block))
+    # One triangle represents its cluster, drawn with a probability in proportion to its area (Efraimidis and
+    # Spirakis, 2006). The largest triangles would be a biased choice: hair was 14 % too bright.
+    draw = np.random.default_rng(len(level)).exponential(size=len(level))
+    order = np.lexsort((draw / np.maximum(area, 1e-300), block))
     first = np.r_[True, np.diff(block[order]) > 0]
     chosen = np.zeros(len(block), bool)
     chosen[order[first]] = True

@@ -103,9 +103,8 @@ def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:
     """Return a solution that solves for patch groups, then gathers for each patch."""
-    representative = group_representatives(
-        job.rays, job.parts, job.first_radiance, job.kept.inside(job.rays), width
-    )
+    inside = job.kept.inside(job.rays)
+    representative = group_representatives(job.rays, job.parts, job.first_radiance, inside, width, job.mapped)
     groups = PatchGroups(job.rays, job.parts, job.area, representative, width)
     emission = groups.mean(job.emission)
     backs = None if job.backs is None else groups.mean(job.backs)
@@ -169,7 +168,8 @@ _Squares = tuple[np.ndarray, np.ndarray, int]
 def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
     """Return the groupings for the interpolation: the solved groups, then the smaller ones."""
     inside = job.kept.inside(job.rays)
-    smaller = numbered(group_representatives(job.rays, job.parts, job.first_radiance, inside, _SMALLER))
+    leader = group_representatives(job.rays, job.parts, job.first_radiance, inside, _SMALLER, job.mapped)
+    smaller = numbered(leader)
     return [(groups.group, groups.leader, groups.width), (*smaller, _SMALLER)]
 
 

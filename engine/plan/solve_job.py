@@ -51,6 +51,7 @@ class SolveJob:
     part_of:            job of all light, if this is a part of it; both start alike
     near:               contacts of the patches; None if unknown
     backs:              (n, 3) float32, radiance of each patch's back face; None if equal to `emission`
+    mapped:             number of patches in lightmaps, which come first; None if unknown
     """
 
     graphics: GraphicsContext
@@ -70,6 +71,7 @@ class SolveJob:
     part_of: SolveJob | None = None
     near: Contacts | None = None
     backs: np.ndarray | None = None
+    mapped: int | None = None
 
     @property
     def count(self) -> int:

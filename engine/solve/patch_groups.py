@@ -144,15 +144,22 @@ def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def group_representatives(
-    rays: RayScene, parts: PatchScene, radiance: np.ndarray, inside: np.ndarray, width: int
+    rays: RayScene,
+    parts: PatchScene,
+    radiance: np.ndarray,
+    inside: np.ndarray,
+    width: int,
+    mapped: int | None = None,
 ) -> np.ndarray:
     """Return the representative of each patch, (n,) uint32; kernels/solve/patch_groups.cl.
 
-    Patches of back faces are not grouped, since they are as coarse as groups already.
+    Patches of back faces and of objects without lightmap are not grouped, since they are as coarse as groups
+    already, and texels side by side in their atlases may be of strands of hair or leaves far apart.
 
     radiance  (n,) float32, radiance before any bounce, sum of the channels
     inside    (n,) bool, patches inside geometry, see `patches_inside`
     width     side of the squares, texels
+    mapped    number of patches in lightmaps, which come first; None for all on front faces
     """
     compute, patches = rays.compute, parts.patches
     (group_patches,) = compute.kernels((RECEIVER, "patch_groups.cl"), "group_patches")
@@ -169,7 +176,9 @@ def group_representatives(
     )  # fmt: skip
     result = np.empty(len(patches), np.uint32)
     cl.enqueue_copy(compute.queue, result, leaders)
-    if parts.triangles.backs is not None:
+    if mapped is not None:
+        result[mapped:] = np.arange(mapped, len(result), dtype=np.uint32)
+    elif parts.triangles.backs is not None:
         backs = np.flatnonzero(parts.geometry.triangle >= parts.triangles.solid)
         result[backs] = backs
     return result

@@ -233,6 +233,16 @@ def test_groups_of_bright_patches_are_as_even_as_others(graphics, compute):
     assert len(np.unique(leader)) < len(leader) / 8
 
 
+def test_patches_without_lightmap_stay_alone(room, compute):
+    """Those before them are grouped as without the limit."""
+    parts, _, _ = room
+    rays, dark = RayScene(compute, parts), np.zeros(len(parts.patches), np.float32)
+    mapped = len(dark) // 3
+    leader = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH, mapped)
+    assert (leader[mapped:] == np.arange(mapped, len(dark))).all()
+    assert len(np.unique(leader[:mapped])) < mapped / 2
+
+
 def test_leaders_are_in_the_middle_of_their_groups(room):
     """On the mean of all they are off by nothing, though squares of four have no texel in the middle."""
     parts, groups, _ = room

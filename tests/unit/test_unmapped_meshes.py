@@ -118,3 +118,17 @@ def test_places_always_fit(resolution):
     assert uvs.min() >= 0 and uvs.max() <= 1
     covered = texels(uvs[:200], resolution)
     assert sum(map(len, covered)) == len(set().union(*covered))
+
+
+def test_triangles_represent_their_cluster_as_often_as_they_are_large():
+    """Of three triangles in each of 500 clusters, the last has half of the area, and every second texel."""
+    count = 500
+    corner = np.zeros((3 * count, 1, 3))
+    corner[:, 0, 0] = np.repeat(np.arange(count) * 3.0, 3)
+    legs = np.tile([0.002, 0.002, 0.002 * np.sqrt(2)], count)
+    small = mesh(corner + legs[:, None, None] * np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), NO_LIGHTMAP)
+    placed = place_unmapped(Scene((BAKED, small), (GREY,)), 61).meshes[1]
+    chosen = np.ptp(placed.uvs, axis=1).max(axis=1).reshape(count, 3) > 0
+    whole = chosen[chosen.sum(axis=1) == 1]
+    assert len(whole) > count / 2
+    assert whole.mean(axis=0) == pytest.approx([0.25, 0.25, 0.5], abs=0.07)

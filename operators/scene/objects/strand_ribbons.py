@@ -11,8 +11,13 @@ from .strands import Strands
 #: 2 / pi of its width wide on the mean (Cauchy).
 _HALF = np.pi / 2
 
-#: Length by which ribbons begin off the root, in radii, so that they do not cut the texels below them.
-_LIFT = 0.1
+#: Length by which ribbons begin off the root, in radii. Rays of Cycles ignore ribbons nearer than two radii
+#: (Embree, EMBREE_CURVE_SELF_INTERSECTION_AVOIDANCE_FACTOR). Of 0.1, 0.8, 1.4 and 1.8, measured on six
+#: carpets, 0.8 has the least error: -11 % below thick black hair, within 6 % elsewhere.
+_LIFT = 0.8
+
+#: Minimum fraction of a strand that its ribbon covers.
+_LEFT = 0.5
 
 #: Triangles of a piece between two points.
 _TRIANGLES = 4
@@ -33,7 +38,8 @@ def thin_out(strands: Strands, most: int) -> Strands:
     sizes = np.diff(strands.starts)[chosen]
     starts = np.r_[0, np.cumsum(sizes)]
     points = np.repeat(strands.starts[chosen] - starts[:-1], sizes) + np.arange(starts[-1])
-    return Strands(strands.points[points], strands.radius[points] * (count / kept), starts, strands.slot)
+    radius = strands.radius[points] * (count / kept)
+    return Strands(strands.points[points], radius, starts, strands.slot, widened=count / kept)
 
 
 def count_triangles(strands: Strands) -> int:
@@ -43,10 +49,11 @@ def count_triangles(strands: Strands) -> int:
 
 def make_ribbons(strands: Strands) -> Corners:
     """Return the triangles of ribbons along strands, object space, without those that have no area."""
-    points = _lifted(strands)
+    points, below = _lifted(strands)
     last = np.zeros(len(points), bool)
     last[strands.starts[1:][np.diff(strands.starts) > 0] - 1] = True
     first = np.flatnonzero(~last)
+    first = first[~below[first + 1]]
     offset = _HALF * strands.radius[:, None] * _across(strands)
     left, right = points - offset, points + offset
     front = np.stack([left[first], left[first + 1], right[first + 1], right[first]], axis=1)
@@ -68,15 +75,32 @@ def make_ribbons(strands: Strands) -> Corners:
     )
 
 
-def _lifted(strands: Strands) -> np.ndarray:
-    """Return the points of strands, (p, 3), the first of each a little off its root."""
-    points = strands.points.copy()
-    first = strands.starts[:-1][np.diff(strands.starts) > 1]
-    step = points[first + 1] - points[first]
-    length = np.linalg.norm(step, axis=1)
-    part = np.minimum(_LIFT * strands.radius[first] / np.maximum(length, 1e-300), 0.5)
-    points[first] += part[:, None] * step
-    return points
+def _lifted(strands: Strands) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of strands, (p, 3), and which lie below the start of their ribbon, (p,) bool.
+
+    The latter are moved to that start.
+    """
+    points, sizes = strands.points, np.diff(strands.starts)
+    filled = np.flatnonzero(sizes > 1)
+    first, strand = strands.starts[:-1][filled], np.repeat(np.arange(len(sizes)), sizes)
+    steps = np.zeros(len(points))
+    steps[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    steps[strands.starts[:-1][sizes > 0]] = 0
+    length = np.cumsum(steps)
+    cut = np.full(len(sizes), -np.inf)
+    cut[filled] = length[first] + np.minimum(
+        _LIFT / strands.widened * strands.radius[first],
+        (1 - _LEFT) * (length[strands.starts[1:][filled] - 1] - length[first]),
+    )
+    below = length < cut[strand]
+
+    # The points below are the first ones of their strand: the ribbon begins before the next point.
+    after = first + np.add.reduceat(below, first)[: len(first)] if len(first) else first
+    before = np.maximum(after - 1, first)
+    part = (cut[filled] - length[before]) / np.maximum(length[after] - length[before], 1e-300)
+    start = np.zeros((len(sizes), 3))
+    start[filled] = points[before] + np.clip(part, 0, 1)[:, None] * (points[after] - points[before])
+    return np.where(below[:, None], start[strand], points), below
 
 
 def _across(strands: Strands) -> np.ndarray:

@@ -18,16 +18,18 @@ _RADIUS = 0.005
 class Strands:
     """Strands in object space.
 
-    points  (p, 3) float64, those of a strand are consecutive
-    radius  (p,) float64
-    starts  (s + 1,) int64, first point of each strand, then p
-    slot    material slot of the object
+    points   (p, 3) float64, those of a strand are consecutive
+    radius   (p,) float64
+    starts   (s + 1,) int64, first point of each strand, then p
+    slot     material slot of the object
+    widened  factor by which radii were raised, since strands were left out
     """
 
     points: np.ndarray
     radius: np.ndarray
     starts: np.ndarray
     slot: int
+    widened: float = 1.0
 
 
 def has_strands(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:

@@ -37,5 +37,6 @@ def estimate(
     """
     stages = BakeStages(extent, settings, dict(paces))
     seconds = stages.foretell(patches) + (preparing if math.isfinite(preparing) else 0.0)
-    samples = patches * most_samples(settings) * sample_bytes(patches) if settings.has_indirect else 0
+    size = most_samples(settings) * sample_bytes(patches, extent.tinted)
+    samples = patches * size if settings.has_indirect else 0
     return Estimate(patches, samples, seconds, stages.visibility.measured)

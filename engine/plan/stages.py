@@ -12,6 +12,7 @@ import numpy as np
 
 from ..outputs import OUTPUTS
 from ..progress import Progress, Schedule, Stage
+from ..scene.cutouts import is_tinted
 from ..scene.light_groups import light_group_names
 from ..scene.model import Scene, shining_lights
 from ..settings import MOST_LIGHTS, Settings
@@ -70,19 +71,24 @@ _BETWEEN_IMAGES = 0.02
 
 @dataclass(frozen=True)
 class Extent:
-    """Size of a scene: numbers of lightmaps, triangles, lights with nonzero strength, and light groups."""
+    """Size of a scene: numbers of lightmaps, triangles, lights with nonzero strength, and light groups.
+
+    tinted:  True if a surface tints transmitted light, which makes visibility samples larger
+    """
 
     atlases: int
     triangles: int
     lamps: int
     light_groups: int = 1
+    tinted: bool = False
 
     @classmethod
     def of(cls, scene: Scene) -> Extent:
         """Return the extent of a scene."""
         triangles = sum(len(mesh.positions) for mesh in scene.meshes)
         groups = len(light_group_names(scene))
-        return cls(len(scene.atlases), triangles, len(shining_lights(scene)), groups)
+        lamps = len(shining_lights(scene))
+        return cls(len(scene.atlases), triangles, lamps, groups, is_tinted(scene))
 
 
 def _filtered_images(settings: Settings) -> int:

@@ -13,8 +13,10 @@ from ...engine.settings import Settings
 from ..bake_settings import read_settings
 from ..devices import finder
 from ..lightmap_size import expected_width
+from ..original_slots import shown_materials
 from ..scene import SceneContext, visible_meshes
 from ..scene.bake_targets import target_uids
+from ..scene.materials.tint_nodes import may_tint
 from ..scene.objects.visible import visible_objects
 from ..worker_manager import owner
 from .faces import (
@@ -91,12 +93,21 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     findings += yield from check_normals(meshes, centres)
     findings += check_scale(meshes)
     lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
-    extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps)
+    extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps, tinted=_is_tinted(context))
     expected = _expect(baked, charts, settings, extent) if baked else None
     findings += _check_memory(expected, settings, finder.found) if expected else []
     findings = [_with_memory(finding, baked, charts, settings, extent) for finding in findings]
     ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
     return Checked(tuple(ordered), expected)
+
+
+def _is_tinted(context: SceneContext) -> bool:
+    """Return True if an object that a bake reads may tint transmitted light."""
+    objects = (obj for obj in visible_objects(context) if hasattr(obj.data, "materials"))
+    worn = {
+        material for obj in objects for material in shown_materials(obj.data, obj, context.material_override)
+    }
+    return any(map(may_tint, worn))
 
 
 def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Finding]]:

@@ -68,6 +68,11 @@ def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tupl
             lightmap = _shown_lightmap(obj, instances.get(obj), scene)
             for slot in obj.material_slots:
                 _show_slot(slot, lightmap, made)
+    layer = depsgraph.view_layer
+    if shown and layer.material_override is not None:
+        notes.append(
+            f"View layer '{layer.name}': its Material Override hides the lightmaps. Remove it to see them."
+        )
     return shown, notes
 
 

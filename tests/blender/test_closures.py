@@ -240,3 +240,34 @@ def test_unknown_closures_are_named():
     notes.add(surface)
     (note,) = notes.sentences()
     assert "'Tree'" in note and "'Specular BSDF'" in note
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "expected"),
+    [
+        ("BsdfTransparent", {"Color": (0.9, 0.5, 0.5, 1)}, True),
+        ("BsdfTransparent", {"Color": (0.5, 0.5, 0.5, 1)}, False),
+        ("BsdfDiffuse", {"Color": (0.9, 0.5, 0.5, 1)}, False),
+        ("BsdfPrincipled", {"Base Color": (0.9, 0.5, 0.5, 1)}, False),
+        ("BsdfPrincipled", {"Base Color": (0.9, 0.5, 0.5, 1), "Transmission Weight": 0.3}, True),
+    ],
+)
+def test_colored_closures_that_transmit_may_tint(kind, values, expected):
+    """Also in a group; what no link connects to the output does not count."""
+    import bpy
+
+    tint_nodes = part("operators.scene.materials.tint_nodes")
+    surface = bpy.data.materials.new("Pane")
+    tree = part("operators.compat").new_node_tree(surface)
+    tree.nodes.clear()
+    group = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    closure, end = group.nodes.new(f"ShaderNode{kind}"), group.nodes.new("NodeGroupOutput")
+    for name, value in values.items():
+        closure.inputs[name].default_value = value
+    group.links.new(closure.outputs[0], end.inputs[0])
+    node, output = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeOutputMaterial")
+    node.node_tree = group
+    assert not tint_nodes.may_tint(surface) and not tint_nodes.may_tint(None)
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    assert tint_nodes.may_tint(surface) == expected

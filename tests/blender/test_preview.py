@@ -298,3 +298,16 @@ def test_charts_that_were_moved_since_the_bake_are_told(baked, capfd):
     said = capfd.readouterr().out
     assert "since they were baked: 'Bare', 'Chair'." in said
     assert all(obj.hemibake.slots for obj in (room, bare, own, chair))
+
+
+def test_a_material_override_that_hides_lightmaps_is_named(baked, capfd):
+    import bpy
+
+    layer = bpy.context.view_layer
+    layer.material_override = material("Clay")
+    bpy.ops.hemibake.preview()
+    assert f"View layer '{layer.name}': its Material Override hides the lightmaps" in capfd.readouterr().out
+    bpy.ops.hemibake.preview()
+    layer.material_override = None
+    bpy.ops.hemibake.preview()
+    assert "Material Override" not in capfd.readouterr().out

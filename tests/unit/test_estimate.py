@@ -63,3 +63,9 @@ def test_kernels_that_are_not_built_yet_count():
 def test_estimate_is_what_the_stages_of_a_bake_begin_with():
     stages = BakeStages(EXTENT, SETTINGS, {})
     assert stages.foretell(9973) == pytest.approx(seconds())
+
+
+def test_samples_with_tints_take_four_bytes():
+    tinted = Extent(atlases=3, triangles=10_007, lamps=2, tinted=True)
+    plain, larger = (estimate(extent, 9973, SETTINGS, {}) for extent in (EXTENT, tinted))
+    assert larger.sample_bytes == 2 * plain.sample_bytes > 0

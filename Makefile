@@ -80,9 +80,10 @@ test-gui: setup $(WHEELS) ## bake, cancel, preview, mix, follow, undo and save i
 test-export: setup ## show exported files with three.js in headless Chromium, Godot 3 and Bevy, pixel by pixel against the preview
 	.venv/bin/python -m pytest tests/export
 
-gui-picture: package ## take the pictures of Blender in README.md anew
+gui-picture: package ## renew the pictures of Blender and of all panels in README.md and docs
 	.venv/bin/python -m tools.gui.docs_picture out/package/hemibake-*-linux_x64.zip docs/user/pictures/blender.png
 	.venv/bin/python -m tools.gui.live_picture out/package/hemibake-*-linux_x64.zip docs/user/pictures/live.png
+	.venv/bin/python -m tools.gui.panel_pictures out/package/hemibake-*-linux_x64.zip docs/user/pictures
 
 verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/design/accuracy.md
 	@tools/system_packages.sh .venv/bin/python

@@ -1,4 +1,4 @@
-"""Copies of objects with their modifiers applied, in the place of the objects themselves."""
+"""Replacement of objects by copies with applied modifiers."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.uv_modifier import remove_uv_modifiers, uv_modifiers
 from .scene.uvs.uv_targets import is_usable_layer
 
-#: Why an object stays as it is.
-_NOTHING = "no modifiers, so there is nothing to apply."
-_EDITED = "being edited: leave Edit Mode to apply its modifiers."
-_NOT_SHOWN = "not in the view layer: include its collection there to apply its modifiers."
-_INSTANCES = "making instances, which a copy would not have: realize them, as by a Realize Instances node."
-_FOREIGN = "in a collection of another file: make that collection local, or override it, to apply modifiers."
+#: Reasons why an object is not replaced.
+_NOTHING = "it has no modifiers. Nothing to do."
+_EDITED = "it is being edited. Leave Edit Mode first."
+_NOT_SHOWN = "it is not in the view layer. Include its collection there first."
+_INSTANCES = "it makes instances, which a copy would lose. Add a Realize Instances node first."
+_FOREIGN = "its collection is linked from another file. Make the collection local or override it."
 
 #: Types of parents that deform their children.
 _DEFORMING = {"ARMATURE", "LATTICE"}
@@ -26,10 +26,10 @@ _DEFORMING = {"ARMATURE", "LATTICE"}
 def apply_on_copies(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object]
 ) -> tuple[list[bpy.types.Object], list[str]]:
-    """Put a copy with the evaluated mesh in the place of each mesh object, which is hidden and ignored.
+    """Replace each mesh object by a copy with the evaluated mesh; hide the original and set it to Ignored.
 
-    Returns the copies, and sentences about the objects that stay as they are. A copy keeps lightmap UVs that
-    are of use, and so the light. An object of another file is taken out of the scene's collections instead.
+    Returns the copies, and sentences about objects that were not replaced. A copy keeps usable lightmap UVs
+    and therefore its light. An object linked from another file is removed from the scene's collections.
     """
     copies, troubles = [], Troubles()
     for obj in objects:
@@ -42,7 +42,7 @@ def apply_on_copies(
 
 
 def _trouble(context: bpy.types.Context, obj: bpy.types.Object) -> str | None:
-    """Return why an object cannot be replaced by a copy."""
+    """Return the reason why an object cannot be replaced, None if it can."""
     depsgraph = context.evaluated_depsgraph_get()
     if obj.is_editable and len(obj.modifiers) == len(uv_modifiers(obj)):
         return _NOTHING
@@ -59,7 +59,7 @@ def _trouble(context: bpy.types.Context, obj: bpy.types.Object) -> str | None:
 
 
 def _replace(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Object:
-    """Put a copy in the place of an object and return it."""
+    """Replace an object by a copy with applied modifiers and return the copy."""
     collections, selected = _collections(context, obj), obj.select_get()
     active = context.view_layer.objects.active == obj
     if obj.is_editable:
@@ -81,7 +81,7 @@ def _replace(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Obj
 
 
 def _applied_copy(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Object:
-    """Return a copy of an object whose mesh is what its modifiers make."""
+    """Return a copy of an object with its evaluated mesh and without modifiers."""
     depsgraph = context.evaluated_depsgraph_get()
     mesh = bpy.data.meshes.new_from_object(
         obj.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
@@ -100,6 +100,6 @@ def _applied_copy(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.type
 
 
 def _collections(context: bpy.types.Context, obj: bpy.types.Object) -> list[bpy.types.Collection]:
-    """Return the collections of the scene that have an object."""
+    """Return the collections of the scene that contain an object."""
     scene = context.scene.collection
     return [each for each in (scene, *scene.children_recursive) if each in obj.users_collection]

@@ -1,4 +1,4 @@
-"""The report of a bake, JSON-ready: what was baked, how, how long it took, and what to look at."""
+"""Report of a bake as a JSON-ready dictionary: objects, method, times, devices, files and warnings."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ def bake_report(
     files: Sequence[str],
     notes: Sequence[str],
 ) -> dict:
-    """Return the report of a bake; the convergence error is None if a single iteration could not tell it.
+    """Return the report of a bake; the convergence error is None if a single iteration could not estimate it.
 
-    facts   what the engine tells
-    lost    session uids and names of objects that have no lightmap, since their UVs are gone
-    notes   sentences for the user; each is told once
+    facts    report of the engine
+    lost     names by session uid of objects without a lightmap, because their UVs no longer exist
+    seconds  wall time by stage
+    images   names of the images
+    files    paths of the files
+    notes    sentences for the user; duplicates are removed
     """
     warnings = list(dict.fromkeys(notes))
     return {
@@ -54,12 +57,12 @@ def bake_report(
 
 
 def _number(value: float) -> float | None:
-    """Return a number as JSON takes it: None if it is NaN or infinite."""
+    """Return a number, or None if it is NaN or infinite, which JSON cannot store."""
     return float(value) if math.isfinite(value) else None
 
 
 def _energy(energy: FluxBalance | None) -> dict[str, float | None] | None:
-    """Return where the light of a bake goes as JSON takes it: W, and what is missing as a fraction."""
+    """Return the flux balance as JSON, W, with the balance error as a fraction under "missing"."""
     if energy is None:
         return None
     return {name: _number(value) for name, value in {**asdict(energy), "missing": energy.missing}.items()}

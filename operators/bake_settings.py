@@ -1,4 +1,4 @@
-"""Properties of a scene and of the machine -> engine.Settings."""
+"""Conversion of Blender properties of a scene and the machine to engine.Settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from .user_files import cache_folder
 
 
 def read_settings(properties: HemibakeSceneProperties) -> Settings:
-    """Return the checked settings of a scene on this machine, lengths in its units; raises SettingsError."""
+    """Return the validated settings of a scene on this machine, with lengths in scene units.
+
+    Raises SettingsError if a value is out of range.
+    """
     values = setting_values(properties, kept_with_scene())
     scale = metres_per_unit(properties.id_data)
     values |= {name: values[name] / scale for name in _lengths() if name in values}
@@ -27,14 +30,14 @@ def read_settings(properties: HemibakeSceneProperties) -> Settings:
 
 
 def machine_defaults() -> Settings:
-    """Return the settings of the machine, with the engine's defaults for what belongs to a scene."""
+    """Return the machine's settings, with the engine's defaults for settings of a scene."""
     settings = Settings(**_machine())
     check_settings(settings)
     return settings
 
 
 def _lengths() -> list[str]:
-    """Return the names of settings in metres."""
+    """Return the names of settings whose unit is metres."""
     known = descriptions().items()
     return [name for name, one in known if isinstance(one.values, Span) and one.values.unit == "m"]
 

@@ -1,4 +1,4 @@
-"""The Cancel operator: ends the bake that a window follows."""
+"""Cancel operator: ends the bake that runs in a window."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .worker_manager import owner
 
 
 class HEMIBAKE_OT_cancel(bpy.types.Operator):
-    """Cancel the bake that is running, and leave everything as it was before"""
+    """Cancel the running bake and undo its changes"""
 
     bl_idname = "hemibake.cancel"
     bl_label = "Cancel Bake"
@@ -20,7 +20,7 @@ class HEMIBAKE_OT_cancel(bpy.types.Operator):
         return owner.busy
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Ask for it: the operator that drives the bake hears of it with its next event."""
+        """Request the end; the modal operator of the bake handles the request at its next event."""
         owner.running.unwanted = True
         return {"FINISHED"}
 

@@ -1,4 +1,4 @@
-"""Which objects a bake of changed ones bakes, and what is remembered of it for the next."""
+"""Objects that a bake of changed objects includes, and the data that it stores for the next one."""
 
 from __future__ import annotations
 
@@ -29,24 +29,23 @@ from .scene_snapshots import baked_scenes
 
 Bake = Generator[Progress | None, None, BakeResult]
 
-#: Why objects are baked: of themselves, and where it is not known how much light has changed.
-_CHANGED = "Baked since they are new, or their shape, place or materials have changed: {}."
-_LIGHTS_DIFFER = "Baked since lights, shining objects or the world have changed: {}."
+#: Reasons for baking objects: own changes, and changed lights if the change of light is unknown.
+_CHANGED = "{}: baked, because they are new or their shape, place or materials have changed."
+_LIGHTS_DIFFER = "{}: baked, because lights, emissive objects or the world have changed."
 
-#: What a bake leaves as it was where it is not known how much light has changed.
+#: Warning about other objects if the change of light is unknown.
 _OTHERS_STAY = (
-    "Only what has changed was baked: its shadows and its reflected light on all else are as before. "
-    "Bake All in the end."
+    "Only changed objects were baked, so other objects lack their new shadows and reflected light. Bake all "
+    "objects at the end."
 )
 
 
 @dataclass(frozen=True)
 class ChangedObjects:
-    """What is to be baked, and why.
+    """Objects to bake, and the reasons.
 
     uids     session uids of the objects
-    changes  how much the light of each object that was baked before may have changed since, a fraction; None
-             where that is not known
+    changes  relative change of light of each object since its last bake, by session uid; None if unknown
     notes    sentences for the user
     """
 
@@ -63,11 +62,13 @@ def find_changed_objects(
     stages: RunStages,
     scene: bpy.types.Scene,
 ) -> Generator[Progress | None, None, ChangedObjects]:
-    """Return which of the wanted objects, by session uid, are other than when they were baked, or are lit so.
+    """Return the objects whose own data or light has changed since they were baked.
 
-    scene  Blender's, which knows its name as it was last baked
+    wanted  session uids of the candidates
+    bake    function that runs the low-sample comparison bakes
+    scene   Blender's scene, which stores the name of the scene of its last bake, see SceneSnapshots
 
-    Raises NothingChangedError if none is.
+    Raises NothingChangedError if no object has changed.
     """
     changes = yield from _changes(read, settings, bake, stages, scene.hemibake.baked_scene)
     uids, own = changed_uids(read, wanted, scene), changed_themselves(read, wanted, scene)
@@ -87,10 +88,11 @@ def find_changed_objects(
 def remember_light(
     scene: bpy.types.Scene, read: ReadScene, baked: set[int], changed: ChangedObjects | None
 ) -> None:
-    """Write down what a bake of all objects, or of changed ones, leaves to the next bake of changed ones.
+    """Store the scene and changes of light, with which the next bake of changed objects compares.
 
-    read   all that was read
-    baked  session uids of the objects that were baked
+    read     the whole scene
+    baked    session uids of the objects that were baked
+    changed  result of `find_changed_objects`; None after a bake of all objects
     """
     if changed is not None and changed.changes is None:
         scene.hemibake.baked_scene = ""
@@ -101,7 +103,7 @@ def remember_light(
 
 
 def forget_light(scene: bpy.types.Scene, baked: set[int]) -> None:
-    """Have the next bake of changed objects bake those that were baked in another scene than is known."""
+    """Mark objects whose scene is not stored, so that the next bake of changed objects includes them."""
     _write(scene, dict.fromkeys(baked, ALL_LIGHT))
 
 
@@ -112,9 +114,10 @@ def _changes(
     stages: RunStages,
     known: str,
 ) -> Generator[Progress | None, None, dict[int, float] | None]:
-    """Return how much the light of each object has changed since the last bake; None if that is not known.
+    """Return the relative change of light of each object, by session uid; None if it is unknown.
 
-    Neither is it for shadow masks, nor for maps of light groups that the last bake did not make.
+    It is unknown without a stored scene, and for outputs that comparison bakes cannot compare, see
+    `tells_all`.
     """
     scene, quick = baked_scenes.find(known), comparison_settings(settings)
     if scene is None or not tells_all(settings, scene, read.scene):
@@ -131,22 +134,22 @@ def _changes(
 
 
 def _notes(lit: set[int], left: set[int], tolerance: float) -> list[str]:
-    """Return sentences on the objects whose light has changed, and on those that stay as they were."""
+    """Return sentences about objects whose light has changed, and about objects that are not baked."""
     limit = f"{100 * tolerance:g} %"
     return [
-        *_named(f"Baked since their light can have changed by more than {limit}: {{}}.", lit),
-        *_named(f"Left as they were, since their light has changed by no more than {limit}: {{}}.", left),
+        *_named(f"{{}}: baked, because their light may have changed by more than {limit}.", lit),
+        *_named(f"{{}}: not baked, because their light has changed by at most {limit}.", left),
     ]
 
 
 def _named(sentence: str, uids: set[int]) -> list[str]:
-    """Return a sentence with the names of objects, none without objects."""
+    """Return a list with the sentence about the named objects; empty without objects."""
     names = [obj.name for obj in bpy.data.objects if obj.session_uid in uids]
     return [object_message(sentence, names)] if names else []
 
 
 def _write(scene: bpy.types.Scene, changes: dict[int, float]) -> None:
-    """Write on objects how much their light may have changed since they were baked."""
+    """Store the relative changes of light in the objects' records of a scene."""
     for obj in bpy.data.objects:
         if obj.session_uid in changes and obj.is_editable:
             writable_record(obj, scene).light_change = min(changes[obj.session_uid], ALL_LIGHT)

@@ -1,4 +1,4 @@
-"""Tells a terminal how far a bake is: where no window shows it."""
+"""Progress of a bake in the terminal, for Blender without a window."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import time
 from ..engine.progress import Progress
 from .report_message import progress_line
 
-#: Time between two lines, s: shorter bakes print none.
+#: Time between two lines, s, chosen; shorter bakes print no line.
 _PERIOD = 1.0
 
 
 class Console:
-    """Prints a line about a bake from time to time."""
+    """Printer of progress lines, at most one per _PERIOD."""
 
     def __init__(self) -> None:
         self._next = time.perf_counter() + _PERIOD

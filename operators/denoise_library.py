@@ -1,4 +1,4 @@
-"""The Open Image Denoise of this Blender, or of a Python package: the worker loads it, Blender does not."""
+"""Path of Open Image Denoise, in Blender or a Python package; only the worker process loads it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ from ..engine.denoise.found import library_of_blender, library_of_packages
 
 @cache
 def denoise_library() -> Path | None:
-    """Return the file of the library, None if there is none; panels ask at every redraw."""
+    """Return the path of the library, None without one; cached, since panels call it at every redraw."""
     resources = Path(bpy.utils.resource_path("LOCAL")).parent
     return library_of_blender(resources) or library_of_packages()

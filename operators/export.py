@@ -1,4 +1,4 @@
-"""The Export operator: the baked scene as a glTF file with its lightmaps."""
+"""Export operator: writes the baked scene as a glTF file with its lightmaps."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ..engine.object_message import counted
 from .report_message import report_message
 from .worker_manager import poll_idle
 
-#: Encodings of lightmaps in the file, by the names that people choose.
+#: MIME type of embedded lightmaps, by choice; empty for none.
 _KINDS = {"HDR": "image/vnd.radiance", "PNG": "image/png", "NONE": ""}
 
 
 class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
-    """Write what is shown as a glTF file with its lightmaps, for three.js, Hubs and game engines"""
+    """Write the visible objects and their lightmaps as a glTF file, for three.js, Hubs and game engines"""
 
     bl_idname = "hemibake.export_for_engine"
     bl_label = "Export for Engine"
@@ -29,34 +29,33 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
     filter_glob: StringProperty(default="*.glb;*.gltf", options={"HIDDEN"})
     file_format: EnumProperty(
         name="Format",
-        description="Ending of the name that is typed; scripts say it by the path",
+        description="Choose the file ending",
         items=[
-            (".glb", "glTF Binary (.glb)", "One file"),
-            (".gltf", "glTF Separate (.gltf)", "Text, with geometry and images in files of their own"),
+            (".glb", "glTF Binary (.glb)", "Write a single file"),
+            (".gltf", "glTF Separate (.gltf)", "Write text, with geometry and images in further files"),
         ],
     )
     lightmaps: EnumProperty(
         name="Lightmaps",
-        description="How the file holds the lightmaps, in the material extension MOZ_lightmap",
+        description="Choose how lightmaps are embedded by the material extension MOZ_lightmap",
         items=[
             (
                 "HDR",
                 "Radiance HDR",
-                "Colours of any brightness; three.js and Hubs read them (MOZ_texture_rgbe)",
+                "Embed light of any brightness, for three.js and Hubs (MOZ_texture_rgbe)",
             ),
-            ("PNG", "PNG", "8 bits a channel: dark places have steps; for readers of MOZ_lightmap alone"),
-            ("NONE", "None", "Final UVs only; for engines that read no MOZ_lightmap, or refuse Radiance HDR"),
+            ("PNG", "PNG", "Embed 8 bits per channel, for readers without RGBE. Dark light has steps"),
+            ("NONE", "None", "Write final UVs only, for engines without MOZ_lightmap"),
         ],
     )
     use_files: BoolProperty(
-        name="Lightmaps Beside It",
-        description="Write each lightmap as 32-bit OpenEXR, too, for engines that do not know MOZ_lightmap, "
-        "and hemibake.json, which tells whose it is",
+        name="Separate Lightmaps",
+        description="Also write 32-bit OpenEXR files and hemibake.json, for engines without MOZ_lightmap",
         default=True,
     )
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Give the name in the file browser the ending of the format."""
+        """Set the ending of the file name to the format; return True if the name changed."""
         folder, name = os.path.split(self.filepath)
         stem, ending = os.path.splitext(name)
         stem = stem if ending.lower() in (".glb", ".gltf") else name
@@ -67,12 +66,12 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not any(entry.image for entry in context.scene.hemibake.lightmaps):
-            cls.poll_message_set("There is no lightmap to export: bake first")
+            cls.poll_message_set("The scene has no lightmaps. Bake first")
             return False
         return poll_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        # Imports Blender's exporter, which takes a while.
+        # Deferred, because it imports Blender's exporter, which is slow.
         from .gltf.gltf_export import export_for_engine
 
         path = Path(bpy.path.abspath(self.filepath))

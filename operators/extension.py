@@ -1,6 +1,6 @@
-"""Under which name Blender has enabled the add-on."""
+"""Name under which Blender has enabled the add-on."""
 
 from __future__ import annotations
 
-#: The name of the whole package, such as bl_ext.user_default.hemibake.
+#: Name of the root package, such as bl_ext.user_default.hemibake.
 EXTENSION = __package__.rpartition(".")[0]

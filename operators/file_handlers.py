@@ -1,6 +1,6 @@
-"""What happens when a file is saved or appended, or another one is opened.
+"""Handlers of file events: saving, appending and loading.
 
-Lightmap UVs that nothing needs are removed; what bakes of the old file have left is freed.
+Saving and appending remove unused lightmap UVs. Loading frees the cached data of the old file.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from .worker_manager import owner
 
 @persistent
 def _tidy(*_: object) -> None:
-    """Remove what nothing needs; a bake that runs may still take back that it is unused."""
+    """Remove unused lightmap UVs, except during a bake, whose rollback may need them."""
     if not owner.busy:
         remove_unused_uvs()
 
 
 @persistent
 def _forget(*_: object) -> None:
-    """Free what is kept of bakes of the file before."""
+    """Free cached data of bakes of the previous file."""
     owner.forget()
     kept_evaluations.clear()
     kept_worlds.clear()
@@ -40,12 +40,12 @@ _change_handlers = Handlers(dict.fromkeys(_CHANGES, _forget_instances))
 
 
 def bind() -> None:
-    """Have Blender call the functions from now on."""
+    """Register the handlers."""
     _file_handlers.begin()
     _change_handlers.begin()
 
 
 def unbind() -> None:
-    """Have Blender call the functions no more."""
+    """Unregister the handlers."""
     _change_handlers.end()
     _file_handlers.end()

@@ -1,4 +1,4 @@
-"""Functions that Blender calls when something happens to a file or a scene."""
+"""Registration of functions in Blender's application handlers."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import bpy
 
 
 class Handlers:
-    """Has Blender call functions from `begin` to `end`, or inside `with`.
+    """Functions registered in Blender's handlers between `begin` and `end`, or inside `with`.
 
-    functions: by the name of Blender's list of handlers that each belongs to
+    functions: function by name of Blender's handler list, such as "undo_post"
     """
 
     def __init__(self, functions: Mapping[str, Callable[..., None]]) -> None:
         self._functions = functions
 
     def begin(self) -> None:
-        """Have them called from now on."""
+        """Register the functions."""
         for name, function in self._functions.items():
             getattr(bpy.app.handlers, name).append(function)
 
     def end(self) -> None:
-        """Have them called no more; another file takes all along that do not persist."""
+        """Unregister the functions; loading a file has already removed those that are not persistent."""
         for name, function in self._functions.items():
             handlers = getattr(bpy.app.handlers, name)
             if function in handlers:

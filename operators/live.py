@@ -1,4 +1,4 @@
-"""The Live operator: lightmaps that follow the scene while somebody works on it."""
+"""Live operator: bakes and updates the lightmaps while the user edits the scene."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .worker_manager import owner
 
 
 class WindowLive(WindowBake):
-    """Live in a window; once the first bake has come to its end, it goes on until the light has settled.
+    """Live in a window. After the first bake, an end request waits until the light has converged.
 
-    began_anew  True if Live was followed before, by other settings: Esc is for whatever else happens, then
+    began_anew  True if it replaces a Live run after a change of settings; Esc then cancels nothing
     """
 
     run: LiveRun
@@ -33,25 +33,25 @@ class WindowLive(WindowBake):
 
     @property
     def following(self) -> bool:
-        """True once the first bake has come to its end."""
+        """True after the end of the first bake."""
         return self.run.lightmap is not None
 
     @property
     def how_to_end(self) -> str:
-        """What the status bar says of it."""
+        """Hint of the status bar on how to end it."""
         return "The Live button ends it" if self.following or self.began_anew else super().how_to_end
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """Return whether a user cancels the first bake: later Live ends by itself, once it is `unwanted`.
+        """Return True if the user cancels the first bake; later only `unwanted` ends Live.
 
-        The first bake by other settings ends by the button alone, which leaves the lightmaps of before.
+        After a change of settings only the button cancels the first bake, and the old lightmaps stay.
         """
         if self.began_anew:
             return self.unwanted and not self.following
         return not self.following and super().wants_to_cancel(context, event)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """Give the window back; the lightmaps that were finished last are stored, if there are any."""
+        """Release the window and store the last finished lightmaps, if there are any; return True if so."""
         self.leave()
         if self.following:
             with suppress(EngineError):
@@ -61,7 +61,7 @@ class WindowLive(WindowBake):
 
 
 class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
-    """Bake, show the lightmaps, and let them follow lights, materials, objects and the world until it ends"""
+    """Bake, show the lightmaps, and update them after each change of the scene until Live is ended"""
 
     bl_idname = "hemibake.live"
     bl_label = "Live"
@@ -73,11 +73,11 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         if bpy.app.background:
             cls.poll_message_set("Live needs a window")
         elif owner.busy and not is_live():
-            cls.poll_message_set("A bake is running: cancel it first")
+            cls.poll_message_set("A bake is running. Cancel it first")
         return not bpy.app.background and (not owner.busy or is_live())
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start, or ask the one that runs to end; `modal` follows it."""
+        """Start Live, or request the end of a running one; `modal` continues it."""
         if is_live():
             owner.running.unwanted = True
             return {"CANCELLED"}
@@ -88,13 +88,13 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _follow(self, context: bpy.types.Context) -> set[str]:
-        """Work, or take what the worker has to say, for a short time."""
+        """Step the run for at most SLICE; handle its end, an undo of its start, and changed settings."""
         live, limit = self._window, time.perf_counter() + SLICE
         live.wake()
         live.run.ending = live.unwanted
         if live.following and live.run.undone:
             live.cancel()
-            self.report({"INFO"}, "Live has ended: its beginning was undone")
+            self.report({"INFO"}, "Live has ended, because its start was undone")
             return {"CANCELLED"}
         if live.run.outdated and not live.unwanted:
             self._begin_anew(context)
@@ -116,7 +116,7 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def _begin_to_follow(self, context: bpy.types.Context, report: dict) -> None:
-        """Show the lightmaps of the first bake; an undo step knows all that was made for them."""
+        """Show the lightmaps of the first bake and push an undo step with all its changes."""
         tell_report(self, report, self._window.run.failure)
         if shows_preview(context.scene):
             self._window.run.show_preview_anew()
@@ -128,14 +128,14 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         self._window.show(context, RESTING)
 
     def _begin_anew(self, context: bpy.types.Context) -> None:
-        """Bake by the settings that somebody has chosen meanwhile, and follow the scene from there."""
+        """Store the lightmaps and start a new run with the changed settings."""
         self._window.run.keep()
         self._window.leave()
         push_undo(self.bl_label)
         self._window = _window_live(context, began_anew=True)
 
     def _end(self, context: bpy.types.Context) -> set[str]:
-        """Store the lightmaps, and leave the scene as after a bake."""
+        """Store the lightmaps, release the window and report, as after a bake."""
         report = self._window.run.keep()
         self._window.leave()
         restart_renders(context.window_manager)
@@ -144,13 +144,13 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
 
 
 def _window_live(context: bpy.types.Context, began_anew: bool) -> WindowLive:
-    """Start Live in a window."""
+    """Create a Live run and its window; `began_anew` as in WindowLive."""
     run = LiveRun(context, made_uvs=lambda: push_undo("Make Lightmap UVs"))
     return WindowLive(context, run, began_anew)
 
 
 def is_live() -> bool:
-    """Return whether what a window follows is Live."""
+    """Return True if Live is running."""
     return isinstance(owner.running, WindowLive)
 
 

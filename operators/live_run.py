@@ -1,4 +1,4 @@
-"""A bake that goes on: its lightmaps follow the scene until it is ended."""
+"""Live bake: its lightmaps follow the scene until it is ended."""
 
 from __future__ import annotations
 
@@ -29,28 +29,27 @@ from .scene.units import texels_per_unit
 from .scene.uvs.uv_modifier import has_uvs
 from .worker_manager import owner
 
-#: What is shown while the worker has nothing to do.
+#: Progress that is shown while the worker is idle.
 RESTING = Progress("Live", 1.0, 1.0)
 
-#: Time between two looks at the settings, s: they take a third of a millisecond.
+#: Time between two reads of the settings, s, chosen; a read takes 0.3 ms.
 _LOOKS = 0.25
 
-#: A scene of no more triangles is read at once. Others, which the timeline changes in each frame, are read
-#: in one piece in the end, for which the window stops.
+#: Maximum number of triangles of a scene that is read again in each frame while the timeline plays. Larger
+#: scenes would stall the window; they are read when the timeline stops.
 _FEW = 50_000
 
-#: Does what the engine does for a scene that is followed.
+#: Function of the engine that the worker runs for Live.
 _LIVE = "engine.session:live"
 
 
 class LiveRun(BakeRun):
-    """A `BakeRun` whose lightmaps are finished again and again: `finish` stores those of the last time.
+    """`BakeRun` that finishes its lightmaps after each change; `finish` stores the last ones.
 
-    lightmap  what was finished last; None before the first bake has come to its end
-    resting   True while the worker has nothing to do
-    ending    True once changes are not taken over any more
-    outdated  True once it has to begin anew: somebody has chosen other settings, or the scene has other
-              lightmaps or light groups than it has begun with
+    lightmap  last finished lightmaps; None before the end of the first bake
+    resting   True while the worker is idle
+    ending    True if further changes are ignored
+    outdated  True if a new run must replace it, because settings, lightmaps or light groups have changed
     """
 
     def __init__(self, context: bpy.types.Context, made_uvs: Callable[[], None] = lambda: None) -> None:
@@ -64,11 +63,11 @@ class LiveRun(BakeRun):
         self._begun_with, self._next_look = self._chosen_settings(), 0.0
 
     def _chosen_target(self) -> str:
-        """Return "ALL": a change may alter the light of everything."""
+        """Return "ALL", since a change may affect the light of all objects."""
         return "ALL"
 
     def _first_bake(self, scene: Scene, settings: Settings) -> Bake:
-        """Bake until the light has settled for the first time, and leave the worker at it."""
+        """Bake until the light has converged for the first time; the worker then waits for changes."""
         self._stop_following()
         self._sent = scene
         self._followed = owner.worker().follow(_LIVE, scene, settings, dict(owner.paces))
@@ -79,7 +78,7 @@ class LiveRun(BakeRun):
             yield step
 
     def begin_following(self, lightmap: BakeResult) -> dict:
-        """Store the lightmaps of the first bake, watch the scene, and return the report; see `finish`."""
+        """Store the lightmaps of the first bake, start watching the scene, and return the report."""
         self._take(lightmap)
         report = self.finish(lightmap)
         self._hold_pixels()
@@ -88,15 +87,15 @@ class LiveRun(BakeRun):
         return report
 
     def _hold_pixels(self) -> None:
-        """Pack the images: of those in files Cycles shows the files, not the pixels that follow the scene."""
+        """Pack the images, because Cycles would display the files instead of the updated pixels."""
         for image in find_all(bpy.data.images, self._images.uids):
             if image.packed_file is None:
                 image.pack()
 
     def _store_shown(self, path: str = "", *_: object) -> None:
-        """Store what was finished last, for a file that is about to be saved; see `_hold_pixels`.
+        """Write the files of the last finished lightmaps before the .blend is saved; see `_hold_pixels`.
 
-        path: of that file; under another name than before it has lightmaps of its own
+        path: path of the .blend; a file with a new name gets its own lightmaps
         """
         targets = find_all(bpy.data.images, self._images.uids)
         if len(targets) == len(self._names):
@@ -107,7 +106,7 @@ class LiveRun(BakeRun):
                 self._store(targets, self._show_finished(self.lightmap), self.lightmap)
 
     def _has_stored(self, path: str = "", *_: object) -> None:
-        """Go on after a file was saved; with the lightmaps of the file before, if it was but a copy."""
+        """Pack the images again after a save; restore their paths if only a copy was saved."""
         self._hold_pixels()
         if path and path != bpy.data.filepath:
             with suppress(EngineError):
@@ -115,14 +114,14 @@ class LiveRun(BakeRun):
             self._name_as_before()
 
     def _name_as_before(self) -> None:
-        """Give the images the paths that they had before a copy of the file was saved."""
+        """Restore the paths that the images had before a copy of the file was saved."""
         for image in find_all(bpy.data.images, self._paths):
             image.filepath_raw = self._paths[image.session_uid]
             for packed in image.packed_files:
                 packed.filepath = image.filepath_raw
 
     def _following(self) -> Bake:
-        """Take over what changes, and show what the worker makes of it."""
+        """Send changes of the scene to the worker and show its lightmaps, until closed."""
         while True:
             if time.perf_counter() > self._next_look:
                 self.outdated |= self._chosen_settings() != self._begun_with
@@ -143,26 +142,26 @@ class LiveRun(BakeRun):
                 yield None
 
     def _chosen_settings(self) -> tuple:
-        """Return what decides how the scene is baked; raises SettingsError."""
+        """Return all settings that require a new run when they change; raises SettingsError."""
         chosen = self._context.scene.hemibake
         width = chosen.size_mode, texels_per_unit(chosen), chosen.largest_width
         return replace(read_settings(chosen), centres=False), chosen.uv_layer, *width
 
     def _take(self, lightmap: BakeResult) -> None:
-        """Take the finished lightmap of the scene that was sent last."""
+        """Store the finished lightmaps of the last sent scene."""
         self.lightmap, self.resting, self._took = lightmap, True, time.perf_counter() - self._start
         self._of_lightmap = self._read
 
     def _send_changes(self) -> Steps:
-        """Send what has changed.
+        """Read changed data of the scene and send it to the worker.
 
-        Nothing is read before what was sent last shows, so that there is light however long reading takes.
+        Call it only after the last sent changes are displayed, so that the display never waits for reading.
         """
         takes, waits = not (self.ending or self.outdated or self.undone), self._waits
         if takes and self._watch.objects and not waits:
             yield from self._send(True)
         elif takes and self._watch.moved and not waits:
-            # Meshes of renders are read when the light has settled: each reading stops the window.
+            # Each read of render meshes stalls the window, so wait until the light has converged.
             yield from self._send(not uses_render(self._context))
         elif takes and self._watch.lamps:
             yield from self._send(False)
@@ -171,13 +170,13 @@ class LiveRun(BakeRun):
 
     @property
     def _waits(self) -> bool:
-        """True while lamps alone are read: the scene is a large one, and the timeline plays."""
+        """True if only lights are read, because a large scene plays its timeline."""
         return self._read.triangles > _FEW and _timeline_plays()
 
     def _send(self, everything: bool) -> Steps:
-        """Read the scene, or only its lamps and where objects are; send the worker what is other than it was.
+        """Read the scene, or only lights and transforms, and send the differences to the worker.
 
-        What these change is read at once; all else is read again when the light has settled.
+        everything  True to read the whole scene; otherwise it is read again when the light has converged
         """
         moved = frozenset[int]() if self._waits else frozenset(self._watch.moved)
         if everything:
@@ -201,15 +200,15 @@ class LiveRun(BakeRun):
             owner.worker().update(scene if changes is None else changes)
             self._start, self.resting, self._shown = time.perf_counter(), False, False
         elif self.resting:
-            # An undo may have brought older pixels.
+            # An undo may have restored older pixels.
             self._of_lightmap = self._read
             self._show_finished(self.lightmap)
         self._sent = scene
 
     def _settled_reading(self, read: Callable[[bool], Steps]) -> Generator[Progress | None, None, bool]:
-        """Read; again if somebody changes the scene meanwhile, and in the end in one piece.
+        """Read in slices, again if the scene changes meanwhile, and at last without interruption.
 
-        Returns False if it was given up: the timeline has begun to play, and only lamps are read then.
+        Returns False if reading was stopped because a large scene plays its timeline.
         """
         for _ in range(ATTEMPTS):
             try:
@@ -225,16 +224,16 @@ class LiveRun(BakeRun):
         return True
 
     def _reading(self, hurried: bool) -> Steps:
-        """Read the scene, with lightmaps for the objects that have lightmap UVs."""
+        """Read the whole scene; objects with lightmap UVs get lightmaps."""
         where = (self._context, self._baked(), self._uv_layer, self._settings.resolution)
         self._read = yield from read_scene(*where, (), owner.paces, hurried, edits_stored=True)
 
     def _baked(self) -> list[bpy.types.Object]:
-        """Return the objects that get a lightmap: those with lightmap UVs."""
+        """Return the visible objects with lightmap UVs, which get lightmaps."""
         return [obj for obj in visible_meshes(self._context) if has_uvs(obj, self._uv_layer)]
 
     def _reading_moves(self, moved: frozenset[int], hurried: bool) -> Steps:
-        """Read the lamps and where objects are that have moved, and take all else as it was."""
+        """Read lights and the transforms of moved objects; keep all other data of the last read."""
         scene = yield from read_lamps(self._context, self._read.scene, hurried)
         self._read = replace(self._read, scene=scene)
         if moved:
@@ -244,20 +243,20 @@ class LiveRun(BakeRun):
 
     @property
     def undone(self) -> bool:
-        """True once somebody has undone that it began."""
+        """True if the start of Live was undone."""
         return self._watch.undone
 
     @property
     def settled(self) -> bool:
-        """True while there is nothing to do, or nothing but changes that are not taken over any more."""
+        """True if the light has converged and no changes are left to process."""
         guessed = self._guessed and not (self.ending and self._waits)
         return self.resting and not guessed and (self.ending or not self._watch.changed)
 
     def keep(self) -> dict:
-        """End, store the lightmaps that were finished last, and return the report.
+        """End, store the last finished lightmaps, and return the report.
 
-        What is remembered of the scene is as it was when they were: it may have been read again since. Their
-        time is that from the last change until they were finished.
+        The scene of those lightmaps is stored with them, since it may have been read again. The reported time
+        is the time from the last change to the end of the lightmaps.
         """
         self._end()
         self._start = time.perf_counter() - self._took
@@ -265,15 +264,12 @@ class LiveRun(BakeRun):
         return self.finish(self.lightmap)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """End; before the first bake has come to its end take everything back, see `BakeRun.cancel`.
-
-        Afterwards everything stays: it is as after a bake.
-        """
+        """End; undo everything during the first bake, see `BakeRun.cancel`; keep everything later."""
         self._end()
         return super().cancel(keep_images) if self.lightmap is None else True
 
     def _end(self) -> None:
-        """Watch and follow no more."""
+        """Stop watching the scene and the work of the worker."""
         self._watch.end()
         self._work.close()
         self._stop_following()
@@ -285,5 +281,5 @@ class LiveRun(BakeRun):
 
 
 def _timeline_plays() -> bool:
-    """Return whether some window plays the timeline."""
+    """Return True if any window plays the timeline."""
     return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)

@@ -1,4 +1,4 @@
-"""Notices what changes in a scene while its lightmaps follow it."""
+"""Detection of scene changes while Live is running."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from .result.preview_material import MARK as PREVIEW
 from .scene import SceneContext
 from .scene.objects.render_depsgraph import reads_render
 
-#: What decides how objects look.
+#: Types of datablocks that affect the appearance of objects.
 _LOOKS = (bpy.types.Material, bpy.types.Image, bpy.types.Texture)
 
-#: Changes of their members: objects that are added, deleted, shown or hidden.
+#: Types that are updated when objects are added, deleted, shown or hidden.
 _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
 
 
 class LiveWatch:
-    """Watches a scene from `begin` to `end`; whoever reads what has changed clears it.
+    """Recorder of changes of a scene between `begin` and `end`; its reader must clear it.
 
-    Beside that it has files saved with what is shown: `saving` is called before, `saved` after that.
+    It also calls `saving` before and `saved` after each save of the file.
 
-    lamps      True once lamps have changed, or were moved
-    moved      session uids of objects that were moved
-    objects    True once anything else has changed that the light may depend on
-    materials  session uids of the materials that have
-    undone     True once an undo has taken back that objects show their lightmaps
+    lamps      True if lights have changed or moved
+    moved      session uids of objects that have moved
+    objects    True if anything else has changed that affects light
+    materials  session uids of changed materials
+    undone     True if an undo has reverted showing the lightmaps
     """
 
     def __init__(
@@ -54,25 +54,25 @@ class LiveWatch:
 
     @property
     def changed(self) -> bool:
-        """True once something has changed that the light may depend on."""
+        """True if anything has changed that affects light."""
         return self.lamps or self.objects or bool(self.moved)
 
     def begin(self) -> None:
-        """Listen to what changes from now on."""
+        """Start recording changes."""
         self._context.evaluated_depsgraph_get()
         self._handlers.begin()
 
     def end(self) -> None:
-        """Listen no more."""
+        """Stop recording changes."""
         self._handlers.end()
 
     def clear_moves(self) -> None:
-        """Take the lamps, and where objects are, as they are."""
+        """Clear the recorded changes of lights and transforms."""
         self.lamps = False
         self.moved: set[int] = set()
 
     def clear(self) -> None:
-        """Take the scene as it is."""
+        """Clear all recorded changes."""
         self.clear_moves()
         self.objects = False
         self.materials: set[int] = set()
@@ -91,14 +91,14 @@ class LiveWatch:
                 self.materials.add(update.id.original.session_uid)
 
     def _expect_undo(self, *_: object) -> None:
-        """No step knows the preview materials that were made since the last one."""
+        """Restore original materials before an undo, which frees material copies made since the last step."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
             self._showed = is_previewed(scene)
             set_preview_aside(scene)
 
     def _note_undo(self, *_: object) -> None:
-        """Objects tell whether they show their lightmaps: steps of Edit Mode bring no materials back."""
+        """Detect whether the undo reverted showing the lightmaps; undo in Edit Mode restores no materials."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         self.undone |= scene is None or (self._showed and not is_previewed(scene))
         self.objects, self.materials = True, {material.session_uid for material in bpy.data.materials}
@@ -109,13 +109,13 @@ def _is_lamp(item: bpy.types.ID) -> bool:
 
 
 def _only_moves(update: bpy.types.DepsgraphUpdate) -> bool:
-    """Return True if an object was moved and is otherwise as it was."""
+    """Return True if an update only changed the transform of an object."""
     others = update.is_updated_geometry or update.is_updated_shading
     return isinstance(update.id, bpy.types.Object) and update.is_updated_transform and not others
 
 
 def _matters(update: bpy.types.DepsgraphUpdate) -> bool:
-    """Return whether the light may depend on what was updated; new pixels of lightmaps are none of it."""
+    """Return True if an update affects light; new pixels of lightmaps do not."""
     if isinstance(update.id, _HOLDERS) or update.is_updated_geometry or update.is_updated_transform:
         return True
     if isinstance(update.id, bpy.types.World):

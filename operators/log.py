@@ -1,4 +1,4 @@
-"""The log: what bakes and tests told, what went wrong, and what the worker process printed."""
+"""Log file: results of bakes and tests, errors, and the output of the worker process."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .worker_manager import owner
 
 
 def log(text: str) -> None:
-    """Write a message with the time, then what the worker has printed since the last one."""
+    """Append a message with the time, and the output of the worker since the last message."""
     time = datetime.now().astimezone().isoformat(" ", "seconds")
     append_to_log(f"{time}  {_indented(text)}")
     printed = owner.printed()
@@ -18,5 +18,5 @@ def log(text: str) -> None:
 
 
 def _indented(text: str) -> str:
-    """Return lines of which all but the first are indented."""
+    """Return the lines of a text, indented from the second line on."""
     return "\n    ".join(text.strip().splitlines()) + "\n"

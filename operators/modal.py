@@ -1,4 +1,4 @@
-"""Operators whose work goes on in a window, a short time in each timer event."""
+"""Base class of modal operators that do a slice of work in each timer event."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..engine.errors import EngineError
 from .log import log
 from .window_bake import WindowBake
 
-#: Longest time one timer event may take from the window, s.
+#: Maximum duration of the work in one timer event, s, chosen so that the window stays responsive.
 SLICE = 0.03
 
 
 class ModalOperator:
-    """What operators share whose work goes on in a window: Esc and errors end it, timer events continue it.
+    """Modal operator: timer events continue its work, Esc and errors end it.
 
-    _window    the WindowBake that `invoke` makes; its run does a slice of the work in each `step`
-    cancelled  what the user is told who cancels
+    _window    WindowBake created by `invoke`; each `step` of its run does a slice of the work
+    cancelled  message to the user after a cancel
     """
 
     _window: WindowBake
@@ -43,11 +43,11 @@ class ModalOperator:
             raise
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Cancel what the window follows; Blender calls this when a window closes or a file is opened."""
+        """Cancel the work; Blender also calls this when a window closes or a file is loaded."""
         self._window.cancel()
 
     def _follow(self, context: bpy.types.Context) -> set[str]:
-        """Work, or take what a worker has to say, for a short time."""
+        """Step the run for at most SLICE and show its progress."""
         self._window.wake()
         limit = time.perf_counter() + SLICE
         while time.perf_counter() < limit:
@@ -61,9 +61,9 @@ class ModalOperator:
         return {"PASS_THROUGH"}
 
     def _ended(self, context: bpy.types.Context, value: Any) -> set[str]:
-        """Take what the work has returned, and give the window back; return the operator's result."""
+        """Handle the result of the run, release the window, and return the operator's status."""
         raise NotImplementedError
 
     def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
-        """Take what was done back, give the window back and tell the error; return the operator's result."""
+        """Undo the changes, release the window, report the error, and return the operator's status."""
         raise NotImplementedError

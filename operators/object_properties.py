@@ -1,4 +1,4 @@
-"""Hemibake's properties of objects, changed such that it can be taken back."""
+"""Changes of Hemibake's object properties that a rollback can undo."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .rollback import Rollback
 
 
 def set_property(obj: bpy.types.Object, name: str, value: object, changes: Rollback) -> None:
-    """Give one of Hemibake's properties of an object a value."""
+    """Set a Hemibake property of an object; `changes` can restore the old value."""
     uid, before = obj.session_uid, getattr(obj.hemibake, name)
     changes.add(lambda: _restore(uid, name, before))
     setattr(obj.hemibake, name, value)

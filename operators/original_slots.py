@@ -1,4 +1,4 @@
-"""Material slots as a person has filled them, while their object may show its lightmap."""
+"""Original materials of slots, also while their object shows its lightmap."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from .result.preview_material import MARK
 
 
 def is_filled(slot: bpy.types.MaterialSlot) -> bool:
-    """Return whether a slot holds a material of a person's."""
+    """Return True if a slot holds a material other than the copies that show lightmaps."""
     return slot.material is not None and MARK not in slot.material
 
 
 def own_slots(obj: bpy.types.Object) -> list[Any]:
-    """Return what holds each slot's own material and link: the slot, or what was remembered of it.
+    """Return for each slot the record of its original material and link: a stored entry, or the slot itself.
 
-    A slot that was filled, or added, while the preview is shown counts as it is.
+    A slot that the user filled or added while the lightmap was shown is its own record.
     """
     before = obj.hemibake.slots
     return [
@@ -29,11 +29,11 @@ def own_slots(obj: bpy.types.Object) -> list[Any]:
 def shown_materials(
     mesh: bpy.types.Mesh, obj: bpy.types.Object, override: bpy.types.Material | None
 ) -> list[bpy.types.Material | None]:
-    """Return the material of each slot of an object's evaluated mesh: the object's own where the slot has it.
+    """Return the original material of each slot of an object's evaluated mesh, at least one entry.
 
-    While the object shows its lightmap, what the preview has put there does not count. One slot at least.
+    Materials linked to the object replace those of the mesh. Copies that show lightmaps are ignored.
 
-    override: material of all slots, if the view layer has one
+    override: material of the view layer that replaces all others, or None
     """
     if override is not None:
         return [override] * max(len(mesh.materials), 1)

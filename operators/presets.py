@@ -1,4 +1,4 @@
-"""Presets of the bake settings: Hemibake's own, and those that a person keeps in Blender's folder."""
+"""Presets of bake settings: bundled ones, and those in the user's preset folder of Blender."""
 
 from __future__ import annotations
 
@@ -16,19 +16,16 @@ from ..engine.settings import kept_with_scene
 from .file_format import format_properties
 from .lightmap_size import size_properties
 
-#: Folder of Hemibake's own presets, and the one of people's within Blender's folder of presets.
+#: Folder of the bundled presets, and the user's folder relative to Blender's preset folders.
 _OWN = Path(__file__).parents[1] / "presets" / "bake"
 _FOLDER = "hemibake/bake"
 
-#: What belongs to one scene and not to a preset.
+#: Properties that belong to a single scene and are not stored in presets.
 _APART = ("seed", "patch_file", "planned_width", "automatic_width", "lightmap_side", "file_name")
 
 
 class Preset(NamedTuple):
-    """A file that sets some settings.
-
-    own  it is one of Hemibake's
-    """
+    """Preset file: its label, its path, and whether it is bundled with Hemibake (`own`)."""
 
     name: str
     path: Path
@@ -36,7 +33,7 @@ class Preset(NamedTuple):
 
 
 def preset_folders() -> list[str]:
-    """Return the folders that hold presets, Hemibake's own first."""
+    """Return the preset folders, the folder of bundled presets first."""
     return [str(_OWN), *bpy.utils.preset_paths(_FOLDER)]
 
 
@@ -48,7 +45,7 @@ def presets() -> Iterator[Preset]:
 
 
 def current_preset(settings: bpy.types.PropertyGroup) -> Preset | None:
-    """Return the first preset that would change nothing; None if each would."""
+    """Return the first preset whose values equal the settings; None without one."""
     return next((preset for preset in presets() if _is_set(preset, settings)), None)
 
 
@@ -58,7 +55,7 @@ def _is_set(preset: Preset, settings: bpy.types.PropertyGroup) -> bool:
 
 
 def _same(value: Any, wanted: Any) -> bool:
-    """Return whether a property holds a value: Blender's floats have 32 bits, its vectors are no tuples."""
+    """Return True if a property equals a preset's value, within float32 precision; vectors equal tuples."""
     if isinstance(wanted, float):
         return isinstance(value, float) and math.isclose(value, wanted, rel_tol=1e-6)
     return (tuple(value) if isinstance(wanted, tuple) and value is not None else value) == wanted
@@ -66,7 +63,7 @@ def _same(value: Any, wanted: Any) -> bool:
 
 @lru_cache(maxsize=256)
 def _values(path: Path, changed: int) -> dict[str, Any]:
-    """Return what a preset that was last changed at some time sets, by name; nothing for a broken file."""
+    """Return the values of a preset by name, empty for an invalid file; `changed` is a cache key."""
     try:
         lines = ast.parse(path.read_text(encoding="utf-8")).body
         return {
@@ -79,7 +76,7 @@ def _values(path: Path, changed: int) -> dict[str, Any]:
 
 
 def _is_setting(target: ast.expr) -> bool:
-    """Return whether a line assigns to an attribute of `settings`."""
+    """Return True if the target of an assignment is an attribute of `settings`."""
     return isinstance(target, ast.Attribute) and getattr(target.value, "id", "") == "settings"
 
 
@@ -102,7 +99,7 @@ class HEMIBAKE_OT_preset_add(AddPresetBase, bpy.types.Operator):
         if not removes and self.as_filename(self.name).casefold() in {
             path.stem for path in _OWN.glob("*.py")
         }:
-            self.report({"WARNING"}, f"'{self.name}' is a preset of Hemibake itself: choose another name")
+            self.report({"WARNING"}, f"'{self.name}' is a bundled preset. Choose another name")
             return {"CANCELLED"}
         return super().execute(context)
 

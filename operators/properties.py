@@ -298,7 +298,7 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
         override=_OVERRIDABLE,
     )
     lightmap_scale: FloatProperty(
-        name="Scale in Lightmap",
+        name="Texel Scale",
         description="Multiply the texel density of the object in its lightmap. Unwrap or repack to apply",
         default=1.0,
         min=0.001,

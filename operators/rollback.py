@@ -1,4 +1,4 @@
-"""What a run has changed so far, so that it can be taken back."""
+"""Rollback of the changes of a run."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from collections.abc import Callable
 
 
 class Rollback:
-    """A list of steps that undo what was done, run in reverse order.
+    """List of functions that undo changes, called in reverse order.
 
-    A step looks its datablocks up itself (see `lookup`) and does nothing if they are gone.
+    Each function must search for its datablocks (see `lookup`) and do nothing if they no longer exist.
     """
 
     def __init__(self) -> None:
         self._steps: list[Callable[[], None]] = []
 
     def add(self, step: Callable[[], None]) -> None:
-        """Remember how to take back what has just been done."""
+        """Add a function that undoes the change just made."""
         self._steps.append(step)
 
     def undo(self) -> None:
-        """Undo everything, the latest first."""
+        """Undo all changes, the latest first."""
         while self._steps:
             self._steps.pop()()

@@ -1,4 +1,4 @@
-"""Scenes as bakes have seen them, while Blender runs: what their light is now is compared with them."""
+"""Scenes of the last bakes, stored in memory so that later bakes can detect changed light."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import uuid
 from ..engine.scene.model import Scene
 from .scene import ReadScene
 
-#: Scenes that are remembered, so that one is still known when a bake is undone, and the bytes of all.
+#: Maximum number of scenes, so that one remains after the undo of a bake, and of bytes of all scenes.
 _MOST, _LIMIT = 3, 1 << 29
 
 
 class SceneSnapshots:
-    """The last few scenes whose light was baked, by names that scenes of Blender hold."""
+    """Last baked scenes by name; `hemibake.baked_scene` of a Blender scene stores the name."""
 
     def __init__(self) -> None:
         self._scenes: dict[str, tuple[Scene, int]] = {}
 
     def keep(self, read: ReadScene) -> str:
-        """Remember a scene in place of the oldest ones; return its name, empty if it is too large."""
+        """Store a scene, remove the oldest ones if necessary, and return its name; "" if it is too large."""
         size = read.bytes
         while self._scenes and (len(self._scenes) >= _MOST or self._bytes + size > _LIMIT):
             del self._scenes[next(iter(self._scenes))]
@@ -29,12 +29,12 @@ class SceneSnapshots:
         return name
 
     def find(self, name: str) -> Scene | None:
-        """Return the scene of a name; None if it is not remembered."""
+        """Return the scene with a name; None if it is not stored."""
         scene, _ = self._scenes.get(name, (None, 0))
         return scene
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Remove all scenes."""
         self._scenes.clear()
 
     @property
@@ -42,5 +42,5 @@ class SceneSnapshots:
         return sum(size for _, size in self._scenes.values())
 
 
-#: One for the whole add-on.
+#: The only instance.
 baked_scenes = SceneSnapshots()

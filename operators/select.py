@@ -1,4 +1,4 @@
-"""The Select Objects operator: finds what a warning is about."""
+"""Select Objects operator: selects the objects of a warning or finding."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import bpy
 
 
 class HEMIBAKE_OT_select_objects(bpy.types.Operator):
-    """Select the objects that this is about, and nothing else"""
+    """Select only the objects of this message"""
 
     bl_idname = "hemibake.select_objects"
     bl_label = "Select Objects"
@@ -21,7 +21,7 @@ class HEMIBAKE_OT_select_objects(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            cls.poll_message_set("Objects are selected in Object Mode")
+            cls.poll_message_set("Leave Edit Mode to select objects")
         return context.mode == "OBJECT"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -29,7 +29,7 @@ class HEMIBAKE_OT_select_objects(bpy.types.Operator):
         shown = [objects[name] for name in json.loads(self.names) if name in objects]
         found = [obj for obj in shown if obj.visible_get() and not obj.hide_select]
         if not found:
-            self.report({"ERROR"}, "None of the objects can be selected here: they are hidden or gone")
+            self.report({"ERROR"}, "The objects are hidden or deleted, so none was selected")
             return {"CANCELLED"}
         for obj in objects:
             obj.select_set(obj in found)

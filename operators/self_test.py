@@ -1,4 +1,4 @@
-"""The Self-Test operator: whether this machine bakes right, and what to do if not."""
+"""Self-Test operator: bakes a scene with known light and reports whether this machine is correct."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from .worker_manager import owner, poll_idle
 
 
 class LastTest:
-    """What the last test told.
+    """Result of the last test.
 
-    right  None before it has ended
+    right  True if the test passed; None before its end
+    text   result and notes, one per line
     """
 
     def __init__(self) -> None:
@@ -31,42 +32,42 @@ class LastTest:
         self.text = ""
 
     def begin(self) -> None:
-        """Say that one is under way."""
+        """Show that a test is running."""
         self.right, self.text = None, "Testing …"
 
     def forget(self) -> None:
-        """Say nothing of a test that was cancelled."""
+        """Remove the state of a cancelled test."""
         self.right, self.text = None, ""
 
     def keep(self, right: bool, text: str) -> None:
-        """Keep it, in the log, too."""
+        """Store the result and write it to the log."""
         self.right, self.text = right, text
         log(f"Self-test: {text}")
 
 
-#: One for the whole add-on, since Blender keeps no Python objects.
+#: The only instance, since Blender stores no Python objects.
 last_test = LastTest()
 
 
 class _Test:
-    """A test that a window follows."""
+    """Test that runs in a window."""
 
     def __init__(self, job: Generator[Progress | None, None, Verdict]) -> None:
         self.job, self.start = job, time.perf_counter()
 
     def step(self) -> Progress | None:
-        """Do a slice of it; raises StopIteration(Verdict) at the end."""
+        """Do a slice of work; raises StopIteration(Verdict) at the end."""
         return next(self.job)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """Stop it; there is nothing to keep."""
+        """Stop the test; return False, since nothing is kept."""
         self.job.close()
         last_test.forget()
         return False
 
 
 class HEMIBAKE_OT_self_test(ModalOperator, bpy.types.Operator):
-    """Bake a small closed room whose light is known, and tell whether this machine gets it right"""
+    """Bake a closed room with known light and compare the result"""
 
     bl_idname = "hemibake.self_test"
     bl_label = "Hemibake Self-Test"
@@ -77,7 +78,7 @@ class HEMIBAKE_OT_self_test(ModalOperator, bpy.types.Operator):
         return poll_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Test and return when it is done."""
+        """Run the test and return after its end."""
         test = _Test(run_self_test(owner.bake(), machine_defaults()))
         try:
             return self._right(finished(test.job), test.start)
@@ -85,7 +86,7 @@ class HEMIBAKE_OT_self_test(ModalOperator, bpy.types.Operator):
             return self._wrong(error)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start the test in the worker process; `modal` follows it."""
+        """Start the test in the worker process; `modal` continues it."""
         self._window = WindowBake(context, _Test(run_self_test(owner.worker().bake, machine_defaults())))
         context.window_manager.modal_handler_add(self)
         last_test.begin()
@@ -100,10 +101,11 @@ class HEMIBAKE_OT_self_test(ModalOperator, bpy.types.Operator):
         return self._wrong(error)
 
     def _right(self, verdict: Verdict, start: float) -> set[str]:
-        """Tell that all is well, and with what."""
+        """Report the error, the devices and the time of a passed test, and its notes."""
         devices, seconds = " and ".join(verdict.devices.values()), time.perf_counter() - start
         text = (
-            f"Right: the light differs by {verdict.error:.4%} from what is known. {devices}, {seconds:.1f} s."
+            f"Passed: the light differs by {verdict.error:.4%} from the known value. "
+            f"{devices}, {seconds:.1f} s."
         )
         notes = verdict.notes if has_xatlas() else (*verdict.notes, WITHOUT_XATLAS)
         last_test.keep(True, "\n".join([text, *notes]))

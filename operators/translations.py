@@ -1,7 +1,7 @@
-"""What the words of the interface mean, for translations: none is needed to use Hemibake.
+"""Translations of the interface, and the context of ambiguous labels.
 
-Blender looks up each label in its own catalogues, too. Words that mean something else there have a context
-of ours, so that only a translation below is taken for them.
+Blender also searches its own catalogues for each label. Labels that mean something else there get our own
+context, so that Blender uses only translations from this module.
 """
 
 from __future__ import annotations
@@ -10,18 +10,19 @@ import bpy
 
 from .extension import EXTENSION
 
-#: Context of words that are ambiguous, as of Draft, High, Selected and Ignored.
+#: Translation context of ambiguous labels, such as Draft, High, Selected and Ignored.
 CONTEXT = "Hemibake"
 
-#: By locale such as "de_DE": (context, English) -> translation, as `bpy.app.translations.register` takes it.
+#: Translations by locale such as "de_DE", in the form that `bpy.app.translations.register` requires:
+#: (context, English) -> translation.
 TRANSLATIONS: dict[str, dict[tuple[str, str], str]] = {}
 
 
 def bind() -> None:
-    """Let Blender know the translations."""
+    """Register the translations."""
     bpy.app.translations.register(EXTENSION, TRANSLATIONS)
 
 
 def unbind() -> None:
-    """Take them away again."""
+    """Unregister the translations."""
     bpy.app.translations.unregister(EXTENSION)

@@ -1,6 +1,6 @@
-"""What Hemibake writes into Blender's user folder; uninstalling removes it.
+"""Files in Blender's user folder, which uninstalling removes.
 
-That is compiled kernels, checkpoints of interrupted bakes, a log, and how fast this machine is.
+They are compiled kernels, checkpoints of interrupted bakes, a log, and the measured speed of this machine.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import bpy
 from ..engine.resume.checkpoint_folder import CheckpointFolder
 from .extension import EXTENSION
 
-#: Length at which the log becomes the old log, bytes.
+#: Size at which the log is renamed to the old log, bytes, chosen.
 _LOG_LIMIT = 1 << 20
 
 
 def cache_folder() -> Path | None:
-    """Return the folder for compiled kernels and checkpoints, None if it cannot be made."""
+    """Return the folder of compiled kernels and checkpoints, None if it cannot be created."""
     return _folder("cl_cache")
 
 
@@ -38,13 +38,13 @@ def cache_size() -> int:
 
 
 def kept_checkpoint_since(time: float) -> bool:
-    """Return whether a bake has written a checkpoint at or after a time, as of `time.time`."""
+    """Return True if a bake has written a checkpoint since `time`, in s as of `time.time`."""
     folder = cache_folder()
     return folder is not None and CheckpointFolder(str(folder), 1).written_since(time)
 
 
 def clear_cache() -> None:
-    """Empty the cache; raises OSError for a file that cannot be removed."""
+    """Delete all files of the cache; raises OSError for a file that cannot be deleted."""
     folder = cache_folder()
     for path in folder.iterdir() if folder else ():
         if path.is_dir() and not path.is_symlink():
@@ -54,13 +54,13 @@ def clear_cache() -> None:
 
 
 def log_file() -> Path | None:
-    """Return the path of the log, None if its folder cannot be made."""
+    """Return the path of the log, None if its folder cannot be created."""
     folder = _folder("log")
     return None if folder is None else folder / "hemibake.log"
 
 
 def append_to_log(text: str) -> None:
-    """Write at the end of the log; one that cannot be written stops nothing."""
+    """Append a text to the log; errors of the file system are ignored."""
     path = log_file()
     if path is None:
         return
@@ -72,7 +72,7 @@ def append_to_log(text: str) -> None:
 
 
 def read_paces() -> dict[str, float]:
-    """Return the paces of earlier bakes by the names of their stages; none if there is no file of them."""
+    """Return the paces of earlier bakes, seconds per unit of work by stage; empty without a valid file."""
     path = _paces_file()
     with suppress(OSError, ValueError, AttributeError):
         known = json.loads(path.read_text(encoding="utf-8"))
@@ -81,7 +81,7 @@ def read_paces() -> dict[str, float]:
 
 
 def keep_paces(paces: Mapping[str, float]) -> None:
-    """Keep paces for the next start of Blender; a file that cannot be written stops nothing."""
+    """Store paces for later sessions; errors of the file system are ignored."""
     path = _paces_file()
     with suppress(OSError, AttributeError):
         path.write_text(json.dumps(dict(paces), indent=1), encoding="utf-8")
@@ -93,7 +93,7 @@ def _paces_file() -> Path | None:
 
 
 def _folder(name: str) -> Path | None:
-    """Return a folder of the extension's own, made where it is missing; None if it cannot be."""
+    """Return a folder of the extension, created if it is missing; None if that fails."""
     try:
         return Path(bpy.utils.extension_path_user(EXTENSION, path=name, create=True))
     except (ValueError, OSError):

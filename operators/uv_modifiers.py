@@ -1,4 +1,4 @@
-"""Operators on modifiers: take those away that keep lightmap UVs, or apply all of them on a copy."""
+"""Operators on modifiers: remove those that store lightmap UVs, or apply all on a copy."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from .worker_manager import poll_idle
 
 
 class _OnSelectedMeshes:
-    """What these operators have in common."""
+    """Base class of operators on selected meshes in Object Mode."""
 
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            cls.poll_message_set("Modifiers are applied and removed in Object Mode")
+            cls.poll_message_set("Leave Edit Mode to apply or remove modifiers")
             return False
         return poll_idle(cls)
 
 
 class HEMIBAKE_OT_remove_uv_modifiers(_OnSelectedMeshes, bpy.types.Operator):
-    """Remove the modifiers that keep lightmap UVs of the selected objects, which are then as before a bake"""
+    """Remove modifiers with lightmap UVs from the selected objects"""
 
     bl_idname = "hemibake.remove_uv_modifiers"
     bl_label = "Remove Lightmap UVs Modifiers"
@@ -35,7 +35,7 @@ class HEMIBAKE_OT_remove_uv_modifiers(_OnSelectedMeshes, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         objects = [obj for obj in context.selected_objects if obj.is_editable and uv_modifiers(obj)]
         if not objects:
-            self.report({"ERROR"}, "No selected object has a modifier that keeps lightmap UVs")
+            self.report({"ERROR"}, "No selected object has a modifier with lightmap UVs")
             return {"CANCELLED"}
         hide_preview(objects)
         for obj in objects:
@@ -46,7 +46,7 @@ class HEMIBAKE_OT_remove_uv_modifiers(_OnSelectedMeshes, bpy.types.Operator):
 
 
 class HEMIBAKE_OT_apply_on_copy(_OnSelectedMeshes, bpy.types.Operator):
-    """Put a copy with applied modifiers in the place of each selected mesh, which is hidden and ignored"""
+    """Replace each selected mesh by a copy with applied modifiers. The original is hidden and ignored"""
 
     bl_idname = "hemibake.apply_on_copy"
     bl_label = "Apply Modifiers on a Copy"

@@ -1,15 +1,15 @@
-"""3D views: what they shade, and renders in them."""
+"""Shading of 3D views, and restarts of renders in them."""
 
 from __future__ import annotations
 
 import bpy
 
-#: Custom property of a screen: which of its areas the preview switched from Solid to Material Preview.
+#: Custom property of a screen: indices of areas that were switched from Solid to Material Preview.
 _SWITCHED = "hemibake_switched_areas"
 
 
 def show_materials(context: bpy.types.Context) -> None:
-    """Switch the 3D view of the context to Material Preview where it is in Solid shading."""
+    """Switch the 3D view of the context from Solid shading to Material Preview."""
     area, screen = context.area, context.screen
     if area is None or area.type != "VIEW_3D" or area.spaces.active.shading.type != "SOLID":
         return
@@ -18,7 +18,7 @@ def show_materials(context: bpy.types.Context) -> None:
 
 
 def show_solid_again() -> None:
-    """Switch the views that `show_materials` switched back, where they still show Material Preview."""
+    """Switch views back to Solid that `show_materials` switched, if they still show Material Preview."""
     for screen in [screen for screen in bpy.data.screens if _SWITCHED in screen]:
         for index, area in enumerate(screen.areas):
             space = area.spaces.active
@@ -28,7 +28,7 @@ def show_solid_again() -> None:
 
 
 def restart_renders(manager: bpy.types.WindowManager) -> None:
-    """Let Cycles' renders in 3D views begin anew: they do not notice new pixels of an image."""
+    """Restart Cycles' renders in 3D views, since Cycles does not detect new pixels of an image."""
     for window in manager.windows:
         spaces = [area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"]
         for space in spaces:

@@ -1,4 +1,4 @@
-"""The working space of Blender's scene-linear colours (since 5.0), and the engine's, linear Rec.709."""
+"""Conversion between Blender's scene-linear working space (a choice since 5.0) and linear Rec.709."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ REC709 = "Linear Rec.709"
 
 
 def working_space() -> str:
-    """Return the name of the space of scene-linear colours; before 5.0 it is always Rec.709."""
+    """Return the name of the working space; before Blender 5.0 it is always Rec.709."""
     spaces = getattr(bpy.data, "colorspace", None)
     return REC709 if spaces is None else str(spaces.working_space)
 
 
 def is_rec709() -> bool:
-    """Return True if scene-linear colours are those of the engine."""
+    """Return True if the working space is Rec.709, as in the engine."""
     return working_space() == REC709
 
 
@@ -27,13 +27,13 @@ def _matrix() -> np.ndarray:
 
 
 def to_rec709(colours: np.ndarray) -> np.ndarray:
-    """Return scene-linear colours (..., 3) in linear Rec.709, of the same dtype; may be the same array.
+    """Convert scene-linear colours (..., 3) to linear Rec.709, same dtype; may return the input array.
 
-    Colours outside of Rec.709 get negative channels.
+    Colours outside the Rec.709 gamut get negative channels.
     """
     return colours if is_rec709() else (colours @ _matrix().T).astype(colours.dtype)
 
 
 def from_rec709(colours: np.ndarray) -> np.ndarray:
-    """Return linear Rec.709 colours (..., 3) as scene-linear ones; see `to_rec709`."""
+    """Convert linear Rec.709 colours (..., 3) to scene-linear ones; may return the input array."""
     return colours if is_rec709() else (colours @ np.linalg.inv(_matrix()).T).astype(colours.dtype)

@@ -44,7 +44,7 @@ def _draw_role(layout: bpy.types.UILayout, obj: bpy.types.Object, scene: bpy.typ
     layout.prop(obj.hemibake, "role")
     if obj.type == "MESH" and obj.hemibake.role == "BAKED":
         layout.prop(obj.hemibake, "atlas")
-        layout.prop(obj.hemibake, "lightmap_scale", text="Scale")
+        layout.prop(obj.hemibake, "lightmap_scale")
         layout.prop(obj.hemibake, "cut_along_walls")
         layout.prop(obj.hemibake, "own_uv_layer", placeholder=scene.hemibake.uv_layer)
 

@@ -28,7 +28,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         warm_up_soon()
         draw_presets(layout, settings)
         split_properties(layout)
-        layout.row().prop(settings, "target", expand=True)
+        layout.prop(settings, "target")
         _draw_size(layout.column(), settings)
         layout.prop(settings, "quality")
         _draw_denoise(layout.column(), settings)

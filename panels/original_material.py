@@ -11,6 +11,7 @@ from ..operators.compat import node_tree
 from ..operators.original_slots import own_slots
 from ..operators.result.preview import has_preview
 from .sidebar import SubPanel, split_properties
+from .wrapped_text import draw_text, line_width
 
 
 class _OriginalMaterial:
@@ -39,13 +40,13 @@ class HEMIBAKE_PT_material_tab(_OriginalMaterial, bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "material"
-    bl_order = -1
+    bl_options = {"HIDE_HEADER"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.label(text="The lightmap is shown: the slot has a copy", icon="INFO")
-        layout.operator("hemibake.preview", text="Hide Lightmaps", icon="SHADING_TEXTURE")
+        draw_text(layout, "Lightmaps are shown, so this slot has a copy of", line_width(context), "INFO")
         _draw_original(layout, context.object)
+        layout.operator("hemibake.preview", text="Hide Lightmaps", icon="SHADING_TEXTURE")
 
 
 def _draw_original(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:

@@ -25,9 +25,9 @@ _FILLED = 0.6
 #: Widths that a density needs are multiples of this number of texels.
 _STEP = 16
 
-#: Texel size, m, that is chosen for a scene whose surface is that of a cube with an edge of _ROOM m. The
-#: texel size grows with the square root of that edge: 2.5 cm in a room, 5 cm in a house, 10 cm in a level.
-_ROOM_TEXEL, _ROOM = 0.025, 5.0
+#: Texel size, m, chosen for a scene whose surface is that of a cube with an edge of _ROOM m. The texel size
+#: follows powers of that edge: 2 cm in a box of 2 m, 5 cm in a house, 10 cm in a level.
+_ROOM_TEXEL, _ROOM, _SMALLER, _LARGER = 0.025, 5.0, 1 / 3, 1 / 2
 
 _NO_TRIANGLES = np.zeros((0, 3, 2), np.float32)
 
@@ -125,7 +125,7 @@ def needed_width(areas: Sequence[ChartArea], metres_per_unit: float, lightmaps: 
     edge = metres_per_unit * math.sqrt(sum(area.surface for area in areas) / 6)
     if edge == 0:
         return 0.0
-    texel = _ROOM_TEXEL * math.sqrt(edge / _ROOM)
+    texel = _ROOM_TEXEL * (edge / _ROOM) ** (_SMALLER if edge < _ROOM else _LARGER)
     return longest_side(areas, lightmaps) * metres_per_unit / texel
 
 

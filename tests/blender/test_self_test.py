@@ -35,7 +35,7 @@ def test_machine_that_works_is_right_and_nothing_changes(log):
     before = snapshot()
     assert bpy.ops.hemibake.self_test() == {"FINISHED"}
     right, text = told()
-    assert right and text.startswith("Right: the light differs by 0.") and "llvmpipe" in text
+    assert right and text.startswith("Passed: the light differs by 0.") and "llvmpipe" in text
     assert snapshot() == before and "Self-test: Right: " in log.read_text()
 
 

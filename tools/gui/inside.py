@@ -43,7 +43,7 @@ def pixel_of(point):
 
 def redraw():
     """Draw everything again once the question is answered."""
-    for area in view3d()["screen"].areas:
+    for area in bpy.context.window_manager.windows[0].screen.areas:
         area.tag_redraw()
 
 

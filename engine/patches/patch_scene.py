@@ -1,4 +1,4 @@
-"""Texture space subdivision: a scene's triangles and its patches, with all that is known about them."""
+"""Texture-space subdivision: divides the triangles of a scene into patches, with geometry and materials."""
 
 from __future__ import annotations
 
@@ -23,14 +23,19 @@ from .texel_to_patch import IndexMap, index_map
 
 @dataclass(frozen=True)
 class PatchScene:
-    """Which texels are patches, where they are, and what they are made of.
+    """Triangles and patches of a scene.
 
-    cutouts:         what light passes through on the triangles
+    triangles:       triangles of the scene
+    cutouts:         transparency of the triangles
+    patches:         list of the texels that are patches
+    geometry:        triangle and barycentric coordinates of each patch, with what follows from them
+    surfaces:        reflectance and emission of the patches
     texel_to_patch:  (atlases, r, r) uint32 index map: patch + 1, or 0
     warnings:        sentences for the user
-    back_to_back:    whether faces lie on one another that look apart
-    charts, index:   what the next subdivision may start from, if they are known
-    sides:           pairs of patches on both sides of translucent surfaces; None if there are none
+    back_to_back:    True if there are coincident faces that point in opposite directions
+    charts:          rasterized charts, from which the next subdivision may start; None if unknown
+    index:           index map from which the next subdivision may start; None if unknown
+    sides:           pairs of patches on both sides of translucent surfaces; None without any
     source_count:    largest number in the index map; None to compute it
     """
 
@@ -48,22 +53,22 @@ class PatchScene:
     source_count: int | None = None
 
     def part(self, chosen: np.ndarray | slice) -> PatchScene:
-        """Return some patches, which see all of them."""
+        """Return some of the patches as receivers; all patches remain sources."""
         return self.seen_from(self.patches.part(chosen), self.geometry.part(chosen))
 
     def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> PatchScene:
-        """Return other patches on the same triangles, which see these ones."""
+        """Return other points on the same triangles as receivers; these patches remain sources."""
         return replace(self, patches=patches, geometry=geometry, sides=None, source_count=self.sources)
 
     def with_surfaces(self, surfaces: PatchMaterials) -> PatchScene:
-        """Return the same patches of other materials."""
+        """Return the same patches with other materials."""
         own = surfaces.own
         sides = None if own is None else pair_sides(self.triangles, self.patches, own)
         return replace(self, surfaces=surfaces, sides=sides)
 
     @cached_property
     def sources(self) -> int:
-        """Patches that can be seen: the largest number in the index map."""
+        """Number of source patches: the largest number in the index map."""
         return int(self.texel_to_patch.max(initial=0)) if self.source_count is None else self.source_count
 
 
@@ -74,10 +79,11 @@ def make_patch_scene(
     settings: Settings,
     before: tuple[PatchScene, Scene | None] | None = None,
 ) -> PatchScene:
-    """Make the patches of a scene (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
+    """Divide a scene into patches (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
 
-    before: those of the scene before something moved, by the same settings, and that scene, if it is known.
-    Triangles that stay keep their bits, see `join_meshes`; charts that stay are not drawn again.
+    before:  patches of the same scene before some objects moved, by the same settings, and that scene if it
+             is known. Unchanged triangles keep their bits, see `join_meshes`, and unchanged charts are not
+             rasterized again.
     """
     last = before[0] if before else None
     triangles = join_meshes(scene, last.triangles if last else None)
@@ -90,7 +96,7 @@ def make_patch_scene(
     index = index_map(compute, covered, charts, last.index if last else None)
     patches, geometry = index.patches, covered.at(index.patches)
 
-    # What patches are made of, which is known where they are the same and of the same materials.
+    # Materials of patches are known if the patches and the materials of their triangles are unchanged.
     known = None
     if before and before[1] and last and _same_materials(last, triangles, patches):
         known = KnownSurfaces(before[1], last.surfaces)
@@ -102,5 +108,5 @@ def make_patch_scene(
 
 
 def _same_materials(before: PatchScene, triangles: Triangles, patches: PatchList) -> bool:
-    """Return whether patches are those of before, and their triangles of the same materials."""
+    """Return whether the patches and the materials of their triangles are the same as before."""
     return before.patches is patches and np.array_equal(before.triangles.material, triangles.material)

@@ -1,8 +1,9 @@
-"""Translucent surfaces: pairs of patches on both sides, each of which also sends out the light of the other.
+"""Pairs of patches on both sides of translucent surfaces, each of which also sends out the other's light.
 
-The light of a side is stored as (rho E + tau E') / (rho + tau), with E of its own side and E' of the other,
-and its reflectance as rho + tau: what it sends out, rho E + tau E', then needs no special case. Cycles'
-Diffuse bake without Color stores the same of a mix of Diffuse and Translucent BSDF.
+The light of a side is stored as (rho E + tau E') / (rho + tau), with irradiance E of its own side and E' of
+the other. Its reflectance is stored as rho + tau. The product is the radiosity rho E + tau E', without a
+special case for translucent surfaces. Cycles' Diffuse bake without Color stores the same for a mix of Diffuse
+and Translucent BSDF.
 """
 
 from __future__ import annotations
@@ -20,41 +21,41 @@ class Sides:
     """Pairs of points on both sides of translucent surfaces.
 
     pairs:  (k, 2) int64, indices of points; each point is in one pair at most
-    own:    (k, 2, 3) float32, rho / (rho + tau) of each: the weight of light from its own side
+    own:    (k, 2, 3) float32, rho / (rho + tau) of each point: weight of the light of its own side
     """
 
     pairs: np.ndarray
     own: np.ndarray
 
     def blend(self, light: np.ndarray) -> np.ndarray:
-        """Return E/pi of points, (n, 3) float32, from that of their own sides, (n, 3) float32."""
+        """Blend E/pi of points' own sides, (n, 3) float32, with that of the other sides, (n, 3) float32."""
         blended = light.copy()
         both = light[self.pairs]
         blended[self.pairs] = self.own * both + (1 - self.own) * both[:, ::-1]
         return blended
 
     def repeated(self, count: int) -> Sides:
-        """Return the pairs of arrays that hold `count` rows of each point side by side."""
+        """Return the pairs for arrays that hold `count` consecutive rows for each point."""
         pairs = (count * self.pairs[:, None] + np.arange(count)[:, None]).reshape(-1, 2)
         return Sides(pairs, np.repeat(self.own, count, axis=0))
 
 
 def both_sides(sides: Sides | None, light: np.ndarray) -> np.ndarray:
-    """Return E/pi of patches, (n, 3) float32, from that of their own sides; sides: None if there are none."""
+    """Blend E/pi of patches' own sides, (n, 3) float32, with the other sides; unchanged without pairs."""
     return light if sides is None else sides.blend(light)
 
 
 def own_sides(count: int, sides: Sides) -> np.ndarray:
-    """Return the weight of light from its own side of each of `count` patches, (count, 3) float32."""
+    """Return the weight of the light of its own side for each of `count` patches, (count, 3) float32."""
     own = np.ones((count, 3), np.float32)
     own[sides.pairs] = sides.own
     return own
 
 
 def pair_sides(triangles: Triangles, patches: PatchList, own: np.ndarray) -> Sides | None:
-    """Return the pairs of patches on both sides of translucent triangles; None if there are none.
+    """Return the pairs of patches on both sides of translucent triangles; None without any.
 
-    own: (n, 3) float32, rho / (rho + tau) of each patch; 1 where nothing is translucent
+    own:  (n, 3) float32, rho / (rho + tau) of each patch; 1 for patches that are not translucent
     """
     if triangles.backs is None:
         return None
@@ -63,7 +64,7 @@ def pair_sides(triangles: Triangles, patches: PatchList, own: np.ndarray) -> Sid
     with_back = np.flatnonzero(triangles.backs >= 0)
     front[triangles.backs[with_back]] = with_back
 
-    # A back's atlas mirrors that of its front texel by texel.
+    # The atlas of back faces mirrors that of their fronts texel by texel.
     texels = patches.resolution**2
     key = triangles.atlas[front[patches.triangle[behind]]].astype(np.int64) * texels + patches.texel[behind]
     before = np.searchsorted(patches.key, key).clip(max=len(patches) - 1)

@@ -1,4 +1,4 @@
-"""Light of points on translucent surfaces, blended with that of their other sides."""
+"""Light of points on translucent surfaces, blended with the light of their other sides."""
 
 from __future__ import annotations
 
@@ -12,10 +12,7 @@ from .output_maps import IrradianceParts
 
 
 class BlendedLight:
-    """What points receive, as an `IrradianceParts`.
-
-    Of which pairs lie on both sides of translucent surfaces.
-    """
+    """Irradiance of points as `IrradianceParts`, blended over pairs of points on both sides of surfaces."""
 
     def __init__(self, light: IrradianceParts, sides: Sides) -> None:
         self._light, self._sides = light, sides
@@ -27,7 +24,7 @@ class BlendedLight:
 
     @property
     def light(self) -> np.ndarray:
-        """E/pi of all light; see `irradiance`."""
+        """The same as `irradiance`."""
         return self.irradiance
 
     @property
@@ -37,9 +34,9 @@ class BlendedLight:
 
     @property
     def indirect(self) -> np.ndarray:
-        """E/pi of light that was, (n, 3) float32."""
+        """E/pi of reflected light, (n, 3) float32."""
         return self._sides.blend(self._light.indirect)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the L1 of their own sides; translucent points have no direction, see `Outputs.make`."""
+        """Return L1 of the points' own sides; translucent points have no direction, see `Outputs.make`."""
         return (yield from self._light.gather_l1())

@@ -1,6 +1,6 @@
-"""Triangles without an area: the one threshold that unwrapping, reading and checks share.
+"""Tests triangles for zero area, with one threshold for unwrapping, reading and checks.
 
-The threshold has no unit. It compares a triangle with its longest edge and with the precision of its
+The threshold has no unit. It is relative to the longest edge of a triangle and to the precision of its
 coordinates, so it is the same for a scene in millimetres and for one in kilometres.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-#: Twice the area of a triangle without one, at most, relative to its longest edge squared (chosen).
+#: Largest ratio of twice the area to the longest edge squared at which a triangle has no area (chosen).
 _THINNEST = 1e-7
 
 #: Rounding error of the difference of two float32 coordinates, relative to the larger coordinate.
@@ -16,7 +16,7 @@ _ROUNDING = 2.0**-23
 
 
 def is_collapsed(corners: np.ndarray) -> np.ndarray:
-    """Return True for triangles, (t, 3, 3) -> (t,), whose height is nothing beside their longest edge.
+    """Return which triangles, (t, 3, 3) -> (t,) bool, have a height of almost 0 relative to the longest edge.
 
     Triangles with coordinates that are not finite are not collapsed.
     """
@@ -26,13 +26,13 @@ def is_collapsed(corners: np.ndarray) -> np.ndarray:
 
 
 def is_degenerate(corners: np.ndarray) -> np.ndarray:
-    """Return True for triangles, (t, 3, 3) float32 -> (t,), that are collapsed or flat by rounding alone.
+    """Return which triangles, (t, 3, 3) float32 -> (t,) bool, are collapsed or flat within rounding errors.
 
-    corners: as stored, in object space; a transformation changes what rounding does
+    A triangle is flat within rounding errors if no component of its cross product exceeds the forward error
+    bound for coordinates rounded to float32. Source: after Shewchuk, "Adaptive Precision Floating-Point
+    Arithmetic and Fast Robust Geometric Predicates", 1997.
 
-    A triangle is flat by rounding if no component of its cross product exceeds the forward error bound of
-    that component for coordinates rounded to float32 (after Shewchuk, "Adaptive Precision Floating-Point
-    Arithmetic and Fast Robust Geometric Predicates", 1997).
+    corners:  as stored, in object space, because a transformation changes the rounding errors
     """
     product, longest, edges = _measure(corners)
     doubled = np.linalg.norm(product, axis=1)
@@ -40,7 +40,7 @@ def is_degenerate(corners: np.ndarray) -> np.ndarray:
     if not len(corners):
         return degenerate
 
-    # A bound for all triangles leaves few for the exact one: 4 products an axis, times sqrt(3).
+    # A common bound for all triangles leaves few for the exact one: 4 products per axis, times sqrt(3).
     with np.errstate(invalid="ignore", over="ignore"):
         reach = float(np.abs(corners).max())
         thin = np.flatnonzero(doubled <= 8 * _ROUNDING * reach * np.sqrt(longest))
@@ -53,7 +53,7 @@ def is_degenerate(corners: np.ndarray) -> np.ndarray:
 
 
 def _measure(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return cross products (t, 3), longest edges squared (t,) and edges (t, 3, 3), all float64."""
+    """Return cross products, (t, 3), longest edges squared, (t,), and edges, (t, 3, 3), all float64."""
     with np.errstate(invalid="ignore", over="ignore"):
         edges = (corners - np.roll(corners, 1, axis=1)).astype(np.float64)
         longest = np.max(np.sum(edges**2, axis=2), axis=1)

@@ -1,4 +1,4 @@
-"""Open surfaces: connected triangles whose edges are not all paired, so that their backs can be seen."""
+"""Detects open surfaces: connected triangles with unpaired edges, whose back faces may be visible."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ import numpy as np
 
 from .model import Mesh
 
-#: Vertices nearer than this fraction of the scene's largest coordinate are one: float32 rounding of the world
-#: positions of objects that touch, as the bodies that glTF splits by material.
+#: Vertices are welded if they are nearer than this fraction of the scene's largest coordinate. This is the
+#: float32 rounding of world positions of touching objects, such as the bodies that glTF splits by material.
 _WELD = 2.0**-18
 
-#: Fractions of a cell by which two welding grids are shifted: a border of cells of one grid is the middle of
-#: cells of the other. Modelled coordinates are round numbers, which should not lie on borders.
+#: Shifts of two welding grids, as fractions of a cell, so that the cell borders of one grid are cell centres
+#: of the other. The shifts are irrational, because modelled coordinates are round numbers and should not lie
+#: on borders.
 _SHIFTS = (0.3819660112501051, 0.8819660112501051)
 
 
 class OpenSurfaces:
-    """Finds the open surfaces of scenes that follow each other: meshes that stay are not examined again."""
+    """Finds the open surfaces of successive versions of a scene; unchanged meshes are not examined again."""
 
     def __init__(self) -> None:
         self._alone: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._open: tuple[list[np.ndarray], np.ndarray] = [], np.zeros(0, bool)
 
     def of(self, meshes: Sequence[Mesh]) -> np.ndarray:
-        """Return `open_triangles` of meshes; those that are closed on their own do not close others."""
+        """Return `open_triangles` of meshes; a mesh that is closed by itself does not close others."""
         known = {id(mesh.positions): (mesh.positions, self._open_alone(mesh)) for mesh in meshes}
         self._alone = known
         closed = np.array([not known[id(mesh.positions)][1].any() for mesh in meshes], bool)
@@ -38,12 +39,12 @@ class OpenSurfaces:
         return found
 
     def _open_alone(self, mesh: Mesh) -> np.ndarray:
-        """Return `open_triangles` of a mesh without the others."""
+        """Return `open_triangles` of a single mesh."""
         last = self._alone.get(id(mesh.positions))
         return open_triangles([mesh]) if last is None else last[1]
 
     def _of_open(self, meshes: list[Mesh]) -> np.ndarray:
-        """Return `open_triangles` of meshes that are not closed on their own."""
+        """Return `open_triangles` of the meshes that are not closed by themselves."""
         if len(meshes) == 1:
             return self._open_alone(meshes[0])
         positions = [mesh.positions for mesh in meshes]
@@ -56,10 +57,10 @@ class OpenSurfaces:
 
 
 def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
-    """Return the triangles of open surfaces, (t,) bool, of all meshes one after another.
+    """Return which triangles belong to open surfaces, (t,) bool, for all meshes in order.
 
-    Vertices are welded across meshes. A set of triangles connected by edges is closed if an even number of
-    them meets at each edge.
+    Vertices are welded across meshes. A component of triangles connected by edges is closed if each of its
+    edges has an even number of triangles.
     """
     positions = np.concatenate([mesh.positions for mesh in meshes])
     count = len(positions)
@@ -82,9 +83,10 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
 
 
 def _welded(corners: np.ndarray, shift: float) -> np.ndarray:
-    """Return the number of the welded vertex of each corner, (3 t,) int64.
+    """Return the index of the welded vertex of each corner, (3 t,) int64, by quantization to a grid.
 
-    corners: (3 t, 3) float32, m; shift: of the grid, cells
+    corners:  (3 t, 3) float32, m
+    shift:    shift of the grid, cells
     """
     cell = _WELD * max(float(np.abs(corners).max(initial=0)), 1e-30)
     cells = np.floor(corners / cell + shift).astype(np.int64)
@@ -94,9 +96,11 @@ def _welded(corners: np.ndarray, shift: float) -> np.ndarray:
 
 
 def _edges(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the number of each edge of each triangle, the triangle, and which of its sides, (k,) int64 each.
+    """Return for each edge of a triangle its index, its triangle, and its side 0-2, (k,) int64 each.
 
-    Edges without a length are left out. vertices: (t, 3) int64
+    Edges without length are left out.
+
+    vertices:  (t, 3) int64, welded vertices
     """
     ends = np.stack([vertices, np.roll(vertices, -1, axis=1)], axis=-1).reshape(-1, 2)
     low, high = ends.min(axis=1), ends.max(axis=1)
@@ -108,7 +112,8 @@ def _edges(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _components(edge: np.ndarray, triangle: np.ndarray, count: int) -> np.ndarray:
     """Return a label of the connected component of each triangle, (count,) int64.
 
-    Minimum labels spread over shared edges, with pointer jumping (Shiloach and Vishkin 1982).
+    Label propagation: the smallest label spreads over shared edges, with pointer jumping (Shiloach and
+    Vishkin 1982).
     """
     order = np.argsort(edge, kind="stable")
     shared = np.flatnonzero(edge[order[1:]] == edge[order[:-1]])

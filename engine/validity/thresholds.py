@@ -1,63 +1,66 @@
-"""Thresholds of validity: all numbers that decide whether a point lies inside geometry.
+"""Thresholds that decide whether a point is valid, or invalid because it lies inside geometry.
 
-A ray sees a back face if the nearest surface along it shows its back. A back face that has patches of its own
-and sends out light (`DARK_BACK`) is no sign of the inside of something and counts as a front.
+A ray hits a back face if it arrives at the nearest surface from behind. A back face with patches of its own
+that emits or reflects enough light (`DARK_BACK`) counts as a front face.
 """
 
 from __future__ import annotations
 
-#: Probe rays from a point, stratified over the hemisphere of its normal with the density of the cosine:
-#: LOOKS of kernels/visibility/probe_rays.cl.
+#: Number of probe rays of a point: cosine-weighted stratified samples over the hemisphere of its normal. It
+#: is LOOKS of kernels/visibility/probe_rays.cl.
 PROBES = 16
 
-#: A patch whose view holds more than this fraction of back faces is invalid. Measured by all samples of a
-#: patch. Below 1: the foot of a box that is sunk in a floor sees a little of what is around it.
+#: A patch is invalid if more than this fraction of its visibility samples hit back faces. It is below 1,
+#: because the foot of a box that is sunk in a floor has a few samples that hit the surroundings.
 INVALID = 0.9
 
-#: A patch whose view holds more than this fraction of back faces may be invalid: probes decide. Between
-#: the sides of a thin wall that ends in a ceiling, a patch sees the front of the ceiling in up to half of
-#: its view.
+#: A patch may be invalid if more than this fraction of its visibility samples hit back faces; probe rays then
+#: decide. Between the sides of a thin wall that ends in a ceiling, up to half of the samples hit the front of
+#: the ceiling.
 DOUBTFUL = 0.4
 
-#: Of the probes of an invalid point, at most this many escape: meet nothing, or the front of a surface
-#: that is itself outside. One, since a ray may slip through the edge between two faces.
+#: An invalid point has at most this many probe rays that escape: they hit nothing, or the front of a surface
+#: that is itself outside. It is 1, because a ray may slip through the edge between two faces.
 MAX_ESCAPES = 1
 
-#: The front of a surface is outside if at most this many probes from it meet back faces. In a corner
-#: where a wall ends, fronts that are inside see one another, and back faces in a quarter of their view.
+#: The front of a surface is outside if at most this many of its probe rays hit back faces. In a corner inside
+#: geometry where a wall ends, rays from front faces hit other front faces, and back faces in a quarter of the
+#: cases.
 MAX_BACKS_OUTSIDE = PROBES // 4
 
-#: A side of a face is open if at most this many probes from it meet back faces: it tells the walls of two
-#: rooms that share a plane from a box on a floor, and keeps patches inside geometry apart from others in
-#: a texel group.
+#: A side of a face is open if at most this many of its probe rays hit back faces. This distinguishes walls of
+#: two rooms in one plane from a box on a floor. It also separates patches inside geometry from others in
+#: texel groups.
 MAX_BACKS_OPEN = PROBES // 2
 
-#: A point that back faces light, as a ceiling behind a lamp's panel, sees something else in at most this
-#: many probes.
+#: A point that is lit by back faces, such as a ceiling behind a lamp's panel, has at most this many probe
+#: rays that hit anything else.
 MAX_OTHERS_BACKLIT = 3
 
-#: The first probes: if none of them meets a back face, a point is valid and no more are cast.
+#: Number of first probe rays; if none of them hits a back face, the point is valid and no more rays are
+#: traced. The second number applies to the test for open sides.
 FIRST_PROBES, FIRST_PROBES_OPEN = 3, 4
 
-#: A light is enclosed if this fraction of its rays meets back faces without patches. Below 1: gaps
-#: between the parts of a lamp's body.
+#: A light is enclosed if this fraction of its rays hits back faces without patches. It is below 1, because of
+#: gaps between the parts of a lamp's body.
 ENCLOSED = 0.98
 
-#: A back face is dark, and tells of the inside of something, if it sends out less than this fraction of
-#: the mean radiance of the scene. Texels that the wall of a hollow pillar crosses let in 1 to 2 % of the
-#: light around its foot; backs that are lit on purpose send out more than a tenth of the mean.
+#: A back face is dark and indicates the inside of geometry if its radiosity is below this fraction of the
+#: scene's mean radiance. Texels crossed by the wall of a hollow pillar let in 1 to 2 % of the light around
+#: its foot. Deliberately lit back faces send out more than a tenth of the mean.
 DARK_BACK = 0.03
 
 #: A lit back face counts as dark up to this distance, texels. Below the rim of a shell that lies on a floor,
-#: light leaks in through texels that it crosses: dark fringes showed around the mounds of a garden. With 6,
-#: the floor 1.5 texels below a roof of one plane is taken for an inside.
+#: light leaks in through texels that the rim crosses, with dark fringes around the mounds of a garden. With
+#: 6, the floor 1.5 texels below a single-plane roof would count as inside.
 LIT_FROM = 3.0
 
-#: Light is not interpolated to patches with more than this fraction of back faces in view: something stands
-#: close to the surface, as a panel below a ceiling. FRONTS of interpolate.cl is the same number.
+#: Light is not interpolated to patches with more than this fraction of samples that hit back faces, because a
+#: surface is close to them, such as a panel below a ceiling. It is 1 - FRONTS of
+#: kernels/solve/interpolate.cl.
 MAX_BACKS_INTERPOLATED = 0.1
 
-#: The same numbers for kernels that include probes.
+#: The thresholds as build options of kernels that include probe rays.
 KERNEL_OPTIONS = (
     f"-DMAX_ESCAPES={MAX_ESCAPES}",
     f"-DMAX_BACKS_OUTSIDE={MAX_BACKS_OUTSIDE}",

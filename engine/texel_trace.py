@@ -86,11 +86,8 @@ def _validity(state: BakeState, patch: int) -> Iterator[str]:
 def _direct_light(state: BakeState) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the name of each emitter and its direct light at all patches, (n, 3) float32.
 
-    There is none without OpenCL. Each light has shadow rays of its own, so the sum differs from the bake's
-    direct light by noise.
+    Each light has shadow rays of its own, so the sum differs from the bake's direct light by noise.
     """
-    if not state.rays.possible:
-        return
     scene, names = _one_group_each(state.scene)
     lighting = DirectLighting(scene, state.patch_scene, state.rays, state.settings)
     yield from zip(names, finished(lighting.gather_by_group()), strict=False)

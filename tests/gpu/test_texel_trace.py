@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Session, Settings, finished
+from engine.device import devices
+from engine.errors import DeviceError
 from engine.texel_trace import Texel, trace_texel
 from tests.analytic.scenes import nine_quad_room
 
@@ -89,6 +91,19 @@ def test_a_texel_without_a_surface_is_filled():
     _, lines, final = traced(choose, dataclasses.replace(SETTINGS, texel_samples=1))
     assert lines[1].startswith("patch            none")
     assert "filled" in lines[-2]
+    np.testing.assert_allclose(numbers(lines[-1:], "combined")[0], final, rtol=1e-4)
+
+
+def test_without_opencl_the_same_stages_are_traced(monkeypatch):
+    """Compute shaders cast the shadow rays of each light."""
+
+    class NoCompute:
+        def __init__(self, *arguments, **options) -> None:
+            raise DeviceError("There is no OpenCL. Install one.")
+
+    monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
+    _, lines, final = traced(lambda state: texel_of(int(state.patch_scene.patches.key[100]), 31))
+    assert len([line for line in lines if line.startswith("direct light")]) == 4
     np.testing.assert_allclose(numbers(lines[-1:], "combined")[0], final, rtol=1e-4)
 
 

@@ -1,4 +1,4 @@
-"""Imports point down the list of rooms, without circles; the page of the architecture names existing files."""
+"""Imports point down the list of rooms without circles; pages name existing files."""
 
 import ast
 import re

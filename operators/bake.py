@@ -1,4 +1,4 @@
-"""The Bake operator: modal over the worker process in a window, blocking elsewhere."""
+"""Bake operator: modal in a window, where a worker process bakes; blocking elsewhere."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .worker_manager import owner, poll_idle
 
 
 class ModalBake(ModalOperator):
-    """A bake that goes on in a window: Bake and Live. After an error the images that are done stay."""
+    """Base class of Bake and Live in a window; finished images are kept after an error."""
 
     def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
         if self._window.cancel(keep_images=True):
@@ -38,12 +38,12 @@ class ModalBake(ModalOperator):
 
 
 class _BakeInWindow(WindowBake):
-    """A bake that ends, too, once an undo has left it nothing to bake."""
+    """Bake in a window that also ends if an undo removes the lightmap UVs of all its objects."""
 
     run: BakeRun
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """See `WindowBake`."""
+        """Return True if the user cancels, or an undo removed all lightmap UVs; see `WindowBake`."""
         return self.run.uvs_undone or super().wants_to_cancel(context, event)
 
 
@@ -56,19 +56,19 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
 
     @property
     def cancelled(self) -> str:
-        """What the user is told who cancels: whether it was for nothing."""
+        """Message after a cancel: the reason, or that the next bake continues from a checkpoint."""
         if self._window.run.uvs_undone:
-            return "Bake cancelled: the lightmap UVs of all objects were undone"
+            return "Bake cancelled, because undo removed the lightmap UVs of all objects"
         if kept_checkpoint_since(self._began):
-            return "Bake cancelled. With the same scene and settings the next one goes on from there"
+            return "Bake cancelled. The next bake continues from there if scene and settings are the same"
         return "Bake cancelled"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return poll_idle(cls, "A bake is running: cancel it first")
+        return poll_idle(cls, "A bake is running. Cancel it first")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Bake and return when it is done."""
+        """Bake and return after the end."""
         last_failure.forget()
         run = BakeRun(context, owner.bake(), watched=False)
         try:
@@ -90,7 +90,7 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start a run that bakes in the worker process; `modal` follows it."""
+        """Start a run in the worker process; `modal` continues it."""
         last_failure.forget()
         warm_up()
         run = BakeRun(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
@@ -109,7 +109,7 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
 
 
 def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt, kind: str = "ERROR") -> None:
-    """Report an error; a dead worker's last words, which follow its first line, go to the console.
+    """Report an error; the last output of a crashed worker, after the first line, goes to the console.
 
     kind: "ERROR", which opens a pop-up in a window, or "WARNING", which the status bar shows
     """
@@ -119,12 +119,12 @@ def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt,
     first, _, details = text.partition("\n")
     if isinstance(error, WorkerError) and details:
         print(text, file=sys.stderr)  # noqa: T201
-        text = f"{first} (They are in the system console.)"
+        text = f"{first} (See the system console.)"
     report_message(operator, kind, text)
 
 
 def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], warnings: Sequence[str]) -> None:
-    """Report what the check has found, but for what is among the warnings: a shell has no Check panel.
+    """Report the findings of the check that are not among the warnings, because a shell has no Check panel.
 
     An error of the check is reported as a warning, since the bake has been done.
     """
@@ -136,7 +136,7 @@ def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], war
 
 
 def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:
-    """Report warnings, then what was done, and last what could not be."""
+    """Report warnings, then a summary of the bake, and last an error of writing files."""
     for warning in report["warnings"]:
         report_message(operator, "WARNING", warning)
     done = f"Baked {summary(report)}: {brief_paths(report['files'])}"
@@ -148,7 +148,7 @@ def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None)
 
 
 def brief_paths(files: Sequence[str]) -> str:
-    """Return where the files of lightmaps are, briefly: the status bar has one line."""
+    """Return the paths of lightmap files in a short form for the status bar."""
     if not files:
         return "packed into the .blend"
     first = Path(files[0])
@@ -156,7 +156,7 @@ def brief_paths(files: Sequence[str]) -> str:
 
 
 def push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
-    """Add an undo step where Blender does not: in mid-bake, after a script's call, after a failure.
+    """Push an undo step where Blender pushes none: during a bake, after a call by a script, after an error.
 
     An undo frees datablocks that no step knows, even those that something else still refers to.
     """

@@ -249,7 +249,7 @@ def test_whoever_cancels_is_told_whether_the_next_bake_goes_on(operator, context
     finally:
         folder.rmdir()
     assert operator.reports[-1][1].startswith("Bake cancelled")
-    assert ("goes on from there" in operator.reports[-1][1]) == goes_on
+    assert ("continues from there" in operator.reports[-1][1]) == goes_on
 
 
 def test_objects_that_are_deleted_in_mid_bake_are_named(operator, context, window):
@@ -410,7 +410,7 @@ def test_bake_of_objects_whose_uvs_were_all_undone_ends(operator, context, windo
     bpy.ops.ed.undo()
     assert drive(operator, context) == {"CANCELLED"} and window.is_as_before()
     assert operator.reports[-1] == (
-        {"INFO"}, "Bake cancelled: the lightmap UVs of all objects were undone"
+        {"INFO"}, "Bake cancelled, because undo removed the lightmap UVs of all objects"
     )  # fmt: skip
     assert snapshot() == before and not part("operators.worker_manager").owner.busy
     assert handlers == [bpy.app.handlers.undo_post[:], bpy.app.handlers.redo_post[:]]

@@ -105,6 +105,7 @@ def main() -> None:
         window.run(_SHOW_MATERIAL)
         _keep(window, window.run(_AREA % "PROPERTIES"), options.folder, "panel_material")
         window.run(_SHOW_PREFERENCES)
+        window.move(0, 0)  # no tool-tip
         _keep(window, window.run(_AREA % "PREFERENCES"), options.folder, "panel_preferences")
 
 

@@ -271,3 +271,21 @@ def test_colored_closures_that_transmit_may_tint(kind, values, expected):
     assert not tint_nodes.may_tint(surface) and not tint_nodes.may_tint(None)
     tree.links.new(node.outputs[0], output.inputs["Surface"])
     assert tint_nodes.may_tint(surface) == expected
+
+
+def test_tinted_coats_and_ray_length_are_named():
+    collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
+    coated, plain, far = (material(name) for name in ("Lacquer", "Clear Coat", "Fading"))
+    for surface, tint in ((coated, 0.4), (plain, 1.0)):
+        node = surface.node_tree.nodes["Principled BSDF"]
+        node.inputs["Coat Weight"].default_value = 0.7
+        node.inputs["Coat Tint"].default_value = (1, tint, 1, 1)
+    tree = far.node_tree
+    path = tree.nodes.new("ShaderNodeLightPath")
+    tree.links.new(path.outputs["Ray Length"], tree.nodes["Principled BSDF"].inputs["Emission Strength"])
+    for surface in (coated, plain, far):
+        collected.add(surface)
+    assert collected.sentences() == [
+        "The tint of the coat of materials 'Lacquer' is not baked.",
+        "Materials 'Fading' depend on Ray Length, which bakes take as 1. Replace that node.",
+    ]

@@ -12,7 +12,7 @@ from .tree_nodes import used_nodes
 
 
 class SurfaceNotes:
-    """Collects materials that refract light, have a volume, or contain unknown closures.
+    """Collects materials that refract light, have a volume or a tinted coat, or contain unknown nodes.
 
     glass:  True if refracting closures transmit light without refraction
     """
@@ -21,6 +21,8 @@ class SurfaceNotes:
         self._glass = glass
         self._refracting: set[str] = set()
         self._volumes: set[str] = set()
+        self._coats: set[str] = set()
+        self._lengths: set[str] = set()
         self._unknown: dict[str, str] = {}
 
     def add(self, material: bpy.types.Material | None) -> None:
@@ -34,6 +36,10 @@ class SurfaceNotes:
         for node in used_nodes(tree):
             if is_glass(node):
                 self._refracting.add(material.name)
+            if _has_tinted_coat(node):
+                self._coats.add(material.name)
+            if node.bl_idname == "ShaderNodeLightPath" and node.outputs["Ray Length"].is_linked:
+                self._lengths.add(material.name)
             if is_unknown(node):
                 self._unknown[material.name] = node.name
 
@@ -46,8 +52,23 @@ class SurfaceNotes:
             notes.append(listing(f"{count} {verb} light without refraction: {{}}.", sorted(self._refracting)))
         if self._volumes:
             notes.append(listing("The volumes of materials {} are not baked.", sorted(self._volumes)))
+        if self._coats:
+            notes.append(listing("The tint of the coat of materials {} is not baked.", sorted(self._coats)))
+        if self._lengths:
+            sentence = "Materials {} depend on Ray Length, which bakes take as 1. Replace that node."
+            notes.append(listing(sentence, sorted(self._lengths)))
         for material, node in sorted(self._unknown.items()):
             notes.append(
                 f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."
             )
         return notes
+
+
+def _has_tinted_coat(node: bpy.types.Node) -> bool:
+    """Return True if a node has a coat whose tint is not white."""
+    weight, tint = node.inputs.get("Coat Weight"), node.inputs.get("Coat Tint")
+    if weight is None or tint is None:
+        return False
+    weight, tint = feeding_socket(weight), feeding_socket(tint)
+    is_coated = weight.is_output or weight.default_value > 0
+    return is_coated and (tint.is_output or min(tint.default_value[:3]) < 1)

@@ -2,6 +2,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from engine.patches.backs import with_places
 from engine.patches.geometry import patch_geometry
 from engine.scene.model import Scene
 from engine.scene.triangles import join_meshes
@@ -24,6 +25,15 @@ def test_texels_on_a_second_face_are_found():
     expected = np.zeros((19, 19), bool)
     expected[0:6, 4:8] = expected[0:6, 10:14] = True
     assert (doubled == expected).all()
+
+
+def test_back_faces_of_open_surfaces_do_not_count():
+    """The engine gives the back of a lone square a triangle of its own, in the same place."""
+    corners = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    scene = Scene((quads(corners[None], [(0, 0, 8, 6)], [0], 19),), (material("Grey", 0.5),))
+    placed = with_places(scene, 19)
+    assert len(placed.meshes) == 2
+    assert not doubled_texels(parts_of(placed, 19), 1).any()
 
 
 def parts_of(scene: Scene, resolution: int) -> SimpleNamespace:

@@ -72,11 +72,11 @@ def visible_texels(scene, settings) -> np.ndarray:
 def subdivided(scene, settings):
     """Return the patches of a scene as a bake has them."""
     engine = importlib.import_module(f"{MODULE}.engine")
-    names = ("device.graphics", "patches.backs", "patches.subdivision")
-    graphics, backs, subdivision = (importlib.import_module(f"{engine.__name__}.{name}") for name in names)
-    context = graphics.GraphicsContext()
+    names = ("device.gl_context", "patches.backs", "patches.patch_scene")
+    gl_context, backs, patch_scene = (importlib.import_module(f"{engine.__name__}.{name}") for name in names)
+    context = gl_context.GraphicsContext()
     try:
         placed = backs.with_places(scene, settings.resolution)
-        return subdivision.make_patch_scene(context, None, placed, settings)
+        return patch_scene.make_patch_scene(context, None, placed, settings)
     finally:
         context.release()

@@ -18,13 +18,16 @@ _PAIRS = 1 << 19
 def doubled_texels(parts, atlases: int) -> np.ndarray:
     """Return the texels of the first atlases, (atlases, r, r) bool, whose centres lie on another triangle.
 
+    Back faces of open surfaces, which the engine adds as triangles of their own, do not count.
+
     parts: the engine's PatchScene.
     """
     geometry, patches = parts.geometry, parts.patches
     surfaces = _Surfaces(parts.triangles)
     first, count, others = surfaces.neighbours()
     doubled = np.zeros(len(patches), bool)
-    suspect = np.flatnonzero(count[geometry.triangle])
+    solid = np.flatnonzero(geometry.triangle < len(count))
+    suspect = solid[count[geometry.triangle[solid]] > 0]
     ends = np.cumsum(count[geometry.triangle[suspect]])
     for part in np.split(suspect, np.flatnonzero(np.diff(ends // _PAIRS)) + 1):
         own = geometry.triangle[part]
@@ -44,10 +47,10 @@ def _ranges(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _Surfaces:
-    """All triangles of a scene, and their planes."""
+    """All triangles of a scene that are not back faces, and their planes."""
 
     def __init__(self, triangles) -> None:
-        corners = triangles.positions.astype(np.float64)
+        corners = triangles.positions[: triangles.solid].astype(np.float64)
         self._near = _NEAR * triangles.diagonal
         self._low, self._high = corners.min(axis=1) - self._near, corners.max(axis=1) + self._near
         self._corner, self._edges = corners[:, 0], corners[:, 1:] - corners[:, :1]

@@ -1,6 +1,6 @@
-"""What a click or a script starts: gather the scene, bake it, store the result, report.
+"""The add-on's operators: read the scene, bake it, store the lightmaps, report.
 
-Nothing is imported here, so that the command line can be read before there is a bpy.
+Nothing is imported here, so that the command line can be imported without bpy.
 """
 
 

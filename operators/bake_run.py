@@ -1,4 +1,4 @@
-"""One bake: read the scene, bake, store. The operators only drive it."""
+"""One bake: read the scene, bake, store the lightmaps. Operators call its steps."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from .scene.uvs.uv_snapshot import UvSnapshot
 from .user_files import keep_paces
 from .worker_manager import owner
 
-#: Readings of a scene that changes meanwhile, before it is read in one piece.
+#: Attempts to read the scene in slices while it changes; the next attempt reads it in one piece.
 ATTEMPTS = 3
 
 Bake = Generator[Progress | None, None, BakeResult]
@@ -55,16 +55,17 @@ Steps = Generator[Progress | None, None, None]
 
 
 class BakeRun:
-    """A bake of the context's scene; what it changes can be taken back until `finish` returns.
+    """A bake of the context's scene; its changes can be undone until `finish` returns.
 
-    All its work, reading the scene included, is done by `step`: whoever gets an error from it must `cancel`.
+    All work, including reading the scene, is done by `step`. A caller that gets an exception from it must
+    call `cancel`.
 
-    bake        the engine's, or that of a worker
-    watched     False shows no intermediate lightmaps: nobody sees them before the bake is done
-    made_uvs    called when lightmap UVs have been made: an undo step must follow before anything else happens
-    findings    what the check of the scene has found, once it is done
-    failure     why the lightmaps could not be written, None if they were
-    uvs_undone  True once an undo has taken the lightmap UVs of all objects that are baked: it is for nothing
+    bake:        the engine's bake function, or one that bakes in a worker
+    watched:     False to show no intermediate lightmaps
+    made_uvs:    called after lightmap UVs were made; it must add an undo step before anything else happens
+    findings:    findings of the check of the scene, once it is finished
+    failure:     reason why the lightmaps could not be written; None if they were
+    uvs_undone:  True if an undo removed the lightmap UVs of all objects to bake, so that the bake is useless
     """
 
     def __init__(
@@ -89,10 +90,9 @@ class BakeRun:
         self._work = self._all_work()
 
     def step(self) -> Progress | None:
-        """Do a slice of work; raises StopIteration(Lightmap) at the end.
+        """Do a slice of work, return the progress of the run; raises StopIteration(BakeResult) at the end.
 
-        The progress is that of the whole run. None: nothing more can be done before the window has drawn, or
-        before the worker has.
+        None means that the run waits for the window to be drawn, or for the worker.
         """
         progress = next(self._work)
         if progress is None and self._check is not None:
@@ -100,10 +100,10 @@ class BakeRun:
         return progress
 
     def _all_work(self) -> Bake:
-        """Unwrap, read, bake, and say that saving is next: None after that lets a window show it."""
+        """Unwrap, read and bake; yield None before saving, so that a window can show that saving is next."""
         yield from self._read_scene()
 
-        # In a window the scene is checked while the worker works, else before the bake.
+        # In a window the scene is checked while the worker bakes, else before the bake.
         self._check = IdleCheck(self._context)
         yield self._stages.begin(self._stages.baking)
         if not self._watched:
@@ -115,7 +115,7 @@ class BakeRun:
         return lightmap
 
     def _read_scene(self) -> Steps:
-        """Unwrap and read the scene; do so again if somebody changes it meanwhile."""
+        """Unwrap and read the scene, again if it changes in between."""
         scene = self._context.scene
         self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched, centres=False)
         self._uv_layer = scene.hemibake.uv_layer
@@ -137,13 +137,13 @@ class BakeRun:
         self._choose_destination()
 
     def _chosen_target(self) -> str:
-        """Return which objects are baked, as the scene's settings have it."""
+        """Return the scene's setting of the objects to bake."""
         return self._context.scene.hemibake.target
 
     def _unwrap_and_read(self, wanted: dict[int, str], hurried: bool = False) -> Steps:
-        """Read the visible objects, with lightmap UVs made where they are missing.
+        """Read the visible objects, after missing lightmap UVs were made.
 
-        wanted: session uids and names of those that get a lightmap
+        wanted:  session uids and names of the objects that get a lightmap
         """
         context, layer = self._context, self._uv_layer
         size = yield from choose_width(context, visible_meshes(context), self._changes)
@@ -178,7 +178,7 @@ class BakeRun:
         self._settings = replace(self._settings, resolution=size.width)
 
     def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
-        """Let the progress know about how much there is to do, before that is known exactly."""
+        """Set the approximate amounts of work in the progress before the scene is read."""
         atlases = len({obj.hemibake.atlas for obj in objects})
         lamps = sum(obj.type == "LIGHT" for obj in self._context.view_layer.objects)
         triangles = 2 * sum(len(obj.data.polygons) for obj in objects)
@@ -187,7 +187,7 @@ class BakeRun:
         self._stages.foresee(Extent(atlases, triangles, lamps), faces, settings)
 
     def _choose_targets(self, wanted: set[int]) -> Steps:
-        """Decide which of the objects that may be baked are; raises SceneError if none is."""
+        """Select the objects to bake by the target; raises SceneError if there is none."""
         self._whole, self._changed = self._read, None
         if self._target == "CHANGED":
             self._changed = yield from find_changed_objects(
@@ -198,7 +198,7 @@ class BakeRun:
         self._read = only_targets(self._read, wanted, self._context.scene)
 
     def _choose_destination(self) -> None:
-        """Decide where the lightmaps go, and see whether they can."""
+        """Choose the images and files of the lightmaps; raises EngineError if they cannot be written."""
         atlases, outputs = self._read.scene.atlases, output_names(self._read.scene, self._settings)
         self._names = image_names(atlases, outputs)
         self._destination = self._destination_of(bpy.data.filepath)
@@ -210,7 +210,7 @@ class BakeRun:
         )
 
     def _destination_of(self, blend: str) -> Destination:
-        """Return where the lightmaps of a .blend at a path go; raises EngineError if they cannot."""
+        """Return the lightmaps' destination for a path of the .blend; raises EngineError if invalid."""
         scene, read = self._context.scene, self._read.scene
         properties, resolution = scene.hemibake, self._settings.resolution
         atlases, outputs = read.atlases, output_names(read, self._settings)
@@ -221,7 +221,7 @@ class BakeRun:
         )
 
     def _bake_without_overlaps(self) -> Bake:
-        """Bake; start again without the objects whose charts lie on others'."""
+        """Bake; if charts overlap, bake again without the overlapping objects."""
         with Handlers({"undo_post": self._note_undo, "redo_post": self._note_undo}):
             while True:
                 work = self._showing(self._bake(self._read.scene, self._settings))
@@ -232,13 +232,13 @@ class BakeRun:
                     yield None
 
     def _note_undo(self, *_: object) -> None:
-        """Look whether any object that is baked is left, and has its lightmap UVs."""
+        """Update `uvs_undone`: whether no object to bake is left with its lightmap UVs."""
         baked = set(self._read.fingerprints)
         present = {obj.session_uid for obj in bpy.data.objects}
         self.uvs_undone = not (baked & present) - set(self._uvs.lost())
 
     def _finish_check(self) -> Steps:
-        """Do what is left of the check."""
+        """Run the check of the scene to its end."""
         while self._check.step():
             yield self._stages.progress(0.0)
         self._read_findings()
@@ -249,7 +249,7 @@ class BakeRun:
         self.findings = () if checked is None else checked.findings
 
     def _showing(self, work: Bake) -> Bake:
-        """Do a bake's work and show its intermediate lightmaps."""
+        """Run a bake and show its intermediate lightmaps."""
 
         def shown(progress: Progress | None) -> Progress | None:
             if progress is not None and progress.intermediate is not None:
@@ -259,14 +259,14 @@ class BakeRun:
         return map_progress(work, shown)
 
     def _leave_out_overlaps(self, error: OverlapError) -> None:
-        """Leave out the objects whose charts lie on others'; raise the error if none is left."""
+        """Turn objects whose charts overlap others into occluders; raise the error if none is left."""
         usable = without_overlaps(self._read, self._settings.resolution)
         if usable.entries == self._read.entries or not any(usable.entries):
             raise error
         self._read = usable
 
     def run_to_end(self, show: Callable[[Progress], object] = lambda progress: None) -> BakeResult:
-        """Let the engine work to the end, show its progress, and return the lightmap."""
+        """Run all steps, show their progress, and return the result of the bake."""
         while True:
             try:
                 progress = self.step()
@@ -276,9 +276,9 @@ class BakeRun:
                 show(progress)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """Stop the engine; take everything back unless there are images and they are to be kept.
+        """Stop the bake, and undo all changes unless images are to be kept.
 
-        Returns whether anything is kept: an undo step must then follow.
+        Returns True if images are kept; an undo step must then follow.
         """
         kept = keep_images and self._images is not None and bool(self._images.uids)
         try:
@@ -291,9 +291,9 @@ class BakeRun:
         return kept
 
     def finish(self, lightmap: BakeResult) -> dict:
-        """Store a lightmap and return the report, JSON-ready; an undo step must follow.
+        """Store the lightmaps and return the report, which can be written as JSON; an undo step must follow.
 
-        If the files cannot be written `failure` says so, and the lightmaps are packed into the .blend.
+        If the files cannot be written, `failure` is set, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
         pixels = self._show_finished(lightmap)
@@ -321,13 +321,13 @@ class BakeRun:
         return report
 
     def show_preview_anew(self) -> None:
-        """Let objects that show their lightmaps show what was baked; an undo step must follow."""
+        """Update the preview of objects that show their lightmaps; an undo step must follow."""
         with suppress(SceneError):
             if shows_preview(self._context.scene):
                 renew_preview(self._context.scene, self._context.evaluated_depsgraph_get())
 
     def show_lightmaps(self) -> bool:
-        """Show what was baked in place of materials, as the scene demands; an undo step must follow.
+        """Update or start the preview of lightmaps, by the scene's settings; an undo step must follow.
 
         Returns True if objects start to show their lightmaps.
         """
@@ -339,13 +339,13 @@ class BakeRun:
         return False
 
     def _show_finished(self, lightmap: BakeResult) -> np.ndarray:
-        """Put finished lightmaps into all images; return their pixels, (images, h, w, 3)."""
+        """Copy finished lightmaps to all images; return their pixels, (images, h, w, 3) float32."""
         return self._images.show(np.concatenate(list(lightmap.passes.values())))
 
     def _store(
         self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: BakeResult
     ) -> tuple[list[str], list[str]]:
-        """Store lightmaps; return their files, and what these cannot hold."""
+        """Store lightmaps; return the paths of their files, and notes on clipped values."""
         try:
             scene = self._context.scene
             contents = lightmap_contents(scene, self._read, self._settings, self._uv_layer, self._kept)
@@ -362,7 +362,7 @@ class BakeRun:
         return {obj.name for obj in bpy.data.objects if obj.session_uid in baked}
 
     def _remember_light(self, lost: dict[int, str]) -> None:
-        """Write down what the next bake of changed objects compares with."""
+        """Store the light that the next bake of changed objects is compared with."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         baked = set(self._read.fingerprints) - set(lost)
         if scene is None:
@@ -373,7 +373,7 @@ class BakeRun:
             remember_light(scene, self._whole, baked, self._changed)
 
     def _deleted(self) -> list[str]:
-        """Return a note about objects that were baked and are not in the scene any more, if there are any."""
+        """Return a list with a note on objects that were deleted during the bake; empty without any."""
         present = {obj.session_uid for obj in self._context.scene.objects}
         baked = dict.fromkeys(uid for uid, _ in self._read.objects)
         names = self._uvs.names(uid for uid in baked if uid not in present)
@@ -384,7 +384,7 @@ class BakeRun:
         return [object_message(sentence, names)] if names else []
 
     def _notes_on_result(self, lost: dict[int, str]) -> list[str]:
-        """Return sentences on objects that are gone or without their UVs, and on lightmaps without files."""
+        """Return notes on objects that were deleted or lost their UVs, and on lightmaps without files."""
         notes = []
         with suppress(SceneError):
             notes += self._deleted()
@@ -399,6 +399,6 @@ class BakeRun:
 
 
 def _missing(names: list[str]) -> list[str]:
-    """Return a note about objects that were to be baked and are not there any more, if there are any."""
+    """Return a list with a note on objects that were deleted before they were read; empty without any."""
     sentence = "Deleted or hidden while the scene was being read, so not baked: {}."
     return [object_message(sentence, names)] if names else []

@@ -1,4 +1,4 @@
-"""The Check operator, and the one that mends what it has found."""
+"""The Check operator, and the operator that fixes a finding."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from .scene import SceneContext
 from .scene.uvs.uv_node_group import remove_unused_uvs
 from .worker_manager import poll_idle
 
-#: How long a check goes on in a pause of other work, s.
+#: Time that a check runs in a pause of other work, s.
 _SLICE = 0.01
 
 
 def last_check(scene: bpy.types.Scene) -> Checked | None:
-    """Return what the last check of a scene has found; None if it has never been checked."""
+    """Return the result of the last check of a scene; None if it was never checked."""
     return Checked.from_json(scene.hemibake.findings)
 
 
 def keep_check(scene: bpy.types.Scene, checked: Checked) -> None:
-    """Keep what a check has found with its scene."""
+    """Store the result of a check with its scene."""
     scene.hemibake.findings = checked.to_json()
 
 
 def forget_moved_charts(scene: bpy.types.Scene, baked: Collection[str]) -> None:
-    """Let the last check of a scene say nothing more about moved charts of objects that were baked since."""
+    """Remove findings on moved charts of objects that were baked since from the scene's last check."""
     checked = last_check(scene)
     if checked is not None:
         keep_check(scene, without_moved(checked, baked))
 
 
 class IdleCheck:
-    """A check of a scene that is done in the pauses of its bake."""
+    """A check of a scene that runs in the pauses of its bake."""
 
     def __init__(self, context: SceneContext) -> None:
         self._context = context
         self._steps: Generator[None, None, Checked] | None = check_scene(context)
 
     def step(self) -> bool:
-        """Go on with it for a short time, and in the end keep what it has found; return whether more is left.
+        """Continue the check for a short time, and store its result at the end; return whether it goes on.
 
-        It ends, too, if the scene goes away: what needs it tells that.
+        It also ends if the scene was deleted, which other code reports.
         """
         try:
             self._go_on()
@@ -111,7 +111,7 @@ class HEMIBAKE_OT_fix(bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties) -> str:
-        """Return what a fix does, without its full stop, as Blender shows it."""
+        """Return the first line of the fix's docstring as tool-tip, without full stop."""
         known = FIXES.get(properties.fix)
         return known[1].__doc__.rstrip(".") if known else cls.__doc__
 

@@ -1,4 +1,4 @@
-"""The devices of this machine, found by a process of its own, so that no driver disturbs Blender's."""
+"""Finds the devices of this machine in a separate process, so that drivers do not affect Blender."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..engine.progress import Progress, finished
 from .log import log
 from .worker_manager import new_worker
 
-#: How long the window is left alone between two looks at the process, s.
+#: Time between two polls of the process, s.
 _INTERVAL = 0.1
 
 
 class DeviceFinder:
-    """Finds devices at once, or while a window goes on.
+    """Finds devices in one call, or in the background of a window.
 
-    found   None before the first time, and while they are looked for
+    found:  the devices; None before the first search and during a search
     """
 
     def __init__(self) -> None:
@@ -29,35 +29,35 @@ class DeviceFinder:
 
     @property
     def names(self) -> list[str]:
-        """The OpenCL devices, as `Settings.opencl_device` chooses them."""
+        """Names of the OpenCL devices, as `Settings.opencl_device` chooses them."""
         devices = self.found.devices if self.found else ()
         return [device.name for device in devices if device.api == "OpenCL" and not device.trouble]
 
     def find(self, opencl_device: str | None) -> None:
-        """Find the devices; return when they are known."""
+        """Search for devices, and return when they are known."""
         self.stop()
         self.found = finished(_survey(opencl_device))
 
     def start(self, opencl_device: str | None) -> None:
-        """Begin to look for devices."""
+        """Start a search for devices in the background."""
         self.stop()
         self.found, self._job = None, _survey(opencl_device)
         bpy.app.timers.register(self._step, persistent=True)
 
     @property
     def busy(self) -> bool:
-        """True while devices are looked for."""
+        """True during a search."""
         return self._job is not None
 
     def stop(self) -> None:
-        """Look no longer."""
+        """End the search."""
         if self._job is not None:
             bpy.app.timers.unregister(self._step)
             self._job.close()
             self._job = None
 
     def _step(self) -> float | None:
-        """Look whether the process is done; return when to look again."""
+        """Poll the process; return the time until the next poll, None at the end."""
         try:
             next(self._job)
         except StopIteration as end:
@@ -68,7 +68,7 @@ class DeviceFinder:
 
 
 def _survey(opencl_device: str | None) -> Generator[Progress | None, None, DeviceSurvey]:
-    """Return the devices; why there are none, such as a missing package, is told as what is missing."""
+    """Return the devices, or a survey that lists why there are none, such as a missing package."""
     worker = new_worker("engine.session:find_devices")
     try:
         with closing(worker.run(opencl_device)) as job:
@@ -87,5 +87,5 @@ def _redraw_preferences() -> None:
                 area.tag_redraw()
 
 
-#: One for the whole add-on, since Blender keeps no Python objects.
+#: The only instance, since Blender cannot store Python objects.
 finder = DeviceFinder()

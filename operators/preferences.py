@@ -1,4 +1,4 @@
-"""What the add-on keeps for a machine, in Blender's preferences: a .blend holds none of it."""
+"""Settings of the machine, stored in Blender's preferences and not in .blend files."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from .worker_manager import poll_idle
 
 
 class HemibakePreferences:
-    """The settings that describe the machine; `panels` makes Blender's class of it, which draws them."""
+    """The settings of the machine; `panels` derives Blender's class from it, which draws them."""
 
     bl_idname = EXTENSION
     __annotations__ = setting_properties(shown_in(PREFERENCES), Settings())
 
 
 def machine_properties() -> bpy.types.AddonPreferences | None:
-    """Return the preferences; None if a script has enabled the add-on without making it an entry of these."""
+    """Return the preferences; None if a script enabled the add-on without an entry in them."""
     entry = bpy.context.preferences.addons.get(EXTENSION)
     return None if entry is None else entry.preferences
 
 
 def machine_settings() -> dict[str, Any]:
-    """Return the settings of the machine as the engine takes them; what is not kept has its default."""
+    """Return the machine's settings for the engine; settings that are not stored have their defaults."""
     properties = machine_properties()
     return {} if properties is None else setting_values(properties, shown_in(PREFERENCES))
 
 
 def known_devices() -> DeviceSurvey | None:
-    """Return the devices of the machine; None while they are looked for, which the first call begins."""
+    """Return the devices of the machine; None during the search, which the first call starts."""
     if finder.found is None and not finder.busy:
         finder.start(_chosen_device())
     return finder.found

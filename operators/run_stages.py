@@ -1,4 +1,4 @@
-"""What a run does around the engine's bake, and the one percentage over all of it."""
+"""Stages of a run: unwrapping and reading, the bake, and saving, with one progress for all of them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from ..engine.progress import Schedule, Stage
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
 
-#: Seconds that unwrapping and reading a scene take, unwrapping a face, and writing a texel of an image,
-#: before any was measured.
+#: Estimated seconds, before any was measured: for unwrapping, for reading a scene, for unwrapping a face, and
+#: for writing a texel of an image.
 _UNWRAPPING, _READING, _FACE, _TEXEL = 1.0, 1.0, 4e-4, 2e-7
 
-#: Fraction of a lightmap's texels that are patches.
+#: Estimated fraction of a lightmap's texels that are patches.
 _COVERAGE = 0.6
 
 
 class RunStages(Schedule):
-    """Unwrapping and reading the scene, the bake with stages of its own, saving what it made.
+    """Schedule of a run: unwrapping and reading the scene, the bake with its own stages, saving.
 
-    paces  seconds that a unit of each stage took in earlier runs, by its name; this one adds to them
+    paces:  seconds per unit of each stage in earlier runs, by its name; updated by this run
     """
 
     def __init__(self, paces: dict[str, float]) -> None:
@@ -35,12 +35,12 @@ class RunStages(Schedule):
         )
 
     def foresee(self, extent: Extent, faces: int, settings: Settings) -> None:
-        """Learn before the scene is read how large it is about, and how many faces are to be unwrapped."""
+        """Set estimated amounts before the scene is read: its extent, and the number of faces to unwrap."""
         self.unwrapping.pace = _UNWRAPPING + _FACE * faces
         self._expect_bake(extent, settings)
 
     def expect(self, scene: Scene, settings: Settings, images: int) -> None:
-        """Learn how much is to be baked, and how many images are to be saved."""
+        """Set the amounts of the bake, and the number of images to save."""
         self._expect_bake(Extent.of(scene), settings)
         self.saving.amount = images * settings.resolution**2
 
@@ -49,6 +49,6 @@ class RunStages(Schedule):
         self.baking.pace = estimate(extent, patches, settings, self._paces).seconds
 
     def has_saved(self) -> None:
-        """End saving, and keep its pace for the next run."""
+        """End saving, and store its seconds per texel for the next run."""
         self.end()
         self._paces["Saving"] = self.saving.seconds / self.saving.amount

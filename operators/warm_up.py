@@ -1,4 +1,4 @@
-"""Starts the worker before the first bake: it builds its kernels while the user sets up the scene."""
+"""Starts the worker before the first bake, so that it builds kernels while the user sets up the scene."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .bake_settings import machine_defaults
 from .window_bake import redraw
 from .worker_manager import owner
 
-#: Time from the first drawing of the panel to the start of the worker, s: drawing does not wait for it.
+#: Delay from the first drawing of the panel to the start of the worker, s, so that drawing is not delayed.
 _DELAY = 0.5
 
-#: Time between two looks at what the worker reports, s.
+#: Time between two polls of the worker, s.
 _INTERVAL = 0.2
 
 
@@ -35,7 +35,7 @@ def warm_up_soon() -> None:
 
 
 def _follow() -> float | None:
-    """Show how far the worker is; return the time until the next call, s, None once it is ready."""
+    """Show the progress of the worker; return the time until the next call, s, None when it is ready."""
     before = owner.preparation
     goes_on = owner.poll_preparation()
     if owner.preparation != before:

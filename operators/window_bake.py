@@ -1,4 +1,4 @@
-"""A bake that a window follows: its timer, its status text, and how to end it from anywhere."""
+"""A bake that runs while the window stays usable: timer, status text and cancelling."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from .bake_run import BakeRun
 from .report_message import progress_line
 from .worker_manager import owner
 
-#: Time between two events, s: of a bake that somebody waits for, and of one that follows somebody's hand.
+#: Time between two timer events, s: for a bake in general, and for Live, which follows the user's edits.
 INTERVAL, QUICK = 0.05, 0.02
 
-#: Least and longest time between two redraws, s, and how many times as long as the last one it is: in a large
-#: window, without a graphics card, a redraw takes longer than all else that happens there.
+#: Shortest and longest time between two redraws, s, and the same as a multiple of the duration of the last
+#: redraw. Without a graphics card a redraw of a large window takes longer than all other work in it.
 _PERIODS = 0.2, 2.0
 _RARITY = 10
 
 
 class WindowBake:
-    """A run, and what it does to the window: the operator drives it, but the add-on may end it, too.
+    """A bake in a window. The operator runs it, but the add-on may end it as well.
 
-    run       the bake itself
-    progress  how far it is
-    unwanted  True once somebody has asked to cancel it
+    run:       the bake itself
+    progress:  its progress
+    unwanted:  True if cancelling was requested
     """
 
     def __init__(self, context: bpy.types.Context, run: BakeRun, interval: float = INTERVAL) -> None:
@@ -40,22 +40,22 @@ class WindowBake:
         owner.running = self
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """Return whether a user cancels: by the operator, or with Esc over a 3D view or its sidebar.
+        """Return whether to cancel: on request, or if Esc is pressed over a 3D view or its sidebar.
 
-        Esc elsewhere is for what is there.
+        Esc over other editors is left to them.
         """
         pressed = event.type == "ESC" and event.value == "PRESS"
         return self.unwanted or (pressed and _editor_below(context, event) == "VIEW_3D")
 
     def wake(self) -> None:
-        """Begin to work on an event: the time since the last one tells how long a redraw took."""
+        """Start work on a timer event; the time since the last redraw began is the cost of the redraw."""
         if self._is_drawing:
             cost = time.perf_counter() - self._redrawn - self._interval
             self._period = min(max(_PERIODS[0], _RARITY * cost), _PERIODS[1])
             self._is_drawing = False
 
     def show(self, context: bpy.types.Context, progress: Progress) -> None:
-        """Show progress in the window: from time to time, and whenever another kind of work begins."""
+        """Show progress in the window: at intervals, and when another stage of work begins."""
         self.progress = progress
         self._has_new_pixels |= progress.intermediate is not None
         work = progress.stage.rstrip("0123456789 ")
@@ -67,7 +67,7 @@ class WindowBake:
             self._redrawn, self._is_drawing, self._has_new_pixels = time.perf_counter(), True, False
 
     def leave(self) -> None:
-        """Give the window back."""
+        """Remove the timer, the progress and the status text from the window."""
         owner.running = None
         self._manager.event_timer_remove(self._timer)
         self._manager.progress_end()
@@ -76,27 +76,27 @@ class WindowBake:
         redraw(self._manager)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """Give the window back and leave the scene as it was; see `BakeRun.cancel`."""
+        """Release the window and undo the bake; see `BakeRun.cancel`."""
         self.leave()
         return self.run.cancel(keep_images)
 
     @property
     def how_to_end(self) -> str:
-        """What the status bar says of it."""
+        """Hint on cancelling for the status bar."""
         return "Esc over the 3D view cancels"
 
     def _tell_status(self, context: bpy.types.Context) -> None:
         """Show the progress in the status bar.
 
-        Workspaces have texts of their own, of which only that of the one in sight can be cleared. Blender's
-        function draws the status bars of all.
+        Each workspace has its own status text, and only that of the visible one can be cleared. A draw
+        function replaces the status bar of all workspaces.
         """
         if context.workspace is not None:
-            # Blender calls functions, but no methods.
+            # Blender accepts functions here, but no methods.
             context.workspace.status_text_set(lambda header, _: self._draw_status(header.layout))
 
     def _draw_status(self, layout: bpy.types.UILayout) -> None:
-        """Draw a status bar as Blender does, but with the progress in place of what keys do."""
+        """Draw Blender's status bar, with the progress in place of the key hints."""
         layout.label(text=f"{progress_line(self.progress)}    {self.how_to_end}", translate=False)
         layout.separator_spacer()
         layout.template_reports_banner()
@@ -106,7 +106,7 @@ class WindowBake:
 
 
 def _editor_below(context: bpy.types.Context, event: bpy.types.Event) -> str | None:
-    """Return the type of the area that the pointer is over, sidebar and header included."""
+    """Return the type of the editor under the pointer, including its sidebar and header; None outside."""
     areas = () if context.screen is None else context.screen.areas
     for area in areas:
         right, top = area.x + area.width, area.y + area.height
@@ -116,9 +116,9 @@ def _editor_below(context: bpy.types.Context, event: bpy.types.Event) -> str | N
 
 
 def redraw(manager: bpy.types.WindowManager, regions: set[str] | None = None) -> None:
-    """Redraw editors: to show new pixels, and whether the operator can be started, all of them.
+    """Redraw the editors of all windows.
 
-    regions: types of the regions of 3D views that are redrawn, None for everything
+    regions:  types of regions of 3D views to redraw; None for all editors
     """
     for window in manager.windows:
         for area in window.screen.areas:

@@ -1,4 +1,4 @@
-"""Holds what bakes, between bakes: the worker process in a window, else the devices of this process."""
+"""Owns what bakes use across bakes: the worker process in a window, else the devices of this process."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
     from ..engine.worker.process import Job
     from ..engine.worker.worker import Worker
 
-#: Where the worker finds the package `engine`.
+#: Folder in which the worker finds the package `engine`.
 _ROOT = str(Path(__file__).parents[1])
 
 
 class RunningBake(Protocol):
-    """A bake that a window follows; see `WindowBake`."""
+    """A bake in a window; see `WindowBake`."""
 
     progress: Progress
     unwanted: bool
 
     def cancel(self) -> None:
-        """Leave everything as it was before the bake."""
+        """Undo all changes of the bake."""
 
 
 class WorkerManager:
-    """Starts a worker when one is needed and none is alive; ends all that bakes with the add-on.
+    """Starts a worker when needed, and ends all bakes when the add-on is disabled.
 
-    running  the bake that a window follows
-    warm     True once the worker was started ahead of a bake; if it dies, bakes start the next one
-    preparation  progress of building kernels ahead of the first bake, None if that is done or not known
+    running:      the bake in a window; None without one
+    warm:         True if the worker was started before a bake; if it dies, bakes start the next one
+    preparation:  progress of building kernels before the first bake; None if finished or unknown
     """
 
     def __init__(self) -> None:
@@ -54,30 +54,30 @@ class WorkerManager:
 
     @property
     def busy(self) -> bool:
-        """True while a window follows a bake."""
+        """True while a bake runs in a window."""
         return self.running is not None
 
     @cached_property
     def paces(self) -> dict[str, float]:
-        """What `RunStages` and the engine learn from one bake for the next, also for that of another day."""
+        """Measured seconds per unit of each stage in earlier bakes, for estimates; stored on disk."""
         return read_paces()
 
     def bake(self) -> Callable:
-        """Return the `engine.bake` to use: in a window that of the worker, which keeps crashes out of it."""
+        """Return the bake function: in a window the worker's, so that a crash does not affect Blender."""
         return self._bake_without_window if bpy.app.background else self.bake_in_worker()
 
     def _bake_without_window(self, scene: Scene, settings: Settings) -> Generator:
-        """Bake in this process; in the worker if the light is denoised, or a scheduler shares the bake out.
+        """Bake in this process, or in the worker for denoising or a scheduler.
 
-        Blender has its own Open Image Denoise and TBB in its process: a package's may be of other versions.
-        What travels to workers of a scheduler names its modules: those of the package `engine` there.
+        Blender has its own Open Image Denoise and TBB in its process, whose versions may differ from the
+        package's. Objects sent to workers of a scheduler refer to modules of the package `engine` there.
         """
         if settings.denoise or settings.scheduler:
             return self.bake_in_worker()(scene, settings)
         return session.bake(scene, settings, self.paces)
 
     def bake_in_worker(self) -> Callable:
-        """Return an `engine.bake` that the worker does."""
+        """Return a bake function that bakes in the worker."""
         from ..engine.worker.crash_recovery import bake_without_crashing_device
 
         return lambda scene, settings: bake_without_crashing_device(
@@ -85,19 +85,19 @@ class WorkerManager:
         )
 
     def worker(self) -> Worker:
-        """Return the worker; it starts its process, anew if that has died, with the next bake."""
+        """Return the worker; the next bake starts its process, again if it has died."""
         if self._worker is None:
             self._worker = new_worker("engine.session:bake")
         return self._worker
 
     def warm_up(self, settings: Settings) -> None:
-        """Start the worker, and let it build what most bakes need; raises WorkerError if it cannot start."""
+        """Start the worker and let it build the common kernels; raises WorkerError if it cannot start."""
         if not (self.warm or self.busy):
             self.warm = True
             self.worker().prepare("engine.warm_up:warm_up", asdict(settings))
 
     def poll_preparation(self) -> bool:
-        """Update `preparation` while no bake runs; return False once nothing is left to prepare."""
+        """Update `preparation` while no bake runs; return False if nothing is left to prepare."""
         if self._worker is None or self.busy:
             return self.busy
         try:
@@ -112,18 +112,18 @@ class WorkerManager:
         return bool(stage)
 
     def forget(self) -> None:
-        """Free what is kept of the last bake, here and in the worker."""
+        """Free the cached data of the last bake, in this process and in the worker."""
         session.forget()
         if self._worker is not None and self._worker.alive and not self.busy:
             with suppress(WorkerError):
                 self._worker.call("engine.session:forget")
 
     def printed(self) -> str:
-        """Return what the worker has printed since the last call; it may be at work on nothing."""
+        """Return the worker's output since the last call; it may be idle."""
         return "" if self._worker is None or self.busy else self._worker.printed()
 
     def stop(self) -> None:
-        """Cancel the bake that is running, end the worker process, and free the devices of this process."""
+        """Cancel the running bake, end the worker process, and free the devices of this process."""
         if self.running is not None:
             self.running.cancel()
         self.warm, self.preparation = False, None
@@ -134,19 +134,19 @@ class WorkerManager:
 
 
 def poll_idle(operator: type[bpy.types.Operator], message: str = "A bake is running") -> bool:
-    """Return whether no window follows a bake; else the operator's tooltip shows the message."""
+    """Return whether no bake runs in a window; else set the operator's disabled tool-tip to the message."""
     if owner.busy:
         operator.poll_message_set(message)
     return not owner.busy
 
 
 def new_worker(work: str, job: Job | None = None) -> Worker:
-    """Return a worker that runs the generator "module:function" of the engine, for a bake or another job."""
+    """Return a worker for a generator "module:function" of the engine, for a bake or another job."""
     from ..engine.worker.process import BAKING
     from ..engine.worker.worker import Worker
 
     return Worker(search_path=[_ROOT, *sys.path], bake=work, job=job or BAKING)
 
 
-#: One for the whole add-on: Blender has nowhere to keep a Python object between operators.
+#: The only instance, since Blender cannot store Python objects between operators.
 owner = WorkerManager()

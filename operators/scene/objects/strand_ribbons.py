@@ -1,4 +1,4 @@
-"""Strands of hair as flat ribbons with two sides, whose mean width from all sides is that of the strand."""
+"""Converts strands of hair to flat two-sided ribbons, whose mean projected width is that of the strand."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 from .meshes import Corners
 from .strands import Strands
 
-#: Half the width of a ribbon around a strand of radius 1. Turned about the strand at random, a ribbon looks
-#: 2 / pi of its width wide on the mean (Cauchy).
+#: Half width of a ribbon for a strand of radius 1. The mean projected width of a ribbon in random orientation
+#: is 2 / pi of its width (Cauchy).
 _HALF = np.pi / 2
 
 #: Length by which ribbons begin off the root, in radii. Rays of Cycles ignore ribbons nearer than two radii
@@ -19,15 +19,15 @@ _LIFT = 0.8
 #: Minimum fraction of a strand that its ribbon covers.
 _LEFT = 0.5
 
-#: Triangles of a piece between two points.
+#: Triangles of a ribbon between two points: two on each side.
 _TRIANGLES = 4
 
 
 def thin_out(strands: Strands, most: int) -> Strands:
-    """Return as many strands, chosen at random, as need at most `most` triangles; wider in return.
+    """Return a random subset of strands with at most `most` triangles, with larger radii in return.
 
-    On the mean their shadow is that of all strands (Cook et al., "Stochastic Simplification of Aggregate
-    Detail", 2007).
+    The mean shadow equals that of all strands (Cook et al., "Stochastic Simplification of Aggregate Detail",
+    2007).
     """
     total = count_triangles(strands)
     if total <= most:
@@ -43,12 +43,12 @@ def thin_out(strands: Strands, most: int) -> Strands:
 
 
 def count_triangles(strands: Strands) -> int:
-    """Return how many triangles the ribbons of strands have."""
+    """Return the number of triangles of the ribbons of strands."""
     return _TRIANGLES * int(np.maximum(np.diff(strands.starts) - 1, 0).sum())
 
 
 def make_ribbons(strands: Strands) -> Corners:
-    """Return the triangles of ribbons along strands, object space, without those that have no area."""
+    """Return the triangles of ribbons along strands in object space, without zero-area triangles."""
     points, below = _lifted(strands)
     last = np.zeros(len(points), bool)
     last[strands.starts[1:][np.diff(strands.starts) > 0] - 1] = True
@@ -104,9 +104,9 @@ def _lifted(strands: Strands) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _across(strands: Strands) -> np.ndarray:
-    """Return a unit vector across the strand at each point, (p, 3).
+    """Return a unit vector across the strand at each point, (p, 3) float64.
 
-    Each strand has one random direction that these are made with, so that ribbons are not twisted.
+    The vectors of a strand are made from one random direction, so that its ribbon is not twisted.
     """
     along, sizes = _tangents(strands), np.diff(strands.starts)
     strand = np.repeat(np.arange(len(sizes)), sizes)
@@ -121,7 +121,7 @@ def _across(strands: Strands) -> np.ndarray:
 
 
 def _tangents(strands: Strands) -> np.ndarray:
-    """Return the unit tangent of each point, (p, 3): along the chord between its neighbours."""
+    """Return the unit tangent at each point, (p, 3) float64: along the chord between its neighbours."""
     points, count = strands.points, len(strands.points)
     before, after = np.arange(count) - 1, np.arange(count) + 1
     filled = np.diff(strands.starts) > 0
@@ -131,7 +131,7 @@ def _tangents(strands: Strands) -> np.ndarray:
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Return unit vectors, (n, 3); 0 stays 0."""
+    """Return normalized vectors, (n, 3) float64; 0 stays 0."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     unit: np.ndarray = vectors / np.maximum(length, 1e-300)
     return unit

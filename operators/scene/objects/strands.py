@@ -1,4 +1,4 @@
-"""Strands of hair as renders show them: hair particle systems drawn as paths, and hair Curves."""
+"""Reads strands of hair as renders show them: hair particle systems drawn as paths, and hair Curves."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 from .meshes import read_array
 
-#: Radius of Curves without the attribute, m (Cycles, blender/curves.cpp).
+#: Radius of Curves without the radius attribute, m (Cycles, blender/curves.cpp).
 _RADIUS = 0.005
 
 
 @dataclass(frozen=True)
 class Strands:
-    """Strands in object space.
+    """Strands of hair in object space.
 
-    points   (p, 3) float64, those of a strand are consecutive
-    radius   (p,) float64
-    starts   (s + 1,) int64, first point of each strand, then p
-    slot     material slot of the object
-    widened  factor by which radii were raised, since strands were left out
+    points:   (p, 3) float64; the points of a strand are consecutive
+    radius:   (p,) float64, radius at each point
+    starts:   (s + 1,) int64, first point of each strand, then p
+    slot:     material slot of the object
+    widened:  factor by which the radii were increased, because strands were left out
     """
 
     points: np.ndarray
@@ -33,14 +33,14 @@ class Strands:
 
 
 def has_strands(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Return True if an evaluated object has hair that a depsgraph of its mode shows."""
+    """Return True if an evaluated object has hair that its dependency graph's mode shows."""
     if obj.type == "CURVES":
         return True
     return obj.type == "MESH" and any(True for _ in _hair_systems(obj, depsgraph))
 
 
 def read_strands(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> list[Strands]:
-    """Return the hair of an evaluated object as a depsgraph has it, those of each system apart."""
+    """Return the strands of an evaluated object, one entry for each hair system."""
     if obj.type == "CURVES":
         found = [_read_curves(obj.data)]
     else:
@@ -63,7 +63,7 @@ def _hair_systems(
 def _read_particles(
     obj: bpy.types.Object, system: bpy.types.ParticleSystem, depsgraph: bpy.types.Depsgraph
 ) -> Strands:
-    """Return the strands of a particle system; those with children show these alone, as in Cycles."""
+    """Return the strands of a particle system; if it has children, only these, as in Cycles."""
     settings, parents = system.settings, len(system.particles)
     children = len(system.child_particles)
     step = settings.render_step if depsgraph.mode == "RENDER" else settings.display_step
@@ -86,7 +86,7 @@ def _read_particles(
 
 
 def _particle_radius(settings: bpy.types.ParticleSettings, points: np.ndarray) -> np.ndarray:
-    """Return the radius at points, (s, k, 3) -> (s, k): shaperadius (Cycles, blender/curves.cpp).
+    """Return the radius at points, (s, k, 3) -> (s, k) float64: Cycles' shaperadius (blender/curves.cpp).
 
     Root and tip of the settings are diameters.
     """

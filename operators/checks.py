@@ -69,7 +69,7 @@ class IdleCheck:
 
 
 class HEMIBAKE_OT_check(bpy.types.Operator):
-    """Look for what stands in the way of a good bake, and estimate what it will take; changes nothing"""
+    """Check the scene for problems, and estimate time and memory of a bake. Changes nothing"""
 
     bl_idname = "hemibake.check"
     bl_label = "Check Scene for Baking"
@@ -91,7 +91,7 @@ class HEMIBAKE_OT_check(bpy.types.Operator):
 
 
 class HEMIBAKE_OT_fix(bpy.types.Operator):
-    """Mend what the check has found"""
+    """Fix the problem that the check found"""
 
     bl_idname = "hemibake.fix"
     bl_label = "Fix Finding"

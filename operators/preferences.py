@@ -56,7 +56,7 @@ def _chosen_device() -> str | None:
 
 
 class HEMIBAKE_OT_find_devices(bpy.types.Operator):
-    """Look again which devices there are, and which of them bakes use"""
+    """Search for devices again, and show which of them bakes use"""
 
     bl_idname = "hemibake.find_devices"
     bl_label = "Find Devices"
@@ -71,7 +71,7 @@ class HEMIBAKE_OT_find_devices(bpy.types.Operator):
 
 
 class HEMIBAKE_OT_clear_cache(bpy.types.Operator):
-    """Remove all compiled kernels and what interrupted bakes have found; the next bake makes what it needs"""
+    """Remove compiled kernels and checkpoints of interrupted bakes; the next bake makes what it needs"""
 
     bl_idname = "hemibake.clear_cache"
     bl_label = "Clear Cache"

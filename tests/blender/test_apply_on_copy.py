@@ -101,7 +101,7 @@ def test_objects_that_cannot_be_replaced_are_named_and_block_no_other():
     obj = row()
     furnace("Plain").select_set(True)
     obj.select_set(False)
-    with pytest.raises(RuntimeError, match="nothing to apply"):
+    with pytest.raises(RuntimeError, match="no modifiers. Nothing to do"):
         apply()
     obj.select_set(True)
     assert apply() == {"FINISHED"}
@@ -155,7 +155,7 @@ def test_linked_collection_has_no_room_for_a_copy(tmp_path):
         linked.collections = ["Folder"]
     bpy.context.scene.collection.children.link(linked.collections[0])
     bpy.context.view_layer.update()
-    with pytest.raises(RuntimeError, match="'Row'.*collection of another file"):
+    with pytest.raises(RuntimeError, match="'Row'.*collection is linked from another file"):
         fix(finding("Linked"))
     assert [obj.name for obj in bpy.data.objects] == ["Row"]
 

@@ -295,7 +295,7 @@ def test_unwrapping_one_selected_object_moves_the_others(capfd):
     assert first.hemibake.atlas == second.hemibake.atlas == "Lightmap"
     told = capfd.readouterr().out
     assert (
-        "1 object unwrapped, 0 had lightmap UVs or no faces; 1 other moved to make room: bake again" in told
+        "1 object unwrapped, 0 had lightmap UVs or no faces; 1 other moved to make room. Bake again" in told
     )
 
 
@@ -391,7 +391,7 @@ def test_repacking_leaves_everything_if_an_object_has_no_room():
     bad = square("Chosen")
     bad.hemibake.own_uv_layer = "Lightmap"
     after = snapshot()
-    with pytest.raises(RuntimeError, match="'Chosen' stay as they are"):
+    with pytest.raises(RuntimeError, match="'Chosen': a UV layer of their own"):
         call("repack")
     assert snapshot() == after and before["meshes"]["First"] == after["meshes"]["First"]
     assert obj.data.uv_layers

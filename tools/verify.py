@@ -36,7 +36,7 @@ def main() -> None:
     with blender():
         import bpy
 
-        from tools.verification import scenes
+        from tools.verification import render_scenes, scenes  # noqa: F401
         from tools.verification.run import verify, write_difference
 
         scenes.register_files(options.scenes)

@@ -31,6 +31,13 @@ def realised(context: bpy.types.Context, read, resolution: int) -> Iterator[Real
         scene.remove()
 
 
+#: Flags of an object for kinds of rays, which its copy has, too.
+_RAY_VISIBILITY = (
+    "visible_camera", "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter",
+    "visible_shadow",
+)  # fmt: skip
+
+
 class RealisedScene:
     """Copies of what a bake saw, which Cycles can bake without touching the user's objects.
 
@@ -126,6 +133,8 @@ class RealisedScene:
 
     def _add(self, item, data) -> bpy.types.Object:
         obj = bpy.data.objects.new(item.source.name, data)
+        for name in _RAY_VISIBILITY:
+            setattr(obj, name, getattr(item.source, name))
         self._made.append((bpy.data.lights if isinstance(data, bpy.types.Light) else bpy.data.meshes, data))
         self._scene.collection.objects.link(obj)
         obj.parent = self._anchor

@@ -42,6 +42,10 @@ def _curtain() -> None:
     _roof(_shader("ShaderNodeBsdfTranslucent", Color=(0.8, 0.7, 0.5, 1))).rotation_euler.x = math.pi
 
 
+def _no_shadow() -> None:
+    _roof().visible_shadow = False
+
+
 def _hidden_in_viewport() -> None:
     _roof().hide_set(True)
 
@@ -70,6 +74,7 @@ _BUILDERS: dict[str, Callable[[], None]] = {
     "tinted_pane": _tinted_pane,
     "culled_card": _culled_card,
     "curtain": _curtain,
+    "no_shadow": _no_shadow,
     "hidden_in_viewport": _hidden_in_viewport,
     "render_only_modifier": _render_only_modifier,
     "camera_backdrop": _camera_backdrop,

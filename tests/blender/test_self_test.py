@@ -36,7 +36,7 @@ def test_machine_that_works_is_right_and_nothing_changes(log):
     assert bpy.ops.hemibake.self_test() == {"FINISHED"}
     right, text = told()
     assert right and text.startswith("Passed: the light differs by 0.") and "llvmpipe" in text
-    assert snapshot() == before and "Self-test: Right: " in log.read_text()
+    assert snapshot() == before and "Self-test: Passed: " in log.read_text()
 
 
 def test_window_goes_on_meanwhile(operator, context, window):  # noqa: F811
@@ -48,7 +48,7 @@ def test_window_goes_on_meanwhile(operator, context, window):  # noqa: F811
     }
     assert drive(operator, context) == {"FINISHED"}, operator.reports
     assert window.is_as_before() and not owner.busy
-    assert operator.reports[-1][0] == {"INFO"} and operator.reports[-1][1].startswith("Right: ")
+    assert operator.reports[-1][0] == {"INFO"} and operator.reports[-1][1].startswith("Passed: ")
 
 
 @pytest.mark.parametrize("way", ["escape", "disable"])

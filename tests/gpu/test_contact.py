@@ -28,13 +28,14 @@ SETTINGS = Settings(
     texel_samples=1,
 )
 
-#: Ways to find what patches see; "old" is that of OpenGL 4.1, "opengl" that of a machine without OpenCL.
+#: Ways to compute visibility: "old" is OpenGL 4.1. "opengl" is a machine without OpenCL, which casts rays
+#: in random directions.
 WAYS = {
     "raster": {"visibility": "raster"},
     "rays": {"visibility": "rays", "directions": "hemicube"},
     "paper": {"method": "paper"},
     "old": {"method": "paper"},
-    "opengl": {},
+    "opengl": {"samples": 4096},
 }
 
 NEAR, FAR = (0, 0, 0), (1000, -2000, 500)
@@ -96,12 +97,16 @@ def baked():
 
 
 def check_agreement(lightmaps):
-    """Ways agree but for what a texel on an edge sees."""
+    """Ways agree except in texels on an edge.
+
+    Hemicubes of 8 x 8 texels at the centre differ more from 4,096 rays from all over the texel.
+    """
     for kind in ("image", "display"):
-        images = [getattr(lightmap, kind) for lightmap in lightmaps.values()]
-        for image in images[1:]:
-            difference = np.abs(image - images[0])
-            assert difference.mean() < 1e-3 and difference.max() < 0.05
+        images = {name: getattr(lightmap, kind) for name, lightmap in lightmaps.items()}
+        for name, image in images.items():
+            mean, largest = (7e-3, 0.15) if name == "opengl" else (1e-3, 0.05)
+            difference = np.abs(image - images["raster"])
+            assert difference.mean() < mean and difference.max() < largest
 
 
 def chart(lightmap, where, margin=2):
@@ -136,12 +141,11 @@ def test_what_sticks_out_over_an_edge_is_lit_there(baked):
 
 
 def test_both_sides_of_a_leaf_are_lit(baked):
-    """Two sheets that face away from each other; without OpenCL nobody looks what they see."""
+    """Two sheets that face away from each other."""
     sheet = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
     mesh = quads(np.stack([sheet, sheet[::-1]]), [FLOOR, (22, 0, 20, 20)], [0, 0], 64, "Leaf")
     leaf = Scene((mesh,), (material("Grey", 0.5),), world=np.ones(3, np.float32))
     lightmaps = baked(leaf)
-    assert not lightmaps.pop("opengl").image.any()
     check_agreement(lightmaps)
     for lightmap in lightmaps.values():
         assert chart(lightmap, FLOOR).min() > 0.99 and chart(lightmap, (22, 0, 20, 20)).min() > 0.99

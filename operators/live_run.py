@@ -21,6 +21,7 @@ from .bake_run import ATTEMPTS, Bake, BakeRun, Steps
 from .bake_settings import read_settings
 from .live_watch import LiveWatch
 from .lookup import find_all
+from .result.images import pack_for_bake
 from .result.preview import refresh_preview
 from .result.progress_images import image_names
 from .scene import SceneChangedError, read_lamps, read_moved, read_scene, store_edits, visible_meshes
@@ -90,7 +91,7 @@ class LiveRun(BakeRun):
         """Pack the images, because Cycles would display the files instead of the updated pixels."""
         for image in find_all(bpy.data.images, self._images.uids):
             if image.packed_file is None:
-                image.pack()
+                pack_for_bake(image)
 
     def _store_shown(self, path: str = "", *_: object) -> None:
         """Write the files of the last finished lightmaps before the .blend is saved; see `_hold_pixels`.

@@ -24,7 +24,8 @@ from .manifest import NAME, write_manifest
 #: Custom property that marks a lightmap image; its value is the atlas name.
 MARK = "hemibake_atlas"
 
-#: Custom property of an image: True if a bake packed it, for lack of a folder or after a write error.
+#: Custom property of an image: True if a bake packed it: without a folder, after a write error,
+#: or in Live.
 _PACKED = "hemibake_packed"
 
 #: Color space of images without colors, if the working space is not Rec.709.
@@ -161,6 +162,12 @@ def _use_file(image: bpy.types.Image, path: str) -> None:
         image.filepath_raw = _relative(path)
     if is_packed:
         image.pack()
+
+
+def pack_for_bake(image: bpy.types.Image) -> None:
+    """Pack an image until a bake writes its file again."""
+    image[_PACKED] = not _is_packed_by_user(image)
+    image.pack()
 
 
 def _is_packed_by_user(image: bpy.types.Image) -> bool:

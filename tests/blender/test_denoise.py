@@ -75,10 +75,9 @@ def test_the_panel_gives_a_reason_where_it_does_not_denoise_and_else_none(settin
     assert ("No Open Image Denoise in this Blender" in shown) != denoises()
 
 
-def test_without_a_library_the_panel_gives_the_reason_and_a_bake_warns(settings, no_library):
+def test_without_a_library_a_bake_warns_and_the_panel_does_not(settings, no_library):
     furnace()
-    shown = draw("HEMIBAKE_PT_bake")
-    assert shown[shown.index("denoise") + 1] == "No Open Image Denoise in this Blender"
+    assert not any("Open Image Denoise" in text for text in draw("HEMIBAKE_PT_bake"))
     assert bake() == {"FINISHED"}
     (warning,) = warnings()
     assert warning.startswith("The lightmaps were not denoised. There is no Open Image Denoise.")

@@ -46,7 +46,7 @@ def test_hidden_objects_are_told_and_the_selection_stays():
     first, second = square("A"), square("B")
     first.select_set(True)
     second.hide_set(True)
-    with pytest.raises(RuntimeError, match="hidden or gone"):
+    with pytest.raises(RuntimeError, match="hidden or deleted"):
         select("B", "Gone")
     assert selected() == ["A"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -117,7 +117,14 @@ class SolveJob:
     @cached_property
     def checkpoint(self) -> Checkpoint:
         """Files of visibility samples and light of these patches."""
-        return self.kept.checkpoints.of(self._visibility_key)
+        # Checkpoints refer to each other. The key refers neither to the job nor to the session cache, since
+        # their OpenGL objects would live on in a cycle.
+        parts, back_emission = self.parts, self.back_emission
+        devices = [self.graphics.name]
+        if self.compute is not None:
+            devices.append(device_digest(self.compute.device))
+        key = partial(_visibility_key, parts, back_emission, devices, self.kept.key, self.settings)
+        return self.kept.checkpoints.of(key)
 
     def after(self, last: PreviousSolution | None) -> SolveJob:
         """Return the job with the light of an earlier bake as its start, if there is any."""
@@ -159,16 +166,6 @@ class SolveJob:
         arrays = (self.emission, self.back_emission, self.sky, self.sampled_light, reflectance, self.area)
         return (*arrays, own, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
 
-    def _visibility_key(self) -> str:
-        """Return a digest of everything that determines the visibility between the patches."""
-        parts, devices = self.parts, [self.graphics.name]
-        if self.compute is not None:
-            devices.append(device_digest(self.compute.device))
-        where = (parts.patches.texel, parts.patches.atlas, parts.texel_to_patch)
-        points = (parts.geometry.triangle, parts.geometry.barycentric, self.back_emission)
-        made_by = (source_digest(), *devices, self.kept.key, visibility_settings(self.settings))
-        return digest_of((*where, *points, *made_by))
-
     @property
     def columns(self) -> int:
         """Number of iterates that the solver stores; accelerated iterations need more."""
@@ -194,3 +191,22 @@ class SolveJob:
     def _is_seen(self) -> bool:
         """True if patches, or the unsampled part of the sky, emit light."""
         return bool(self.sky.any() or self.emission.any() or self.back_emission.any())
+
+
+def _visibility_key(
+    parts: PatchScene,
+    back_emission: np.ndarray,
+    devices: list[str],
+    cache_key: tuple | None,
+    settings: Settings,
+) -> str:
+    """Return a digest of everything that determines the visibility between the patches.
+
+    back_emission:  (n, 3) float32, radiance of back faces, W/(m^2 sr)
+    devices:        names and digests of the devices
+    cache_key:      `SessionCache.key`
+    """
+    where = (parts.patches.texel, parts.patches.atlas, parts.texel_to_patch)
+    points = (parts.geometry.triangle, parts.geometry.barycentric, back_emission)
+    made_by = (source_digest(), *devices, cache_key, visibility_settings(settings))
+    return digest_of((*where, *points, *made_by))

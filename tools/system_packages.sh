@@ -36,7 +36,7 @@ blender_packages() {
 
 # OpenGL: a context as the engine makes it; without a graphics card Mesa draws on the processor.
 opengl_packages() {
-    "$python" -c "from engine.device.gl_context import Graphics; Graphics().release()" 2>/dev/null ||
+    "$python" -c "from engine.device.gl_context import GraphicsContext; GraphicsContext().release()" 2>/dev/null ||
         echo libegl1 libgl1 libgl1-mesa-dri
 }
 
@@ -50,8 +50,8 @@ run_kernel() {
     "$python" -c "
 import numpy as np
 from engine.device.buffers import upload_float4
-from engine.device.cl_device import Compute
-compute = Compute()
+from engine.device.cl_device import ComputeDevice
+compute = ComputeDevice()
 upload_float4(compute, np.zeros((1, 3), np.float32))
 compute.queue.finish()"
 }
@@ -80,7 +80,7 @@ apt-get install -y -qq --no-install-recommends $packages >/dev/null
 packages=$(missing)
 if [ -n "$packages" ]; then
     echo "These libraries are still missing although their packages are installed: $packages" >&2
-    "$python" -c "from engine.device.gl_context import Graphics; Graphics()" || true
+    "$python" -c "from engine.device.gl_context import GraphicsContext; GraphicsContext()" || true
     run_kernel || true
     exit 1
 fi

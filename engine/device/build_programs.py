@@ -11,18 +11,34 @@ caches it in its own files. Each kernel is launched once with zeros as arguments
 import json
 import os
 import sys
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
+from pytools import persistent_dict
 
 #: Size in bytes of the buffer that replaces all buffers of a launch, and offset of its start. With a count of
 #: zero, a kernel may access the element before the first.
 _ROOM, _BEGIN = 32 << 20, 1 << 20
 
 
+class InvokerCache(dict):
+    """Replacement in memory of PyOpenCL's database of generated code; see `pyopencl_invokers`."""
+
+    def __init__(self, *_names: str, **_options: object) -> None:
+        super().__init__()
+
+    def store_if_not_present(self, key: tuple, value: object) -> None:
+        """Store a value unless there is one."""
+        self.setdefault(key, value)
+
+
 def main() -> None:
     """Build the programs one after another; skip programs that fail."""
     request = json.load(sys.stdin.buffer)
+    # PyOpenCL opens the database, a file in the user's cache folder, when a kernel is first used.
+    database: Any = persistent_dict
+    database.WriteOncePersistentDict = InvokerCache
 
     # Keep the output free of messages that drivers print.
     output = os.fdopen(os.dup(1), "wb")

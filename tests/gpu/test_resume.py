@@ -120,7 +120,7 @@ def test_other_lamps_take_what_patches_see_but_not_the_light(tmp_path):
     relit = dataclasses.replace(ROOM, lights=(lamp(3, 1, 2), lamp(2, 2, 2)))
     resumed = finished(bake(relit, cached))
     (sentence,) = went_on(resumed)
-    assert "patches see" in sentence
+    assert "Visibility of" in sentence
     assert_same(resumed, finished(bake(relit, SETTINGS)))
 
 

@@ -28,7 +28,8 @@ _PASSING = {
 #: What a bake, and the check before it, write on scenes and objects.
 _RESULTS = {
     "report", "findings", "lightmaps", "image", "uv_layer", "uv_scale", "uv_offset", "instances",
-    "baked_uvs", "fingerprint", "slots", "slot_added", "baked_scene",
+    "baked_uvs", "fingerprint", "light_change", "slots", "slot_added", "baked_scene", "bake_id", "scene_id",
+    "other_bakes", "automatic_width", "lightmap_side",
 }  # fmt: skip
 
 #: Name of the modifiers that keep lightmap UVs, and of what they use.
@@ -100,7 +101,7 @@ def _is_made(name: str, item: dict[str, Any]) -> bool:
 
 def _without_uvs(obj: dict[str, Any], moved: bool) -> dict[str, Any]:
     modifiers = {name: item for name, item in obj["modifiers"].items() if not name.startswith(_UVS)}
-    placed = {"atlas": None, "made_uvs": None} if moved else {}
+    placed = {"atlas": None, "generated_uvs": None} if moved else {}
     return {**obj, "modifiers": modifiers, "hemibake": {**obj["hemibake"], **placed}}
 
 

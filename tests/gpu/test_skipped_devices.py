@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from engine import Settings, finished, warm_up
-from engine.device.cl_device import ComputeDevice
+from engine.device.cl_device import ComputeDevice, found_devices
 from engine.device.device_records import DeviceRecords
 from engine.errors import DeviceError
 from engine.self_test import furnace
@@ -22,6 +22,14 @@ def session(monkeypatch):
     made.close()
 
 
+@pytest.fixture
+def single_device(monkeypatch):
+    """Hide all OpenCL devices but the first; a machine may have several drivers."""
+    first = found_devices()[:1]
+    monkeypatch.setattr("engine.device.cl_device.found_devices", lambda: first)
+
+
+@pytest.mark.usefixtures("single_device")
 @pytest.mark.parametrize(("tolerance", "right"), [(0.01, True), (-1, False)])
 def test_light_is_tested_once_a_driver(session, tmp_path, monkeypatch, tolerance, right):
     settings = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))

@@ -55,6 +55,16 @@ def taken(values: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     return rows
 
 
+def to_float4(vectors: np.ndarray, first: int = 0, last: float = 0.0) -> np.ndarray:
+    """Pad vectors, (k, ..., 3), to (first + k, ..., 4) float32, with `first` rows of zeros in front.
+
+    last:  fourth component
+    """
+    padded = np.zeros((first + len(vectors), *vectors.shape[1:-1], 4), np.float32)
+    padded[first:, ..., :3], padded[first:, ..., 3] = vectors, last
+    return padded
+
+
 def take_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
     """Return a subset of the rows of (n, ...), by a slice, a mask, (n,) bool, or indices."""
     if isinstance(chosen, slice):

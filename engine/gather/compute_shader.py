@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import moderngl
 import numpy as np
 
+from ..array_ops import to_float4
 from ..device.gl_context import GraphicsContext
 from ..device.raw_gl import DepthArray
 from ..visibility.raster.tiles import Tiles
@@ -32,7 +33,7 @@ class HemicubeTables:
 
     def set_frames(self, frames: np.ndarray) -> None:
         """Upload the frames of the first m slots, (m, 4, 3) float32 from `Viewpoints.frames`."""
-        self._frames.write(four(frames))
+        self._frames.write(to_float4(frames))
 
     def read_sums(self, count: int) -> np.ndarray:
         """Download the sums of the first `count` hemicubes, (count, 4) float32."""
@@ -88,13 +89,6 @@ class ComputeShader:
 
 def sky_texture(graphics: GraphicsContext, sky: np.ndarray) -> moderngl.Texture:
     """Upload an environment map, (h, w, 3) float32 radiance, as the texture that hemicube.glsl reads."""
-    texture = graphics.context.texture(sky.shape[1::-1], 4, four(sky).tobytes(), dtype="f4")
+    texture = graphics.context.texture(sky.shape[1::-1], 4, to_float4(sky).tobytes(), dtype="f4")
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return texture
-
-
-def four(vectors: np.ndarray, first: int = 0) -> np.ndarray:
-    """Pad (k, ..., 3) vectors to (first + k, ..., 4) float32 with zeros."""
-    padded = np.zeros((first + len(vectors), *vectors.shape[1:-1], 4), np.float32)
-    padded[first:, ..., :3] = vectors
-    return padded

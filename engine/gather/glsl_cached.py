@@ -5,9 +5,10 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
+from ..array_ops import to_float4
 from ..device.gl_context import GraphicsContext
 from ..visibility.raster.tiles import Tiles
-from .compute_shader import ComputeShader, HemicubeTables, four, sky_texture
+from .compute_shader import ComputeShader, HemicubeTables, sky_texture
 
 #: Memory limit of the cache, bytes; OpenGL has no query for the memory size.
 _MOST = 1 << 30
@@ -47,7 +48,7 @@ class GlslCachedIntegrator:
         self._sum_static_light = ComputeShader(graphics, "background_light", tiles, self._tables, ("sky",))
         self._gather = ComputeShader(graphics, "gather", tiles, self._tables)
         self._sky = sky_texture(graphics, sky)
-        self._emission = self._context.buffer(four(emission, first=1).tobytes())
+        self._emission = self._context.buffer(to_float4(emission, first=1).tobytes())
         self._radiance = self._context.buffer(reserve=self._emission.size)
 
         # A storage block may be smaller than a batch, so a batch is stored in parts.
@@ -62,7 +63,7 @@ class GlslCachedIntegrator:
 
     def set_radiance(self, radiance: np.ndarray) -> None:
         """Upload the exitant radiance of front faces, (n, 3) float32."""
-        self._radiance.write(four(radiance, first=1))
+        self._radiance.write(to_float4(radiance, first=1))
 
     def keep(self, frames: np.ndarray) -> None:
         """Store the item buffers just drawn, and sum their background light. frames: (m, 4, 3) float32."""

@@ -8,6 +8,7 @@ from typing import TypeVar
 import moderngl
 import numpy as np
 
+from ..array_ops import to_float4
 from ..patches.patch_scene import PatchScene
 from ..progress import run_as_fraction
 from ..settings import Settings
@@ -25,7 +26,6 @@ from ..visibility.sampler import directional_options
 from ..visibility.unoccluded_sky import open_sky
 from ..visibility.views.directions import r2_sequence
 from ..visibility.views.hemicube import rotation_salt
-from .compute_shader import four
 
 #: Type of the result of a work generator.
 Result = TypeVar("Result")
@@ -83,7 +83,7 @@ class ShaderGather:
             "sky_height": sky.shape[0],
             "has_open_sky": int(table is not None),
         }
-        self._back_emission = storage_buffer(self._graphics, four(back_emission, first=1))
+        self._back_emission = storage_buffer(self._graphics, to_float4(back_emission, first=1))
         self._radiance = reserve_storage(self._graphics, 16 * (len(back_emission) + 1))
         rows = 4 * self.samples
         self._step = max(1, min(largest_block(self._graphics), _MAX_KEPT) // rows)
@@ -95,7 +95,7 @@ class ShaderGather:
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Run one gather iteration; see `interface.Gather`. The first iteration traces the samples."""
-        self._radiance.write(four(radiance, first=1))
+        self._radiance.write(to_float4(radiance, first=1))
         gathered = np.zeros((self._scene.count, 4), np.float32)
         for first, last in self._chunks():
             rows = yield from self._within(0.0, _TRACING, first, last, self._rows(first, last))
@@ -107,7 +107,7 @@ class ShaderGather:
 
     def gather_l1(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Return irradiance gradients (L1), (n, 3, 3) float32: patch, world axis, rgb."""
-        self._radiance.write(four(radiance, first=1))
+        self._radiance.write(to_float4(radiance, first=1))
         l1 = self._background_l1[:, :3].copy()
         for first, last in self._chunks():
             rows = yield from self._within(0.0, _TRACING, first, last, self._rows(first, last))
@@ -193,7 +193,7 @@ def _arrays(
         "uvs": triangles.uvs.astype(np.float32, copy=False),
         "atlases": triangles.atlas.astype(np.int32, copy=False),
         "texel_to_patch": sources.texel_to_patch.astype(np.uint32, copy=False),
-        "sky": four(sky.reshape(-1, 3)),
-        "open_sky": np.zeros((1, 4), np.float32) if table is None else four(table),
+        "sky": to_float4(sky.reshape(-1, 3)),
+        "open_sky": np.zeros((1, 4), np.float32) if table is None else to_float4(table),
         **({} if triangles.backs is None else {"backs": triangles.backs.astype(np.int32, copy=False)}),
     }

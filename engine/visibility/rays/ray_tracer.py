@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...array_ops import to_float4
 from ...device.buffers import upload
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
@@ -118,15 +119,8 @@ class RayTracer:
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
         """Upload rays and return their buffers."""
-        rays = (_four(origins), _four(directions, distance))
+        rays = (to_float4(origins), to_float4(directions, last=distance))
         return [upload(self._compute, array) for array in rays]
-
-
-def _four(vectors: np.ndarray, last: float = 0.0) -> np.ndarray:
-    """Pad (..., 3) to (..., 4) float32."""
-    padded = np.full((*vectors.shape[:-1], 4), last, np.float32)
-    padded[..., :3] = vectors
-    return padded
 
 
 def cutout_options(tinted: bool) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ empty file records that the kernels of a program were compiled.
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import os
 from collections.abc import Iterable, Sequence
@@ -16,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from ..json_file import read_json, write_json
 from .builders import Builders, Program
 from .opencl import cl
 
@@ -120,9 +120,7 @@ class ProgramCache:
         if self._paces is not None and ended:
             with suppress(OSError):
                 paces = {**self._read_paces(), self._key: ended[-1].pace}
-                partial = self._paces.with_suffix(f".{os.getpid()}")
-                partial.write_text(json.dumps(paces), encoding="utf-8")
-                partial.replace(self._paces)
+                write_json(self._paces, paces)
 
     @property
     def _key(self) -> str:
@@ -131,12 +129,8 @@ class ProgramCache:
 
     def _read_paces(self) -> dict[str, float]:
         """Return the build paces of devices by name; empty if the file is missing or damaged."""
-        if self._paces is None:
-            return {}
-        with suppress(OSError, ValueError, AttributeError):
-            paces = json.loads(self._paces.read_text(encoding="utf-8")).items()
-            return {name: pace for name, pace in paces if isinstance(pace, float) and math.isfinite(pace)}
-        return {}
+        paces = read_json(self._paces).items()
+        return {name: pace for name, pace in paces if isinstance(pace, float) and math.isfinite(pace)}
 
     def stop(self) -> None:
         """Stop all builds in other processes."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from ..json_file import read_json, write_json
 
 
 @dataclass(frozen=True)
@@ -44,27 +45,16 @@ class KeptWorkSizes:
     def read(self, default: WorkSizes) -> WorkSizes:
         """Return the sizes of the device, with `default` for missing ones."""
         with suppress(AttributeError, TypeError, ValueError):
-            return WorkSizes(**asdict(default) | _checked(self._known().get(self._device, {})))
+            return WorkSizes(**asdict(default) | _checked(read_json(self._path).get(self._device, {})))
         return default
 
     def keep(self, best: WorkSizes, default: WorkSizes) -> None:
         """Store the sizes that differ from the default; raises OSError."""
         if self._path is None:
             return
-        usual, known = asdict(default), self._known()
+        usual, known = asdict(default), read_json(self._path)
         known[self._device] = {name: side for name, side in asdict(best).items() if side != usual[name]}
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        partial = self._path.with_suffix(".partial")
-        partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
-        partial.replace(self._path)
-
-    def _known(self) -> dict[str, dict]:
-        """Return the stored sizes by device."""
-        with suppress(OSError, ValueError):
-            if self._path is not None:
-                known = json.loads(self._path.read_text(encoding="utf-8"))
-                return known if isinstance(known, dict) else {}
-        return {}
+        write_json(self._path, known)
 
 
 def _checked(kept: dict) -> dict[str, tuple[int, ...]]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from contextlib import suppress
 from pathlib import Path
+
+from ..json_file import read_json, write_json
 
 
 class DrawingRates:
@@ -37,18 +38,13 @@ class DrawingRates:
         rates, size = known.setdefault(self._name, {}), str(triangles.bit_length())
         rates[size] = max(rate, rates.get(size, 0.0))
         with suppress(OSError):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            partial = self._path.with_suffix(".partial")
-            partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
-            partial.replace(self._path)
+            write_json(self._path, known)
 
     def _known(self) -> dict[str, dict[str, float]]:
         """Return the rates by device and hemicube width, then by bit length of the number of triangles."""
-        with suppress(OSError, ValueError, AttributeError, TypeError):
-            if self._path is not None:
-                known = json.loads(self._path.read_text(encoding="utf-8"))
-                return {
-                    str(name): {str(int(size)): float(rate) for size, rate in rates.items()}
-                    for name, rates in known.items()
-                }
+        with suppress(ValueError, AttributeError, TypeError):
+            return {
+                name: {str(int(size)): float(rate) for size, rate in rates.items()}
+                for name, rates in read_json(self._path).items()
+            }
         return {}

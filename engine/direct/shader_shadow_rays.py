@@ -6,20 +6,20 @@ from collections.abc import Generator, Sequence
 
 import numpy as np
 
+from ..array_ops import to_float4
 from ..patches.patch_scene import PatchScene
 from ..progress import run_as_fraction
-from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
-from ..settings import MOST_LIGHTS, Settings
+from ..settings import Settings
 from ..visibility.rays.receiver_records import RECEIVER
 from ..visibility.rays.shaders.shader_scene import ShaderScene
 from ..visibility.rays.shaders.shader_tables import ShaderTables, reserve_storage, storage_buffer
 from ..visibility.rays.shaders.shader_tracer import RECORDS, RESULTS, read_rows
 from ..visibility.sampler import directional_options
-from .emitters import EMITTER, SampledTriangles, lamp_records, sky_record, surface_records
+from .emitter_lists import EmitterLists, joined_emitters, visible_fraction
+from .emitters import EMITTER, SampledTriangles
 from .light_tree import LIGHT_NODE, build_light_tree
-from .modulation import pack_modulations
 from .sky import Sky
 
 #: Storage blocks of shaders/direct/.
@@ -45,13 +45,9 @@ class ShaderShadowRays:
         settings: Settings,
     ) -> None:
         self._scene, self._tracer, self._settings = receivers, receivers.tracer, settings
-        self._count, self._mesh = receivers.count, parts.triangles.mesh
+        self._count = receivers.count
         self._features = tuple(option.removeprefix("-D").lower() for option in directional_options(settings))
-        modulations, profiles, numbers = pack_modulations(lamps)
-        self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
-        self._records.append(surface_records(parts.triangles, bright))
-        if sky.bright is not None:
-            self._records.append(sky_record())
+        self._emitters = EmitterLists(lamps, parts.triangles, bright, sky)
         height, width = sky.distribution.size
         self._uniforms = {
             "resolution": parts.patches.resolution,
@@ -64,8 +60,8 @@ class ShaderShadowRays:
         self._tables = ShaderTables(
             receivers.graphics,
             {
-                "modulations": modulations,
-                "profiles": profiles,
+                "modulations": self._emitters.modulations,
+                "profiles": self._emitters.profiles,
                 "sky_pixels": sky.distribution.pixels,
                 "cumulative": sky.distribution.cumulative,
                 "listed": sky.distribution.listed,
@@ -75,31 +71,22 @@ class ShaderShadowRays:
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters at every patch and its L1; see `ShadowRays.sampled`."""
-        light, l1 = yield from self._all_light(self._records)
+        light, l1 = yield from self._all_light(self._emitters.lists)
         return light[:, :3].copy(), l1[:, :3].reshape(-1, 3, 3)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
         """Return E/pi of each light group; see `ShadowRays.sampled_by_group`."""
-        triangle = self._records[len(groups.lamps)]["triangle"]
-        numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
         light = np.zeros((groups.count, self._count, 3), np.float32)
-        for group in range(groups.count if self._count else 0):
-            mine = [
-                records[np.broadcast_to(number == group, len(records))]
-                for records, number in zip(self._records, numbers, strict=False)
-            ]
+        for group, lists in enumerate(self._emitters.by_group(groups) if self._count else ()):
             span = group / groups.count, (group + 1) / groups.count
-            found, _ = yield from run_as_fraction(*span, self._all_light(mine))
+            found, _ = yield from run_as_fraction(*span, self._all_light(lists))
             light[group] = found[:, :3]
         return light
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return the visible fraction of a light for each patch; see `ShadowRays.shadow_mask`."""
-        light, _ = yield from self._light(self._records[lamp], self._settings.light_samples)
-        mask: np.ndarray = np.where(
-            light[:, 3] > 0, luminance(light[:, :3]) / np.maximum(light[:, 3], 1e-30), 0
-        )
-        return np.minimum(mask, 1).astype(np.float32)
+        light, _ = yield from self._light(self._emitters.lists[lamp], self._settings.light_samples)
+        return visible_fraction(light)
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
         """Return the unoccluded fraction of each patch's hemisphere; see `ShadowRays.ambient_occlusion`."""
@@ -117,14 +104,13 @@ class ShaderShadowRays:
         )
         return read_rows(results, self._count)[:, 0].copy()
 
-    def _all_light(self, records: list[np.ndarray]) -> Generator[float, None, _Rows]:
-        """Return E/pi of the given emitters; see `_light`."""
-        shining = [emitters for emitters in records if len(emitters)]
-        if not shining:
+    def _all_light(self, lists: list[np.ndarray]) -> Generator[float, None, _Rows]:
+        """Return E/pi of lists of emitters; see `_light`."""
+        joined = joined_emitters(lists, self._settings.light_samples)
+        if joined is None:
             rows = 3 * self._count if self._features else 0
             return np.zeros((self._count, 4), np.float32), np.zeros((rows, 4), np.float32)
-        budget = self._settings.light_samples * min(len(shining), MOST_LIGHTS)
-        return (yield from self._light(EMITTER.joined(shining), budget))
+        return (yield from self._light(*joined))
 
     def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, _Rows]:
         """Return E/pi and its unshadowed luminance from some emitters at all patches, and the L1."""
@@ -151,15 +137,8 @@ def _glow_arrays(parts: PatchScene) -> dict[str, np.ndarray]:
     """Return the look-up tables of emissive surfaces: radiance of both sides, index map and UVs."""
     surfaces = parts.surfaces
     return {
-        "radiance": _entries(surfaces.emission),
-        "back_radiance": _entries(surfaces.emission_of_backs),
+        "radiance": to_float4(surfaces.emission, first=1),
+        "back_radiance": to_float4(surfaces.emission_of_backs, first=1),
         "texel_to_patch": parts.texel_to_patch.astype(np.uint32, copy=False),
         "uvs": parts.triangles.uvs.astype(np.float32, copy=False),
     }
-
-
-def _entries(radiance: np.ndarray) -> np.ndarray:
-    """Pad radiance, (n, 3), to (n + 1, 4) float32, with a black entry 0."""
-    entries = np.zeros((len(radiance) + 1, 4), np.float32)
-    entries[1:, :3] = radiance
-    return entries

@@ -21,15 +21,14 @@ from ..device.opencl import cl
 from ..device.time_slicer import sliced
 from ..patches.patch_scene import PatchScene
 from ..progress import run_as_fraction
-from ..scene.color import luminance
 from ..scene.light_groups import LightGroups
 from ..scene.model import Light
-from ..settings import MOST_LIGHTS, Settings
+from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import directional_options
-from .emitters import EMITTER, EMITTER_RECORDS, SampledTriangles, lamp_records, sky_record, surface_records
+from .emitter_lists import EmitterLists, joined_emitters, visible_fraction
+from .emitters import EMITTER, EMITTER_RECORDS, SampledTriangles
 from .light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
-from .modulation import pack_modulations
 from .sky import Sky, SkyDistribution
 
 
@@ -74,16 +73,12 @@ class ShadowRays:
         (self._direct,) = rays.kernels(
             (*LIGHT_TREE_RECORDS, "direct.cl"), "sample_direct_light", options=options
         )
-        self._receivers, self._mesh = receivers.receivers, parts.triangles.mesh
+        self._receivers = receivers.receivers
         self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
 
-        # Pack the emitters: those of each light, then surfaces, then sky.
-        modulations, profiles, numbers = pack_modulations(lamps)
-        self._modulations = upload(compute, modulations), upload(compute, profiles)
-        self._records = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
-        self._records.append(surface_records(parts.triangles, bright))
-        if sky.bright is not None:
-            self._records.append(sky_record())
+        self._emitters = EmitterLists(lamps, parts.triangles, bright, sky)
+        tables = self._emitters.modulations, self._emitters.profiles
+        self._modulations = tuple(upload(compute, array) for array in tables)
         self._glow = self._glow_arguments(parts, bright)
         self._sky = self._sky_arguments(sky.distribution)
 
@@ -92,14 +87,14 @@ class ShadowRays:
         surfaces = parts.surfaces
         shine = (surfaces.emission, surfaces.back_emission, parts.texel_to_patch, parts.triangles.uvs)
         self.lights = (
-            *self._records, modulations, profiles, sky.bright, *(shine if len(bright.triangles) else ()),
+            *self._emitters.lists, *tables, sky.bright, *(shine if len(bright.triangles) else ()),
             settings.light_samples, settings.seed, options,
         )  # fmt: skip
 
     @property
     def emitters(self) -> np.ndarray:
         """Records of all sampled emitters, (m,) EMITTER."""
-        return EMITTER.joined(self._records)
+        return EMITTER.joined(self._emitters.lists)
 
     def sampled(
         self, chosen: np.ndarray | None = None
@@ -114,7 +109,7 @@ class ShadowRays:
         items = self._count if chosen is None else len(chosen)
         if not items:
             return np.zeros((0, 3), np.float32), self._read_l1(0)
-        light = yield from self._all_light(self._records, chosen)
+        light = yield from self._all_light(self._emitters.lists, chosen)
         return download_colors_once(self._compute, light, items), self._read_l1(items)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
@@ -123,39 +118,29 @@ class ShadowRays:
         Each group has as many samples as if it were alone, so the sum of the groups differs from `sampled` by
         noise.
         """
-        triangle = self._records[len(groups.lamps)]["triangle"]
-        numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
         light = np.zeros((groups.count, self._count, 3), np.float32)
-        for group in range(groups.count if self._count else 0):
-            mine = [
-                records[np.broadcast_to(number == group, len(records))]
-                for records, number in zip(self._records, numbers, strict=False)
-            ]
+        for group, lists in enumerate(self._emitters.by_group(groups) if self._count else ()):
             span = group / groups.count, (group + 1) / groups.count
-            found = yield from run_as_fraction(*span, self._all_light(mine))
+            found = yield from run_as_fraction(*span, self._all_light(lists))
             light[group] = download_colors_once(self._compute, found, self._count)
         return light
 
     def _all_light(
-        self, records: list[np.ndarray], chosen: np.ndarray | None = None
+        self, lists: list[np.ndarray], chosen: np.ndarray | None = None
     ) -> Generator[float, None, cl.Buffer]:
-        """Return E/pi of the given emitters, float4 of n patches; see `_light`."""
-        shining = [emitters for emitters in records if len(emitters)]
-        if not shining:
+        """Return E/pi of lists of emitters, float4 of n patches; see `_light`."""
+        joined = joined_emitters(lists, self._settings.light_samples)
+        if joined is None:
             return zeros(self._compute, 16 * self._count)
-        budget = self._settings.light_samples * min(len(shining), MOST_LIGHTS)
-        return (yield from self._light(EMITTER.joined(shining), budget, chosen))
+        return (yield from self._light(*joined, chosen))
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return the visible fraction of a light for each patch, (n,) float32; yield progress 0..1.
 
         1 is unshadowed; 0 is full shadow, or no irradiance from the light.
         """
-        result = yield from self._light(self._records[lamp], self._settings.light_samples)
-        light = download(self._compute, result, (self._count, 4))
-        passed = luminance(light[:, :3])
-        mask: np.ndarray = np.where(light[:, 3] > 0, passed / np.maximum(light[:, 3], 1e-30), 0)
-        return np.minimum(mask, 1).astype(np.float32)
+        result = yield from self._light(self._emitters.lists[lamp], self._settings.light_samples)
+        return visible_fraction(download(self._compute, result, (self._count, 4)))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
         """Return the unoccluded fraction of each patch's hemisphere, (n,) float32; yield progress 0..1.

@@ -28,9 +28,11 @@ _PASSING = {
 #: What a bake, and the check before it, write on scenes and objects.
 _RESULTS = {
     "report", "findings", "lightmaps", "image", "uv_layer", "uv_scale", "uv_offset", "instances",
-    "baked_uvs", "fingerprint", "light_change", "slots", "slot_added", "baked_scene", "bake_id", "scene_id",
-    "other_bakes", "automatic_width", "lightmap_side",
+    "baked_uvs", "fingerprint", "slots", "slot_added", "baked_scene",
 }  # fmt: skip
+
+#: Results that only a finished bake or unwrap writes: a cancelled one leaves them as they were.
+_FINISHED = {"bake_id", "scene_id", "automatic_width", "lightmap_side"}
 
 #: Name of the modifiers that keep lightmap UVs, and of what they use.
 _UVS = "Lightmap UVs"
@@ -80,7 +82,8 @@ def without_results(facts: dict[str, Any], uv_layer: str, moved: set[str]) -> di
     }
     meshes = {name: _without_layer(mesh, uv_layer) for name, mesh in users["meshes"].items()}
     objects = {name: _without_uvs(obj, name in moved) for name, obj in users["objects"].items()}
-    return {**facts, **users, "meshes": meshes, "objects": objects}
+    scenes = {name: _without_finished(scene) for name, scene in facts["scenes"].items()}
+    return {**facts, **users, "meshes": meshes, "objects": objects, "scenes": scenes}
 
 
 def unwrapped(before: dict[str, Any], after: dict[str, Any], uv_layer: str) -> set[str]:
@@ -102,7 +105,14 @@ def _is_made(name: str, item: dict[str, Any]) -> bool:
 def _without_uvs(obj: dict[str, Any], moved: bool) -> dict[str, Any]:
     modifiers = {name: item for name, item in obj["modifiers"].items() if not name.startswith(_UVS)}
     placed = {"atlas": None, "generated_uvs": None} if moved else {}
-    return {**obj, "modifiers": modifiers, "hemibake": {**obj["hemibake"], **placed}}
+    own = _without_finished(obj)
+    return {**own, "modifiers": modifiers, "hemibake": {**own["hemibake"], **placed}}
+
+
+def _without_finished(item: dict[str, Any]) -> dict[str, Any]:
+    """Return an object or scene without what a finished bake records of it."""
+    own = {name: value for name, value in item["hemibake"].items() if name not in _FINISHED}
+    return {**item, "hemibake": own}
 
 
 def _without_layer(mesh: dict[str, Any], uv_layer: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The preview follows the scene of the window: scenes that share objects have lightmaps of their own."""
+"""Preview of the scene in the window, since scenes that share objects have separate lightmaps."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .result.preview import previewed, switch_preview
 
 
 class _ShownScenes:
-    """The scenes that windows show, by session uid."""
+    """Scene of each window, by session uid."""
 
     def __init__(self) -> None:
         self._known: dict[int, int] | None = None
 
     def note(self, *_: object) -> None:
-        """Let the preview follow a scene that is new to a window."""
+        """Switch the preview if a window has another scene than before."""
         manager = bpy.context.window_manager
         now = {window.as_pointer(): window.scene.session_uid for window in manager.windows}
         before, self._known = self._known, now
@@ -29,11 +29,11 @@ class _ShownScenes:
         if bpy.app.background:
             _show(changed[-1])
         else:
-            # An event of its own: handlers must not push undo steps.
+            # Use a separate event, because handlers must not push undo steps.
             bpy.app.timers.register(partial(_show, changed[-1]), first_interval=0)
 
     def forget(self) -> None:
-        """Take what windows show next as it is."""
+        """Drop the scenes, so that the next call of `note` switches nothing."""
         self._known = None
 
 
@@ -41,7 +41,7 @@ _shown = _ShownScenes()
 
 
 def _show(scene_uid: int) -> None:
-    """Let the objects of a scene that show another scene's lightmaps show its own."""
+    """Replace the lightmaps of another scene in the preview of a scene's objects."""
     scene = find(bpy.data.scenes, scene_uid)
     windows = [window for window in bpy.context.window_manager.windows if window.scene == scene]
     if scene is None or not windows or not any(previewed(scene)):
@@ -49,7 +49,7 @@ def _show(scene_uid: int) -> None:
     with bpy.context.temp_override(window=windows[0]):
         switch_preview(scene, bpy.context.evaluated_depsgraph_get())
         if not bpy.app.background:
-            # An undo frees preview materials that no step has.
+            # An undo frees preview materials that no undo step contains.
             bpy.ops.ed.undo_push(message="Lightmap Preview")
 
 
@@ -60,14 +60,14 @@ def _note(*_: object) -> None:
 
 @persistent
 def _listen(*_: object) -> None:
-    """Take another file's windows as they are, and hear of their next scenes: loading a file ends that."""
+    """Subscribe again after a file was loaded, which ends subscriptions."""
     _shown.forget()
     _subscribe()
     _shown.note()
 
 
 def _subscribe() -> None:
-    """Have Blender call `_note` once a person chooses a scene; other ways update a depsgraph."""
+    """Let Blender call `_note` when the user chooses a scene; scripts update a depsgraph instead."""
     bpy.msgbus.clear_by_owner(_shown)
     bpy.msgbus.subscribe_rna(key=(bpy.types.Window, "scene"), owner=_shown, args=(), notify=_note)
 
@@ -76,13 +76,13 @@ _handlers = Handlers({"depsgraph_update_post": _note, "load_post": _listen})
 
 
 def bind() -> None:
-    """Follow the scenes of windows from now on."""
+    """Begin to follow the scenes of windows."""
     _handlers.begin()
     _subscribe()
 
 
 def unbind() -> None:
-    """Follow them no more."""
+    """End following the scenes of windows."""
     bpy.msgbus.clear_by_owner(_shown)
     _handlers.end()
     _shown.forget()

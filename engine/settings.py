@@ -248,7 +248,8 @@ class Settings:
     cache_budget: int = described(
         0,
         "Cached Visibility",
-        "Device memory for visibility kept between bakes, for fast relighting. 0 uses a quarter",
+        "Device memory for visibility kept between bakes, for fast relighting. 0 uses a quarter. "
+        "Relighting computes the rest again",
         _BYTES,
         PREFERENCES,
         invalidates=(),

@@ -64,6 +64,7 @@ class VisibilityCache:
     sampling:  layout of the samples
     count:     number of receiving patches
     pieces:    rows in allocation order; incomplete until all patches are done
+    limited:   True if rows were freed after a bake, see `shrink`
     """
 
     def __init__(
@@ -86,7 +87,7 @@ class VisibilityCache:
         self._moved: StaleSamples | None = None
         self.backs = BackfaceLight(compute, self.count, len(emission), directional)
         self.pieces: list[SampleRows] = []
-        self._found = 0
+        self._found, self.limited = 0, False
 
     @property
     def complete(self) -> bool:
@@ -99,9 +100,35 @@ class VisibilityCache:
         return self._moved is not None
 
     @property
-    def bytes(self) -> int:
-        """Device memory of the cache, bytes."""
-        return sum(rows.cache.size for rows in self.pieces) + self.backs.light.size
+    def fraction(self) -> float:
+        """Fraction of the patches whose samples are computed."""
+        return self._found / max(1, self.count)
+
+    def shrink(self, budget: int) -> bool:
+        """Free the last rows, so that the cache fits a memory budget, bytes; return False if no row fits.
+
+        The next bake computes the freed rows again. A cache with stale samples fits as a whole or not at all.
+        """
+        row = self.sampling.row_bytes
+        fitting = max(0, budget - self.backs.light.size) // row
+        if fitting >= sum(rows.last - rows.first for rows in self.pieces):
+            return True
+        if fitting == 0 or self._moved is not None:
+            return False
+        self.pieces = [rows for rows in self.pieces if rows.first < fitting]
+        self._cut_last_piece(fitting)
+        self._found, self.limited = min(self._found, fitting), True
+        return True
+
+    def _cut_last_piece(self, last: int) -> None:
+        """Copy the rows of the last piece before patch `last` to a smaller buffer."""
+        rows = self.pieces[-1]
+        if rows.last <= last:
+            return
+        size = self.sampling.row_bytes * (last - rows.first)
+        cache = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
+        cl.enqueue_copy(self._compute.queue, cache, rows.cache, byte_count=size)
+        self.pieces[-1] = SampleRows(cache, rows.first, last)
 
     def find(self, identity: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
         """Compute the visibility samples of all patches, continuing where a cancelled bake stopped.

@@ -31,6 +31,13 @@ _MOVED = "Visibility was kept from the last bake, and recomputed where objects m
 _RESUMED = "Visibility of a cancelled bake was kept; the rest was computed."
 
 
+#: Report sentence: the samples of some patches are reused, since memory for all is missing.
+_LIMITED = (
+    "Visibility of {:.0%} of the texels was kept from the last bake; the rest exceeds the memory of Cached "
+    "Visibility and was recomputed."
+)
+
+
 def choose_device_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice]:
     """Return the gather for all patches of a job, and the choice with its reasons."""
     return _remote_gather(job) or _reused_gather(job) or _new_gather(job)
@@ -55,10 +62,19 @@ def _reused_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
     if cache is None or not cache.pieces or not cache.holds_for(job.parts, job.rays, job.back_emission):
         return None
     sampling, found = cache.sampling, cache.complete
-    why = _KEPT if found else _MOVED if cache.moved else _RESUMED
-    facts = (sampling.name, sampling.samples, (why,))
-    choice = SolverChoice("cached", *facts, found=found, found_again=cache.moved)
+    facts = (sampling.name, sampling.samples, (_reason_of(cache),))
+    resumed = 0.0 if cache.moved else cache.fraction
+    choice = SolverChoice("cached", *facts, found=found, found_again=cache.moved, resumed=resumed)
     return _cached_gather(job, cache, None if found else make_sampler(job, sampling.name)), choice
+
+
+def _reason_of(cache: VisibilityCache) -> str:
+    """Return the report sentence on a cache that is reused."""
+    if cache.complete:
+        return _KEPT
+    if cache.moved:
+        return _MOVED
+    return _LIMITED.format(cache.fraction) if cache.limited else _RESUMED
 
 
 def _new_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice]:

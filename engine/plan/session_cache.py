@@ -143,10 +143,10 @@ class SessionCache:
         return None
 
     def limit(self, compute: ComputeDevice | None, budget: int) -> None:
-        """Drop visibility samples that exceed a memory budget, bytes; 0 is a quarter of the device memory."""
+        """Free visibility samples that exceed a memory budget, bytes; 0 is a quarter of the device memory."""
         if compute is None or self.samples is None:
             return
-        if self.samples.bytes > (budget or compute.device.global_mem_size // _PART):
+        if not self.samples.shrink(budget or compute.device.global_mem_size // _PART):
             self.samples = None
 
 

@@ -20,7 +20,7 @@ class SolverChoice:
     final_samples:  visibility samples of all patches in the final gather
     found:          True if all visibility is reused from an earlier bake of the session
     found_again:    True if stale samples of moved objects are computed again
-    resumed:        fraction of the patches whose visibility an interrupted bake has stored
+    resumed:        fraction of the patches whose visibility is reused from an interrupted or earlier bake
     """
 
     method: str

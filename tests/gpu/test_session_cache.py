@@ -10,13 +10,14 @@ import pytest
 from engine import BakeResult, DeviceError, Light, Scene, Settings, bake, finished, progress
 from engine.direct import emitter_cache
 from engine.direct.lighting import DirectLighting
-from engine.gather import background_light
+from engine.gather import background_light, visibility_cache
 from engine.plan import choose_solver, solve_job
 from engine.postprocess import texel_cache
 from engine.scene.model import NO_LIGHTMAP
 from engine.session import Session
 from engine.setting_types import VISIBILITY
 from engine.settings import descriptions
+from engine.visibility.rays.ray_sampler import RaySampler
 from engine.worker.worker import Worker
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.slice_sizes import fix_slice_size
@@ -232,6 +233,35 @@ def test_what_takes_more_than_its_budget_is_not_kept(session):
     finished(session.bake(ROOM, SETTINGS))
     session.forget()
     assert not was_kept(finished(session.bake(ROOM, SETTINGS)))
+
+
+@pytest.mark.parametrize("piece", [1 << 30, 311 * 264], ids=["one piece", "several pieces"])
+@pytest.mark.parametrize("part", [0.3, 0.9])
+def test_a_part_that_fits_its_budget_is_reused(session, monkeypatch, piece, part):
+    """Relighting gives the bits of a new bake and traces visibility for the other patches only."""
+    monkeypatch.setattr(visibility_cache, "_PIECE", piece)
+    session.forget()
+    first = finished(session.bake(ROOM, SETTINGS))
+    patches = first.report.patches
+    budget = 16 * patches + int(264 * patches * part) + 7
+    small = dataclasses.replace(SETTINGS, cache_budget=budget)
+    traced = []
+    find = RaySampler.find
+
+    def noted(sampler, first, last, seen):
+        traced.append((first, last))
+        return find(sampler, first, last, seen)
+
+    finished(session.bake(ROOM, small))
+    monkeypatch.setattr(RaySampler, "find", noted)
+    for edit in ("world", "lamp"):
+        traced.clear()
+        scene, changes = RELIT[edit]
+        relit = finished(session.bake(scene, dataclasses.replace(small, **changes)))
+        assert sum(last - first for first, last in traced) == patches - int(patches * part)
+        kept = f"{int(patches * part) / patches:.0%} of the texels"
+        assert any(kept in why for why in relit.report.reasons)
+        assert_same(relit, finished(bake(scene, dataclasses.replace(SETTINGS, **changes))))
 
 
 def test_another_sky_is_summed_up_in_slices(session, monkeypatch):

@@ -13,14 +13,13 @@ from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
-#: Ends of the test ray above and below the surface, in ray-origin heights.
+#: Ends of the test ray above and below the surface, as multiples of the height of ray origins.
 ABOVE, BELOW = 2.0, 1.0
 
 #: Maximum number of emissive planes for the early-out test of the kernel.
 _PLANES = 64
 
-#: Distance in front of a triangle at which a point counts as in front, as a fraction of the largest
-#: coordinate.
+#: Distance by which the planes lie in front of their triangles, as a fraction of the largest coordinate.
 _BEFORE = 1e-4
 
 
@@ -31,8 +30,8 @@ class Contacts:
     hide:          True if a touching face covers the patch
     back_to_back:  True if a coincident face points the other way and both are open, as walls of adjacent
                    rooms
-    shine:         True if the patch sees the back of an emissive surface, as a ceiling above a hanging panel:
-                   most of its view is back faces, but it is lit
+    shine:         True if rays of the patch hit the back of an emissive surface, as on a ceiling above a
+                   hanging panel: most rays hit back faces, but the patch is lit
     """
 
     hide: np.ndarray
@@ -66,7 +65,7 @@ def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
 def patches_lit_by_backs(
     scene: RayScene, count: int, shines: np.ndarray, positions: np.ndarray
 ) -> np.ndarray:
-    """Return which patches, among those that see mostly back faces, see an emissive back face, (n,) bool.
+    """Find patches whose rays hit mostly back faces, one of them emissive; return a mask, (n,) bool.
 
     shines:     (t,) bool, True for emissive triangles
     positions:  (t, 3, 3) float, corners of the triangles, metres, relative to `Triangles.origin`
@@ -87,8 +86,8 @@ def patches_lit_by_backs(
 def _planes_in_front(corners: np.ndarray) -> np.ndarray:
     """Return planes slightly in front of triangles, (k, 4) float32, or none for more than _PLANES triangles.
 
-    Each plane is a unit normal and a distance from the origin, metres. A point in front of all planes sees
-    none of the triangles' back faces. corners: (k, 3, 3) float, metres.
+    Each plane is a unit normal and a distance from the origin, metres. From a point in front of all planes,
+    no back face of the triangles is visible. corners: (k, 3, 3) float, metres.
     """
     if len(corners) > _PLANES:
         return np.zeros((0, 4), np.float32)

@@ -35,7 +35,9 @@ class DirectLightCache:
     def changed(self, casting: ShadowRays, parts: PatchScene, rays: RayScene) -> np.ndarray | None:
         """Return the patches, (k,) int32 ascending, whose light may have changed; None if all may have.
 
-        The light of all other patches would be equal bit for bit. rays: from the patches as they are now.
+        The stored light of all other patches equals a new computation bit for bit.
+
+        rays:  ray scene of the current patches
         """
         if not same_values(self.lights, casting.lights):
             return None

@@ -34,7 +34,7 @@ class EmitterCache:
         self._contacts.clear()
 
     def split(self, world: np.ndarray, parts: PatchScene, settings: Settings) -> EmitterSplit:
-        """Return sampled and gathered light of surfaces and of a world; see `emitter_split.split_light`."""
+        """Return the emission of surfaces and world split into sampled light and light for the gather."""
 
         def triangles(parts: PatchScene) -> SampledTriangles:
             inputs = parts.surfaces.emission, parts.surfaces.back_emission

@@ -1,4 +1,4 @@
-"""Emitter records of all sampled light in lists, as shadow rays with and without OpenCL use them."""
+"""Lists of emitter records, sampled by shadow rays of OpenCL kernels and of compute shaders."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .sky import Sky
 
 
 class EmitterLists:
-    """Emitter records: one list for each light, then one for surfaces, then one for a bright sky.
+    """Emitter records of all sampled light: one list per light, one for surfaces, and one for a bright sky.
 
     modulations, profiles:  tables that the records refer to, see `modulation.pack_modulations`
     lists:                  (k,) EMITTER each
@@ -34,7 +34,7 @@ class EmitterLists:
         self._mesh = triangles.mesh
 
     def by_group(self, groups: LightGroups) -> Iterator[list[np.ndarray]]:
-        """Yield the lists of each light group; a list without emitters of the group is empty."""
+        """Yield for each light group the lists, reduced to emitters of the group; some may be empty."""
         triangle = self.lists[len(groups.lamps)]["triangle"]
         numbers = (*groups.lamps, groups.meshes[self._mesh[triangle]], groups.world)
         for group in range(groups.count):
@@ -45,7 +45,9 @@ class EmitterLists:
 
 
 def joined_emitters(lists: Sequence[np.ndarray], light_samples: int) -> tuple[np.ndarray, int] | None:
-    """Return the emitters of lists, (m,) EMITTER, and the shadow rays per patch; None without emitters.
+    """Join lists into one array, (m,) EMITTER; return it and the number of shadow rays per patch.
+
+    Returns None if all lists are empty.
 
     light_samples:  shadow rays for each of the first MOST_LIGHTS lists; further lists share these rays
     """
@@ -56,7 +58,7 @@ def joined_emitters(lists: Sequence[np.ndarray], light_samples: int) -> tuple[np
 
 
 def visible_fraction(light: np.ndarray) -> np.ndarray:
-    """Return shadowed over unshadowed luminance of a light, (n,) float32 in [0, 1]; 0 without light.
+    """Return the visible fraction of a light, (n,) float32: shadowed over unshadowed luminance.
 
     light:  (n, 4) float32, E/pi and its unshadowed luminance
     """

@@ -15,7 +15,7 @@ from .sky import Sky, split_sky, unsampled_sky
 
 @dataclass(frozen=True)
 class EmitterSplit:
-    """Small bright surfaces and bright sky, separated from all other emission; lights are in neither part."""
+    """Small bright surfaces and both parts of the sky. Light objects are not part of the split."""
 
     bright: SampledTriangles
     sky: Sky
@@ -28,7 +28,9 @@ def split_light(
     bright: Callable[[PatchScene], SampledTriangles] = choose_sampled_triangles,
     split: Callable[[np.ndarray], Sky] = split_sky,
 ) -> EmitterSplit:
-    """Split the emission of surfaces and world; with sample_emission off, all is left to the gather.
+    """Split emission of surfaces and world into a part for shadow rays and the rest for the gather.
+
+    If `Settings.sample_emission` is off, the gather handles all of it.
 
     bright:  chooses the triangles to sample
     split:   splits the world
@@ -38,5 +40,5 @@ def split_light(
 
 
 def sky_of(world: np.ndarray, settings: Settings, split: Callable[[np.ndarray], Sky] = split_sky) -> Sky:
-    """Return both parts of a world; split: see `split_light`."""
+    """Split a world's radiance into the part for the gather and the bright part, which shadow rays sample."""
     return split(world) if settings.sample_emission else Sky(unsampled_sky(world), None)

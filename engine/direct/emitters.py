@@ -23,7 +23,7 @@ _BRIGHT = 10.0
 #: Number of sides of the polygon that replaces an ellipse; the polygon has the ellipse's area.
 _SIDES = 24
 
-#: Spread of an area light, half angle in radians, from which on it is treated as Lambertian.
+#: Half angle of an area light's spread in radians; lights with a larger spread count as Lambertian.
 _WIDEST = 1.57
 
 #: Kinds of emitters, as in kernels/direct/emitters.cl.
@@ -132,7 +132,7 @@ def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
 
 
 def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """Return the radiance of some patches and black for all others, (n, 3) float32."""
+    """Return the radiance of some patches in an array of all patches, (n, 3) float32; others are black."""
     left = np.zeros(emission.shape, np.float32)
     left[patches] = emission[patches]
     return left
@@ -146,7 +146,7 @@ def no_bright_triangles(parts: PatchScene) -> SampledTriangles:
 
 
 def _shining(parts: PatchScene) -> np.ndarray:
-    """Return which triangles have a patch whose back emits, (t,) bool."""
+    """Return a mask of triangles on which at least one patch emits from its back, (t,) bool."""
     surfaces, shining = parts.surfaces, np.zeros(len(parts.triangles.mesh), bool)
     backs = surfaces.back_emission
     patches = surfaces.shining if backs is None else np.flatnonzero(any_in_rows(backs))
@@ -155,7 +155,11 @@ def _shining(parts: PatchScene) -> np.ndarray:
 
 
 def _is_uniform(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """Return which triangles emit uniformly, (t,) bool; triangle, emission: of the emissive patches."""
+    """Return a mask of triangles with uniform emission, (t,) bool.
+
+    triangle, emission: triangle and radiance of each emissive patch
+    mean: mean radiance of each triangle
+    """
     bound = _EVEN * largest_in_rows(mean)[:, None]
     differs = any_in_rows(np.abs(emission - mean[triangle]) > bound[triangle])
     return np.bincount(triangle[differs], minlength=len(mean)) == 0
@@ -170,8 +174,9 @@ def _mean_radiance(
 ) -> np.ndarray:
     """Return the mean emitted radiance of each triangle, (t, 3) float64, W/(m^2 sr).
 
-    A triangle without patches uses the patch displayed at its centroid. glowing: triangles, (k,), and
-    radiance, (k, 3), of the emissive patches.
+    A triangle without patches takes the radiance of the patch whose texel contains its centroid.
+
+    glowing:  triangles, (k,), and radiance, (k, 3), of the emissive patches
     """
     (triangle, shining), patches = glowing, geometry.on_triangle
     total = segment_sums(shining, triangle, len(patches))

@@ -1,4 +1,4 @@
-"""Light tree over emitters, with bounds for estimating their joint irradiance; see light_tree.cl."""
+"""Light tree: binary tree over emitters with bounds that estimate the irradiance of each subtree."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def build_light_tree(records: np.ndarray) -> LightTree:
     top, children = len(chain), nodes["children"]
     nodes["children"] = np.where(children >= 0, children + top, ~bounded[~np.minimum(children, -1)])
 
-    # Number the chain first: each node has one emitter and the rest as children.
+    # The chain comes first: each of its nodes has one emitter and the rest of the tree as children.
     follows = np.arange(1, top + 1)
     if not len(nodes):
         follows[-1:] = ~bounded[0]
@@ -130,7 +130,7 @@ def _emitters(records: np.ndarray) -> _Emitters:
 
 
 def _halved(emitters: _Emitters) -> np.ndarray:
-    """Return the inner nodes, (m,) LIGHT_NODE, level by level; children are numbered from 0."""
+    """Build the balanced tree; return its inner nodes, (m,) LIGHT_NODE, level by level, numbered from 0."""
     order = np.arange(len(emitters.angle))
     first, count = np.zeros(1, np.int64), np.full(1, len(order))
     middle = (emitters.low + emitters.high) / 2
@@ -161,12 +161,12 @@ def _halved(emitters: _Emitters) -> np.ndarray:
 
 
 def _interleaved(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return first[0], second[0], first[1], second[1], ..."""
+    """Interleave two arrays: first[0], second[0], first[1], second[1], and so on."""
     return np.stack([first, second], axis=1).ravel()
 
 
 def _nodes(emitters: _Emitters, members: np.ndarray, starts: np.ndarray, node: np.ndarray) -> np.ndarray:
-    """Return nodes without children, (k,) LIGHT_NODE; members of node i begin at starts[i]."""
+    """Compute bounds of nodes, (k,) LIGHT_NODE; the `members` of node i begin at starts[i]."""
     totals = np.add.reduceat(emitters.totals[members], starts)
     power, alike, along = totals[:, 0], totals[:, 4], totals[:, 5]
     directed = totals[:, 6:] / np.maximum(along, 1e-300)[:, None]

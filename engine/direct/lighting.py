@@ -45,7 +45,7 @@ class DirectLighting:
         split: EmitterSplit | None = None,
         meanwhile: Callable[[], object] | None = None,
     ) -> None:
-        """Split the light of a scene.
+        """Split the emission of a scene into sampled light and light for the gather.
 
         elsewhere:  casts rays from all patches on devices of other processes; None for this device
         split:      both parts of the emission; None to compute them
@@ -83,11 +83,11 @@ class DirectLighting:
 
     @property
     def part_to_sample(self) -> float:
-        """Fraction of the patches whose light has to be sampled."""
+        """Fraction of the patches from which shadow rays must be traced; the others keep cached light."""
         return 1.0 if self._changed is None else len(self._changed) / max(self._ray_scene.count, 1)
 
     def sampled_light(self, light: np.ndarray) -> DirectLightCache | None:
-        """Return the result of `gather` as a cache for the next bake; None if sampling it costs nothing."""
+        """Return `light`, the result of `gather`, as a cache for the next bake; None without OpenCL."""
         casting = self._casting() if self._samples_any else None
         if not isinstance(casting, ShadowRays):
             return None
@@ -106,7 +106,7 @@ class DirectLighting:
         return light
 
     def _gathered_elsewhere(self, elsewhere: ShadowCaster) -> Generator[float, None, np.ndarray]:
-        """Return the light sampled by other processes; compute contacts on this device meanwhile."""
+        """Return light that other processes sample; this device computes contacts meanwhile."""
         work = elsewhere.sampled()
         yield next(work)
         self._casting()
@@ -117,7 +117,7 @@ class DirectLighting:
         return light
 
     def preview_gather(self) -> Generator[float, None, np.ndarray]:
-        """Return a noisy version of `gather` from a few rays; yield progress 0..1."""
+        """Return a noisy version of `gather` from few shadow rays, for the display; yield progress 0..1."""
         if not self._samples_any:
             return np.zeros((self._ray_scene.count, 3), np.float32)
         few = replace(self._settings, light_samples=min(self._settings.light_samples, _FEW))
@@ -128,7 +128,7 @@ class DirectLighting:
     def _gather_changed(
         self, casting: ShadowRays, last: DirectLightCache
     ) -> Generator[float, None, np.ndarray]:
-        """Return the result of `gather` by sampling only changed patches; the others keep their light."""
+        """Sample light at the changed patches only; return the light of all patches, (n, 3) float32."""
         if not self.part_to_sample:
             self.l1 = last.l1
             return last.light
@@ -140,7 +140,7 @@ class DirectLighting:
         return light
 
     def gather_by_group(self) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of each light group, (groups, n, 3) float32; see `ShadowRays.sampled_by_group`."""
+        """Return E/pi of each light group at every patch, (groups, n, 3) float32; yield progress 0..1."""
         groups = light_groups(self._scene)
         if not self._samples_any:
             return np.zeros((groups.count, self._ray_scene.count, 3), np.float32)
@@ -148,7 +148,7 @@ class DirectLighting:
         return (yield from casting.sampled_by_group(groups))
 
     def left_to_hemicubes(self, group: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Return `emission_left`, `sky_left` and `backs_left` of one light group."""
+        """Return one light group's emission for the gather: of fronts, of the sky, and of backs."""
         groups, triangles = light_groups(self._scene), self._parts.triangles
         mine = groups.meshes[triangles.mesh[self._parts.geometry.triangle]] == group
         sky = self.sky_left if groups.world == group else np.zeros((1, 1, 3), np.float32)
@@ -167,11 +167,11 @@ class DirectLighting:
         return (yield from self._casting().ambient_occlusion())
 
     def contacts(self) -> Contacts:
-        """Return the effects of nearby faces on the patches."""
+        """Return which patches touching faces cover, which are back to back, and which back faces light."""
         return self._near or Contacts(*self._in_contact(), self.lit_by_backs(self._ray_scene))
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
-        """Return which points of a ray scene see the back of an emissive surface, (n,) bool."""
+        """Return a mask of points whose rays hit mostly back faces, one of them emissive, (n,) bool."""
         triangles = self._parts.triangles
         shining = self._bright.shining[: triangles.solid]
         if not shining.any():
@@ -181,14 +181,14 @@ class DirectLighting:
     def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which patches touching faces cover, and which are back to back, (n,) bool each.
 
-        A patch of a back face coincides with its own front, which does not cover it.
+        A patch of a back face coincides with the front of the same face, which does not count as a cover.
         """
         hidden, back_to_back = find_contacts(self._ray_scene, self._ray_scene.count)
         seen = ~self._ray_scene.on_backs
         return hidden & seen, back_to_back & seen
 
     def of(self, points: RayScene, settings: Settings) -> DirectLighting:
-        """Return the same lighting for other receivers and settings (numbers of rays)."""
+        """Return a copy of this lighting for the points of another ray scene and for other settings."""
         other = copy(self)
         other._ray_scene, other._settings, other.warnings, other._near = points, settings, [], None
         other._shadow_rays, other.l1 = self._cast_from(points, settings), other._no_l1()
@@ -201,7 +201,7 @@ class DirectLighting:
         return bool(self._lamps) or len(self._bright.triangles) > 0 or self._sky.bright is not None
 
     def _no_l1(self) -> np.ndarray:
-        """Return an empty L1, zero for all patches."""
+        """Return an L1 of zero for all patches, (n, 3, 3) float32; (0, 3, 3) without directional maps."""
         return np.zeros((self._ray_scene.count if self._settings.directional else 0, 3, 3), np.float32)
 
     def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays | ShaderShadowRays:

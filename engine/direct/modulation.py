@@ -27,10 +27,11 @@ def is_modulated(light: Light) -> bool:
 
 
 def pack_modulations(lights: Sequence[Light]) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Return modulation records, profiles, and the index of each light's record; 0 for lights without.
+    """Pack the angular profiles and falloffs of lights for the device.
 
-    Profiles are float32, concatenated in the layout of modulation.cl. Lights with the same profile share one
-    copy.
+    Returns modulation records, profiles, and the index of each light's record, 0 for lights without
+    modulation. Profiles are float32, concatenated in the layout of modulation.cl. Lights with the same
+    profile share one copy.
     """
     modulated = [light for light in lights if is_modulated(light)]
     records, profiles = MODULATION.array(1 + len(modulated)), [np.zeros(1, np.float32)]

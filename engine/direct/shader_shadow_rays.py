@@ -25,7 +25,8 @@ from .sky import Sky
 #: Storage blocks of shaders/direct/.
 _EMITTERS, _NODES, _TABLES = 4, 5, 6
 
-#: STATE_WORDS of shaders/direct/direct.comp and ambient_occlusion.comp.
+#: 32-bit words of state that a work item stores between dispatches: STATE_WORDS of shaders/direct/direct.comp
+#: and ambient_occlusion.comp.
 _DIRECT_STATE, _OCCLUSION_STATE = 208, 4
 
 #: Light of some patches and its L1, (n, 4) and (3 n, 4) float32; see shaders/direct/direct.comp.
@@ -33,7 +34,7 @@ _Rows = tuple[np.ndarray, np.ndarray]
 
 
 class ShaderShadowRays:
-    """Shadow rays like `ShadowRays`; the samples of each emitter are equal except for rounding."""
+    """Shadow rays by OpenGL compute shaders: the same samples as `ShadowRays`, equal except for rounding."""
 
     def __init__(
         self,
@@ -70,12 +71,12 @@ class ShaderShadowRays:
         )
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-        """Return E/pi of all emitters at every patch and its L1; see `ShadowRays.sampled`."""
+        """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield progress 0..1."""
         light, l1 = yield from self._all_light(self._emitters.lists)
         return light[:, :3].copy(), l1[:, :3].reshape(-1, 3, 3)
 
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of each light group; see `ShadowRays.sampled_by_group`."""
+        """Return E/pi of each light group, (groups, n, 3) float32; yield progress 0..1."""
         light = np.zeros((groups.count, self._count, 3), np.float32)
         for group, lists in enumerate(self._emitters.by_group(groups) if self._count else ()):
             span = group / groups.count, (group + 1) / groups.count
@@ -84,12 +85,12 @@ class ShaderShadowRays:
         return light
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return the visible fraction of a light for each patch; see `ShadowRays.shadow_mask`."""
+        """Return the visible fraction of a light for each patch, (n,) float32; yield progress 0..1."""
         light, _ = yield from self._light(self._emitters.lists[lamp], self._settings.light_samples)
         return visible_fraction(light)
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the unoccluded fraction of each patch's hemisphere; see `ShadowRays.ambient_occlusion`."""
+        """Return the unoccluded fraction of each patch's hemisphere, (n,) float32; yield progress 0..1."""
         settings, results = self._settings, reserve_storage(self._scene.graphics, 16 * self._count)
         reach = settings.ao_distance or np.inf
         uniforms = {"budget": settings.ao_samples, "reach": reach, "seed": settings.seed & 0xFFFFFFFF}
@@ -105,7 +106,7 @@ class ShaderShadowRays:
         return read_rows(results, self._count)[:, 0].copy()
 
     def _all_light(self, lists: list[np.ndarray]) -> Generator[float, None, _Rows]:
-        """Return E/pi of lists of emitters; see `_light`."""
+        """Return E/pi and unshadowed luminance of all emitters in the lists, (n, 4) float32, and the L1."""
         joined = joined_emitters(lists, self._settings.light_samples)
         if joined is None:
             rows = 3 * self._count if self._features else 0

@@ -36,7 +36,7 @@ class ShadowCaster(Protocol):
     """Caster of shadow rays from n patches: `ShadowRays`, or devices of other processes."""
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-        """Return E/pi of all emitters and its L1; see `ShadowRays.sampled`."""
+        """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1, (n, 3, 3) float32."""
         ...
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
@@ -128,7 +128,7 @@ class ShadowRays:
     def _all_light(
         self, lists: list[np.ndarray], chosen: np.ndarray | None = None
     ) -> Generator[float, None, cl.Buffer]:
-        """Return E/pi of lists of emitters, float4 of n patches; see `_light`."""
+        """Return E/pi and unshadowed luminance of all emitters in the lists, float4 of n patches."""
         joined = joined_emitters(lists, self._settings.light_samples)
         if joined is None:
             return zeros(self._compute, 16 * self._count)
@@ -173,7 +173,7 @@ class ShadowRays:
         return (yield from self._sliced(self._direct, budget, arguments, items))
 
     def _read_l1(self, items: int) -> np.ndarray:
-        """Return L1 of the last light, (items, 3, 3) float32; (0, 3, 3) without directional maps."""
+        """Return L1 of the light sampled last, (items, 3, 3) float32. (0, 3, 3) without directional maps."""
         if self._l1 is None or not items:
             return np.zeros((0, 3, 3), np.float32)
         return download_colors(self._compute, self._l1, items, 3).transpose(1, 0, 2)

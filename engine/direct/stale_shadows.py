@@ -1,4 +1,4 @@
-"""Stale shadow rays: patches whose direct light may have changed after objects moved."""
+"""Stale shadow rays: finds patches whose direct light may have changed after objects moved."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ _TELLS = 1e-3
 
 @dataclass(frozen=True)
 class BilinearEquations:
-    """Equations of the texels whose value is not just the light at their centre.
+    """Least-squares equations of the texels that bilinear lookups at off-centre samples or at seams read.
 
     texel:       (n,) int64, flat index of each unknown
     point:       (m,) int64, index of each point that reads unknowns
@@ -55,9 +55,9 @@ def display_equations(
 ) -> BilinearEquations:
     """Return the equations of all lightmaps.
 
-    Unknown are the texels that off-centre points read. Also unknown are the texels that a seam reads, if a
-    sample determines at least one texel on one of its sides. A chart's tip without samples thus takes the
-    light of the other side.
+    The unknowns are the texels that bilinear lookups at off-centre points read, and the texels that lookups
+    at a seam read if a sample determines at least one texel on one side of the seam. A chart's tip without
+    samples thus takes the light of the other side.
     """
     texel = points.texels(resolution)
     off_centre = beside_centres(points.position)
@@ -70,7 +70,7 @@ def display_equations(
     number = np.cumsum(unknown, dtype=np.int32) - np.int32(1)
     count = int(unknown.sum())
 
-    # A point counts if its own texel is unknown. All texels that it reads are then unknown.
+    # Each point in an unknown texel gives an equation; all texels that its lookup reads are unknowns too.
     point = np.flatnonzero(unknown[texel])
     read, weights = footprints(points.atlas[point], points.position[point], resolution)
     read, weight = _numbered(number, read, weights), points.weight[point].astype(np.float64)
@@ -90,7 +90,7 @@ def display_equations(
 
 
 def _numbered(number: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return the numbers of texels, (m, k). A texel with weight 0 gets the number of the heaviest one."""
+    """Return the unknown of each lookup texel, (m, k). Texels of weight 0 get the heaviest texel's."""
     most = np.take_along_axis(texels, np.abs(weights).argmax(axis=1)[:, None], axis=1)
     numbers: np.ndarray = number[np.where(weights == 0, most, texels)].astype(np.intp)
     return numbers
@@ -115,7 +115,7 @@ def _seam_sides(
 
 
 def _smoothness(sides: np.ndarray, diagonal: np.ndarray) -> EllMatrix:
-    """Return smoothness rows for the pairs of neighbours, (s, 2) int64, that samples hardly determine."""
+    """Return smoothness rows for pairs of neighbours, (s, 2) int64, where one has almost no samples."""
     unknown = 1 - diagonal[sides].min(axis=1) / _KNOWN
     sides, weight = sides[unknown > 0], _SMOOTHNESS * unknown[unknown > 0]
     return EllMatrix(sides, np.sqrt(weight)[:, None] * [1.0, -1.0], len(diagonal))

@@ -40,8 +40,8 @@ class BilinearFit:
     def images(self, values: np.ndarray) -> np.ndarray:
         """Return the fitted lightmaps, (atlases, r, r, c) float32, of light at the points, (s, c).
 
-        Texels that the fit does not determine are 0. A texel leaves the range of the samples around it by at
-        most 2 % of that range, and never leaves the range of all samples.
+        Texels outside the fit are 0. A texel leaves the range of the samples around it by at most 2 % of that
+        range, and never leaves the range of all samples.
         """
         images = np.zeros((self.known.size, values.shape[1]), np.float32)
         images[self._texel] = values
@@ -80,7 +80,7 @@ class BilinearFit:
 
     @cached_property
     def _by_unknown(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points grouped by the unknown with the largest lookup weight.
+        """Points grouped by the unknown that has the largest weight in their bilinear lookup.
 
         Returns the point order, (m,), the start of each group in it, and the unknown of each group, (k,)
         each.

@@ -12,7 +12,7 @@ from .output_maps import IrradianceParts
 
 
 class BlendedLight:
-    """Irradiance of points as `IrradianceParts`, blended over pairs of points on both sides of surfaces."""
+    """Irradiance of points on translucent surfaces, blended with the irradiance of the other side."""
 
     def __init__(self, light: IrradianceParts, sides: Sides) -> None:
         self._light, self._sides = light, sides
@@ -24,7 +24,7 @@ class BlendedLight:
 
     @property
     def light(self) -> np.ndarray:
-        """The same as `irradiance`."""
+        """E/pi of all light, (n, 3) float32; the same array as `irradiance`."""
         return self.irradiance
 
     @property
@@ -38,5 +38,5 @@ class BlendedLight:
         return self._sides.blend(self._light.indirect)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the points' own sides; translucent points have no direction, see `Outputs.make`."""
+        """Return L1 of the points' own sides; `Outputs.make` removes the direction of translucent points."""
         return (yield from self._light.gather_l1())

@@ -97,7 +97,7 @@ def _patches_beside(seams: Seams, entries: np.ndarray, known: np.ndarray) -> np.
 
 
 def _something_between(patch_scene: PatchScene, ray_scene: RayScene, patches: np.ndarray) -> np.ndarray:
-    """Return a mask, (m,) bool: True if rays between patches, (m, 2) int32, hit a steep face."""
+    """Return a mask, (m,) bool: True if the ray between two patches, (m, 2) int32, hits a steep face."""
     if not len(patches):
         return np.zeros(0, bool)
     ends = [patch_scene.geometry.part(patches[:, side]) for side in (0, 1)]

@@ -90,7 +90,7 @@ class Denoising:
     def _filtered(
         self, device: DenoiseDevice, images: dict[str, np.ndarray], independent: IndependentEstimate | None
     ) -> Generator[float, None, dict[str, np.ndarray]]:
-        """Filter each window of each image; skip images that are black."""
+        """Filter each window of each image; images that are completely black are returned unchanged."""
         windows = [window for window in _windows(self._known.shape) if self._known[window.core].any()]
         lit = {name: image for name, image in images.items() if image[self._known].any()}
         if not lit:
@@ -166,7 +166,7 @@ class Denoising:
 
 
 class _Gutters:
-    """Fill of everything outside charts: one dilated ring, then a membrane across all charts.
+    """Fill of the gutters between charts before filtering: one dilated ring, then a membrane.
 
     known:  (h, w) bool, texels of charts
     """
@@ -182,7 +182,7 @@ class _Gutters:
 
 
 class _Window(NamedTuple):
-    """Window of one lightmap.
+    """Window: part of one lightmap that is filtered in one call.
 
     whole:  atlas, rows and columns that the filter reads
     core:   atlas, rows and columns that it writes; the cores of all windows tile the lightmaps

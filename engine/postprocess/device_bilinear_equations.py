@@ -15,12 +15,13 @@ _NAMES = (
     "smooth_links", "seam_rows", "list_entries", "order_entries",
 )  # fmt: skip
 
-#: Links of a texel (itself and its eight neighbours), and texels that both sides of a seam read.
+#: Entries in a row of the stencil (a texel and its eight neighbours), and texels that both lookups of a seam
+#: read.
 _LINKS, _CORNERS = 9, 8
 
 
 class DeviceBilinearEquations:
-    """Equations of the texels whose value is not just the light at their centre, on the device.
+    """Least-squares equations of texels that off-centre samples or seams read, in device buffers.
 
     resolution:  width and height of the lightmaps, texels
     size:        number of texels of all lightmaps
@@ -64,7 +65,7 @@ class DeviceBilinearEquations:
             self._join_seams()
 
     def _uploaded(self, values: np.ndarray, dtype: type[np.generic]) -> cl.Buffer:
-        """Upload an array; an empty one becomes a small buffer, as OpenCL has no empty buffers."""
+        """Upload an array; an empty one gets a dummy buffer, because OpenCL forbids size 0."""
         return upload(self._compute, values.astype(dtype, copy=False) if len(values) else np.zeros(8, dtype))
 
     def _read(self, buffer: cl.Buffer, count: int) -> np.ndarray:
@@ -75,7 +76,7 @@ class DeviceBilinearEquations:
             self._compute.run(self._kernels[name], count, *arguments, np.int32(count))
 
     def _marked(self, size: int) -> cl.Buffer:
-        """Return the flags of all texels, which tell whether samples or seams read them."""
+        """Return flags of all texels: True if off-centre samples or seams read the texel."""
         marks, self._counts = zeros(self._compute, 4 * size), zeros(self._compute, words_of(self.seams))
         resolution = np.int32(self.resolution)
         self._run("mark_points", self.points, self.positions, self._owners, marks, resolution)
@@ -99,7 +100,7 @@ class DeviceBilinearEquations:
         self._run("find_points", self.points, self._owners, self._numbers, self.ranges)
 
     def _link(self, marks: cl.Buffer) -> None:
-        """Link each unknown to its neighbours, by sample equations and smoothness."""
+        """Compute the neighbours' factors for each unknown, from sample and smoothness equations."""
         planes = 4 * _LINKS * self.count
         self.neighbours, self.factors = (zeros(self._compute, planes) for _ in range(2))
         self.linked, diagonal = (zeros(self._compute, 4 * self.count) for _ in range(2))

@@ -23,7 +23,7 @@ _NAMES = (
 #: Maximum iterations of the unconstrained and the bounded run, and iterations between tests for convergence.
 _STEPS, _FEWER, _LOOK = 20, 6, 4
 
-#: Work items of a reduction group, and of the group that adds up the partial sums.
+#: Work items of a group in the kernels that sum, and of the group that adds the groups' partial sums.
 _GROUP, _ADDING = 64, 256
 
 #: Results that kernel `add_up` derives from sums, as in kernels/postprocess/bilinear_fit.cl.
@@ -54,7 +54,7 @@ class DeviceBilinearFit:
         self._reserve(1)
 
     def _reserve(self, images: int) -> None:
-        """Allocate buffers for the given number of images; kernels write most of them before they read."""
+        """Allocate buffers for the given number of images."""
         compute, count, seams = self._compute, int(self._count), max(1, self._equations.seams)
         names = ("right", "solution", "residual", "direction", "change", "low", "high")
         self._images, self._vectors = images, {name: self._buffer(16 * count * images) for name in names}
@@ -114,7 +114,7 @@ class DeviceBilinearFit:
             self._compute.run(self._kernels[name], count, *arguments, layers=self._images)
 
     def _summed(self, name: str, made: np.int32, *arguments: object) -> None:
-        """Run a kernel with partial sums over the unknowns, then reduce them to the scalar `made`."""
+        """Run a kernel that writes partial sums over the unknowns, then add them up as scalar `made`."""
         local = cl.LocalMemory(16 * self._group)
         size = (self._groups * self._group, self._images)
         queue = self._compute.queue
@@ -125,7 +125,7 @@ class DeviceBilinearFit:
         )  # fmt: skip
 
     def _start(self, images: cl.Buffer, light: cl.Buffer, scales: cl.Buffer) -> None:
-        """Compute the initial values and the sample ranges.
+        """Compute the initial values of the unknowns, and the range of the samples around each.
 
         The start is the mean of the samples in a texel, propagated to texels without samples.
         """
@@ -163,7 +163,7 @@ class DeviceBilinearFit:
         self._run("bound", *listed, *seams, self._all_points, *nearest, *bounds, self._rows_of_seams)
 
     def _descend(self, first: bool, steps: int) -> None:
-        """Run Jacobi-preconditioned conjugate gradients (Shewchuk 1994) on unknowns not clamped."""
+        """Run Jacobi-preconditioned conjugate gradients (Shewchuk 1994) on unknowns not at a bound."""
         vectors, inverse, run = self._vectors, self._equations.inverse, self._run_numbers
         solution, residual, direction = (vectors[name] for name in ("solution", "residual", "direction"))
         if first:
@@ -187,7 +187,7 @@ class DeviceBilinearFit:
             self._run("cg_direction", inverse, residual, run, direction)
 
     def _difference(self, values: cl.Buffer) -> None:
-        """Compute the residuals of the seam rows for a vector of the unknowns."""
+        """Look up a vector of unknowns on both sides of each seam row; store the difference."""
         equations = self._equations
         self._run_seams("differences", equations.columns, equations.entries, values, self._products)
 

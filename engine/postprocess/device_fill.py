@@ -1,4 +1,4 @@
-"""OpenCL version of `Dilation` and `MembraneFill`."""
+"""Fill of lightmap texels without light by OpenCL: rings of dilation (`Dilation`), then `MembraneFill`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NAMES = (
 #: Jacobi relaxations at each scale; an even number, so that the result ends in the image's own buffer.
 _RELAXATIONS = 4
 
-#: Image width up to which one kernel fills all coarser scales, and its work items for each image.
+#: Image width up to which one kernel fills all coarser scales; number of work items of that kernel per image.
 _SMALL, _GROUP = 32, 256
 
 
@@ -99,7 +99,7 @@ class DeviceFill:
             self._extend(index, images[index], images[index + 1])
 
     def _fill_small(self, image: cl.Buffer) -> None:
-        """Fill the images of the coarsest stored scale; one kernel handles all coarser scales."""
+        """Fill the coarsest scale that has buffers; one kernel computes it and all scales below."""
         scale, (group,) = self._scales[-1], self._kernels["fill_small"].group(_GROUP)
         atlases = scale.shape[0]
         sizes = (_RELAXATIONS, self._texels, atlases, scale.shape[2], scale.shape[1])
@@ -109,7 +109,7 @@ class DeviceFill:
         )  # fmt: skip
 
     def _extend(self, index: int, image: cl.Buffer, coarse: cl.Buffer) -> None:
-        """Interpolate the unknown texels of one scale from the coarser one, then relax them."""
+        """Interpolate the unknown texels of scale `index` from the next coarser scale, then relax them."""
         scale, coarser = self._scales[index : index + 2]
         self._fill("prolongate", scale.shape, scale.states, coarse, *_sides(coarser), image)
         images = image, self._relaxed
@@ -130,11 +130,11 @@ class DeviceFill:
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size * int(np.prod(shape)))
 
     def _run(self, name: str, shape: tuple[int, ...], *arguments: object) -> None:
-        """Run a kernel for each texel of the atlases."""
+        """Run a kernel with one work item for each texel of the atlases."""
         self._compute.run_texels(self._kernels[name], shape, *arguments)
 
     def _fill(self, name: str, shape: tuple[int, int, int], *arguments: object) -> None:
-        """Run a kernel for each texel of the images of all outputs."""
+        """Run a kernel with one work item for each texel of the images of all outputs."""
         atlases, *sides = shape
         self._run(name, (self._outputs * atlases, *sides), *arguments, np.uint32(atlases))
 

@@ -1,4 +1,4 @@
-"""OpenCL version of `FinalImages`: takes texel values and returns finished images."""
+"""Final lightmap images by OpenCL: the least-squares fit and fill of `FinalImages` on the device."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class DeviceFinalImages:
 
     @property
     def most(self) -> int:
-        """Number of outputs whose images fit into the memory limit together."""
+        """Number of outputs whose images fit into the memory limit at the same time."""
         return self._images.most
 
     def images_of(self, outputs: Sequence[DeviceTexels], light: cl.Buffer) -> np.ndarray:

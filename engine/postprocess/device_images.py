@@ -17,7 +17,7 @@ _SOURCE = "images.cl"
 #: Texel index for "no texel" in kernels/postprocess/images.cl.
 NOWHERE = 0xFFFFFFFF
 
-#: Memory limit in bytes for each of the three image buffers of outputs that are made together.
+#: Memory limit in bytes of each of the three image buffers; more outputs are processed in several batches.
 _MEMORY = 1 << 28
 
 
@@ -38,7 +38,7 @@ class DeviceImages:
     The host transfers rows of texels without padding.
 
     known:  (atlases, r, r) bool, texels that are loaded
-    fill:   fills the other texels
+    fill:   computes the other texels
     most:   number of outputs whose images fit into the memory limit
     """
 
@@ -50,7 +50,7 @@ class DeviceImages:
         self.most = max(1, _MEMORY // (16 * known.size))
 
     def load(self, outputs: Sequence[DeviceTexels]) -> None:
-        """Load the known texels of some outputs."""
+        """Copy the known texels of some outputs into the image buffer."""
         size = 16 * int(self._count)
         if len(outputs) != self._outputs:
             flags, self._outputs = cl.mem_flags.READ_WRITE, len(outputs)
@@ -62,7 +62,7 @@ class DeviceImages:
             )  # fmt: skip
 
     def filled(self) -> np.ndarray:
-        """Fill the other texels and return the images, (outputs, atlases, r, r, 3) float32."""
+        """Fill the unknown texels and download the images, (outputs, atlases, r, r, 3) float32."""
         compute, count, outputs = self._compute, int(self._count), self._outputs
         self._fill.fill(self.buffer, outputs)
         packed = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count * outputs)
@@ -85,13 +85,13 @@ class DeviceTexels:
 
     @property
     def largest(self) -> float:
-        """An upper bound of the absolute values."""
+        """Upper bound of the absolute values of all texels."""
         return self._largest.value
 
     def put(self, places: cl.Buffer, light: cl.Buffer, count: int) -> None:
         """Write light, float4, into `count` texels; skip entries with index `NOWHERE`.
 
-        places:  uint32, flat texel indices or `NOWHERE`; the light of the latter must be 0
+        places: uint32, flat texel indices or `NOWHERE`; light of entries with `NOWHERE` must be 0
         """
         self._compute.run(
             self._put, count, places, light, np.int32(self.channels), self.buffer, np.uint32(count)
@@ -111,7 +111,7 @@ class DeviceTexels:
         return light[:, : self.channels]
 
     def shown_with(self, light: cl.Buffer, count: int) -> None:
-        """Include the light of `count` off-centre points, float4, in the upper bound."""
+        """Raise the bound `largest` to cover the light of `count` off-centre points, float4."""
         self._largest.take(light, 4, 3, count)
 
 
@@ -171,6 +171,6 @@ class DevicePatches:
         return DeviceTexels(compute, texels, channels, largest)
 
     def images(self, values: Values) -> np.ndarray:
-        """Return the same on the host, (atlases, r, r, c) float32."""
+        """Return images of the values of patches, (n, c) float32, on the host: (atlases, r, r, c) float32."""
         texels = self.texels(values)
         return download(self._compute, texels.buffer, (*self._shape, texels.channels))

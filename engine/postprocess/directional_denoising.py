@@ -63,7 +63,7 @@ def restored_maps(
 
 
 def _changes(maps: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield the name of each signed map, its carrier image, and the scaled map that is added to it."""
+    """Yield each signed map: name, nonnegative carrier image C, scaled map M (`encode_signed_maps`)."""
     for name in _L1:
         if name in maps:
             yield name, maps["combined"], _PART * maps[name]

@@ -42,7 +42,7 @@ def maps_of_directions(
 
 
 def _on_device(settings: Settings, device: _DeviceMaps) -> dict[str, Values]:
-    """Return the requested maps, computed on the device."""
+    """Return the directional maps that the settings request, computed by OpenCL kernels."""
     if settings.projected:
         return dict(zip(PROJECTED_MAPS, device.projected(), strict=True))
     made: dict[str, Values] = {}
@@ -54,7 +54,7 @@ def _on_device(settings: Settings, device: _DeviceMaps) -> dict[str, Values]:
 
 
 class _DeviceMaps:
-    """Directional maps of n points; see `maps_of_directions`.
+    """Directional maps of n points, computed by OpenCL kernels; NumPy versions are functions of this module.
 
     gathered:    L1 of gathered light, on the device
     irradiance:  (n, 3) float32, E/pi
@@ -68,20 +68,20 @@ class _DeviceMaps:
         self._given = rows, np.int32(stride), axes, gathered.buffer
 
     def tilted(self) -> list[DeviceArray]:
-        """Return L0 and the x, y and z components of L1; see `directional_maps`."""
+        """Return L0 and the x, y and z components of L1, (n, 3) float32 each."""
         return self._made("tilted_maps", 4, self._receivers)
 
     def dominant(self) -> DeviceArray:
-        """Return the dominant direction; see `dominant_direction`."""
+        """Return the dominant direction, luminance of L1 divided by luminance of E/pi, (n, 3) float32."""
         (direction,) = self._made("dominant_direction", 1)
         return direction
 
     def projected(self) -> list[DeviceArray]:
-        """Return SH L0 and the x, y and z components of SH L1; see `projected_maps`."""
+        """Return SH L0 and the x, y and z components of SH L1, (n, 3) float32 each."""
         return self._made("projected_maps", 4, self._receivers)
 
     def _made(self, name: str, maps: int, *arguments: cl.Buffer) -> list[DeviceArray]:
-        """Run a kernel and return its `maps` outputs, (n, 3) float32 each."""
+        """Run a kernel that writes `maps` arrays; return them, (n, 3) float32 each."""
         compute, count = self._compute, self._count
         (kernel,) = compute.kernels((RECEIVER, "directional_maps.cl"), name)
         buffers = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 12 * count) for _ in range(maps)]

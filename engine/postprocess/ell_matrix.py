@@ -31,7 +31,7 @@ class EllMatrix:
         return self._sums(self._entries**2)
 
     def widened(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ranges, (n,) float64 each, widened to the ranges of all unknowns in the same rows."""
+        """Return the ranges, (n,) float64 each, widened to the ranges of unknowns in the same rows."""
         entry, start, unknown = self._by_column
         if not len(entry):
             return low, high
@@ -56,12 +56,12 @@ class EllMatrix:
             values[reached], known[reached] = sums[reached] / weight[reached], True
 
     def _of_rows(self, values: np.ndarray) -> np.ndarray:
-        """Return the sum of the unknowns' values in each row, repeated for each entry, (m, k) float64."""
+        """Return the product A x, repeated for each entry of a row, (m, k) float64."""
         sums = values[self._columns].sum(axis=1, keepdims=True)
         return np.broadcast_to(sums, self._columns.shape)
 
     def _sums(self, terms: np.ndarray) -> np.ndarray:
-        """Return the sum of terms, (m, k), for each column, (n,) float64."""
+        """Return the sum of terms, (m, k), over all entries of each column, (n,) float64."""
         return np.bincount(self._columns.ravel(), terms.ravel(), self._count)
 
     @cached_property

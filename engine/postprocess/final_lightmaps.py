@@ -17,7 +17,7 @@ from .refined_texels import RefinedTexels
 
 
 class FinalLightmaps:
-    """Final images of texel values.
+    """Final lightmap images from values of texels: fit across seams, then fill.
 
     texels:      values of all texels
     off_centre:  indices and points of patches that are not at their texel's centre, see `off_centre_patches`
@@ -44,7 +44,7 @@ class FinalLightmaps:
             self._maker = DeviceFinalImages(self._compute, *where)
 
     def image(self, texels: np.ndarray) -> np.ndarray:
-        """Return the final images, (atlases, r, r, 3) float32, of the result of `RefinedTexels.values`."""
+        """Return final images, (atlases, r, r, 3) float32, of texel values (`RefinedTexels.values`)."""
         if isinstance(self._maker, GutterFill):
             return self._maker.images(texels)
         return self._maker.images(texels, texels.reshape(-1, texels.shape[-1])[self._off_centre_texels])

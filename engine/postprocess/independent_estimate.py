@@ -1,4 +1,4 @@
-"""Denoise weights from an independent estimate: texel light from a second set of few rays."""
+"""Denoise weights from an independent estimate: a second lightmap from few rays, with uncorrelated noise."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..array_ops import segment_sums
 from .texel_charts import TexelCharts
 
-#: Highest class of chart size. The sizes of each class reach up to four times those of the class below.
+#: Highest class of chart size. The upper limit of each class is four times that of the class below.
 _LARGEST_CLASS = 5
 
 #: Relative change up to which texels are in the lowest class, and number of classes above. Each class holds
@@ -64,7 +64,7 @@ def denoise_weight(
 
 
 def _classes(noisy: np.ndarray, change: np.ndarray, charts: TexelCharts) -> np.ndarray:
-    """Return the class number of each texel's change, (k,) int64."""
+    """Return the class of each texel's change, by chart size and relative change, (k,) int64."""
     size = np.minimum(np.log2(charts.size) // 2, _LARGEST_CLASS).astype(np.int64)[charts.number]
     light = np.maximum((noisy + change).sum(axis=1), 1e-30)
     part = np.abs(change.sum(axis=1)) / light / _LEAST_CHANGE

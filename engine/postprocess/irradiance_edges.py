@@ -17,7 +17,7 @@ _EDGE = 0.1
 #: centre; uneven light around it is the only sign.
 _EDGE_NEAR_BORDER = 0.05
 
-#: Light below this fraction of the map's mean counts as that bright.
+#: Fraction of the map's mean irradiance: darker texels are compared as if they had this value.
 _DARK = 0.05
 
 #: Noise is estimated in blocks of `_BLOCK` x `_BLOCK` texels, since dark corners have more of it. At least
@@ -76,7 +76,8 @@ def find_edges(
     sizes = 4 * entries.size, 4 * atlases * blocks**2, words_of(entries.size)
     off, noise, marks = (zeros(compute, size) for size in sizes)
 
-    # Difference from the neighbours' mean, then noise level of each block, then differences above it.
+    # Run three kernels: difference from the neighbours' mean, noise level of each block, differences above
+    # the noise.
     least = np.float32(_DARK * float(np.asarray(known.light).mean()))
     light, _ = rows_on_device(compute, known.light)
     arrays = known.front.astype(np.float32, copy=False), known.hidden.view(np.uint8)

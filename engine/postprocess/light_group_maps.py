@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-#: Fraction of each map's mean that is added before the division. It decides the shares where no group has
-#: light.
+#: Fraction of its mean that is added to each map before division, so that texels where all groups are 0 get
+#: finite shares.
 _FAINT = 1e-7
 
 

@@ -1,4 +1,4 @@
-"""Points on lightmaps at which irradiance is known."""
+"""Points on lightmaps at which light is computed: sample positions with weights."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def off_centre_patches(
 
 
 def _found_thin(compute: ComputeDevice, triangles: Triangles, patches: PatchList) -> np.ndarray:
-    """Return the indices of off-centre patches, (k,) int64, found on the device."""
+    """Return the indices of off-centre patches, (k,) int64, computed by an OpenCL kernel."""
     (kernel,) = compute.kernels("off_centre_patches.cl", "find_thin")
     arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
     inputs = (upload_once(compute, array) for array in arrays)
@@ -89,6 +89,6 @@ def centre_points(texels: np.ndarray, resolution: int) -> LightmapPoints:
 
 
 def joined_points(first: LightmapPoints, second: LightmapPoints) -> LightmapPoints:
-    """Return the points of both sets in order."""
+    """Concatenate two sets of points."""
     pairs = ((getattr(first, name), getattr(second, name)) for name in ("atlas", "position", "weight"))
     return LightmapPoints(*map(np.concatenate, pairs))

@@ -13,7 +13,7 @@ class MembraneFill:
 
     Coarser images hold the means of known texels. On the way back each finer image interpolates its unknown
     texels (pull-push: Gortler et al. 1996, section 3.4). Jacobi steps of the Laplace equation then smooth
-    them. The texels are computed once; `fill` may be called for each image.
+    them. Indices and weights are computed once and serve for any number of images.
 
     known:   (h, w) bool, texels that keep their bits
     filled:  (h, w) bool, texels to fill; all others become 0. If no texel is known, these become 0 too
@@ -52,7 +52,7 @@ class _Scale:
         self._neighbours = _neighbours(self._unknown, known | filled)
 
     def coarser(self, image: np.ndarray) -> np.ndarray:
-        """Return the mean of the known texels in each 2 x 2 block, (h', w', c) float32."""
+        """Return the next coarser image, (h', w', c) float32: means of the known texels of 2 x 2 blocks."""
         coarse: np.ndarray = _blocks(image * self._known).sum(axis=(1, 3)) * self._weight
         return coarse
 

@@ -9,7 +9,8 @@ from .texel_charts import TexelCharts
 #: Minimum number of texels of a chart in which the filter separates noise from detail reliably.
 _LARGE = 400
 
-#: Change in standard deviations of the noise: accepted fully up to the first value, rejected from the second.
+#: Limits for changes by the denoiser, in standard deviations of the noise. Smaller changes than the first are
+#: accepted, larger ones than the second are rejected.
 _NOISE, _DETAIL = 5.0, 10.0
 
 #: Ratio of the standard deviation of normal noise to the median of its absolute value.

@@ -47,7 +47,7 @@ class IrradianceParts(Protocol):
 
 
 class Outputs:
-    """Computation of the outputs that the settings request."""
+    """Computation of the output maps that the settings request, for patches or texel samples."""
 
     def __init__(self, scene: Scene, settings: Settings, lighting: DirectLighting) -> None:
         groups = light_group_maps(scene) if settings.by_light_groups else []
@@ -57,19 +57,19 @@ class Outputs:
 
     @property
     def begin_with_direct(self) -> bool:
-        """True if intermediate lightmaps are shown and start with direct light."""
+        """True if intermediate lightmaps are displayed and the first one shows direct light."""
         first = self._settings.light_outputs[:1]
         return self._settings.intermediates and first in (("combined",), ("direct",))
 
     def done(self, solution: Solution) -> bool:
-        """Return True if a solution suffices for the outputs.
+        """Return True if the iterations so far suffice for the requested outputs.
 
         Every lit output needs one iteration, since the gather measures the validity of the patches.
         """
         return solution.done or (solution.iterations > 0 and not self._settings.has_indirect)
 
     def light(self, solution: Solution) -> Values:
-        """Return the current state of the first light output, (n, 3) float32; else direct light."""
+        """Return the first light output of the current iteration, (n, 3) float32, or direct light."""
         first, *_ = (*self._settings.light_outputs, "direct")
         if first == "indirect":
             return solution.indirect

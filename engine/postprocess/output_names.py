@@ -10,7 +10,7 @@ from ..settings import Settings
 
 
 def output_names(scene: Scene, settings: Settings) -> list[str]:
-    """Return the names of `BakeResult.passes` in order; equal names of lights get a number.
+    """Return the names of the output maps of a bake in order; lights with equal names get a number.
 
     Raises SceneError if there is no map to compute.
     """

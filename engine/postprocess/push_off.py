@@ -69,7 +69,7 @@ def joined_ways(several: list[PushOffs]) -> PushOffs:
 def push_off_points(
     scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | np.ndarray | None = None
 ) -> PushOffs:
-    """Return the push-offs of a ray scene's points.
+    """Return the push-offs of the points of a ray scene, computed by OpenCL or by compute shaders.
 
     scene:    ray tracer and points
     count:    number of points
@@ -103,7 +103,7 @@ def push_off_points(
 def _shader_push_offs(
     scene: ShaderScene, reach: float, normals: np.ndarray, lit: np.ndarray | None
 ) -> PushOffs:
-    """Return the push-offs that compute shaders find; see `push_off_points`."""
+    """Return the push-offs of the points of a ray scene, computed by OpenGL compute shaders."""
     ways, numbers = push_offs(scene, reach, normals, lit)
     inside = numbers[:, 3] != 0
     thickness = np.full(len(ways), np.inf, np.float32)
@@ -113,7 +113,7 @@ def _shader_push_offs(
 
 
 def _thickness(measured: np.ndarray, sides: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return the thickness of walls, (k,) float32, m; inf where both sides do not face apart.
+    """Return the thickness of walls, (k,) float32, m; inf if the normals of the two sides are not opposite.
 
     measured: (k,) float32, m; sides: (k, 2) int32, triangles that it is measured between, -1 for none
     """
@@ -124,7 +124,11 @@ def _thickness(measured: np.ndarray, sides: np.ndarray, normals: np.ndarray) -> 
 def _taken(
     compute: ComputeDevice, kernel: Kernel, found: list[cl.Buffer], points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return offsets and thickness, (k, 4) float32, walls, (k,) int32, and sides, (k, 2) int32, of points."""
+    """Return push-off data of the `found` points from the device.
+
+    Returns offsets and thickness, (k, 4) float32, walls, (k,) int32, and the two triangles of the sides, (k,
+    2) int32.
+    """
     count = len(points)
     taken = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (16, 4, 8)]
     compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), *taken, np.int32(count))
@@ -135,7 +139,7 @@ def _taken(
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the barycentrics of points after a displacement in their triangles' planes, (s, 3) float32.
+    """Move points by offsets in the planes of their triangles; return the new barycentrics, (s, 3) float32.
 
     The second array, (s,) bool, is True for points that stay on their triangles.
     """

@@ -34,7 +34,7 @@ class RefinedTexels:
         self._invalid_texels = images.texel[self.invalid]
 
     def with_walls(self, walls: ThinWallFit | None) -> RefinedTexels:
-        """Return the same texels with a fit at thin walls."""
+        """Return a copy with a fit at thin walls."""
         return RefinedTexels(self.images, self._means, self.invalid, walls)
 
     @property
@@ -57,7 +57,7 @@ class RefinedTexels:
 
     @property
     def plain(self) -> np.ndarray:
-        """Texels of valid patches without texel samples, (atlases, r, r) bool."""
+        """Texels of valid patches that are not supersampled, (atlases, r, r) bool."""
         plain = self.images.has_patch.copy()
         plain.ravel()[self._invalid_texels] = False
         if self._means is not None:
@@ -76,7 +76,7 @@ class RefinedTexels:
         return GutterFill(self.images.compute, self.known, self.images.rings)
 
     def values(self, patches: Values, samples: np.ndarray | None) -> np.ndarray:
-        """Return the value of each texel, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
+        """Return texel values before the seam fit, (atlases, r, r, 3) or (atlases, r, r, 1) float32.
 
         patches:  (n, 3) or (n,) float32, values of the patches
         samples:  (s, 3) or (s,) float32, values of the texel samples; None if there are none
@@ -90,7 +90,7 @@ class RefinedTexels:
         return images
 
     def on_device(self, compute: ComputeDevice, patches: Values, samples: np.ndarray | None) -> DeviceTexels:
-        """Return the value of each texel on the device; see `values`."""
+        """Return texel values before the seam fit on the OpenCL device; arguments as for `values`."""
         texels = self.images.on_device(compute, patches)
         if samples is not None and self._means is not None:
             self._means.show(texels, samples)

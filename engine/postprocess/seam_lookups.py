@@ -1,4 +1,4 @@
-"""Seam points whose bilinear lookups read no texel of a foreign chart."""
+"""Seam points for the fit, moved so that bilinear lookups there read no texel of an unrelated chart."""
 
 from __future__ import annotations
 
@@ -67,10 +67,10 @@ def display_seams(
 
 
 def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int) -> Seams:
-    """Return seams of the first `atlases` lightmaps whose sides read no texel that a facing border reads.
+    """Return seams of the first `atlases` lightmaps, moved so that no lookup reads texels of a facing border.
 
-    A side that does moves to the nearest row or column of texel centres, or centre, where it reads none. A
-    pair is dropped if there is no such place.
+    A lookup that reads such texels moves to the nearest row, column or centre of texels where it reads none.
+    A pair of points is dropped if there is no such place.
     """
     texel, kept = seams.texel.copy(), np.ones(len(seams), bool)
     sides = [footprints(seams.atlas[:, side], seams.texel[:, side], resolution) for side in (0, 1)]
@@ -107,7 +107,7 @@ class _BorderTexels:
         self._is_read[read] = True
 
     def facing(self, position: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return a mask of the lookup texels that a facing border reads, (p, 4) bool.
+        """Return the lookup texels that a border facing the lookup also reads, (p, 4) bool.
 
         position:         (p, 2), texels, position of each lookup
         texels, weights:  (p, 4), its texels and weights
@@ -116,7 +116,7 @@ class _BorderTexels:
         point, corner = nonzero_entries(self._is_read[texels] & (weights > 0))
         start, end = (np.searchsorted(self._texel, texels[point, corner], side) for side in ("left", "right"))
 
-        # Pair each of these texels with every border point that reads it.
+        # Pair each lookup texel with every border point that reads the same texel.
         count = end - start
         entry = np.repeat(np.arange(len(point)), count)
         border = self._point[np.arange(len(entry)) + np.repeat(start - np.cumsum(count) + count, count)]
@@ -127,14 +127,14 @@ class _BorderTexels:
 
 
 def _moved(position: np.ndarray, foreign: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nearest positions to (q, 2) that read no foreign texel, and a mask where one exists.
+    """Return the nearest positions whose lookups read no foreign texel, and a mask of existing ones.
 
     foreign:  (q, 4) bool, lower left, lower right, upper left, upper right
     """
     low = np.floor(position - 0.5)
     fraction = position - 0.5 - low
 
-    # Candidates on each axis: unchanged, the lower line of centres, the upper line.
+    # Candidates on each axis: the position itself, the texel centres below it, the texel centres above it.
     places = np.stack([fraction, np.zeros_like(fraction), np.ones_like(fraction)], axis=1)
     places = np.stack([places[:, [0, 1, 2] * 3, 0], places[:, np.repeat([0, 1, 2], 3), 1]], axis=2)
     u, v = places[..., 0], places[..., 1]

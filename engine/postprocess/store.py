@@ -15,7 +15,7 @@ from .gutter_fill import GutterFill
 
 
 class LightmapImages:
-    """Conversion of patch values into the lightmap images of all atlases of the user.
+    """Conversion of patch values into lightmap images, for all atlases of the user.
 
     Patches of objects without lightmap lie in further atlases, which are left out.
 
@@ -40,12 +40,12 @@ class LightmapImages:
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
 
     def suits(self, patches: PatchList, atlases: int, rings: int) -> bool:
-        """Return True if patches, number of atlases and margin in texels are the same."""
+        """Return True if these images fit the given patches, number of atlases and margin in texels."""
         same = self.patches.resolution == patches.resolution and len(self.has_patch) == atlases
         return same and self.rings == rings and same_values(self.patches.key, patches.key)
 
     def release(self) -> None:
-        """Drop the fill."""
+        """Drop the fill, which holds arrays of all texels."""
         self._fill = None
 
     def show_all(self) -> None:
@@ -67,7 +67,7 @@ class LightmapImages:
         self._set_invalid(is_invalid(validity, contacts))
 
     def _set_dark(self, dark: np.ndarray) -> None:
-        """Show the patches except dark ones, (n,) bool."""
+        """Remove patches that are covered by a touching face, (n,) bool, from the images."""
         if not same_values(dark, self._dark):
             before, now = (np.flatnonzero(flags[self._chosen]) for flags in (self._dark, dark))
             self._entry[self.texel[before]] = before + 1
@@ -75,7 +75,7 @@ class LightmapImages:
             self._device, self._dark = None, dark
 
     def _set_invalid(self, invalid: np.ndarray) -> None:
-        """Set the patches, (n,) bool, whose texels are filled."""
+        """Set the invalid patches, (n,) bool; the fill replaces the values of their texels."""
         invalid = invalid[self._chosen]
         if not np.array_equal(invalid, self.invalid):
             self.invalid, self._fill = invalid, None
@@ -89,30 +89,30 @@ class LightmapImages:
 
     @property
     def fill(self) -> GutterFill:
-        """Fill of the texels without valid patch, created on first use."""
+        """Fill of the texels that have no valid patch, created on first use."""
         if self._fill is None:
             self._fill = GutterFill(self.compute, self.valid_texels, self.rings)
         return self._fill
 
     def image(self, values: Values) -> np.ndarray:
-        """Return patch values, (n, 3) or (n,), as images, (atlases, r, r, 3) float32, 0 elsewhere."""
+        """Scatter patch values, (n, 3) or (n,), into images, (atlases, r, r, 3) float32."""
         images = self.scattered(values)
         return images if images.shape[-1] == 3 else np.repeat(images, 3, axis=-1)
 
     @property
     def no_image(self) -> np.ndarray:
-        """Image of no atlas, (0, r, r, 3) float32."""
+        """Placeholder for outputs without an image: no atlas, (0, r, r, 3) float32."""
         return np.zeros((0, *self.has_patch.shape[1:], 3), np.float32)
 
     def display(self, values: Values) -> np.ndarray:
-        """Return patch values as images with invalid texels filled and charts dilated."""
+        """Return images for display during a bake: patch values, filled texels, dilated charts."""
         if self.compute is None:
             return self.fill.images(self.image(values))
         image: np.ndarray = self.fill.images_of([self.on_device(self.compute, values)])[0]
         return image
 
     def scattered(self, values: Values) -> np.ndarray:
-        """Return patch values, (n, 3) or (n,), as images, (atlases, r, r, 3 or 1) float32, 0 elsewhere."""
+        """Scatter patch values, (n, 3) or (n,), into images, (atlases, r, r, 3 or 1) float32."""
         if self.compute is not None:
             return self._patches_on(self.compute).images(_rows(values))
         channels = np.asarray(_rows(values))
@@ -121,7 +121,7 @@ class LightmapImages:
         return image.reshape(*self.has_patch.shape, channels.shape[1])
 
     def on_device(self, compute: ComputeDevice, values: Values) -> DeviceTexels:
-        """Return patch values, (n, 3) or (n,), in their texels on the device."""
+        """Scatter patch values, (n, 3) or (n,), into texels on the OpenCL device."""
         return self._patches_on(compute).texels(_rows(values))
 
     def _patches_on(self, compute: ComputeDevice) -> DevicePatches:

@@ -29,7 +29,7 @@ class TexelCache:
         self._images: LightmapImages | None = None
 
     def clear(self) -> None:
-        """Drop all data except the images, which test for themselves whether they fit."""
+        """Drop all data except the images, which `images` replaces if the patches differ."""
         for memo in (self._areas, self._seams, self._clipper, self._off_centre):
             memo.clear()
 
@@ -63,7 +63,7 @@ class TexelCache:
     def prepare(
         self, compute: ComputeDevice, patch_scene: PatchScene, atlases: int, settings: Settings
     ) -> None:
-        """Compute what the images of the first `atlases` lightmaps need independently of light."""
+        """Compute the data of the first `atlases` lightmaps that does not depend on light."""
         if settings.texel_samples > 1:
             self.clipper(compute, patch_scene).rows(atlases)
         if settings.hide_seams:
@@ -72,7 +72,7 @@ class TexelCache:
     def off_centre_patches(
         self, compute: ComputeDevice | None, patch_scene: PatchScene
     ) -> tuple[np.ndarray, LightmapPoints]:
-        """Return the patches not at their texel's centre; see `lightmap_points.off_centre_patches`."""
+        """Return the indices, (k,) int64, and points of the patches that are not at their texel's centre."""
         return self._off_centre.get(
             (), lambda: off_centre_patches(compute, patch_scene.triangles, patch_scene.patches)
         )

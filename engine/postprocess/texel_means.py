@@ -20,13 +20,14 @@ _NAMES = (
 #: Flags of texels, as in kernels/postprocess/texel_means.cl.
 _SEEN, _CUT, _BEYOND = 1, 8, 16
 
-#: Texels that each work item reads in the reduction of the range of all values, as in the kernel.
+#: Texels that each work item reads in the reduction to minimum and maximum, as in the kernel.
 _EACH = 32
 
-#: Iterations of the fit; in each, all texels that a lookup reads change together.
+#: Iterations of the fit of texels to samples (Jacobi: all texels change together).
 _STEPS = 3
 
-#: Identity of the min/max reduction: minimum and maximum of four channels as order-preserving integers.
+#: Initial value of the min/max reduction: minimum and maximum of four channels, floats as order-preserving
+#: integers.
 _NO_RANGE = np.repeat(np.array([0x7FFFFFFF, -0x80000000], np.int64).astype(np.int32), 4)
 
 
@@ -85,11 +86,11 @@ class TexelMeans:
 
     @property
     def shown(self) -> np.ndarray:
-        """Flat indices of the texels that `of` returns: `texels`, then `beyond`, (k + b,) int64."""
+        """Flat indices of the texels that get values, (k + b,) int64: `texels`, then `beyond`."""
         return np.concatenate([self.texels, self.beyond])
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Return the light of the texels `shown`, (k + b, c) float32.
+        """Return the values of the texels `shown`, (k + b, c) float32.
 
         values:  (s, c) or (s,) float32, values of the samples, 1 or 3 channels
         """
@@ -98,11 +99,11 @@ class TexelMeans:
         return light[self._shown, :channels]
 
     def show(self, texels: DeviceTexels, values: np.ndarray) -> None:
-        """Write the light of the texels `shown` into `texels`; see `of` for the values."""
+        """Write the values of the texels `shown` into `texels`, which is on the device."""
         texels.put(self._shown_places, self._light_of(values), self._count)
 
     def _light_of(self, values: np.ndarray) -> cl.Buffer:
-        """Return the light of all texels on the device, float4; 0 where they are not `shown`."""
+        """Return the values of all texels on the device, float4; 0 in texels that are not `shown`."""
         channels = np.int32(_channels(values))
         given = upload(self._compute, values.astype(np.float32, copy=False)), channels
         ranges = self._low, self._high

@@ -55,7 +55,7 @@ class TexelSamples(NumpyPickle):
         return keys
 
     def part(self, chosen: slice | np.ndarray) -> TexelSamples:
-        """Return a subset of the samples."""
+        """Return the samples that a slice or a mask selects."""
         return TexelSamples(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
 
@@ -92,7 +92,8 @@ def display_samples(
     edge, at_an_end = find_edges(clipper.compute, own, known)
     edge |= _between(edge) & (own > 0)
 
-    # A texel between others of its chart needs points only if its light has an edge.
+    # Texels at chart borders are supersampled anyway. Texels inside a chart are added only if they lie on an
+    # edge of light.
     border = clipper.border_pieces(edge | at_an_end)
     key = border.keys(resolution)
     parts = at_an_end & _shows_several(patch_scene, border, key, own)
@@ -109,7 +110,7 @@ def display_samples(
 
 
 def _between(edge: np.ndarray) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, between two edge texels of a row or column.
+    """Return the texels, (atlases, r, r) bool, that lie between two edge texels of a row or column.
 
     A texel that is half in shadow has the mean of light and shadow, so the detector finds no edge in it.
     """
@@ -143,7 +144,7 @@ def _shows_several(
     texel = key[starts]
     covered = segment_sums(border.area, run_numbers(starts, len(key)), len(starts))
 
-    # Faces other than the first one of their texel.
+    # Compare each fragment's face with the first one of the same texel.
     first = np.repeat(triangle[starts], np.diff(starts, append=len(key)))
     others = np.flatnonzero(triangle != first)
     normals = patch_scene.geometry.steps.geometric

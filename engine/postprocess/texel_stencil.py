@@ -45,7 +45,7 @@ class TexelStencil:
     def _linked(
         self, footprints: np.ndarray, weights: np.ndarray, count: np.ndarray, pairs: tuple
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return texels, neighbours in one direction, and the matrix entries of these pairs, (k,) each."""
+        """Return texels, their neighbours in one direction, and the matrix entries of the pairs, (k,)."""
         factor, neighbour = np.zeros(len(self.diagonal)), np.zeros(len(self.diagonal), np.int64)
         for one, other in pairs:
             product = count * weights[:, one] * weights[:, other]
@@ -57,5 +57,5 @@ class TexelStencil:
 
     @staticmethod
     def _add(sums: np.ndarray, index: np.ndarray, terms: np.ndarray) -> None:
-        """Accumulate terms at indices."""
+        """Add terms to `sums` at indices, which may repeat."""
         sums += np.bincount(index, terms, len(sums))

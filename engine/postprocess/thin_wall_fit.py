@@ -21,7 +21,8 @@ from .device_images import DeviceTexels
 from .lightmap_points import LightmapPoints, centre_points, joined_points
 from .texel_samples import TexelSamples
 
-#: Light below this fraction of the brightest light around counts as that bright.
+#: Fraction of the brightest light nearby below which light counts as that bright, so that weights stay
+#: bounded.
 _FAINT = 1 / 20
 
 #: Distance in texels from samples inside a wall up to which texels are fitted.
@@ -63,8 +64,8 @@ class ThinWallFit:
         self.texels = near[flat[near]]
         around = _around(self.texels, known.shape, 1)
 
-        # Equations: samples next to the wall, centres of fitted texels without samples, and texels that keep
-        # their value.
+        # Equations demand the light of samples next to the wall, of centres of fitted texels without samples,
+        # and of texels that keep their value.
         told = np.zeros(known.size, bool)
         told[around] = True
         self._samples = np.flatnonzero(visible & (samples.weight > 0) & told[keys])
@@ -111,13 +112,13 @@ class ThinWallFit:
 
 
 def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:
-    """Return the weight of squared errors of light, (n,), that makes them relative; 1 for the brightest."""
+    """Return weights of squared errors, (n,), that make errors of `light` relative; 1 if brightest."""
     weight: np.ndarray = (bright / np.maximum(light, _FAINT * np.maximum(bright, 1e-30))) ** 2
     return np.where(bright > 0, weight, 1.0)
 
 
 def _around(texels: np.ndarray, shape: tuple[int, ...], steps: int) -> np.ndarray:
-    """Return the texels and all within `steps` of them, (k,) int64, flat indices, ascending.
+    """Return all texels within `steps` of the given ones, (k,) int64, flat indices, ascending.
 
     shape:  (atlases, r, r) of the lightmaps
     """
@@ -129,7 +130,7 @@ def _around(texels: np.ndarray, shape: tuple[int, ...], steps: int) -> np.ndarra
 
 
 def _steps_from(texels: np.ndarray, resolution: int, steps: int) -> Iterator[np.ndarray]:
-    """Yield the texels at each offset within `steps`, (n,) int64, flat indices, clamped to the edge."""
+    """Yield the texels displaced by each offset within `steps`, (n,) int64, flat, clamped to the edge."""
     reach = range(-steps, steps + 1)
     before, column = np.divmod(texels, resolution)
     row = before % resolution
@@ -140,7 +141,7 @@ def _steps_from(texels: np.ndarray, resolution: int, steps: int) -> Iterator[np.
 
 
 class _Brightness:
-    """Light of known texels near the given ones, (n,) int64, flat indices.
+    """Light of the known texels around given texels, (n,) int64, flat indices.
 
     shown:  light of all texels, one channel
     known:  (atlases, r, r) bool

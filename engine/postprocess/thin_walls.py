@@ -47,12 +47,12 @@ def in_thin_walls(
 def warn_thin_walls(
     scene: Scene, patch_scene: PatchScene, samples: TexelSamples, push_offs: PushOffs, inside: np.ndarray
 ) -> list[str]:
-    """Return a warning that names the walls around samples, (k,) int64; see `in_thin_walls`."""
+    """Return a warning: names of the walls around samples `inside`, (k,) int64, and the remedy."""
     if not len(inside):
         return []
     meshes = np.unique(patch_scene.triangles.mesh[push_offs.wall[inside]])
 
-    # Texel density that separates both sides, at the thinnest place.
+    # Texel density at which a texel is thin enough to separate both sides, at the thinnest place.
     units = 1 / scene.metres_per_unit
     density = units * float((_PARTING / np.maximum(push_offs.thickness[inside], 1e-6)).max())
     now = units / float(_texel(patch_scene, samples, inside).max())

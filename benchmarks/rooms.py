@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine import Light, Mesh, Scene
+from engine.scene.model import NO_LIGHTMAP
 from tests.analytic.scenes import GAP, Chart, material, quads, rectangle, room_walls
 
 #: Side of the room, m.
@@ -69,6 +70,19 @@ def with_small_box(scene: Scene, resolution: int) -> Scene:
     box = quads(np.stack(pieces), charts, [_WHITE] * len(pieces), resolution, "Small box")
     meshes = (*scene.meshes, replace(box, atlas=len(scene.atlases)))
     return replace(scene, meshes=meshes, atlases=(*scene.atlases, "Small box"))
+
+
+def with_instances(scene: Scene, count: int) -> Scene:
+    """Return a room with small boxes without lightmaps at random places, one mesh each."""
+    pieces = standing_box(0.01, 0.01, (0, 0), 0.3)
+    charts = packed([(1.0, 1.0)] * len(pieces), 64, (0, 64))
+    box = quads(np.stack(pieces), charts, [_WHITE] * len(pieces), 64, "Instance")
+    places = np.random.default_rng(5).uniform(0.05, 0.9, (count, 1, 3)).astype(np.float32) * ROOM
+    boxes = tuple(
+        replace(box, name=f"Instance {index}", positions=box.positions + place, atlas=NO_LIGHTMAP)
+        for index, place in enumerate(places)
+    )
+    return replace(scene, meshes=(*scene.meshes, *boxes))
 
 
 def _cornell_quads() -> tuple[list[np.ndarray], list[int]]:

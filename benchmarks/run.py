@@ -32,6 +32,7 @@ SUITES = {
     "lights": "direct light of 1 to 1,000 lamps",
     "waiting": "first, warm and relit bakes: stages, device, page faults",
     "directional": "what directional maps cost, by stage",
+    "large": "time and memory of millions of triangles, texels and instances",
 }
 
 
@@ -42,7 +43,7 @@ def main() -> None:
     only = tuple(arguments.scene)
     options = Options(gpu=arguments.gpu, full=arguments.full, only=only, **folders)
     machine = _machine(arguments.gpu)
-    print(f"{machine['opencl']['device']}, {machine['opengl']['renderer']}, commit {machine['commit']}")
+    print(_machine_text(machine))
     stored: dict[str, Any] = {"machine": machine, "options": {"gpu": options.gpu, "full": options.full}}
     stored["suites"], path = {}, arguments.out.resolve() / _name(machine)
     for name in arguments.suite:
@@ -55,6 +56,12 @@ def main() -> None:
     print(f"\nStored in {path}")
     if failed := [name for name, suite in stored["suites"].items() if "failed" in suite]:
         raise SystemExit(f"Failed: {', '.join(failed)}.")
+
+
+def _machine_text(machine: dict[str, Any]) -> str:
+    """Return the devices, the host and the commit in a line, since times depend on the host too."""
+    devices = f"{machine['opencl']['device']}, {machine['opengl']['renderer']}"
+    return f"{devices}; {machine['cores']} cores of {machine['processor']}; commit {machine['commit']}"
 
 
 def run_suite(name: str, options: Options, gpu: bool) -> dict[str, Any]:

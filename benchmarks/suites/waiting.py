@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import statistics
 import sys
 import tempfile
 import time
@@ -38,8 +39,8 @@ _SCENES: dict[str, Callable[[int], Scene]] = {
     "furnished room": furnished_room,
 }
 
-#: Warm bakes, of which the slowest counts.
-_WARM = 3
+#: Warm bakes, and bakes after a change of light; an odd number, since the median counts.
+_WARM = 5
 
 #: Folders where drivers keep what they have built, by the variables that name them.
 _CACHES = ("CUDA_CACHE_PATH", "POCL_CACHE_DIR", "XDG_CACHE_HOME")
@@ -67,7 +68,8 @@ class _Case:
 _DIRECTIONAL = ("combined", "directional")
 _CARD = (
     _Case("box", 1024, "high"), _Case("box", 1024, "256 rays"), _Case("box", 1024, "high", _DIRECTIONAL),
-    _Case("box", 512, "high"), _Case("box", 512, "high", _DIRECTIONAL), _Case("hall", 2048, "high"),
+    _Case("box", 512, "high"), _Case("box", 512, "high", _DIRECTIONAL), _Case("box", 1024, "preview"),
+    _Case("hall", 2048, "preview"), _Case("hall", 2048, "high"), _Case("hall", 2048, "very_high"),
 )  # fmt: skip
 
 
@@ -91,8 +93,8 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
              for record in cold],
         ),
         table(
-            ("scene", "texels", "settings", "warm, s", "relit, s", "kernels, s", "CPU, s", "page faults",
-             "error off edges"),
+            ("scene", "texels", "settings", "warm, s", "spread, s", "relit, s", "spread, s", "kernels, s",
+             "CPU, s", "page faults", "error off edges"),
             [_row(record) for record in warm],
         ),
         _stages(warm),
@@ -147,7 +149,7 @@ def _cases(options: Options) -> tuple[_Case, ...]:
 
 
 def _measured(case: _Case, kernels: str, against_truth: bool) -> dict[str, Any]:
-    """Bake a case until it is warm, then again, then with a lamp; return the slowest of each.
+    """Bake a case until it is warm, then again, then with a lamp and without; return the median of each.
 
     kernels:        folder of those that other cases have built
     against_truth:  True to measure the error, too, against a bake with many rays of every patch
@@ -161,16 +163,22 @@ def _measured(case: _Case, kernels: str, against_truth: bool) -> dict[str, Any]:
         for _ in range(_WARM):
             session.forget()
             warm.append(_timed(session, scene, chosen))
-        relit = [_timed(session, other, chosen) for other in (lit, scene, lit)][1:]
+        relit = [_timed(session, (lit, scene)[turn % 2], chosen) for turn in range(_WARM + 1)][1:]
         error = _error_off_edges(session, scene, chosen) if against_truth else None
     finally:
         session.close()
     return {
         "kind": "arrays", "scene": case.scene, "resolution": case.resolution, "quality": case.quality,
-        "outputs": list(case.outputs), **max(warm, key=lambda record: record["seconds"]),
-        "relit": max(relit, key=lambda record: record["seconds"]),
+        "outputs": list(case.outputs), **_median(warm), "relit": _median(relit),
         "kernels": busy_seconds(scene, chosen), "error_off_edges": error,
     }  # fmt: skip
+
+
+def _median(bakes: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the record of the bake with the median time, with the times of the fastest and the slowest."""
+    ordered = sorted(bakes, key=lambda record: record["seconds"])
+    spread = [ordered[0]["seconds"], ordered[-1]["seconds"]]
+    return {**ordered[len(ordered) // 2], "spread": spread}
 
 
 def _error_off_edges(session: Session, scene: Scene, chosen: Settings) -> float:
@@ -206,7 +214,7 @@ def _lamp(scene: Scene) -> Light:
 
 
 def _operator_records(options: Options) -> list[dict[str, Any]]:
-    """Return the first and the slowest of more bakes of the demo as the Bake operator does them."""
+    """Return the first bake of the demo by the Bake operator, and the median of further ones."""
     sys.path.insert(0, str(ROOT / "tools"))
     from tools.headless import blender, quiet_stdout
 
@@ -225,7 +233,7 @@ def _operator_records(options: Options) -> list[dict[str, Any]]:
         chosen = bpy.context.scene.hemibake
         chosen.resolution, chosen.directory = resolution, folder
         first, *warm = (operator_bake(bpy.context, {})[0] for _ in range(1 + _WARM))
-    taken = {"first": first, "warm": max(warm)}
+    taken = {"first": first, "warm": statistics.median(warm)}
     return [
         {"kind": "operator", "what": what, "resolution": resolution, "seconds": seconds}
         for what, seconds in taken.items()
@@ -235,9 +243,15 @@ def _operator_records(options: Options) -> list[dict[str, Any]]:
 def _row(record: dict[str, Any]) -> tuple:
     return (
         record["scene"], record["resolution"] ** 2, _settings_text(record), record["seconds"],
-        record["relit"]["seconds"], sum(record["kernels"].values()), record["processor_seconds"],
-        record["page_faults"], percent(record["error_off_edges"]),
+        _spread(record), record["relit"]["seconds"], _spread(record["relit"]),
+        sum(record["kernels"].values()), record["processor_seconds"], record["page_faults"],
+        percent(record["error_off_edges"]),
     )  # fmt: skip
+
+
+def _spread(record: dict[str, Any]) -> str:
+    """Return the times of the fastest and the slowest bake, s."""
+    return "–".join(f"{seconds:.3g}" for seconds in record["spread"])
 
 
 def _settings_text(record: dict[str, Any]) -> str:

@@ -21,8 +21,8 @@ OFFSETS = sorted(
 #: Distance in texels along u and v from the texel centre within which a point lies inside the texel.
 WITHIN = 0.499
 
-#: Main files of one program for border texels, patches on edges, and coincident edges: one builds faster than
-#: three.
+#: Kernel files of border texels, edge patches and coincident edges, built as one program: faster than three
+#: builds.
 SOURCE = ("border_texels.cl", "edge_patches.cl", "edge_neighbours.cl")
 OPTIONS = (f"-DWITHIN={WITHIN}f",)
 

@@ -1,4 +1,4 @@
-"""Rasterization of charts with OpenGL: lightmap UVs become positions, texels pixels (paper, IV.A)."""
+"""Rasterization of charts with OpenGL: covered texels get the data of their triangle (paper, IV.A)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Drawing:
 #: Triangle + 1 and two barycentrics of each texel whose centre is covered.
 PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
 
-#: The same for UVs that are snapped to texel borders; see shaders/patches/patches.geom.
+#: The same data for UVs snapped to texel borders by a geometry shader, shaders/patches/patches.geom.
 ALIGNED = Drawing("patches", ("vert", "geom", "frag"), PATCHES.targets, _LAST)
 
 #: Triangle + 1 of each touched texel: the triangle nearest to the texel centre.

@@ -39,7 +39,10 @@ class ChartTexels:
     warnings: tuple[str, ...]
 
     def suit(self, scene: Scene, triangles: Triangles, before: Triangles) -> bool:
-        """Return True if a scene has the same charts as the triangles `before`, the source of these."""
+        """Return True if a scene has the same charts as the one that these texels were made from.
+
+        before: triangles of the latter
+        """
         return (
             self.names == tuple(mesh.name for mesh in scene.meshes)
             and len(self.entries) == len(scene.atlases)

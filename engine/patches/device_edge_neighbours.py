@@ -15,13 +15,13 @@ _OF_EACH, _LEAST = 4, 1 << 16
 
 
 class DeviceNeighbours:
-    """Search for overlapping boxes with a kernel; see `EdgeNeighbours`. Created by the thread of the bake."""
+    """Broad phase for edges that may coincide, by an OpenCL kernel; created by the thread of the bake."""
 
     def __init__(self, compute: ComputeDevice) -> None:
         self._beside = compute.beside(SOURCE, "find_edge_neighbours", OPTIONS)
 
     def overlapping(self, boxes: EdgeBoxes) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield pairs of boxes that overlap."""
+        """Yield pairs of boxes that overlap, in the order of `EdgeNeighbours.overlapping`."""
         if not len(boxes):
             return
         levels, rank = np.unique(boxes.level, return_inverse=True)
@@ -42,8 +42,8 @@ class DeviceNeighbours:
         inputs, pairs = self._inputs(boxes, sizes, rank), self._beside.room_for(8 * room)
         total = np.zeros(1, np.uint32)
 
-        # Halve the range of work items until its pairs fit; one item has at most as many pairs as there are
-        # boxes.
+        # Process boxes in ranges; a range whose pairs exceed the buffer is halved. One box always fits: it
+        # has at most as many pairs as there are boxes.
         spans = [(0, len(boxes) * len(sizes))]
         while spans:
             start, end = spans.pop()

@@ -12,17 +12,17 @@ import numpy as np
 from ..array_ops import largest_in_rows
 from .chart_edges import ChartEdges
 
-#: Distance below which edges coincide: a fraction of a texel, or the precision of float32 relative to the
-#: coordinates.
+#: Distances below which edges coincide: a fraction of a texel; a fraction of the coordinates (float32
+#: precision). The larger one counts.
 _NEAR, _ROUNDING = 0.02, 2.0**-21
 
 #: Minimum cosine between shading normals of one smooth surface: 2.5 degrees.
 ALIKE = 0.999
 
-#: Half the distance between unit vectors at that angle, plus rounding.
+#: Half the distance between two unit normals whose cosine is ALIKE, plus a rounding tolerance.
 _ALIKE_APART = np.sqrt((1 - ALIKE) / 2) + 1e-6
 
-#: Odd factors of the spatial hash: three coordinates and the cube size.
+#: Odd factors of the spatial hash, one for each coordinate and one for the cube size.
 FACTORS = np.array([0x1F123BB5159A55E5, 0x3C6EF372FE94F82B, 0x510E527FADE682D1, 0x6A09E667F3BCC909], np.int64)
 
 

@@ -48,7 +48,7 @@ def edge_pairs(edges: ChartEdges, neighbours: EdgeNeighbours | None = None) -> E
 
 
 def _same_ends(edges: ChartEdges) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of edges with the same end points, two (p,) int64 index arrays."""
+    """Return pairs of edges whose end points coincide, two (p,) int64 index arrays."""
     keys = end_keys(edges)
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
@@ -86,6 +86,6 @@ def _compared(edges: ChartEdges, first: np.ndarray, second: np.ndarray) -> EdgeP
 
 
 def _between(ends: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Return values interpolated between the ends of edges, (p, 2, d), at parameters (p, k): (p, k, d)."""
+    """Interpolate linearly between the ends of edges, (p, 2, d), at parameters (p, k): (p, k, d)."""
     between: np.ndarray = ends[:, None, 0] + where[:, :, None] * (ends[:, None, 1] - ends[:, None, 0])
     return between

@@ -22,7 +22,7 @@ _LEADING = 0.3
 def inset_edge_patches(
     compute: ComputeDevice | None, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
 ) -> PatchList:
-    """Return the patches; those on a chart edge move to the centroid of the covered part of their texel.
+    """Move patches on a chart edge to the centroid of the covered part of their texel; return all patches.
 
     Rays from a point on the edge between two walls would miss the other wall.
 
@@ -47,7 +47,7 @@ def inset_edge_patches(
 def _found_on_edges(
     compute: ComputeDevice, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
 ) -> np.ndarray:
-    """Return the result of `_at_ends_of_charts`, computed on the device."""
+    """Find the patches on chart edges with an OpenCL kernel; return their indices, (k,) int64."""
     (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)
     arrays = geometry.triangles.uvs, texel_to_patch, patches.triangle, patches.barycentric
     inputs = [upload_once(compute, array) for array in arrays]
@@ -60,7 +60,10 @@ def _found_on_edges(
 
 
 def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:
-    """Return the patches on an edge of their triangle with no patch beyond it, (k,) int64."""
+    """Find the patches on chart edges with NumPy; return their indices, (k,) int64.
+
+    Such a patch lies on an edge of its triangle, and the texel beyond the edge has no patch.
+    """
     around = np.pad(texel_to_patch > 0, ((0, 0), (1, 1), (1, 1)))
     outer = around[:, :-2, 1:-1] & around[:, 2:, 1:-1]
     outer &= around[:, 1:-1, :-2]

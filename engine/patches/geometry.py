@@ -72,7 +72,7 @@ class PatchGeometry:
         return PatchGeometry(self.triangles, self.steps, *where)
 
     def at(self, patches: PatchList) -> PatchGeometry:
-        """Return the geometry of other patches on the same triangles."""
+        """Return the geometry of patches at other positions on the same triangles."""
         counts = self._counts if patches.triangle is self.triangle else None
         return PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric, counts)
 

@@ -11,7 +11,7 @@ from .texel_clip import clipped_centroids
 
 
 class HostBorder:
-    """Search for patches near border texels; see `DeviceBorder`."""
+    """Search for patches near border texels with NumPy, for machines without OpenCL."""
 
     def __init__(self, geometry: PatchGeometry, border: BorderTexels) -> None:
         self._triangles, self._steps, self._border = geometry.triangles, geometry.steps, border

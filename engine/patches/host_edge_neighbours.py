@@ -13,13 +13,13 @@ _CHUNK = 1 << 20
 
 
 class HostNeighbours:
-    """Search for overlapping boxes with NumPy; see `EdgeNeighbours`."""
+    """Broad phase for edges that may coincide, by NumPy; for machines without OpenCL."""
 
     def overlapping(self, boxes: EdgeBoxes) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield pairs of boxes that overlap.
 
         Each level has its own hash grid. A box touches at most eight cubes of its own size and of each larger
-        size, in which it meets the boxes of that size.
+        size. It is compared with the boxes of that size in these cubes.
         """
         for level in np.unique(boxes.level):
             seeker = np.flatnonzero(boxes.level <= level)
@@ -30,7 +30,7 @@ class HostNeighbours:
 def _in_one_cube(
     boxes: EdgeBoxes, size: float, full_size: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield the overlapping pairs of any of m boxes and a box of full size, each pair once and sorted.
+    """Yield the overlapping pairs of boxes that share a cube, at least one of full size, each pair once.
 
     boxes:      m boxes, none larger than the cubes
     size:       cube size, m
@@ -54,7 +54,8 @@ def _in_one_cube(
         second = box[full[np.repeat(start[entry], count[entry]) + np.arange(len(first)) - offset]]
         first, second = _overlapping(axes, first, second)
 
-        # Two boxes may share several cubes; of two full-size boxes the lower index comes first.
+        # Boxes that share several cubes count once. Of two full-size boxes the one with the lower index comes
+        # first.
         once = (first != second) & (~full_size[first] | (first < second))
         pairs = np.unique(first[once] * len(boxes) + second[once])
         yield np.divmod(pairs, len(boxes))
@@ -75,7 +76,10 @@ def _overlapping(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> tup
 
 
 def _parts_of(count: np.ndarray) -> Iterator[slice]:
-    """Yield slices of counts, (n,) int, that sum to at most `_CHUNK`, or hold a single count."""
+    """Split `count`, (n,) int, into runs whose sum is at most `_CHUNK`; yield their slices.
+
+    A run has at least one entry.
+    """
     ends = np.cumsum(count)
     start = 0
     while start < len(count):

@@ -22,7 +22,7 @@ def multiply_on_host(
     values: np.ndarray,
     maps: Sequence[tuple[TexturedPatches, Texture]],
 ) -> None:
-    """Multiply values of patches, (n, 3) float32, in place by texel means of their textures."""
+    """Multiply patch values, (n, 3) float32, in place by the mean of their texture over the texel."""
     for textured, texture in maps:
         values[textured.patch] *= _mean(geometry.part(textured.patch), meshes, textured, texture)
 
@@ -37,7 +37,8 @@ def _mean(
         texture = replace(texture, pixels=srgb_to_linear(texture.pixels), srgb=False)
     pixels = shrink(texture.pixels, *averaged_size(texture, side)) if side > 1 else texture.pixels
 
-    # Average the texel's sample points inside the patch's triangle; without any, use the patch's own point.
+    # Average the sample points of the texel that lie inside the triangle. If none does, use the patch's own
+    # point.
     local = np.searchsorted(textured.triangles, geometry.triangle)
     corners, weights = corners[local], geometry.barycentric.astype(np.float64)
     total, count = np.zeros((len(local), 3)), np.zeros((len(local), 1))

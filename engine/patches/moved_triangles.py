@@ -11,7 +11,7 @@ from .patch_scene import PatchScene
 #: Maximum fraction of moved triangles; above it, computing all visibility again is as fast.
 _MOST = 0.5
 
-#: Relative rounding error of the ball's radius, as a fraction of the radius plus the largest coordinate.
+#: Rounding error of the ball's radius, relative to the sum of the radius and the largest coordinate.
 _ROUNDING = 1e-5
 
 
@@ -54,7 +54,7 @@ def ball_around(triangles: np.ndarray) -> np.ndarray:
 
 
 def _same_patches(before: PatchScene, after: PatchScene) -> bool:
-    """Return True if the patches are on the same texels."""
+    """Return True if both versions have the same patches on the same texels."""
     one, other = before.patches, after.patches
     return (
         one.resolution == other.resolution
@@ -81,7 +81,7 @@ def _ranges_of_meshes(triangles: Triangles) -> np.ndarray:
 def _unmoved(
     before: Triangles, after: Triangles, first: np.ndarray, other: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return masks of the triangles before and after, (t,) bool each, that did not move in world or UV space.
+    """Return masks, before and after, (t,) bool each, of triangles at the same place in world and UV space.
 
     first, other:  (meshes + 1,) int64, first triangle of each mesh before and after. If a mesh's triangle
                    count changed, all of its triangles have moved
@@ -99,7 +99,7 @@ def _unmoved(
 
 
 def _touching(triangles: Triangles, changed: np.ndarray) -> np.ndarray:
-    """Return a mask of triangles, (t,) bool, whose UV lookups may read a marked texel.
+    """Return a mask, (t,) bool, of triangles whose bilinear lookups may read a marked texel.
 
     changed:  (atlases, r, r) bool, marked texels
 

@@ -19,7 +19,7 @@ _COLUMNS = ("atlas", "texel", "triangle", "barycentric")
 
 
 class TexelIndex:
-    """Lookup between patches and texels, shared by patch lists on the same texels.
+    """Lookup between patches and texels, shared by patch lists that cover the same texels.
 
     resolution:    width and height of the lightmaps, texels
     atlas, texel:  (n,) int32, see `PatchList`
@@ -36,7 +36,10 @@ class TexelIndex:
         return int(np.searchsorted(self.key, atlases * self._resolution**2))
 
     def on_texels(self, atlases: int) -> np.ndarray:
-        """Return the patch + 1 of each texel, cached for one number of atlases; see `PatchList.on_texels`."""
+        """Return the patch + 1 of each texel, (atlases, r, r) uint32, 0 for none.
+
+        Cached for one number of atlases.
+        """
         if self._entries is None or self._entries[0] != atlases:
             count = self.count_in(atlases)
             entries = np.zeros((atlases, self._resolution, self._resolution), np.uint32)
@@ -127,7 +130,7 @@ def list_patches(
 
 
 def concatenate(parts: list[PatchList]) -> PatchList:
-    """Concatenate patch lists of one resolution."""
+    """Concatenate patch lists with the same lightmap resolution."""
     if len(parts) == 1:
         return parts[0]
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}

@@ -24,10 +24,10 @@ from .textured import TexturedPatches, textured_patches
 #: Material properties of patches, each a color times a texture.
 _KINDS = ("reflectance", "emission")
 
-#: Approximate number of patches in the mean reflectance.
+#: Approximate number of patches from which the mean reflectance is computed.
 _ASKED = 1 << 10
 
-#: Function that multiplies values of patches, (n, 3) float32, by textures of their materials.
+#: Function that multiplies patch values, (n, 3) float32, in place by the textures of their materials.
 _Multiplier = Callable[[Any, Sequence[tuple[TexturedPatches, Texture]]], None]
 
 
@@ -71,12 +71,12 @@ class PatchMaterials:
         return float(values_at(self.reflectance, some).mean()) if count else 0.0
 
     def shine_as(self, others: PatchMaterials) -> bool:
-        """Return True if the same patches emit."""
+        """Return True if both have the same set of emissive patches."""
         same = self.emission is others.emission and self.back_emission is others.back_emission
         return same or np.array_equal(self.shining, others.shining)
 
     def black_at(self, patches: np.ndarray) -> PatchMaterials:
-        """Return the same with zero reflectance at some patches, (n,) bool."""
+        """Return a copy with zero reflectance at masked patches, (n,) bool."""
         places = np.flatnonzero(patches)
         if not len(places):
             return self
@@ -95,7 +95,7 @@ class KnownSurfaces:
     surfaces: PatchMaterials
 
     def shown_by(self, scene: Scene, kind: str) -> np.ndarray:
-        """Return a mask, (m,) bool, of the materials whose color and texture of a kind are unchanged.
+        """Return a mask of materials, (m,) bool, with the same color and texture as in the known scene.
 
         scene:  scene of the same geometry
         kind:   "reflectance" or "emission"
@@ -154,7 +154,7 @@ def patch_surfaces(
 def _made_surfaces(
     compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry, resolution: int
 ) -> PatchMaterials:
-    """Compute all materials without previous ones; with OpenCL the reflectance stays on the device."""
+    """Compute the materials of all patches; with OpenCL the reflectance stays on the device."""
     maps = [_maps(scene, kind) for kind in _KINDS]
     device = compute if compute is not None and _fits(compute, maps) else None
     reflectance: Values = (
@@ -204,12 +204,12 @@ def _translucent_surfaces(
 
 
 def _maps(scene: Scene, kind: str) -> list[Texture | None]:
-    """Return the texture of a kind for each material; None for none."""
+    """Return the texture of each material for `kind`, or None."""
     return [getattr(material, f"{kind}_map") for material in scene.materials]
 
 
 def _shining(scene: Scene, geometry: PatchGeometry, emission: np.ndarray) -> np.ndarray:
-    """Return `PatchMaterials.shining`: patches of emissive materials whose texture is not black there."""
+    """Return the emissive patches, (k,) int64: their material emits and its texture is not black there."""
     emits = np.array([material.emission.any() for material in scene.materials], bool)
     if not emits.any():
         return np.zeros(0, np.int64)
@@ -244,13 +244,13 @@ def _multiply(
 
 
 def _fits(compute: ComputeDevice, maps: Sequence[Sequence[Texture | None]]) -> bool:
-    """Return True if each of the textures fits into one buffer of the device."""
+    """Return True if each texture fits into one buffer of the OpenCL device."""
     sizes = [texture.pixels.nbytes for textures in maps for texture in textures if texture]
     return max(sizes, default=0) <= int(compute.device.max_mem_alloc_size)
 
 
 def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
-    """Return the color of a kind of each patch's material, (n, 3) float32."""
+    """Return the color of each patch's material for `kind`, without textures, (n, 3) float32."""
     colors = [getattr(material, kind) for material in scene.materials]
     if not np.any(colors):
         return np.zeros((len(geometry.triangle), 3), np.float32)
@@ -258,7 +258,7 @@ def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
 
 
 def _constants_on(compute: ComputeDevice, scene: Scene, geometry: PatchGeometry) -> DeviceArray:
-    """Return the reflectance of each patch's material, on the device."""
+    """Return the reflectance of each patch's material, without textures, on the OpenCL device."""
     colors = _of_triangles([material.reflectance for material in scene.materials], geometry)
     of_triangle = DeviceArray(compute, upload(compute, colors), len(colors))
     return of_triangle.taken(upload_once(compute, geometry.triangle), len(geometry.triangle))

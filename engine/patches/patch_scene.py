@@ -53,15 +53,18 @@ class PatchScene:
     source_count: int | None = None
 
     def part(self, chosen: np.ndarray | slice) -> PatchScene:
-        """Return some of the patches as receivers; all patches remain sources."""
+        """Return a copy whose receivers are some of the patches; all patches remain sources."""
         return self.seen_from(self.patches.part(chosen), self.geometry.part(chosen))
 
     def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> PatchScene:
-        """Return other points on the same triangles as receivers; these patches remain sources."""
+        """Return a copy whose receivers are other points on the same triangles.
+
+        The patches remain sources.
+        """
         return replace(self, patches=patches, geometry=geometry, sides=None, source_count=self.sources)
 
     def with_surfaces(self, surfaces: PatchMaterials) -> PatchScene:
-        """Return the same patches with other materials."""
+        """Return a copy with other materials of the patches."""
         own = surfaces.own
         sides = None if own is None else pair_sides(self.triangles, self.patches, own)
         return replace(self, surfaces=surfaces, sides=sides)
@@ -81,9 +84,9 @@ def make_patch_scene(
 ) -> PatchScene:
     """Divide a scene into patches (paper, III.A and IV.A); raises Scene-, Settings-, PatchFileError.
 
-    before:  patches of the same scene before some objects moved, by the same settings, and that scene if it
-             is known. Unchanged triangles keep their bits, see `join_meshes`, and unchanged charts are not
-             rasterized again.
+    before:  patches of an earlier version of the scene with the same settings, and that scene if known.
+             Unchanged triangles keep their bits, see `join_meshes`, and unchanged charts are not rasterized
+             again.
     """
     last = before[0] if before else None
     triangles = join_meshes(scene, last.triangles if last else None)
@@ -96,7 +99,7 @@ def make_patch_scene(
     index = index_map(compute, covered, charts, last.index if last else None)
     patches, geometry = index.patches, covered.at(index.patches)
 
-    # Materials of patches are known if the patches and the materials of their triangles are unchanged.
+    # Reuse the materials of patches if neither the patches nor the materials of their triangles have changed.
     known = None
     if before and before[1] and last and _same_materials(last, triangles, patches):
         known = KnownSurfaces(before[1], last.surfaces)
@@ -108,5 +111,5 @@ def make_patch_scene(
 
 
 def _same_materials(before: PatchScene, triangles: Triangles, patches: PatchList) -> bool:
-    """Return whether the patches and the materials of their triangles are the same as before."""
+    """Return True if the patches and the materials of their triangles have not changed."""
     return before.patches is patches and np.array_equal(before.triangles.material, triangles.material)

@@ -19,7 +19,7 @@ _ONE_POINT = 0.01
 
 @dataclass(frozen=True)
 class Seams:
-    """Pairs of points on both sides of seams: the same place in the world, different places on the lightmaps.
+    """Pairs of points on both sides of seams: one place in the world, two places on the lightmaps.
 
     atlas:   (p, 2) int32
     texel:   (p, 2, 2) float64, lightmap position, texels; the centre of the first texel is (0.5, 0.5)
@@ -62,7 +62,7 @@ def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:
     number = np.arange(len(pair)) - np.repeat(np.cumsum(count) - count, count)
     along = (number + 0.5) / count[pair]
 
-    # From the start of the common part on both lightmaps to its end.
+    # Interpolate from the start to the end of the common part on both lightmaps.
     ends = edges.texels[both]
     direction = ends[:, :, 1] - ends[:, :, 0]
     start = ends[:, :, 0] + pairs.part[:, :, 0, None] * direction

@@ -1,4 +1,4 @@
-"""Pairs of patches on both sides of translucent surfaces, each of which also sends out the other's light.
+"""Pairs of patches on both sides of translucent surfaces; each also emits light transmitted from the other.
 
 The light of a side is stored as (rho E + tau E') / (rho + tau), with irradiance E of its own side and E' of
 the other. Its reflectance is stored as rho + tau. The product is the radiosity rho E + tau E', without a
@@ -28,25 +28,31 @@ class Sides:
     own: np.ndarray
 
     def blend(self, light: np.ndarray) -> np.ndarray:
-        """Blend E/pi of points' own sides, (n, 3) float32, with that of the other sides, (n, 3) float32."""
+        """Blend E/pi of points, (n, 3) float32, with E/pi of the other sides by transmittance.
+
+        Return (n, 3) float32.
+        """
         blended = light.copy()
         both = light[self.pairs]
         blended[self.pairs] = self.own * both + (1 - self.own) * both[:, ::-1]
         return blended
 
     def repeated(self, count: int) -> Sides:
-        """Return the pairs for arrays that hold `count` consecutive rows for each point."""
+        """Return pairs for arrays with `count` consecutive rows per point."""
         pairs = (count * self.pairs[:, None] + np.arange(count)[:, None]).reshape(-1, 2)
         return Sides(pairs, np.repeat(self.own, count, axis=0))
 
 
 def both_sides(sides: Sides | None, light: np.ndarray) -> np.ndarray:
-    """Blend E/pi of patches' own sides, (n, 3) float32, with the other sides; unchanged without pairs."""
+    """Blend E/pi of patches, (n, 3) float32, with E/pi of the other sides.
+
+    Unchanged if there are no pairs.
+    """
     return light if sides is None else sides.blend(light)
 
 
 def own_sides(count: int, sides: Sides) -> np.ndarray:
-    """Return the weight of the light of its own side for each of `count` patches, (count, 3) float32."""
+    """Return the blend weight of each patch's own side, (count, 3) float32: 1 for opaque surfaces."""
     own = np.ones((count, 3), np.float32)
     own[sides.pairs] = sides.own
     return own

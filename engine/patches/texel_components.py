@@ -18,7 +18,8 @@ def connected_texels(known: np.ndarray) -> np.ndarray:
     padded = np.pad(known.reshape(-1, width), [(0, 0), (1, 1)])
     before, after = padded[:, :-1], padded[:, 1:]
 
-    # Flat indices with one padding column: a texel and the texel in the next row differ by the pitch.
+    # Rows get a padding column, so that texels at the end of one row and the start of the next are not
+    # neighbours.
     pitch = width + 1
     starts, ends = np.flatnonzero(after > before), np.flatnonzero(before > after)
     row = starts // pitch

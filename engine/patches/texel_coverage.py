@@ -24,7 +24,7 @@ _OVERLAP_TOLERANCE = 0.005
 def border_texels(
     graphics: GraphicsContext, triangles: Triangles, texel_to_patch: np.ndarray
 ) -> BorderTexels:
-    """Return all texels that a triangle touches and that are 0 in an index map, (atlases, r, r) uint32."""
+    """Return the texels without patch in an index map, (atlases, r, r) uint32, that a triangle touches."""
     found = [
         _border_texels_in(graphics, triangles, atlas, covered) for atlas, covered in enumerate(texel_to_patch)
     ]
@@ -99,7 +99,7 @@ def check_overlap(
     twice = place[patches.key[place] == keys]
     mesh = triangles.mesh[patches.triangle[twice]]
 
-    # Rounding at common chart borders covers at most a few texels twice.
+    # Rounding errors at shared chart borders make at most a few texels count twice.
     doubled = np.bincount(mesh, minlength=len(scene.meshes))
     bad = doubled > np.maximum(_OVERLAP_TOLERANCE * texels, 2)
     if bad.any():

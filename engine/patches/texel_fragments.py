@@ -19,7 +19,7 @@ _LEAST_PIECE = 1e-6
 
 _NAMES = ("border_texels", "piece_areas", "points_in_texels", "list_points")
 
-#: Bytes for each point: triangle, texel, barycentrics, position, weight.
+#: Bytes for each point in the device arrays: triangle, texel, barycentrics, position, weight.
 _OF_POINT = (4, 4, 12, 8, 4)
 
 
@@ -87,7 +87,7 @@ class TexelClipper:
         self._listed: dict[int, tuple] = {}
 
     def rows(self, atlases: int) -> tuple:
-        """Return the number of texel rows that the triangles of the first atlases touch, and their buffers.
+        """Return the triangle and texel row pairs of the first atlases: their number and device buffers.
 
         Computed once for each number of atlases.
         """
@@ -96,7 +96,7 @@ class TexelClipper:
         return self._listed[atlases]
 
     def border_pieces(self, wanted: np.ndarray) -> TexelFragments:
-        """Return the fragments of wanted texels, (atlases, r, r) bool, that triangles touch and do not fill.
+        """Return the fragments of wanted texels, (atlases, r, r) bool, that triangles cover partly.
 
         The fragments are sorted by texel. A full texel may appear too if one triangle fills it.
         """
@@ -128,7 +128,7 @@ class TexelClipper:
         return self._pieces(triangle, texel, self._read(areas, count, "f4"))
 
     def points_in_texels(self, pieces: TexelFragments, starts: np.ndarray, side: int) -> TexelPoints:
-        """Return `side`^2 sample points in each texel; see kernels/patches/texel_fragments.cl.
+        """Place `side` x `side` sample points in each texel, on its fragments.
 
         pieces:  fragments sorted by texel
         starts:  (t,) int64, first fragment of each texel
@@ -142,7 +142,7 @@ class TexelClipper:
         sides = np.int32(self._resolution), np.int32(side)
         self._run("points_in_texels", texels, self._uvs, *where, area, ends, *sides, *found, counts)
 
-        # Cached uploads: later passes find these points on the device.
+        # Register the device buffers as cached uploads, so that later passes do not upload the points again.
         last = np.cumsum(self._read(counts, texels, "i4"))
         firsts, total = self._indices(np.append(0, last[:-1])), int(last[-1]) if texels else 0
         listed = [self._buffer(size * total) for size in _OF_POINT]
@@ -153,13 +153,13 @@ class TexelClipper:
         return TexelPoints(self._triangles.atlas[triangle], texel, triangle, *others)
 
     def _list_rows(self, atlases: int) -> tuple:
-        """Return the number of rows of `_rows`, their buffers, and the buffer of triangle atlases."""
+        """Upload the pairs of `_rows`; return their number, buffers, and the atlases of triangles."""
         triangle, row = self._rows(atlases)
         arrays = (triangle, row, self._triangles.atlas.astype(np.int32, copy=False))
         return len(triangle), *(upload(self.compute, array) for array in arrays if len(triangle))
 
     def _rows(self, atlases: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return pairs of triangle and texel row that it touches in the first atlases, two (m,) int32."""
+        """Return the texel rows that triangles touch in the first atlases: triangle and row, (m,) int32."""
         triangles, resolution = self._triangles, self._resolution
         chosen = np.flatnonzero(triangles.atlas < atlases)
         corners = [np.ascontiguousarray(triangles.uvs[:, corner, 1]) for corner in range(3)]
@@ -173,12 +173,12 @@ class TexelClipper:
         return np.repeat(chosen.astype(np.int32), count), row
 
     def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelFragments:
-        """Return fragments without those whose area is negligible."""
+        """Drop fragments with negligible area."""
         pieces = TexelFragments(self._triangles.atlas[triangle], texel, triangle, area)
         return pieces.part(area > _LEAST_PIECE)
 
     def _where(self, *arrays: np.ndarray) -> tuple:
-        """Upload arrays as int32; return the buffers and the resolution."""
+        """Upload the texel arrays as int32; return their buffers and the resolution."""
         return (*map(self._indices, arrays), np.int32(self._resolution))
 
     def _indices(self, values: np.ndarray) -> cl.Buffer:

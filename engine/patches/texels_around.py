@@ -18,7 +18,7 @@ def cells_around(images: np.ndarray, key: np.ndarray) -> np.ndarray:
         flat.take(key + (up * resolution + right), mode="clip", out=column)
     values: np.ndarray = columns.T
 
-    # Few texels are at the edge of a lightmap.
+    # Only the few texels at an edge of a lightmap need the slower bounds test.
     y, x = key // resolution % resolution, key % resolution
     ends = np.flatnonzero((y == 0) | (y == resolution - 1) | (x == 0) | (x == resolution - 1))
     for column, (up, right) in zip(columns, steps, strict=True):

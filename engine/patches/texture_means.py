@@ -16,7 +16,7 @@ from ..scene.texture import Texture
 from .geometry import PatchGeometry
 from .textured import SAMPLES, TexturedPatches, averaged_size
 
-#: Bytes of an image that are reduced at once.
+#: Maximum bytes of an image strip that the box filter reduces in one step.
 _STRIP = 1 << 26
 
 
@@ -52,7 +52,7 @@ class TextureMeans:
     def _multiply(
         self, values: cl.Buffer, inputs: tuple[cl.Buffer, ...], textured: TexturedPatches, texture: Texture
     ) -> None:
-        """Multiply the values of one material's patches by a texture."""
+        """Multiply the values of one material's patches by the mean of its texture over each texel."""
         count = len(textured.patch)
         corners = textured.corners(self._meshes, texture)
         side = textured.squares(corners, texture)
@@ -79,7 +79,7 @@ class TextureMeans:
         return self._image[1]
 
     def _shrunk(self, texture: Texture, side: int) -> cl.Buffer:
-        """Return a texture reduced by a box filter, scene-linear, as `resampling.shrink` does."""
+        """Return a texture on the device, reduced by a box filter of `side` x `side` pixels."""
         (height, width), (rows, columns) = texture.pixels.shape[:2], averaged_size(texture, side)
         image = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 12 * rows * columns)
         at_once = max(1, _STRIP // (12 * width * side))

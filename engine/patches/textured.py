@@ -77,7 +77,9 @@ def textured_patches(
 
 
 def _grouped(numbers: np.ndarray, chosen: Sequence[bool]) -> list[np.ndarray | None]:
-    """Return the indices of each chosen value in `numbers`, (n,): (m,) int64 each, ascending.
+    """Return for each chosen value the indices at which `numbers`, (n,), has it, (m,) int64.
+
+    None if not chosen.
 
     None for values that are not chosen.
     """
@@ -89,13 +91,13 @@ def _grouped(numbers: np.ndarray, chosen: Sequence[bool]) -> list[np.ndarray | N
 
 
 def averaged_size(texture: Texture, side: int) -> tuple[int, int]:
-    """Return the height and width of a texture after reduction."""
+    """Return the height and width of a texture after the box filter."""
     height, width = (-(-size // side) for size in texture.pixels.shape[:2])
     return height, width
 
 
 def _weighted_median(values: np.ndarray, count: np.ndarray) -> float:
-    """Return the median of values, each repeated `count` times."""
+    """Return the median of values that count `count` times each."""
     order = np.argsort(values)
     last = np.cumsum(count[order])
     total = int(last[-1])

@@ -1,4 +1,4 @@
-"""Morton codes: the order of points along a space-filling curve."""
+"""Morton codes: numbers that sort points along a space-filling curve, so that neighbours stay close."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ def sample_bytes(sources: int, tinted: bool = False) -> int:
 
 
 def ray_count(settings: Settings) -> int:
-    """Return the rays per patch, a multiple of 4: from settings, or with the error of a hemicube."""
+    """Return the rays per patch, a multiple of 4: the setting, or enough for a hemicube's error."""
     wanted = settings.samples or 2 * settings.hemicube**2
     return -(-wanted // 4) * 4
 

@@ -86,7 +86,7 @@ class SampleLayout:
 
     @classmethod
     def of(cls, identity: VisibilitySampler) -> SampleLayout:
-        """Return the layout of a sampler's samples."""
+        """Return the sample layout of a visibility sampler."""
         return cls(identity.name, identity.samples, identity.row_bytes, identity.multiplier, identity.tints)
 
     @property
@@ -100,7 +100,7 @@ class SampleLayout:
         return identity_options(self.sample_bytes, self.tints is not None)
 
     def tints_on(self, compute: ComputeDevice) -> cl.Buffer | None:
-        """Upload the tint palette; None if samples have no tints."""
+        """Upload the tint palette, (64, 4) float32; None if samples have no tints."""
         return None if self.tints is None else upload(compute, self.tints)
 
     @property
@@ -141,7 +141,11 @@ def upload_background(
     sky: np.ndarray,
     whole: Callable[[np.ndarray], np.ndarray | None] = open_sky,
 ) -> Background:
-    """Upload emission, (n, 3) float32, sky, (h, w, 3) float32, and the table from `whole` of the sky."""
+    """Upload the radiance of everything except fronts of patches: emission of backs, (n, 3) float32, and sky.
+
+    sky: (h, w, 3) float32, radiance, equirectangular
+    whole: computes the table of the unoccluded sky, see `unoccluded_sky.open_sky`
+    """
     backs = upload_float4_once(compute, emission, first=1)
     pixels = upload_float4(compute, sky.reshape(-1, 3))
     size = np.int32(sky.shape[1]), np.int32(sky.shape[0])

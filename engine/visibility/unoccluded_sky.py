@@ -15,7 +15,7 @@ ROWS, COLUMNS = 49, 96
 #: Size of the downsampled sky, rows and columns.
 _PIXELS = (32, 64)
 
-#: Steps of longitude: a common multiple of table columns and pixel centres.
+#: Steps of longitude in the convolution; a common multiple of table columns and centres of pixels.
 _STEPS = 384
 
 #: Maximum root mean square of the sky's luminance, relative to its mean. Up to it a few rays estimate the
@@ -52,7 +52,7 @@ def _middles() -> list[np.ndarray]:
 
 @cache
 def _spectrum_of_cosines() -> np.ndarray:
-    """Return the Fourier transform of `_cosines` along longitude."""
+    """Return the Fourier transform along longitude of the cosine weights (`_cosines`)."""
     spectrum: np.ndarray = np.fft.rfft(_cosines(_middles()[0]), axis=2)
     return spectrum
 
@@ -88,7 +88,7 @@ def _seen(sky: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _has_use(sky: np.ndarray) -> bool:
-    """Return True if a sky, (h, w, 3), is neither uniform nor uneven."""
+    """Return True if the table reduces noise: a sky, (h, w, 3), that is neither uniform nor very uneven."""
     if (sky == sky[0, 0]).all():
         return False
     light = luminance(sky, np.float64)

@@ -1,4 +1,4 @@
-"""Instanced draws of a batch: clusters of triangles, each with the hemicubes or faces that see it."""
+"""Instanced draws: for each cluster of triangles, the hemicubes or faces on which it may be visible."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ class DrawList:
 
 
 def whole_draws(first: np.ndarray) -> np.ndarray:
-    """Return a command without instances for each cluster, (c, 5) uint32; first: `TriangleClusters.first`."""
+    """Return a draw command of each whole cluster with 0 instances, (c, 5) uint32.
+
+    first: (c + 1,) start of each cluster, `TriangleClusters.first`
+    """
     commands = np.zeros((len(first) - 1, 5), np.uint32)
     commands[:, 0], commands[:, 2] = 3 * np.diff(first), 3 * first[:-1]
     return commands
@@ -48,7 +51,7 @@ def face_items(seen: np.ndarray, slots: np.ndarray, faces: range, draws: np.ndar
 
 
 def hemicube_items(seen: np.ndarray, slots: np.ndarray, draws: np.ndarray) -> DrawList:
-    """Return a draw list with one instance for each hemicube that sees a cluster; see `face_items`."""
+    """Return a draw list with one instance for each hemicube on which a cluster is visible."""
     bits = seen @ _BIT
     drawn = bits != 0
     codes = (slots * _SLOT).astype(np.uint32) + bits
@@ -56,7 +59,7 @@ def hemicube_items(seen: np.ndarray, slots: np.ndarray, draws: np.ndarray) -> Dr
 
 
 def _listed(items: np.ndarray, instances: np.ndarray, draws: np.ndarray) -> DrawList:
-    """Return the draw list of items; instances: (c,) number of items of each cluster."""
+    """Build a draw list from items; instances: (c,) number of items of each cluster."""
     commands = draws.copy()
     commands[:, 1] = instances
     commands[:, 4] = np.cumsum(instances) - instances

@@ -55,7 +55,7 @@ class MeshBuffers:
         self.content.append((self.items, "1u4/i", "in_item"))
 
     def write(self, drawn: DrawList) -> None:
-        """Replace instances and commands."""
+        """Upload the instances and commands of a draw list."""
         for buffer, values in ((self.items, drawn.items), (self.commands, drawn.commands)):
             buffer.orphan(max(buffer.size, values.nbytes))
             buffer.write(np.ascontiguousarray(values))
@@ -93,7 +93,7 @@ class DrawPath:
     def _draw_tiles(
         self, clusters: TriangleClusters, seen: np.ndarray, slots: np.ndarray, first_tile: int
     ) -> None:
-        """Draw into tiles that can have separate viewports at the same time."""
+        """Draw into several tiles with one call, each tile with its own viewports."""
         if self.name == "face":
             self._draw_faces(clusters, seen, slots, first_tile)
             return

@@ -67,7 +67,7 @@ class Hemicubes:
 
     @property
     def depth(self) -> DepthArray:
-        """Depth of the drawn hemicubes; see `HemicubeRaster`."""
+        """Depth buffer of the drawn hemicubes, as an array texture."""
         return self._raster.depth
 
     def draw(self, first: int, last: int, take: Take) -> Generator[float, None, None]:
@@ -84,7 +84,7 @@ class Hemicubes:
             take(start, end, views.frames)
 
     def _views(self, first: int, last: int) -> _Views:
-        """Return the views of patches first <= i < last, cached if possible, since they never change."""
+        """Return the views of patches first <= i < last, from the cache if it holds them."""
         views = self._kept.get((first, last)) or self._new_views(first, last)
         if self._keeps:
             self._kept[first, last] = views

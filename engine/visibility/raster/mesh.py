@@ -45,7 +45,7 @@ def indexed_mesh(triangles: Triangles, cutouts: Cutouts, order: np.ndarray) -> I
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first row of each set of bitwise equal rows, in order, and each row's index among them.
+    """Return the distinct rows (bitwise): index of the first of each, and each row's index among them.
 
     Rows are compared by a 64-bit hash; if two different rows collide, all rows are kept.
     """

@@ -22,7 +22,7 @@ from .targets import RasterTarget
 from .tiles import Tiles
 from .triangle_clusters import TriangleClusters
 
-#: Number of cluster-hemicube tests at once, and minimum time of a path trial, s.
+#: Cluster-hemicube visibility tests in one step, and minimum duration of a trial of rendering paths, s.
 _TESTS = 1 << 20
 _TRIAL = 0.005
 
@@ -33,7 +33,7 @@ class HemicubeRaster:
     cutouts:         transparency of the surfaces
     texel_to_patch:  (atlases, r, r) uint32 index map: patch + 1, or 0
     target:          texture to draw into, in the layout of `tiles`
-    path:            one of `draw_paths.available_paths`, or None to time them and keep the fastest
+    path:            one of `draw_paths.available_paths`, or None to time all paths and keep the fastest
     culling:         False draws all triangles into all faces
     back_to_back:    True if coincident faces point in opposite directions; their front faces then win
     depth:           depth of the drawn hemicubes; the clear value is the farthest
@@ -66,7 +66,7 @@ class HemicubeRaster:
         names = available_paths(graphics) if path is None else (path,)
         self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
 
-        # Textures for the shaders: hemicube matrices, index map, and those of the target.
+        # Textures that the shaders read: hemicube matrices, index map, and those of the render target.
         atlases, height, width = texel_to_patch.shape
         size = (width, height, atlases)
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
@@ -83,7 +83,7 @@ class HemicubeRaster:
             for unit, name in enumerate(self._lookups):
                 drawing.program[name] = unit
 
-        # Framebuffer: the target and a depth array.
+        # Attach the target and a depth array to the framebuffer.
         self._framebuffer = context.framebuffer([target.texture])
         self._framebuffer.use()
         self.depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
@@ -97,7 +97,7 @@ class HemicubeRaster:
 
     @property
     def path(self) -> str:
-        """Name of the path in use; the first possible one until hemicubes have been drawn."""
+        """Name of the rendering path in use; the first supported one before the trial."""
         return self._paths[0].name
 
     def draw(self, matrices: np.ndarray, size: TimeSlicer) -> Generator[int, None, None]:
@@ -132,7 +132,8 @@ class HemicubeRaster:
     def _keep_fastest(self, matrices: np.ndarray) -> None:
         """Time all paths with growing numbers of hemicubes until the time is significant; keep the fastest.
 
-        The trial images are overwritten later. A batch that is too small decides only for itself.
+        Later draws overwrite the trial images. If the batch is too small for a significant time, the choice
+        holds for this batch only.
         """
         count, drawn = len(matrices), self._tiles.per_layer
         for path in self._paths:

@@ -62,7 +62,7 @@ class RasterSampler:
         yield from self._hemicubes.draw(first, last, keep)
 
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: VisibilityBuffers) -> None:
-        """Compact the drawn item buffers into cache rows."""
+        """Compact drawn item buffers into cache rows on the OpenCL device."""
         records = upload(self._compute, frame_records(frames))
         (group,), surroundings = self._resolve.group(*self._compute.work_sizes.look), self._surroundings
         self._resolve(

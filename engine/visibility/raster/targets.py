@@ -11,7 +11,8 @@ import numpy as np
 from ...device.gl_context import GraphicsContext
 from .tiles import Tiles
 
-#: Patches per row of the radiosity texture, and in all its rows; front and back together have 16384 rows.
+#: Width of the radiosity texture in patches, and maximum number of patches. Fronts and backs have 8192 rows
+#: each.
 _ROW = 4096
 MAX_PATCHES = _ROW * 8192 - 1
 

@@ -15,8 +15,8 @@ _TEXTURE_SIZE = 16384
 #: Maximum number of hemicubes per draw call, since each of the five faces needs a viewport.
 TILES_PER_DRAW = _VIEWPORTS // 5
 
-#: Bytes per hemicube texel: colour (RGBA32F) and depth; with copies in OpenCL also a copy and a workspace;
-#: for item buffers: ID, its copy, its cache entry, and depth.
+#: Bytes of device memory per hemicube texel: for radiance, color (RGBA32F) and depth. With OpenCL, copy and
+#: work buffer are added. Item buffers take ID, copy, cache entry and depth.
 RADIANCE_BYTES = 16 + 4
 COPIED_RADIANCE_BYTES = 16 + 16 + 16 + 4
 IDENTITY_BYTES = 4 + 4 + 4 + 4

@@ -13,8 +13,8 @@ _SIZE = 64
 #: Minimum number of triangles for clusters; in smaller scenes culling costs more than drawing.
 _WORTHWHILE = 192
 
-#: Tolerance of the culling tests, relative to the scene's diagonal: clipping by the GPU in float32 must not
-#: keep a triangle that they cull.
+#: Tolerance of the culling tests, relative to the scene's diagonal. It covers float32 rounding of the GPU's
+#: clipping, so that no visible triangle is culled.
 _SLACK = 4e-6
 
 #: Planes between faces, along right, up and normal; the last is the patch's own plane.
@@ -22,7 +22,8 @@ _PLANES = np.array(
     [[1, 1, 0], [1, -1, 0], [1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [0, 0, 1]], np.float32
 )
 
-#: Planes that a cluster must reach over to be visible on each face, and the sign of the visible side.
+#: Planes that bound each face: a cluster is visible on the face only if it reaches to the visible side, given
+#: by the sign.
 _SIDES = (
     ((2, 1), (3, 1), (4, 1), (5, 1)),
     ((0, 1), (1, 1), (6, 1), (3, -1)),
@@ -61,7 +62,7 @@ class TriangleClusters:
         return len(self.first) - 1
 
     def visible(self, matrices: np.ndarray) -> np.ndarray:
-        """Return which clusters may be visible on which faces, (c, m, 5) bool; conservative.
+        """Return visibility of clusters on hemicube faces, (c, m, 5) bool; False only if certainly invisible.
 
         matrices: (m, 5, 4, 4) float32 from `hemicube.matrices`. A cluster is culled if its box lies wholly
             behind one of the face's four side planes, or if it shows only transparent back faces. Occlusion
@@ -86,7 +87,7 @@ class TriangleClusters:
         return seen
 
     def _turned_away(self, matrices: np.ndarray) -> np.ndarray:
-        """Return which clusters face away from which viewpoints, (c, m) bool.
+        """Return a mask, (c, m) bool: True if all triangles of a cluster show their back to a viewpoint.
 
         A ball of radius r about c, whose normals differ from an axis by at most alpha, faces away if axis (c
         - eye) >= sin(alpha) |c - eye| + r (Shirman & Abi-Ezzi 1993).

@@ -19,16 +19,17 @@ _FAR, _CHUNK = 8, 32
 #: Size of a work group; less where the device's limit is lower.
 _GROUP = 256
 
-#: Maximum number of triangles for which the whole tree is built top-down, without merging.
+#: Maximum number of triangles for a BVH that is built top-down only, without merging of clusters (PLOC).
 _TOP = 2048
 
 #: Maximum number of wide nodes of a level for one work group, and capacity of its output.
 _SMALL, _ROOM = 1024, 1 << 15
 
-#: Minimum fraction of clusters that a round must merge; else clusters merge in pairs, which bounds the depth.
+#: Minimum fraction of clusters that a merging round must remove. Otherwise clusters are merged in pairs,
+#: which bounds the depth.
 _FEWEST = 1 / 16
 
-#: Margin added to half sizes of boxes in nodes of two, relative to the largest coordinate: 8 roundings.
+#: Margin of boxes in binary nodes, relative to the largest coordinate: 8 float32 rounding errors.
 _MARGIN = 8 * 2.0**-24
 
 #: Granularity of traversal stack sizes, nodes, which limits the number of programs.
@@ -69,7 +70,8 @@ class BvhLayout:
     top: int = 2048
 
 
-#: A CPU tests as many boxes and triangles at once as its vectors hold; each GPU lane tests one.
+#: CPU layout: tests as many boxes and triangles at once as a vector register holds. On a GPU each lane tests
+#: one.
 _PROCESSOR = BvhLayout(8, 8, 8, 0.5, 512)
 _GRAPHICS = BvhLayout(2, 1, 2, 0.5)
 
@@ -165,7 +167,7 @@ class _Builder:
         self._reach = max(reach, 1e-30)
 
     def build(self) -> Bvh:
-        """Build and return the BVH."""
+        """Build the BVH by merging, joining and widening; return it."""
         return self._widen(self._join(*self._merge(*self._sorted())))
 
     def _sorted(self) -> tuple[cl.Buffer, int]:
@@ -218,7 +220,7 @@ class _Builder:
         return cluster, count, made
 
     def _join(self, cluster: cl.Buffer, count: int, made: int) -> int:
-        """Build the nodes above the clusters, numbered from `made` on; return the root.
+        """Build the nodes above the merged clusters, numbered from `made` on; return the root.
 
         The upper levels of an earlier build are reused if they fit the new positions well.
         """
@@ -259,7 +261,10 @@ class _Builder:
         return Bvh(nodes, packets, _layout(self._shape, stack), depth, stack, self._top)
 
     def _level(self, roots: cl.Buffer, count: int) -> tuple[_Level, cl.Buffer, int]:
-        """Collapse one level; return its wide nodes and the binary nodes of the next level."""
+        """Collapse one level of binary nodes.
+
+        Return its wide nodes and the binary nodes of the next level.
+        """
         chunks = -(-count // _CHUNK)
         children = self._buffer(4 * self._shape.width * count)
         before, totals = self._buffer(8 * count), self._buffer(8 * (chunks + 1))
@@ -272,7 +277,7 @@ class _Builder:
         return _Level(children, before, totals, count, packets, 1, count), following, count_next
 
     def _small_levels(self, roots: cl.Buffer, count: int) -> tuple[_Level, cl.Buffer, int]:
-        """Collapse all levels from one on in one launch, while they are small; see `_level`."""
+        """Collapse all remaining levels in one launch if they are small; return as `_level` does."""
         width, kernel = self._shape.width, self._kernels["open_levels"]
         (group,) = kernel.group(_GROUP)
         following = [self._buffer(4 * width * _SMALL) for _ in range(2)]
@@ -287,7 +292,7 @@ class _Builder:
         return level, following[(depth + 1) % 2], left
 
     def _sum_totals(self, totals: cl.Buffer, chunks: int) -> tuple[int, int]:
-        """Compute prefix sums of the chunks; return the sum of all."""
+        """Compute prefix sums of the chunks' totals; return the sum over all chunks."""
         kernel = self._kernels["sum_totals"]
         group = kernel.group(_GROUP)
         kernel(self._queue, group, group, totals, np.int32(chunks), cl.LocalMemory(8 * group[0]))

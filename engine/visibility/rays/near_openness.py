@@ -1,4 +1,4 @@
-"""Short-range openness and visible back faces of patches; both stop interpolation between patches."""
+"""Short-range openness and fraction of back faces per patch; both limit interpolation of light."""
 
 from __future__ import annotations
 

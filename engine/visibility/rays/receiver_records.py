@@ -37,7 +37,7 @@ RECEIVER = DeviceStruct(
     ),
 )
 
-#: Values that all patches of a triangle share.
+#: Texel steps, normal and area that all patches of a triangle share.
 TEXEL_STEP = DeviceStruct(
     "TexelStep",
     ("float[3]", "edge_u", "m, step of a texel along u"),

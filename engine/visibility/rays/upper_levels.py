@@ -66,7 +66,7 @@ class UpperLevels:
             )  # fmt: skip
 
     def serves(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer, links: cl.Buffer) -> bool:
-        """Refit the tree to moved clusters; return True if its cost is still acceptable."""
+        """Refit the tree to moved clusters; return True if its cost grew by at most the factor _WORSE."""
         self.fit(kernels, boxes, links)
         return self._cost(kernels, boxes) <= _WORSE * self._built_for
 

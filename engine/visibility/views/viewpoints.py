@@ -12,15 +12,14 @@ from ...scene.triangles import Triangles
 from ...settings import Settings
 from .hemicube import frames, rotations
 
-#: Height of a viewpoint above the surface: a fraction of the texel width, at most a fraction of the scene's
-#: diagonal. It is at least the float32 resolution at the patch's coordinates, in scene space and relative to
-#: `Triangles.origin`.
+#: Height of a viewpoint above its surface, as a fraction of the texel width and, as an upper limit, of the
+#: scene's diagonal. The lower limit is the float32 resolution of the patch's coordinates.
 OF_TEXEL = 0.01
 OF_DIAGONAL = 2e-5
 OF_COORDINATE = 1e-6
 
 #: Minimum distance of the near plane, relative to the scene's diagonal. float32 clipping must separate it
-#: from the corners of the largest triangles; the standard depth range needs more.
+#: from the corners of the largest triangles. The standard depth range needs a larger distance.
 _NEAR = 1e-6
 _NEAR_STANDARD_DEPTH = 1e-5
 

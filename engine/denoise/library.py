@@ -55,7 +55,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
 
 
 class DenoiseLibrary:
-    """Loaded library.
+    """Loaded Open Image Denoise library.
 
     call:  its functions, by their names in oidn.h
 

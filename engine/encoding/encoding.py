@@ -11,11 +11,11 @@ _BAND = 1 << 18
 
 
 class Limits(Protocol):
-    """Range of values that an encoding can represent."""
+    """Range of light values that an encoding can store."""
 
     @property
     def largest(self) -> float:
-        """Largest value of a channel; larger values are clipped to it."""
+        """Largest value that a channel can store; larger values are clipped to it."""
         ...
 
     @property
@@ -32,7 +32,7 @@ class Encoding(Limits, Protocol):
 
     @property
     def intensity(self) -> float:
-        """Factor for the light that the formula returns."""
+        """Value of `intensity` in `formula`: scale from decoded texels to light."""
         ...
 
     @property

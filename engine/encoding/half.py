@@ -11,10 +11,10 @@ class Half:
 
     @property
     def largest(self) -> float:
-        """Largest finite value."""
+        """Largest value that a half float can store."""
         return 65504.0
 
     @property
     def smallest(self) -> float:
-        """Half of the smallest subnormal value."""
+        """Smallest value that is not rounded to 0: half of the smallest subnormal."""
         return 2.0**-25

@@ -33,22 +33,22 @@ class LogLuv:
 
     @property
     def largest(self) -> float:
-        """A white of this value has half of the largest luminance; no colour exceeds it."""
+        """Largest value of a channel for which the luminance of every color is in range."""
         return 2.0**63
 
     @property
     def smallest(self) -> float:
-        """Value of a pure blue whose luminance reaches the first step; other colours are brighter."""
+        """Value of the darkest blue whose luminance reaches the first step; other colours are brighter."""
         return float(2.0**_FIRST * 2 ** (1 / _STEPS) / _TO_XYZ[1].min())
 
     @property
     def intensity(self) -> float:
-        """1, because the luminance is absolute."""
+        """Scale from decoded texels to light: 1, since LogLuv stores absolute luminance."""
         return 1.0
 
     @property
     def formula(self) -> str:
-        """GLSL statements; those before `light` compute its parts."""
+        """GLSL 3.30 code that decodes a texel; statements before `light` compute its parts."""
         to_rgb = ", ".join(f"{value:.6f}" for value in _FROM_XYZ.T.ravel())
         return (
             "float level = 65280.0 * rgb.r + 255.0 * rgb.g, "

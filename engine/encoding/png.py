@@ -9,7 +9,7 @@ import numpy as np
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
-#: PNG colour types of three channels and of four with alpha.
+#: Color types of the PNG header: 2 for three channels, 6 for four channels with alpha.
 _COLOUR_TYPE = {3: 2, 4: 6}
 
 #: Filter type that stores each byte as its difference from the pixel to the left.

@@ -25,22 +25,22 @@ class Rgbd:
 
     @property
     def largest(self) -> float:
-        """Range: a colour of 1 divided by the smallest divisor, 1/255."""
+        """Largest light that can be stored: color 1 divided by the smallest divisor, 1/255."""
         return self.range
 
     @property
     def smallest(self) -> float:
-        """Half of the first step of the colour, with divisor 1."""
+        """Smallest light that is not stored as black: half of the first color step, with divisor 1."""
         return float(self.intensity * (0.5 / 255) ** self.gamma)
 
     @property
     def intensity(self) -> float:
-        """Light of a white texel with divisor 1."""
+        """Scale from decoded texels to light: the light of a white texel with divisor 1."""
         return self.range / 255
 
     @property
     def formula(self) -> str:
-        """GLSL expression; the power applies to the colour only."""
+        """GLSL 3.30 expression that decodes a texel; the power applies to the color only."""
         return f"light = intensity * pow(rgb, vec3({self.gamma:g})) / a"
 
     def encode(self, light: np.ndarray) -> np.ndarray:

@@ -22,22 +22,22 @@ class Rgbe:
 
     @property
     def largest(self) -> float:
-        """Largest mantissa with the largest exponent."""
+        """Largest light that can be stored: largest mantissa with the largest exponent."""
         return 255 * 2.0 ** (255 - _BIAS - _BITS)
 
     @property
     def smallest(self) -> float:
-        """Smallest exponent except that of black, with a mantissa that uses all bits."""
+        """Smallest light that is not stored as black: the smallest nonzero exponent with a full mantissa."""
         return 2.0**-(_BIAS)
 
     @property
     def intensity(self) -> float:
-        """1, because the exponent is absolute."""
+        """Scale from decoded texels to light: 1, since RGBE stores absolute values."""
         return 1.0
 
     @property
     def formula(self) -> str:
-        """GLSL expression; loaders of .hdr files decode already."""
+        """GLSL 3.30 expression of a decoded texel; loaders of .hdr files have decoded it already."""
         return "light = intensity * 255.0 * rgb * exp2(255.0 * a - 136.0)"
 
     def encode(self, light: np.ndarray) -> np.ndarray:

@@ -24,22 +24,22 @@ class Rgbm:
 
     @property
     def largest(self) -> float:
-        """Range: colour and multiplier of 1."""
+        """Largest light that can be stored: the range, with color and multiplier 1."""
         return self.range
 
     @property
     def smallest(self) -> float:
-        """Smallest multiplier with half of the first step of the colour."""
+        """Smallest light that is not stored as black: smallest multiplier, half of the first color step."""
         return float(self.range * (0.5 / 255**2) ** self.gamma)
 
     @property
     def intensity(self) -> float:
-        """The range."""
+        """Scale from decoded texels to light: the range."""
         return self.range
 
     @property
     def formula(self) -> str:
-        """GLSL expression; the power applies to colour and multiplier."""
+        """GLSL 3.30 expression that decodes a texel; the power applies to color and multiplier."""
         return f"light = intensity * pow(rgb * a, vec3({self.gamma:g}))"
 
     def encode(self, light: np.ndarray) -> np.ndarray:

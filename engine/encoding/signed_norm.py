@@ -22,17 +22,17 @@ class SignedNorm:
 
     @property
     def largest(self) -> float:
-        """The range."""
+        """Largest absolute value that can be stored: the range."""
         return self.range
 
     @property
     def smallest(self) -> float:
-        """0, because no value is encoded as black, which stands for -range."""
+        """Smallest value that is not stored as black: 0, since black texels store -range."""
         return 0.0
 
     @property
     def intensity(self) -> float:
-        """The range."""
+        """Scale from decoded texels to values: the range."""
         return self.range
 
     @property

@@ -23,22 +23,22 @@ class Srgb:
 
     @property
     def largest(self) -> float:
-        """White."""
+        """Largest light that can be stored: white."""
         return self.intensity
 
     @property
     def smallest(self) -> float:
-        """Half of the first step, which lies on the linear part of the curve."""
+        """Smallest light not stored as black: half of the first step, on the linear part of the curve."""
         return self.intensity * 0.5 / largest_level(self.bits) / 12.92
 
     @property
     def intensity(self) -> float:
-        """Reciprocal of the exposure factor."""
+        """Scale from decoded texels to light: reciprocal of the exposure factor."""
         return float(2.0**-self.exposure)
 
     @property
     def formula(self) -> str:
-        """GLSL expression; images loaded as sRGB are decoded already."""
+        """GLSL 3.30 expression of a decoded texel; images loaded as sRGB are decoded already."""
         curve = "pow((rgb + 0.055) / 1.055, vec3(2.4))"
         return f"light = intensity * mix(rgb / 12.92, {curve}, greaterThan(rgb, vec3(0.04045)))"
 

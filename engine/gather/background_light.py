@@ -43,7 +43,7 @@ class BackgroundLight:
         self.l1 = zeros(compute, 48 * count) if settings.directional else None
 
     def sum_up(self, rows: SampleRows, backs: BackfaceLight) -> Generator[float, None, None]:
-        """Sum the background light of the patches in these rows; yield progress 0..1."""
+        """Sum the background light over the samples of the patches in these rows; yield progress 0..1."""
         if self._surroundings.dark:
             self._take(rows, backs)
             return

@@ -17,13 +17,13 @@ from .interface import GatherBuffers
 from .l1_gather import L1Gather, NoL1
 from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
-#: Stride of sparse iterations, which read one in this many groups of four samples (chosen).
+#: Sparse iterations read one of this many groups of four samples (chosen).
 _STRIDE = 8
 
 #: Minimum number of samples per patch for sparse iterations.
 _MANY = 1024
 
-#: Share of background light in the time of the first iteration; the rest computes visibility (measured).
+#: Share of background light in the duration of the first iteration (measured); visibility takes the rest.
 _SUMMING = 0.04
 
 
@@ -56,7 +56,7 @@ class CachedGather:
         return self._kept.sampling.even and self._kept.sampling.samples >= _MANY
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `interface.DeviceGather.gather`."""
+        """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
         if not self._begun:
             yield from self._begin(light)
         self._l1.keep_radiance(light.radiance)
@@ -66,7 +66,7 @@ class CachedGather:
         yield 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Gather the irradiance gradients (L1); see `interface.DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
         for rows in self._kept.pieces:
             for done in self._l1.gather(rows, self._static.l1):
                 yield (rows.first + done * (rows.last - rows.first)) / self._kept.count
@@ -96,7 +96,7 @@ class CachedGather:
 class StreamGather:
     """Gather that recomputes visibility in every iteration, for scenes whose samples exceed the cache budget.
 
-    Samples of only a part of the patches exist at a time.
+    Only the samples of one batch of patches are stored at a time.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class StreamGather:
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `interface.DeviceGather.gather`."""
+        """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
         self._l1.keep_radiance(light.radiance)
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
@@ -131,7 +131,7 @@ class StreamGather:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, self._backs.patches_seen)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last iteration; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
         yield 1.0
         return self._l1.values()
 
@@ -153,12 +153,12 @@ class RayStreamGather:
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `interface.DeviceGather.gather`."""
+        """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
         yield from self._identity.gather(self._count, light.radiance, seen)
         self._kernels.take(self._gathered, light, column)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last iteration; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
         yield 1.0
         return self._l1.values()

@@ -1,4 +1,4 @@
-"""Gradients of gathered irradiance by the normal (L1), on the OpenCL device; see irradiance_l1.cl."""
+"""L1 on the OpenCL device: gradient of gathered irradiance with respect to the normal."""
 
 from __future__ import annotations
 

@@ -46,5 +46,5 @@ class GatherKernels:
         )  # fmt: skip
 
     def take(self, gathered: cl.Buffer, light: GatherBuffers, column: int) -> None:
-        """Store light that was gathered elsewhere, background light included, as an iterate."""
+        """Store gathered light of another process, background light included, as an iterate."""
         self._compute.run(self._take, light.count, gathered, *light.outputs(column))

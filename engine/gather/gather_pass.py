@@ -46,11 +46,11 @@ class GatherPass:
         return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance on the device: float4 by source + 1, with black ends; see `gather`."""
+        """Gather from radiance on the device, float4 by source + 1; the first and last entries are black."""
         self.radiance = radiance
         yield from self._sweep.gather(self, 0)
         return download(self._compute, self._gathered, (self.count, 4))
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last gather; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last gather, (n, 3, 3) float32."""
         return (yield from self._sweep.gather_l1())

@@ -66,7 +66,10 @@ class GlslCachedIntegrator:
         self._radiance.write(to_float4(radiance, first=1))
 
     def keep(self, frames: np.ndarray) -> None:
-        """Store the item buffers just drawn, and sum their background light. frames: (m, 4, 3) float32."""
+        """Store the item buffers of the last draw and sum their background light.
+
+        Frames: (m, 4, 3) float32.
+        """
         self._tables.set_frames(frames)
         textures = {"hemicubes": self._texture, "sky": self._sky}
         parts = []

@@ -46,7 +46,7 @@ class HalfRadiance(NumpyPickle):
         return cls(parts, unit)
 
     def table(self, compute: ComputeDevice) -> cl.Buffer:
-        """Upload the radiance in the layout that `of` reads."""
+        """Upload the radiance as float4 of each patch between two black entries."""
         (widen,) = compute.kernels("half_radiance.cl", "from_half")
         count = len(self.parts)
         radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * (count + 2))

@@ -18,7 +18,7 @@ from .glsl_cached import GlslCachedIntegrator
 from .glsl_integrator import GlslIntegrator
 from .opencl_integrator import CopiedIntegrator
 
-#: Clear colour of hemicubes; a = 2 requests a look-up of the sky in the integrator.
+#: Clear color of hemicubes. Alpha 2 marks texels for which the integrator looks up the sky.
 _LOOK_UP = (0.0, 0.0, 0.0, 2.0)
 
 
@@ -71,7 +71,7 @@ class PaperGather:
         self.integrator = self._integrator.name
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Run one gather iteration; see `interface.Gather`."""
+        """Draw radiance hemicubes and integrate them: irradiance of all patches; yield progress 0..1."""
         self._target.set_radiance(radiance)
         result = np.empty((self._hemicubes.count, 4), np.float32)
 
@@ -100,7 +100,7 @@ class GlslGather:
         self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Run one gather iteration; see `interface.Gather`. The first iteration draws the hemicubes."""
+        """Gather irradiance from cached item buffers, drawn in the first call; yield progress 0..1."""
         self._integrator.set_radiance(radiance)
         gathered: list[np.ndarray] = []
 

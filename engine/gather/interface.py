@@ -1,7 +1,7 @@
 """Gather interface: irradiance of receivers from the radiance of sources.
 
 `Gather` exchanges arrays of the host, `PointGather` also reads radiance on the OpenCL device. `DeviceGather`
-is the form for iterations, which leaves everything on the device; `GatherPass` makes a PointGather of it.
+is for iterations and leaves all arrays on the device. `GatherPass` wraps it as a `PointGather`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class GatherBuffers(Protocol):
 
     count:         number of gathering patches
     radiance:      float4 by patch + 1, W/(m^2 sr); entry 0 and the last (background) are black
-    patches_seen:  float of each patch: the fraction of its hemisphere in which it sees patches
+    patches_seen:  float of each patch: fraction of its hemisphere covered by other patches
     sparse:        True if gathers that support it may use a part of the samples; see `Radiosity.sparse`
     """
 
@@ -34,7 +34,7 @@ class GatherBuffers(Protocol):
 
 
 class DeviceGather(Protocol):
-    """Method by which all patches gather irradiance on the device; the room's docstring compares them."""
+    """Method that gathers irradiance for all patches on the device; the package's docstring compares them."""
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
         """Gather from `light.radiance` into a column of the ring of iterates; yield progress 0..1."""
@@ -62,9 +62,9 @@ class PointGather(Gather, Protocol):
     """Final gather by n points from m sources: `GatherPass`, or devices of other processes."""
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance on the device: float4 by source + 1, with black ends; see `gather`."""
+        """Gather from radiance on the device, float4 by source + 1; the first and last entries are black."""
         ...
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last gather; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last gather, (n, 3, 3) float32."""
         ...

@@ -18,15 +18,15 @@ from .visibility_cache import SampleRows
 
 
 class NoL1:
-    """Null object in place of `L1Gather` for bakes without directional maps."""
+    """Placeholder for `L1Gather` in bakes without directional maps."""
 
     result = None
 
     def keep_radiance(self, radiance: cl.Buffer) -> None:
-        """Do nothing."""
+        """Do nothing, since L1 is not computed."""
 
     def gather(self, rows: SampleRows, static_l1: cl.Buffer | None) -> Generator[float, None, None]:
-        """Do nothing."""
+        """Do nothing, since L1 is not computed."""
         yield 1.0
 
     def values(self) -> np.ndarray:
@@ -69,7 +69,7 @@ class L1Gather:
         yield from self._gather.run(rows, self._radiance, static_l1, self.result)
 
     def values(self) -> DeviceL1:
-        """Return the irradiance gradients (L1) of all patches."""
+        """Return the irradiance gradients (L1) of all patches, on the device."""
         return DeviceL1(self._compute, self.result, self._receivers, self._count)
 
 

@@ -17,7 +17,7 @@ from .gather_kernels import GatherKernels
 from .interface import GatherBuffers
 from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
-#: Number of light groups per read: two fill the 32 bytes that a GPU reads at a time.
+#: Light groups whose radiance is read together: two fill the 32 bytes of one memory access of a GPU.
 TOGETHER = 2
 
 
@@ -27,11 +27,12 @@ class _Radiance:
     def __init__(self, compute: ComputeDevice, groups: int, sources: int) -> None:
         self._compute, self._groups, self._sources = compute, groups, sources
 
-        # Blocks of g float4: one black block, one per source, one for the background.
+        # Layout: blocks of g float4. The first block is black, then one block per source, then the
+        # background.
         self.buffer = zeros(compute, 16 * groups * (sources + 2))
 
     def read(self, radiance: cl.Buffer) -> None:
-        """Copy radiance on the device, float4 of each source and group after one black entry."""
+        """Copy radiance from the device: float4 of each source and group after one black entry."""
         cl.enqueue_copy(
             self._compute.queue, self.buffer, radiance, byte_count=16 * self._groups * self._sources,
             src_offset=16, dst_offset=16 * self._groups,
@@ -45,7 +46,7 @@ class _Radiance:
 
 
 class LightGroupGather:
-    """Gather for n patches and g light groups, as for n g patches; see `interface.DeviceGather`.
+    """Gather for g light groups at once, as if each of the n patches were g patches.
 
     Results of one patch are adjacent. A sample is read once for all groups, whose radiances share cache
     lines.
@@ -63,7 +64,7 @@ class LightGroupGather:
         self._static: cl.Buffer | None = None
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `interface.DeviceGather.gather`."""
+        """Gather irradiance of all groups into a column of the ring of iterates; yield progress 0..1."""
         if self._static is None:
             seen = download(self._compute, self._kept.backs.patches_seen, (self._kept.count,))
             cl.enqueue_copy(self._compute.queue, light.patches_seen, np.repeat(seen, self._groups))
@@ -74,7 +75,7 @@ class LightGroupGather:
         yield 1.0
 
     def _static_light(self) -> Generator[float, None, cl.Buffer]:
-        """Return the background light of all groups, interleaved per patch; yield progress 0..1."""
+        """Return the background light of all groups, float4, the groups of a patch adjacent."""
         beside = []
         for number, light in enumerate(self._lights):
             for rows in self._kept.pieces:
@@ -91,7 +92,7 @@ class LightGroupGather:
 
 
 class LightGroupPass:
-    """Final gather of several light groups for receivers that are no patches, with visibility of their own.
+    """Final gather of several light groups at receivers with their own visibility samples.
 
     sources:  number of patches that samples may hit
     static:   background light of each group; back faces count as black

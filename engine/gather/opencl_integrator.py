@@ -18,7 +18,10 @@ class HemicubeIntegrator:
     """Integrator of a texture array of hemicubes to one value each (paper, IV.C and V.C)."""
 
     def __init__(self, compute: ComputeDevice, tiles: Tiles, sky: np.ndarray) -> None:
-        """sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`; used where a is 2."""
+        """Build the kernels for a layout of hemicubes.
+
+        sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`; used where alpha is 2
+        """
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(
             (FRAME, "integrate.cl"), "multiply", "reduce_row", "reduce_column"
@@ -79,7 +82,7 @@ class HemicubeIntegrator:
 
 
 class CopiedIntegrator:
-    """Integrator of hemicubes that are copied to OpenCL through the host; see `Integrator`."""
+    """Integrator that copies drawn hemicubes to OpenCL through the host, for OpenGL without compute."""
 
     name = "opencl"
 
@@ -90,7 +93,7 @@ class CopiedIntegrator:
         self._integrator = HemicubeIntegrator(compute, tiles, sky)
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:
-        """Return E/pi and the fraction of front faces; see `Integrator.integrate`."""
+        """Return E/pi and the fraction of front faces for the first m slots, (m, 4) float32."""
         return self._integrator.integrate(self._copy.update(), frames)
 
 

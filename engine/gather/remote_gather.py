@@ -30,11 +30,11 @@ class RemoteGather(Protocol):
         ...
 
     def gather(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return E/pi gathered from all radiance, (n, 3). The array is valid until the next call."""
+        """Gather from the radiance `light`; return E/pi, (n, 3), valid until the next call."""
         ...
 
     def gather_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return the irradiance gradients (L1) of the same light, (n, 3, 3); see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) for radiance `light`, (n, 3, 3)."""
         ...
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
@@ -54,12 +54,12 @@ class RemoteGather(Protocol):
         ...
 
     def final_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Return the irradiance gradients (L1) of the same light, (n, 3, 3)."""
+        """Return the irradiance gradients (L1) of the final gather, (n, 3, 3)."""
         ...
 
 
 class RemoteIteration:
-    """Gather on remote devices for a solver on this device; see `interface.DeviceGather`."""
+    """Iteration on remote devices for a solver on this device."""
 
     def __init__(self, compute: ComputeDevice, remote: RemoteGather, count: int) -> None:
         self._compute, self._remote, self._count = compute, remote, count
@@ -70,7 +70,7 @@ class RemoteIteration:
         self._views: list[cl.Buffer] = []
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
-        """Run one gather iteration; see `interface.DeviceGather.gather`.
+        """Gather irradiance into a column of the ring of iterates; yield progress 0..1.
 
         The first call waits until the remote devices have computed visibility.
         """
@@ -88,12 +88,12 @@ class RemoteIteration:
         cl.enqueue_copy(self._compute.queue, light.patches_seen, patches_seen)
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Gather the irradiance gradients (L1); see `interface.DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
         return (yield from self._remote.gather_l1(self._light))
 
 
 class RemoteGatherPass:
-    """Final gather on remote devices from patch groups; see `interface.PointGather`."""
+    """Final gather by remote devices, from the radiance of patch groups."""
 
     def __init__(
         self, compute: ComputeDevice, remote: RemoteGather, sampled_light: np.ndarray, groups: int
@@ -102,16 +102,16 @@ class RemoteGatherPass:
         self._sampled_light = sampled_light
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance in host memory; see `PointGather.gather`."""
+        """Gather from radiance in host memory, (m, 3) float32; return E/pi and validity, (n, 4) float32."""
         return (yield from self.gather_from(upload_float4(self._compute, radiance, first=1, last=1)))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
-        """Gather from radiance on this device; see `PointGather.gather_from`."""
+        """Gather from radiance on this device, float4 by source + 1; return E/pi and validity, (n, 4)."""
         self._light = HalfRadiance.of(self._compute, radiance, self._groups)
         gathered = yield from self._remote.final(self._light)
         add_colors(gathered, self._sampled_light)
         return gathered
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Gather the irradiance gradients (L1); see `PointGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last gather, (n, 3, 3) float32."""
         return (yield from self._remote.final_l1(self._light))

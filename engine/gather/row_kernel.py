@@ -37,7 +37,7 @@ class RowKernel:
         name: str,
         file: str,
     ) -> None:
-        """Build a kernel of a file.
+        """Build a kernel from a file of kernels/.
 
         receivers:  records of the patches, see `RayScene.receivers`
         pattern:    sample pattern for equal weights; weighted samples use their multiplier map instead

@@ -66,18 +66,18 @@ class SavedRows:
         return self._saved
 
     def write(self, found: int) -> None:
-        """Write the rows before patch `found` if a write is due, or as many of them as time allows."""
+        """Write the rows before patch `found` if a write is due, limited by the time for writing."""
         if found > self._saved and self._checkpoint.due:
             self._write(min(found, self._saved + max(1, self._checkpoint.room // self._row)))
 
     def complete(self) -> None:
-        """Write the remaining rows, if earlier rows were written or a write is due."""
+        """Write the remaining rows if earlier ones were written or if a write is due."""
         if self._last > self._saved > self._first:
             self._write(self._last)
         self.write(self._last)
 
     def _write(self, last: int) -> None:
-        """Write the unsaved rows before a patch."""
+        """Write the rows before patch `last` that are not yet written."""
         arrays: Arrays = {
             name: self._download(table.buffer, *table.span(self._saved, last))
             for name, table in self._tables.items()

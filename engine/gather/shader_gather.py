@@ -94,7 +94,10 @@ class ShaderGather:
         self._has_background = False
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Run one gather iteration; see `interface.Gather`. The first iteration traces the samples."""
+        """Gather from radiance, (m, 3) float32; return E/pi and validity, (n, 4) float32.
+
+        The first call traces the samples. Yields progress 0..1.
+        """
         self._radiance.write(to_float4(radiance, first=1))
         gathered = np.zeros((self._scene.count, 4), np.float32)
         for first, last in self._chunks():
@@ -124,13 +127,13 @@ class ShaderGather:
     def _within(
         self, begin: float, end: float, first: int, last: int, work: Generator[float, None, Result]
     ) -> Generator[float, None, Result]:
-        """Run work on a span of patches; yield progress 0..1 of all patches."""
+        """Run work on a span of patches; yield its progress as part of all patches, 0..1."""
         size = (last - first) / self._scene.count
         start = first / self._scene.count
         return (yield from run_as_fraction(start + begin * size, start + end * size, work))
 
     def _rows(self, first: int, last: int) -> Generator[float, None, moderngl.Buffer]:
-        """Return the samples of a span of patches, traced unless cached; sum background light once."""
+        """Return the samples of a span of patches, from the cache or traced; sum background light once."""
         if first in self._kept:
             return self._kept[first]
         count = last - first
@@ -186,7 +189,7 @@ class ShaderGather:
 def _arrays(
     samples: int, sources: PatchScene, sky: np.ndarray, table: np.ndarray | None
 ) -> dict[str, np.ndarray]:
-    """Return the tables of shaders/visibility/view_samples.glsl, and the look-up tables of samples."""
+    """Return the tables that the shaders read: sample pattern, UVs, index map and sky."""
     triangles = sources.triangles
     return {
         "pattern": r2_sequence(samples),

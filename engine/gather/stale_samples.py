@@ -42,7 +42,7 @@ class StaleSamples:
         rays: RayScene,
         begun: StaleSamples | None,
     ) -> StaleSamples | None:
-        """Return the difference, or None if recomputing all visibility is better.
+        """Compare two versions of a scene; return the stale samples, or None if most would be stale.
 
         before:  patches for which samples were cached, and their receivers
         begun:   an earlier difference, for which some samples are updated already
@@ -70,7 +70,7 @@ class StaleSamples:
 
 
 def _moved_views(rays: RayScene, before: cl.Buffer, marked: cl.Buffer | None) -> cl.Buffer:
-    """Return marks of patches whose receiver records changed, and of patches marked before."""
+    """Return marks of patches whose receiver records changed, added to earlier marks."""
     compute, count = rays.compute, rays.count
     views = zeros(compute, -(-count // 4) * 4)
     if marked is not None:

@@ -33,7 +33,9 @@ class SampleRows:
 
 
 class BackfaceLight:
-    """Sums over samples that hit back faces, on the OpenCL device; computed along with the samples.
+    """Light and counts of samples that hit back faces, on the OpenCL device.
+
+    Summed while samples are computed.
 
     light, patches_seen, seen, l1:  `back_light`, `patches_seen`, `backs_seen`, `back_l1` of
                                     `VisibilityBuffers`
@@ -45,11 +47,11 @@ class BackfaceLight:
         self.l1 = zeros(compute, 48 * count) if directional else None
 
     def found_with(self, cache: cl.Buffer, first: int) -> VisibilityBuffers:
-        """Return the output buffers of a visibility sampler for patches from `first` on."""
+        """Return the buffers into which a sampler writes the samples of patches from `first` on."""
         return VisibilityBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
 
     def tables(self) -> dict[str, Table]:
-        """Return all buffers by name."""
+        """Return all buffers of `BackfaceLight` by name."""
         tables = {"light": Table(self.light, 16), "patches_seen": Table(self.patches_seen, 4)}
         l1 = {} if self.l1 is None else {"l1": Table(self.l1, 48)}
         return {**tables, **l1, "seen": Table(self.seen, 0)}
@@ -91,12 +93,12 @@ class VisibilityCache:
 
     @property
     def complete(self) -> bool:
-        """True once the samples of all patches are computed and none is stale."""
+        """True once the samples of all patches are computed and up to date."""
         return self._found == self.count and self._moved is None
 
     @property
     def moved(self) -> bool:
-        """True if geometry moved since, so that some samples are stale."""
+        """True if geometry moved after samples were cached, so that some are stale."""
         return self._moved is not None
 
     @property
@@ -131,7 +133,7 @@ class VisibilityCache:
         self.pieces[-1] = SampleRows(cache, rows.first, last)
 
     def find(self, identity: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
-        """Compute the visibility samples of all patches, continuing where a cancelled bake stopped.
+        """Compute the missing visibility samples, after those of a checkpoint or a cancelled bake.
 
         Yields progress 0..1 of the samples that no checkpoint holds.
         """
@@ -185,7 +187,7 @@ class VisibilityCache:
         return self.pieces[-1]
 
     def holds_for(self, parts: PatchScene, rays: RayScene, emission: np.ndarray) -> bool:
-        """Return True if the cache is valid for patches that emit `emission`, (m, 3) float32.
+        """Return True if the samples are valid for these patches with emission (m, 3) float32.
 
         rays: from these patches. Patch groups may differ from the cached ones, because light decides their
             borders. Missing samples will be computed with this emission; stale samples will be updated.
@@ -200,7 +202,7 @@ class VisibilityCache:
         return True
 
     def _follows(self, parts: PatchScene, rays: RayScene) -> bool:
-        """Return True if these are the cached patches, at equal or other positions; record what moved.
+        """Return True if these are the cached patches, moved or not; record the geometry that moved.
 
         Rasterised hemicubes cannot be updated in part.
         """
@@ -230,7 +232,7 @@ class VisibilityCache:
 
 
 def _finished(identity: VisibilitySampler, found: int) -> int:
-    """Return how many of `found` reported rows are complete in the cache.
+    """Return the number of complete rows, given that the sampler has reported `found` rows.
 
     A batch is complete once the sampler proceeds to the next one.
     """

@@ -39,7 +39,7 @@ _LIMITED = (
 
 
 def choose_device_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice]:
-    """Return the gather for all patches of a job, and the choice with its reasons."""
+    """Choose the gather for all patches of a job; return it with the reasons for the report."""
     return _remote_gather(job) or _reused_gather(job) or _new_gather(job)
 
 
@@ -88,7 +88,10 @@ def _new_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice]:
 
 
 def _resumed_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float] | None:
-    """Return the sampler that an interrupted bake used, the reason, and NaN; None if there is none."""
+    """Return the sampler of the interrupted bake that is resumed, and the reason; None without one.
+
+    The third value, the time of a sample, is NaN.
+    """
     begun = sorted(name for name in SAMPLERS if job.checkpoint.rows_from_the_first(name))
     if not begun:
         return None
@@ -98,7 +101,10 @@ def _resumed_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float
 def _last_sampler(
     job: SolveJob, last: VisibilityCache | None
 ) -> tuple[VisibilitySampler, list[str], float] | None:
-    """Return the sampler of the last bake, the reason, and NaN, for a warm start; None if there is none."""
+    """Return the sampler of the last bake for a warm start, and the reason; None without one.
+
+    The third value, the time of a sample, is NaN.
+    """
     if last is None or not job.settings.warm_start:
         return None
     name = last.sampling.name
@@ -106,7 +112,7 @@ def _last_sampler(
 
 
 def _gather_for(job: SolveJob, sampler: VisibilitySampler) -> tuple[DeviceGather, str, str]:
-    """Return the gather for a visibility sampler, the name of the method, and the reason."""
+    """Return a gather for a visibility sampler, the method's name for the report, and the reason."""
     sizes = memory_clause(job, sampler.row_bytes * job.count)
     if is_cached(job, sampler):
         return caching_gather(job, sampler), "cached", f"Visibility is cached: {sizes}."

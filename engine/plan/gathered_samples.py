@@ -13,7 +13,7 @@ from ..postprocess.texel_samples import TexelSamples
 
 @dataclass(frozen=True)
 class GatheredSamples(NumpyPickle):
-    """Texel samples, their positions after push-off, and their light; see `TexelSampleLight`.
+    """Texel samples with positions after push-off, and the light that was gathered at them.
 
     irradiance:  (s, 3) float32, E/pi of all light
     """
@@ -26,7 +26,7 @@ class GatheredSamples(NumpyPickle):
     values: dict[str, np.ndarray]
 
     def part(self, chosen: slice) -> GatheredSamples:
-        """Return the samples of a range."""
+        """Return the samples of a slice."""
         some = self.samples.part(chosen), self.ways.part(chosen)
         rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
         return GatheredSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

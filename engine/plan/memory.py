@@ -10,7 +10,8 @@ from .solve_job import SolveJob
 #: Width of patch groups, texels.
 _GROUP_WIDTH = 4
 
-#: Samples of a group, as a multiple of those of a patch, if the irradiance between groups is interpolated.
+#: Factor on the samples of a patch that gives those of a patch group, if light between groups is
+#: interpolated.
 MORE_RAYS = 3
 
 #: Maximum number of patches with one unknown each where other processes gather, since each process receives
@@ -48,7 +49,7 @@ def is_adaptive(job: SolveJob) -> bool:
 
 
 def is_smoothed(job: SolveJob) -> bool:
-    """Return True if every patch gathers and a plane fit then denoises it where the fit is good.
+    """Return True if a plane fit denoises the gathered light of patches.
 
     Not with Denoise, which removes more of noise that is independent between patches.
     """

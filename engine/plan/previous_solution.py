@@ -76,13 +76,13 @@ class PreviousSolution:
         return cls(patches, light, solution.front, sampled, direct, near, sources)
 
     def front_of(self, sources: DirectSources | None) -> np.ndarray | None:
-        """Return `front` if visibility is unchanged, else None."""
+        """Return the validity of the patches if their visibility has not changed, else None."""
         if sources is None or self.sources is None:
             return None
         return self.front if sources.has_visibility_of(self.sources) else None
 
     def direct_of(self, sources: DirectSources | None) -> Values | None:
-        """Return `direct` if all of its sources are unchanged, else None."""
+        """Return E/pi before any reflection, (n, 3), if none of its sources has changed, else None."""
         return self.direct if sources is not None and same_values(sources, self.sources) else None
 
     def prepared(self) -> PreviousSolution:
@@ -118,7 +118,7 @@ class PreviousSolution:
         return PreviousSolution(patches, light, front, of(self.sampled), of(direct), near)
 
     def _numbers_of(self, patches: PatchList) -> tuple[np.ndarray, np.ndarray]:
-        """Return the old patch at the texel of each new patch, (m,) int64, and a mask where there is one."""
+        """Return the old patch at the texel of each new patch, (m,) int64, and a mask of existing ones."""
         if patches.resolution != self.patches.resolution:
             return np.zeros(len(patches), np.int64), np.zeros(len(patches), bool)
         place = np.searchsorted(self.patches.key, patches.key)

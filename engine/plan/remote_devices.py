@@ -23,5 +23,5 @@ class RemoteDevices(ShadowCaster, RemoteGather, Protocol):
     def gather_at(
         self, samples: TexelSamples, light: HalfRadiance, choice: SolverChoice, settings: Settings
     ) -> Generator[float, None, list[GatheredSamples]]:
-        """Gather at texel samples from the light of all patches; see `texel_sample_gather.gather_at`."""
+        """Gather light at texel samples on devices of other processes, from the light of all patches."""
         ...

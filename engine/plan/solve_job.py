@@ -127,7 +127,7 @@ class SolveJob:
         return self.kept.checkpoints.of(key)
 
     def after(self, last: PreviousSolution | None) -> SolveJob:
-        """Return the job with the light of an earlier bake as its start, if there is any."""
+        """Return a copy that starts from the light of an earlier bake, if there is any."""
         if last is None:
             return self
         sources = self.direct_sources

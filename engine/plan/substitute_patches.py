@@ -1,4 +1,4 @@
-"""Substitute patches: valid neighbours whose light stands for that of invalid patches.
+"""Substitute patches: a valid neighbour whose reflected light replaces that of an invalid patch.
 
 Part of an invalid patch's texel may be visible; rays that hit it need plausible light.
 """
@@ -75,7 +75,7 @@ def substitute_patches(
 
 
 def _valid_neighbours(patch_scene: PatchScene, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:
-    """Return the pairs of `find_substitutes` for some texels.
+    """Return pairs of invalid patches in the given texels and valid neighbours on the same plane.
 
     patch_scene:  patches of the scene
     hidden:       (n,) bool, invalid patches

@@ -22,10 +22,11 @@ SAMPLERS = ("rays", "raster")
 #: Patches of the first trial, growth factor of the next ones, and duration in seconds that ends the trial.
 _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 
-#: If rays take less than this for all patches, in seconds, raster is not tried: the trial would take as long.
+#: Time in seconds: if rays for all patches take less, raster is not tried, since the trial would take as
+#: long.
 _SHORT = 0.5
 
-#: Raster is not tried either if rays are this many times faster than raster ever was on this device.
+#: Speed ratio of rays to the fastest raster recorded on this device; above it raster is not tried.
 _CLEARLY = 4
 
 
@@ -40,9 +41,9 @@ def untried_visibility(settings: Settings) -> str:
 
 
 def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
-    """Return the sampler, the reasons, and the time of a sample, s; NaN without a trial.
+    """Choose the visibility sampler; return it, the reasons, and the time of a sample, s (NaN untimed).
 
-    If the settings leave it open, the faster sampler is chosen.
+    If the settings allow both, the faster one on a few patches of the scene is chosen.
     """
     wanted, makers = job.settings.visibility, _makers(job)
     if wanted != "auto":
@@ -98,7 +99,7 @@ def _drawing_rates(job: SolveJob) -> tuple[DrawingRates, int]:
 
 
 def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
-    """Return a constructor for each sampler, the one with the shorter trial first."""
+    """Return a constructor for each sampler by name, the sampler with the shorter trial first."""
     return {
         "rays": lambda: RaySampler(job.opencl, job.rays, job.parts, job.surroundings, job.settings),
         "raster": lambda: RasterSampler(job.graphics, job.opencl, job.parts, job.surroundings, job.settings),

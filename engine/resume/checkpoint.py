@@ -13,7 +13,7 @@ from .array_file import read_arrays
 from .checkpoint_folder import CheckpointFolder
 from .write_throttle import WriteThrottle
 
-#: Names of files with rows: sampler, first patch, end.
+#: Pattern of file names with visibility rows: sampler, first patch, patch after the last.
 _ROWS = re.compile(r"([a-z]+)-(\d+)-(\d+)")
 
 Arrays = Mapping[str, np.ndarray]
@@ -36,7 +36,7 @@ class Checkpoints:
         self._used: list[Checkpoint] = []
 
     def of(self, key: Callable[[], str]) -> Checkpoint:
-        """Return the checkpoint of a key, a digest that is computed on first use."""
+        """Return the checkpoint of the bake with this key; the digest of the key is computed on first use."""
         self._used.append(Checkpoint(self, key))
         return self._used[-1]
 
@@ -64,7 +64,7 @@ class Checkpoint:
 
     @property
     def due(self) -> bool:
-        """True if a write is due."""
+        """True if the interval between two writes has passed."""
         return self._shared.folder.keeps and self._shared.time.due
 
     @property
@@ -74,7 +74,7 @@ class Checkpoint:
 
     @property
     def room(self) -> int:
-        """Maximum number of bytes to write now; see `WriteThrottle.room`."""
+        """Maximum number of bytes that one write may take now."""
         return self._shared.time.room
 
     def rows_from_the_first(self, identity: str) -> int:
@@ -98,7 +98,7 @@ class Checkpoint:
         return None
 
     def write_rows(self, identity: str, first: int, last: int, arrays: Arrays) -> bool:
-        """Store the rows of the patches first <= i < last; return True if that succeeded."""
+        """Store the rows of the patches first <= i < last; return True if they were written."""
         return self._write(_rows_name(identity, first, last), arrays)
 
     def light(self, key: Callable[[], str]) -> Arrays | None:
@@ -111,7 +111,7 @@ class Checkpoint:
         self._write(_LIGHT, {_KEY: np.frombuffer(key().encode(), np.uint8), **arrays})
 
     def tell(self, sentence: str) -> None:
-        """Add a sentence to the report."""
+        """Add a sentence about restored data to the report."""
         self._shared.resumed.append(sentence)
 
     def remove(self) -> None:
@@ -120,7 +120,7 @@ class Checkpoint:
             self._shared.folder.remove(self._key)
 
     def _rows(self) -> list[tuple[str, int, int]]:
-        """Return sampler, first patch and end of all stored rows."""
+        """Return the sampler, first patch and end of all stored rows, by file names."""
         if not self._looks:
             return []
         names = (_ROWS.fullmatch(path.name) for path in self._shared.folder.files(self._key))

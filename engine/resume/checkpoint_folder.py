@@ -37,7 +37,7 @@ class CheckpointFolder:
         return not self._entries()
 
     def written_since(self, time: float) -> bool:
-        """Return True if a checkpoint was written at or after a time, as from `time.time`."""
+        """Return True if a checkpoint was written at or after a time, seconds as from `time.time`."""
         return any(_age(entry) >= time for entry in self._entries())
 
     def files(self, key: str) -> list[Path]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-#: Maximum share of writing in a bake's time.
+#: Maximum fraction of a bake's time that writing may take.
 _PART = 0.1
 
 #: Initial estimate of the disk's rate, bytes per second, and minimum number of bytes per write.
@@ -24,13 +24,13 @@ class WriteThrottle:
 
     @property
     def due(self) -> bool:
-        """True if a write is due."""
+        """True if the interval since the last write has passed."""
         now = time.monotonic()
         return now - self._last >= self._interval and self._spent <= _PART * (now - self._begun)
 
     @property
     def room(self) -> int:
-        """Maximum number of bytes to write now."""
+        """Maximum number of bytes to write now, so that writing stays within its share of time."""
         seconds = _PART * (time.monotonic() - self._begun) - self._spent
         return max(_LEAST, int(self._rate * seconds))
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-#: Table size in the tilt angle; integration steps in the light's height (the azimuth has twice as many).
+#: Tilt angles in the table, and steps of the integral over the light's height; its azimuth has twice as many.
 _ANGLES, _HEIGHTS = 65, 48
 
 

@@ -28,7 +28,7 @@ FARTHEST_LIGHT = 1e15
 #: Tolerance of lightmap UVs outside [0, 1].
 UV_TOLERANCE = 1e-4
 
-#: Axes that must be unit vectors for each kind of light, and the tolerance of their length.
+#: Axes of each kind of light that must be unit vectors, and the tolerance of their length.
 _AXES_NEEDED = {"sun": slice(2, 3), "spot": slice(3), "area": slice(3)}
 _UNIT_TOLERANCE = 1e-3
 
@@ -38,7 +38,7 @@ _LARGEST_REFLECTANCE = 1e3
 #: Tolerance of transmittance outside [0, 1], for rounding.
 _ROUNDING = 1e-6
 
-#: Description of invalid light in error messages.
+#: Values of light that error messages call invalid.
 _NO_LIGHT = f"NaN, negative or greater than {MAX_RADIANCE:.0e}"
 
 
@@ -81,7 +81,7 @@ def check_size(scene: Scene) -> None:
 
 
 def _box(mesh: Mesh) -> np.ndarray:
-    """Return the lower and upper corner of a mesh's bounding box, (2, 3) float64, m."""
+    """Return the bounding box of a mesh: lower and upper corner, (2, 3) float64, m."""
     axes = mesh.positions.reshape(-1, 3).T
     return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
@@ -245,7 +245,7 @@ def _check_tinted_reflectance(material: Material) -> None:
 
 
 def _is_fraction(entry: Transmittance) -> bool:
-    """Return True if a transmittance lies in [0, 1] for every texture value."""
+    """Return True if a transmittance is within [0, 1] for all values of its texture."""
     ends = np.asarray(entry.offset), np.asarray(entry.offset) + np.asarray(entry.scale)
     within = all(bool((end >= -_ROUNDING).all() and (end <= 1 + _ROUNDING).all()) for end in ends)
     return within and (entry.texture is None or _is_light(entry.texture.pixels, 1))
@@ -260,10 +260,10 @@ def _textures(material: Material) -> list[Texture]:
 
 
 def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
-    """Return the arrays that determine a quantity."""
+    """Return the constant and, if there is one, the texture's pixels of a quantity."""
     return [constant] if texture is None else [constant, texture.pixels]
 
 
 def _is_light(values: np.ndarray, most: float = MAX_RADIANCE) -> bool:
-    """Return True if all values are in [0, most]; False for NaN."""
+    """Return True if all values are within [0, most]; NaN is invalid."""
     return bool(np.min(values) >= 0 and np.max(values) <= np.float32(most))

@@ -70,7 +70,7 @@ def add_colors(values: np.ndarray, colors: np.ndarray, sign: int = 1) -> None:
 
 
 def rest_of(light: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return light, (n, c), minus a part, (n, 3), clamped to 0: (n, 3); column by column."""
+    """Return light, (n, c), minus a part of it, (n, 3), clamped to at least 0: (n, 3)."""
     rest = np.empty((len(light), 3), light.dtype)
     for channel in range(3):
         np.subtract(light[:, channel], part[:, channel], out=rest[:, channel])

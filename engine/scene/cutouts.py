@@ -20,7 +20,7 @@ EXTENSIONS = ("repeat", "mirror", "extend", "clip")
 _ONE = 65535
 _HALF_STEP = 0.5 / _ONE
 
-#: Maximum number of values of all maps together; shaders and kernels index them with int32.
+#: Maximum number of values in all maps, since shaders and kernels index them with int32.
 MOST_PIXELS = 2**31 - 2
 
 #: Maximum texture coordinate, in image widths.
@@ -86,7 +86,7 @@ class Cutouts:
         return clear
 
     def stopped(self, record: int) -> np.ndarray:
-        """Return the fraction of rays that each material stops, (m,) float32; 1 where a map varies it.
+        """Return the fraction of rays that each material blocks, (m,) float32; 1 if a map varies it.
 
         record:  (0 or BACK) + (SHADOW or BOUNCE)
         """
@@ -184,7 +184,7 @@ def read_cutouts(scene: Scene) -> Cutouts:
 
 
 def _opacity(entry: Transmittance) -> tuple[np.ndarray, np.ndarray]:
-    """Return base and factor of the opacity."""
+    """Return base and factor of a transmittance's opacity: opacity = base + factor * map."""
     one = np.float32(1)
     return one - entry.offset.astype(np.float32), -entry.scale.astype(np.float32)
 

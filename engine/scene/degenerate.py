@@ -1,7 +1,7 @@
 """Tests triangles for zero area, with one threshold for unwrapping, reading and checks.
 
 The threshold has no unit. It is relative to the longest edge of a triangle and to the precision of its
-coordinates, so it is the same for a scene in millimetres and for one in kilometres.
+coordinates, so it suits scenes in millimetres as well as in kilometres.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _ROUNDING = 2.0**-23
 
 
 def is_collapsed(corners: np.ndarray) -> np.ndarray:
-    """Return which triangles, (t, 3, 3) -> (t,) bool, have a height of almost 0 relative to the longest edge.
+    """Return a mask of triangles, (t, 3, 3) -> (t,) bool, much lower than their longest edge.
 
     Triangles with coordinates that are not finite are not collapsed.
     """
@@ -26,7 +26,7 @@ def is_collapsed(corners: np.ndarray) -> np.ndarray:
 
 
 def is_degenerate(corners: np.ndarray) -> np.ndarray:
-    """Return which triangles, (t, 3, 3) float32 -> (t,) bool, are collapsed or flat within rounding errors.
+    """Return a mask of triangles, (t, 3, 3) float32 -> (t,) bool, without area, up to rounding errors.
 
     A triangle is flat within rounding errors if no component of its cross product exceeds the forward error
     bound for coordinates rounded to float32. Source: after Shewchuk, "Adaptive Precision Floating-Point
@@ -40,7 +40,8 @@ def is_degenerate(corners: np.ndarray) -> np.ndarray:
     if not len(corners):
         return degenerate
 
-    # A common bound for all triangles leaves few for the exact one: 4 products per axis, times sqrt(3).
+    # A common error bound rejects most triangles; only the rest needs the exact one. Factors: 4 products per
+    # axis, sqrt(3).
     with np.errstate(invalid="ignore", over="ignore"):
         reach = float(np.abs(corners).max())
         thin = np.flatnonzero(doubled <= 8 * _ROUNDING * reach * np.sqrt(longest))

@@ -23,7 +23,7 @@ _SHORT, _LONG = 20, 64
 #: Bytes that a thread hashes at once.
 _PIECE = 1 << 20
 
-#: Texture fields that determine the mapping and the lookup.
+#: Fields of a texture that determine how it is mapped and looked up, without its pixels.
 _MAPPING = ("uv_map", "extension", "smooth")
 
 
@@ -154,7 +154,7 @@ def _bytes_of(array: np.ndarray) -> memoryview:
 
 
 def _tree_digest(array: np.ndarray) -> bytes:
-    """Return the hash of the hashes of an array's pieces, computed by threads (Merkle 1980)."""
+    """Return the hash of a large array: its pieces are hashed in threads, then their hashes (Merkle 1980)."""
     values, digest = _bytes_of(array), hashlib.blake2b()
     pieces = [values[first : first + _PIECE] for first in range(0, len(values), _PIECE)]
     with ThreadPoolExecutor() as threads:

@@ -50,7 +50,7 @@ def light_groups(scene: Scene) -> LightGroups:
 
 
 def _shining(scene: Scene) -> list[str]:
-    """Return the group names of all emitters."""
+    """Return the light group name of each emitter: lights, emissive meshes, and the world."""
     groups = [light.light_group for light in shining_lights(scene)]
     shines = np.array([emits(material) for material in scene.materials], bool)
     groups += [mesh.light_group for mesh in scene.meshes if shines[mesh.material].any()]
@@ -58,11 +58,11 @@ def _shining(scene: Scene) -> list[str]:
 
 
 def _numbers(groups: Iterable[str], names: list[str]) -> np.ndarray:
-    """Return the index of each group, int32; 0 for groups without light."""
+    """Return the index of each group in `names`, int32; 0 for groups that are not listed."""
     number = {name: index for index, name in enumerate(names)}
     return np.array([number.get(_known(group, names), 0) for group in groups], np.int32)
 
 
 def _known(group: str, names: list[str]) -> str:
-    """Return the group's name, or UNGROUPED if there is no such group."""
+    """Return a group's name if it exists, else UNGROUPED."""
     return group if group in names else UNGROUPED

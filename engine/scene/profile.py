@@ -58,7 +58,7 @@ class Profile:
 
 
 def _widths(angles: np.ndarray) -> np.ndarray:
-    """Return the weight of each angle in the integral over the interval that they span."""
+    """Return quadrature weights of ascending angles, for an integral over their interval."""
     gaps = np.diff(angles.astype(np.float64))
     return (np.r_[gaps, 0] + np.r_[0, gaps]) / 2
 
@@ -99,7 +99,7 @@ def read_ies(text: str) -> Profile:
 
 
 def _words(text: str) -> list[str]:
-    """Return the words after the line TILT= and the tilt data; raises SceneError."""
+    """Return the numbers of an IES file as words: everything after the line TILT= and the tilt data."""
     lines = iter(text.splitlines())
     tilt = next((line for line in lines if line.startswith("TILT=")), None)
     if tilt is None:

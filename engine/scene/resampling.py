@@ -12,7 +12,7 @@ from ..progress import finished
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Intervals between the borders of old and new pixels along one axis, in order.
+    """Intersections of old and new pixels along one axis, in order.
 
     source:  (k,) int64, old pixel of each interval
     weight:  (k,) float32, fraction of the new pixel that the interval covers
@@ -25,7 +25,7 @@ class _Overlaps:
 
 
 def _even(points: np.ndarray) -> np.ndarray:
-    """Return the fraction of the image area below points along an axis, for rows of equal area."""
+    """Return the area below each point of an axis, for rows of equal area: the point itself."""
     return points
 
 
@@ -55,9 +55,9 @@ def shrink_in_slices(
 
 
 def _shrunk_row(line: np.ndarray, width: int, columns: _Overlaps) -> np.ndarray:
-    """Return a row of pixels, (w, c), reduced to (width, c)."""
+    """Return one row of pixels, (w, c), reduced to `width` pixels, (width, c)."""
     if len(line) % width == 0:
-        # Equal numbers of old pixels in each new one: a sum over an axis takes a sixth of the time.
+        # Fast path: if each new pixel covers equally many old ones, sum over an axis, six times as fast.
         whole = line.reshape(width, -1, line.shape[1])
         return np.einsum("wkc->wc", whole) / np.float32(whole.shape[1])
     parts = line[columns.source] * columns.weight[:, None]
@@ -66,7 +66,7 @@ def _shrunk_row(line: np.ndarray, width: int, columns: _Overlaps) -> np.ndarray:
 
 
 def _overlaps(old: int, new: int, area: Callable[[np.ndarray], np.ndarray] = _even) -> _Overlaps:
-    """Return the intervals of an axis of `old` pixels that is reduced to `new`; area as for `shrink`."""
+    """Return the intersections of `old` pixels with `new` pixels along one axis."""
     before, after = (np.linspace(0, 1, size + 1) for size in (old, new))
     borders = np.union1d(before, after)
     first = np.searchsorted(borders, after)

@@ -20,7 +20,7 @@ _CHANGING = ("lights", "world", "materials", "meshes")
 
 @dataclass(frozen=True)
 class SceneChanges:
-    """Changes of a scene; None and missing entries leave values unchanged.
+    """Changes of a scene; None and missing entries mean no change.
 
     lights:     all lights from now on; omitted ones are removed
     world:      see `Scene.world`
@@ -102,7 +102,7 @@ def _replaced(before: tuple[Part, ...], after: tuple[Part, ...]) -> dict[int, Pa
 
 
 def _check_numbers(what: str, numbers: Iterable[int], count: int) -> None:
-    """Raise SceneError for an index outside of `count` parts."""
+    """Raise SceneError if an index in `numbers` is not below `count`."""
     unknown = sorted(number for number in numbers if not 0 <= number < count)
     if unknown:
         raise SceneError(

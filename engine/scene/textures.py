@@ -9,7 +9,7 @@ from .texture import Texture
 
 
 def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
-    """Return texture values at points, (m, 2), with the image on [0, 1]: (m, c) float64.
+    """Look up a texture at points, (m, 2), by its interpolation and extension; return (m, c) float64.
 
     pixels:  (h, w, c) float32, `texture.pixels` or a reduced version
     uv:      (m, 2) texture coordinates
@@ -32,7 +32,10 @@ def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
 
 
 def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> np.ndarray:
-    """Return pixels, (m, c) float64, with the extension mode beyond the edge."""
+    """Return pixels at integer coordinates, (m, c) float64.
+
+    The extension mode handles those beyond the edge.
+    """
     height, width = pixels.shape[:2]
     values = pixels[_wrap(y, height, extension), _wrap(x, width, extension)].astype(np.float64)
     if extension == "clip":
@@ -41,7 +44,7 @@ def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> 
 
 
 def _wrap(index: np.ndarray, size: int, extension: str) -> np.ndarray:
-    """Return the row or column index that replaces one beyond the edge."""
+    """Apply the extension mode to row or column indices, so that they lie within the image."""
     if extension == "repeat":
         return index % size
     if extension == "mirror":

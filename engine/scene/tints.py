@@ -12,7 +12,7 @@ ENTRY_BITS = 26
 #: Number of palette entries.
 SIZE = 64
 
-#: Channel values of the lattice at the end of the palette; any tint is a mean of lattice corners.
+#: Channel values of the color lattice at the end of the palette. Other tints are means of lattice corners.
 _LEVELS = np.array([0.0, 0.5, 1.0])
 
 #: Number of entries for exact tints, starting with white: constants and their products.
@@ -66,5 +66,5 @@ def _constant_tints(cutouts: Cutouts) -> list[np.ndarray]:
 
 
 def _is_among(tint: np.ndarray, tints: list[np.ndarray]) -> bool:
-    """Return True if a tint equals one of the list."""
+    """Return True if a tint equals one of the list within the tolerance."""
     return bool((np.abs(np.array(tints) - tint).max(axis=1) < _SAME).any())

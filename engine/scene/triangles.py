@@ -9,10 +9,10 @@ import numpy as np
 
 from .model import Scene
 
-#: Approximate number of triangles in the median.
+#: Approximate number of triangles from which the median corner is computed.
 _SAMPLE = 1 << 12
 
-#: Maximum ratio of diagonals of boxes that count as similar in size.
+#: Maximum ratio of two boxes' diagonals up to which they count as similar in size.
 _ALIKE = 1.5
 
 

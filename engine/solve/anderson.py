@@ -51,7 +51,7 @@ class Anderson:
         return np.array(self._valid, np.int64), np.array([self._last_size])
 
     def restore(self, columns: np.ndarray, size: np.ndarray) -> None:
-        """Restore the arrays that `state` returned."""
+        """Restore the history from the arrays that `state` returned."""
         self._valid, self._last_size = columns.tolist(), float(size[0])
 
 

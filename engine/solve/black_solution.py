@@ -10,7 +10,7 @@ from ..bake_result import FluxBalance
 
 
 class BlackSolution:
-    """`Solution` that is done from the start and black."""
+    """Solution of a scene without light: complete from the start, and 0 everywhere."""
 
     iterations = 0
     residual = 0.0
@@ -31,9 +31,9 @@ class BlackSolution:
         return np.zeros((len(self.gathered), 3, 3), np.float32)
 
     def energy(self, emission: np.ndarray) -> FluxBalance:
-        """Return a balance without flux; see `solution.Solution.energy`."""
+        """Return a flux balance in which all terms are 0."""
         return FluxBalance(0.0, 0.0, 0.0, 0.0)
 
     def iteration(self) -> Generator[float, None, None]:
-        """Do nothing."""
+        """Do nothing, since a black solution needs no iteration."""
         yield 1.0

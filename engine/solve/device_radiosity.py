@@ -16,18 +16,19 @@ from ..gather.interface import DeviceGather
 from ..patches.sides import Sides
 from .radiosity_state import FluxSums, IterationStep, IterationSums
 
-#: Numbers of work items of reductions, and of items per group of the final sum: on a GPU, where many items
-#: hide memory latency, and on a CPU. Many items keep float32 sums accurate. Powers of two are multiples of
+#: Work items of reductions, and items per group of the final sum, for a GPU and for a CPU. A GPU needs many
+#: items to hide memory latency, and many items keep float32 sums accurate. Powers of two are multiples of
 #: every work group.
 _ITEMS, _ADDING = (16384, 512), (256, 1)
 
 #: Floats per patch in buffers of irradiance.
 _STRIDE = 4
 
-#: Largest fraction of the device memory, 1 / _LEFT, for which irradiance stays on the device until requested.
+#: Divisor of the device memory: irradiance that takes at most this part of it stays on the device until
+#: requested.
 _LEFT = 64
 
-#: Minimum total area, m^2, because slivers may have none.
+#: Lower bound of the total area, m^2, since a scene of slivers may have area 0.
 _LEAST_AREA = 1e-30
 
 
@@ -95,7 +96,7 @@ class DeviceRadiosity:
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
-        # Number of sums of iterate_sums.cl: one per pair of columns, and three more; a flux balance has
+        # Number of sums of iterate_sums.cl: one per pair of columns and three more. The flux balance has
         # fewer.
         self._numbers = len(self._pairs[0]) + 3
         self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
@@ -114,7 +115,7 @@ class DeviceRadiosity:
             self._sides.blend(self.outputs(column))
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return sums over all patches after an iteration; see `Radiosity.sums`."""
+        """Return the sums over all patches after an iteration, for error estimate and acceleration."""
         self._compute.run(
             self._products, self._items,
             self._gathered, self._defects, np.int32(newest), self._reflectance, self._area,
@@ -126,7 +127,7 @@ class DeviceRadiosity:
         return IterationSums(products, sums[-3] * self.area, sums[-2] * self.area, sums[-1, 0] / self.count)
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Compute the next irradiance; see `Radiosity.mix`."""
+        """Compute the next irradiance from weighted columns and ambient light; return its change."""
         self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
         self._mixture[:-1, 3] = weights[:, 0]
         cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
@@ -141,12 +142,12 @@ class DeviceRadiosity:
         return IterationStep(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
     def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Set substitute patches; see `Radiosity.set_substitutes`."""
+        """Replace the reflected light of each patch by that of its substitute, `stand_in`, (n,) int64."""
         self._stand_in = upload(self._compute, stand_in.astype(np.uint32))
         self._make_radiance()
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums:
-        """Return the flux balance; see `Radiosity.balance`."""
+        """Return the flux balance after an iteration, summed on the device."""
         emitted = upload_float4_once(self._compute, emission, first=1)
         first = (
             float4_on_device(self._compute, direct)
@@ -161,11 +162,11 @@ class DeviceRadiosity:
         return FluxSums(*(self._read_sums(len(fields(FluxSums))) * self.area))
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last iteration; see `Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
         return (yield from self._sweep.gather_l1())
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return the state of the light; see `Radiosity.state`."""
+        """Return a copy of all arrays that iterations have changed, by name."""
         return {
             name: download(self._compute, buffer, (buffer.size // 4,))
             for name, buffer in self._state_buffers().items()
@@ -177,15 +178,15 @@ class DeviceRadiosity:
             cl.enqueue_copy(self._queue, buffer, state[name])
 
     def iterate(self, column: int) -> Values:
-        """Return E/pi and the fraction without back faces of a column, (n, 4) float32."""
+        """Return column `column` of the ring, float4 of each patch: E/pi, fraction without back faces."""
         return self._light(self._gathered, 16 * self.count * column)
 
     def mixed(self, column: int) -> Values:
-        """Return the next irradiance and the fraction without back faces; see `Radiosity.mixed`."""
+        """Return E/pi for the next iteration and a column's fraction without back faces, (n, 4) float32."""
         return self._light(self._irradiance, 0)
 
     def _light(self, buffer: cl.Buffer, first: int) -> Values:
-        """Return a copy of float4 of all patches, from byte `first` of a buffer on."""
+        """Return a copy of the float4 of all patches that start at byte `first` of a buffer."""
         compute, size = self._compute, 16 * self.count
         if size > compute.device.global_mem_size // _LEFT:
             return download(compute, buffer, (self.count, 4), first)
@@ -194,7 +195,7 @@ class DeviceRadiosity:
         return DeviceArray(compute, light, self.count, _STRIDE)
 
     def _state_buffers(self) -> dict[str, cl.Buffer]:
-        """Return the buffers that iterations change and later iterations read."""
+        """Return the buffers that an iteration changes and the next iteration reads, by name."""
         return {
             "gathered": self._gathered,
             "defects": self._defects,
@@ -236,6 +237,6 @@ class _Sides:
 
 
 def _fractions(area: np.ndarray, whole: float) -> np.ndarray:
-    """Return areas, (n,), as fractions of `whole`, float32."""
+    """Divide areas, (n,), by `whole`; return float32."""
     fractions: np.ndarray = (area / max(whole, _LEAST_AREA)).astype(np.float32)
     return fractions

@@ -19,7 +19,7 @@ def exitant_radiance(
     irradiance: Values,
     stand_in: np.ndarray | None = None,
 ) -> cl.Buffer:
-    """Return the radiance of patches on the device, float4 of each between two black entries.
+    """Compute the exitant radiance of patches on the device, float4 of each between two black entries.
 
     The arrays must not change afterwards: each is uploaded only once.
 

@@ -1,4 +1,4 @@
-"""Final gather: irradiance of points from a converged solution, in total and without reflected light."""
+"""Final gather: irradiance of points from a converged solution, all light and direct light."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ class FinalGather:
         yield from self._all_light(self._final.gather(radiance))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, None]:
-        """Gather from sources whose radiance is on the device, see `GatherPass.gather_from`."""
+        """Gather from sources whose radiance is on the device, float4 of each; yield progress 0..1."""
         yield from self._all_light(self._final.gather_from(radiance))
 
     def _all_light(self, gather: Generator[float, None, np.ndarray]) -> Generator[float, None, None]:
-        """Gather all light; before it gather emission alone if direct light is a separate output."""
+        """Gather all light. If direct light is a separate output, gather emission alone first."""
         if self.separate_direct:
             self.direct = (yield from run_as_fraction(0.0, 0.5, self._final.gather(self._emission)))[:, :3]
         self.gathered = yield from run_as_fraction(1 - 1 / self.gathers, 1.0, gather)
@@ -66,7 +66,7 @@ class FinalGather:
         self.done = True
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) without sampled light; see `DeviceGather.gather_l1`."""
+        """Return the irradiance gradients (L1) of gathered light; light from shadow rays is not included."""
         return (yield from self._final.gather_l1())
 
     @property
@@ -76,7 +76,7 @@ class FinalGather:
 
     @property
     def light(self) -> np.ndarray:
-        """The same as `irradiance`; see `solution.Solution.light`."""
+        """E/pi of all light, (n, 3) float32; the same array as `irradiance`."""
         return self.irradiance
 
     @property

@@ -17,7 +17,7 @@ from .solver import Solver
 
 
 class GroupedSolution:
-    """`Solution` for all patches from a solver of patch groups.
+    """`Solution` that solves for patch groups, then gathers once for every patch.
 
     groups:  the patch groups
     last:    final gather of every patch from the groups
@@ -40,12 +40,12 @@ class GroupedSolution:
 
     @property
     def residual(self) -> float:
-        """Estimated convergence error; see `Solver.residual`."""
+        """Estimated convergence error of the groups, relative, mean over all groups."""
         return self._solver.residual
 
     @property
     def converged(self) -> bool:
-        """True once the groups have converged; see `Solver.converged`."""
+        """True once the convergence error of the groups is at or below the tolerance."""
         return self._solver.converged
 
     @property
@@ -74,11 +74,11 @@ class GroupedSolution:
         yield from self.last.gather(self._solver.irradiance, self._solver.stand_in)
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
-        """Return the flux balance of the groups; see `solution.Solution.energy`."""
+        """Return the flux balance of the groups, W."""
         return self._solver.energy(emission)
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the final gather; see `Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the final gather, (n, 3, 3) float32."""
         return (yield from self.last.gather_l1())
 
     @property
@@ -91,7 +91,7 @@ class GroupedSolution:
 
     @property
     def so_far(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gathered and direct light; see `solution.Solution.so_far`."""
+        """Gathered light, (n, 4), and direct light, (n, 3), on the device if they are there."""
         return self.gathered, self.direct
 
     @property
@@ -106,7 +106,7 @@ class GroupedSolution:
 
     @property
     def light(self) -> np.ndarray:
-        """The same as `irradiance`; see `solution.Solution.light`."""
+        """E/pi of all light so far, (n, 3) float32; the same array as `irradiance`."""
         return self.irradiance
 
     @property
@@ -122,7 +122,7 @@ class GroupedSolution:
 
     @property
     def stand_in(self) -> np.ndarray | None:
-        """Substitute groups; see `Solver`."""
+        """Substitute of each group, (m,) int64; None if all groups are valid."""
         return self._solver.stand_in
 
     @property

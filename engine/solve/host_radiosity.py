@@ -68,7 +68,7 @@ class HostRadiosity:
         return self._emission + reflected_light(self._reflectance, self._irradiance, self._stand_in)
 
     def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Set substitute patches; see `Radiosity.set_substitutes`."""
+        """Replace the reflected light of each patch by that of its substitute, `stand_in`, (n,) int64."""
         self._stand_in = stand_in
 
     def sweep(self, column: int) -> Generator[float, None, None]:
@@ -82,7 +82,7 @@ class HostRadiosity:
         self._defects[column] = self._gathered[column, :, :3] - self._irradiance
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return sums over all patches after an iteration; see `Radiosity.sums`."""
+        """Return the sums over all patches after an iteration, for error estimate and acceleration."""
         total = self._gathered[newest, :, :3].sum(axis=1, dtype=np.float64)
         weight = 1 / np.maximum(total, least) ** 2
         differences = self._defects.astype(np.float64) - self._defects[newest]
@@ -96,7 +96,7 @@ class HostRadiosity:
         )
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Compute the next irradiance; see `Radiosity.mix`."""
+        """Compute the next irradiance from weighted columns and ambient light; return its change."""
         used = np.flatnonzero(weights.any(axis=1))
         following = sum(self._gathered[column, :, :3] * weights[column].astype(np.float32) for column in used)
         following = np.maximum(following + ambient.astype(np.float32), 0)
@@ -111,7 +111,7 @@ class HostRadiosity:
         """Return None: radiance hemicubes do not separate sky from patches."""
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return L1 of the last iteration; see `Radiosity.gather_l1`.
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32.
 
         Raises DeviceError for hemicubes that are summed at once, without directions.
         """
@@ -120,7 +120,7 @@ class HostRadiosity:
         return (yield from self._gather.gather_l1(self._sent))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return the state of the light; see `Radiosity.state`."""
+        """Return a copy of all arrays that iterations have changed, by name."""
         arrays = {"gathered": self._gathered, "defects": self._defects, "irradiance": self._irradiance}
         return {name: array.copy() for name, array in arrays.items()}
 
@@ -134,5 +134,5 @@ class HostRadiosity:
         return self._gathered[column].copy()
 
     def mixed(self, column: int) -> np.ndarray:
-        """Return the next irradiance and the fraction without back faces; see `Radiosity.mixed`."""
+        """Return E/pi for the next iteration and a column's fraction without back faces, (n, 4) float32."""
         return np.concatenate([self._irradiance, self._gathered[column, :, 3:]], axis=1)

@@ -12,7 +12,7 @@ from .final_gather import FinalGather
 from .interpolation import Interpolation
 from .solver import Solver
 
-#: Functions that fit planes and that gather; see `InterpolatedGather._by_squares`.
+#: Types of two functions: one fits planes to groups, the other gathers for chosen patches. See `_by_squares`.
 _Fit = Callable[[Interpolation, list[np.ndarray]], tuple[list[np.ndarray], np.ndarray]]
 _GatherFor = Callable[[list[np.ndarray], np.ndarray], Generator[float, None, None]]
 
@@ -59,7 +59,7 @@ class InterpolatedGather:
     def gather(
         self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
     ) -> Generator[float, None, None]:
-        """Gather from groups with E/pi `irradiance`, (m, 3) float32; see `FinalGather.gather`."""
+        """Interpolate smooth patches from groups with E/pi `irradiance`, (m, 3); gather for the others."""
         sampled, beside = self.direct, channel_sum(self.direct)
 
         def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
@@ -118,7 +118,7 @@ class InterpolatedGather:
     def _by_squares(
         self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float = 0.0
     ) -> Generator[float, None, list[np.ndarray]]:
-        """Return the light of patches, (n, 4) float32 of each layer, from that of the groups, (m, 4).
+        """Interpolate or gather the light of patches, (n, 4) float32 per layer, from groups, (m, 4).
 
         Yields progress 0..1.
 
@@ -131,7 +131,7 @@ class InterpolatedGather:
         else:
             values, own = layers, np.ones(len(self.gathered), bool)
 
-        # Replace gathered light, which is noisy, by planes where it is planar.
+        # A plane has less noise than gathered light, so it replaces gathered light that is planar.
         if own.any():
             found, fits = fit(self._neighbours, values)
             for layer, smoother in zip(values, found, strict=True):
@@ -141,7 +141,7 @@ class InterpolatedGather:
     def _from_squares(
         self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float
     ) -> Generator[float, None, tuple[list[np.ndarray], np.ndarray]]:
-        """Return the light of patches and a mask of those that gathered, (n,) bool; see `_by_squares`."""
+        """Interpolate from ever smaller squares; return the light and a mask of patches that gathered."""
         solved, *smaller = self._squares
         values, fits = fit(solved, layers)
         solved.put_back(layers, values, fits, lowest)
@@ -166,7 +166,7 @@ class InterpolatedGather:
         return values, own | left
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
-        """Return the irradiance gradients (L1), (n, 3, 3) float32; see `DeviceGather.gather_l1`.
+        """Return the irradiance gradients (L1), (n, 3, 3) float32, without light from shadow rays.
 
         L1 is interpolated with the same weights as the light of each patch.
         """

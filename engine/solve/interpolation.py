@@ -11,12 +11,12 @@ from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 
-#: Clamps of the local light that scales the tolerance, as fractions of the mean.
+#: Range to which the local light is clamped before it scales the tolerance, as fractions of the mean.
 _DARK, _BRIGHT = 0.05, 2.0
 
 
 class Interpolation:
-    """Planes fitted to the irradiance of groups around each of n patches; kernels/solve/interpolate.cl.
+    """Planes fitted to the irradiance of the groups around each of n patches, by OpenCL.
 
     leader:  (m,) int64, representative patch of each group
     """
@@ -54,7 +54,7 @@ class Interpolation:
     def fit(
         self, layers: list[np.ndarray], beside: np.ndarray, tolerance: float, lowest: float = 0.0
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return the light of each patch, (n, 4) float32 of each layer, and whether it fits, (n,) bool.
+        """Fit planes; return the light of each patch, (n, 4) float32 per layer, and a mask of good fits.
 
         Patches whose openness differs from that of the groups do not fit either.
 

@@ -151,7 +151,7 @@ def group_representatives(
     width: int,
     mapped: int | None = None,
 ) -> np.ndarray:
-    """Return the representative of each patch, (n,) uint32; kernels/solve/patch_groups.cl.
+    """Choose the groups; return the representative of each patch, (n,) uint32.
 
     Patches of back faces and of objects without lightmap are not grouped, since they are as coarse as groups
     already, and texels side by side in their atlases may be of strands of hair or leaves far apart.

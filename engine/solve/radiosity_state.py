@@ -99,10 +99,10 @@ class Radiosity(Protocol):
         """Gather from the current radiance into a column of the ring; yield progress 0..1."""
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after an iteration; patches have the weight 1 / max(E/pi, least)^2."""
+        """Return sums over all patches after an iteration; a patch has the weight 1 / max(E/pi, least)^2."""
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Compute the next irradiance: iterates weighted by (columns, 3), plus ambient light, (3,).
+        """Compute the next irradiance: iterates with weights (columns, 3), plus ambient light, (3,).
 
         Ambient light is multiplied by each patch's fraction of visible patches. least: minimum light for the
         relative change.
@@ -118,7 +118,7 @@ class Radiosity(Protocol):
         """Return a copy of E/pi and the fraction without back faces of a column, (n, 4) float32."""
 
     def mixed(self, column: int) -> Values:
-        """Return a copy of the next irradiance and a column's fraction without back faces, (n, 4) float32."""
+        """Return E/pi for the next iteration and a column's fraction without back faces, (n, 4) float32."""
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums | None:
         """Return the flux balance after an iteration; None if the fraction of visible patches is unknown.
@@ -128,7 +128,7 @@ class Radiosity(Protocol):
         """
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last iteration; see `DeviceGather.gather_l1`.
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32.
 
         Yields progress 0..1. Raises DeviceError if samples have no directions.
         """
@@ -137,4 +137,4 @@ class Radiosity(Protocol):
         """Return a copy of all arrays that iterations have changed, by name."""
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Restore the arrays that `state` returned."""
+        """Restore the state from the arrays that `state` returned."""

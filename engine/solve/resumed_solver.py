@@ -14,7 +14,7 @@ from .solver import FindStandIns, Solver
 
 
 class ResumedSolver(Solver):
-    """`Solver` that starts from a checkpoint's state and stores its own between iterations.
+    """`Solver` that resumes from a checkpoint and writes its state between iterations.
 
     The last iteration is always run, because its result on the device is read afterwards.
 
@@ -50,7 +50,7 @@ class ResumedSolver(Solver):
             self._checkpoint.write_light(self._key, self._state())
 
     def _state(self) -> Arrays:
-        """Return all state on which later iterations depend."""
+        """Return all arrays on which later iterations depend, by name."""
         state = self._radiosity.state()
         state["ring"] = np.array([self._newest])
         state["total"] = np.array([self._total])
@@ -65,7 +65,7 @@ class ResumedSolver(Solver):
         return state
 
     def _restore(self, state: Arrays) -> None:
-        """Restore the arrays that `_state` returned."""
+        """Restore the solver from the arrays that `_state` returned."""
         self._radiosity.restore(state)
         self._let_stand_in(state.get("stand_in"))
         self._newest, self._total = int(state["ring"][0]), float(state["total"][0])

@@ -19,11 +19,11 @@ class Solution(Protocol):
         """Run one iteration; yield progress 0..1."""
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last iteration; see `Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
         ...
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
-        """Return the flux balance, see `Report`.
+        """Return the flux balance of a bake, W; None if it is unknown.
 
         emission: (m, 3) float32, total emitted radiance of the sources: patches, or patch groups
         """
@@ -45,7 +45,7 @@ class Solution(Protocol):
 
     @property
     def so_far(self) -> tuple[Values, Values]:
-        """`gathered` and `direct` without a copy to the host, if they are on the device."""
+        """The arrays `gathered` and `direct`, on the device if they are there."""
         ...
 
     @property
@@ -60,7 +60,7 @@ class Solution(Protocol):
 
     @property
     def light(self) -> Values:
-        """`irradiance` without a copy to the host, if it is on the device; must not be changed."""
+        """The array `irradiance`, on the device if it is there; must not be changed."""
         ...
 
     @property
@@ -95,7 +95,7 @@ class Solution(Protocol):
 
     @property
     def done(self) -> bool:
-        """True once nothing is left to do."""
+        """True once no iteration is left, by convergence or by the iteration limit."""
         ...
 
     @property

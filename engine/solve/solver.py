@@ -17,7 +17,7 @@ from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, Radios
 
 
 class Seen(Protocol):
-    """Gathered light of patches, most of which may be on the device."""
+    """Light that the first iteration gathered; most arrays may be on the device."""
 
     @property
     def front(self) -> np.ndarray:
@@ -41,7 +41,7 @@ _DARKEST = 1e-15
 #: Minimum number of full iterations after sparse ones, within the iteration limit.
 _FULL_SWEEPS = 3
 
-#: Full iterations begin once the residual is at most this multiple of the tolerance.
+#: Sparse iterations end once the convergence error is at most this multiple of the tolerance.
 _NEARLY = 4.0
 
 #: Maximum error reduction that is assumed for one accelerated iteration.
@@ -96,7 +96,7 @@ class Solver:
         self._steps: list[IterationStep] = []
         self._factors: list[float] = []
 
-        # True while iterations are sparse; number of iterations before the first full one.
+        # Sparse mode, and the number of iterations at which full iterations began.
         self._sparse, self._refined = radiosity.sparse, 0
         self._gathered: Values | None = None
         self._light: tuple[np.ndarray, np.ndarray] | None = None
@@ -118,7 +118,7 @@ class Solver:
         if self._newest < 0:
             return self._sampled_light
 
-        # Return the same array object each time: uploads are cached by object.
+        # The array object stays the same, because uploads are cached by object.
         light = self._newest_light
         if isinstance(light, DeviceArray):
             return light.colors
@@ -128,7 +128,7 @@ class Solver:
 
     @property
     def light(self) -> Values:
-        """`irradiance` without a copy to the host, if it is on the device."""
+        """The array `irradiance`, on the device if it is there."""
         device = self._newest >= 0 and isinstance(self._newest_light, DeviceArray)
         return self._newest_light if device else self.irradiance
 
@@ -142,12 +142,12 @@ class Solver:
 
     @property
     def so_far(self) -> tuple[Values, Values]:
-        """`gathered` and `direct` without a copy to the host, if they are on the device."""
+        """The arrays `gathered` and `direct`, on the device if they are there."""
         return self._newest_light, self._direct
 
     @property
     def _newest_light(self) -> Values:
-        """Result of the last iteration."""
+        """Result of the last iteration, (n, 4): E/pi, and fraction of the hemisphere without back faces."""
         if self._gathered is None:
             self._gathered = self._radiosity.iterate(self._newest)
         return self._gathered
@@ -218,12 +218,12 @@ class Solver:
 
     @property
     def _nearly_done(self) -> bool:
-        """True once full iterations are due."""
+        """True if the convergence error is small enough to switch from sparse to full iterations."""
         left = self._limit - self.iterations
         return left <= _FULL_SWEEPS or self.residual <= _NEARLY * self._tolerance
 
     def _refine(self) -> None:
-        """Switch to full iterations. Their operator differs, so older iterates are discarded."""
+        """Switch from sparse to full iterations. Their operators differ, so older iterates are discarded."""
         self._sparse, self._refined = False, self.iterations
         self._anderson = self._anderson and Anderson()
 
@@ -237,18 +237,18 @@ class Solver:
         return _DARK if self._anderson is None else 1.0
 
     def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last iteration; see `Radiosity.gather_l1`."""
+        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
         return (yield from self._radiosity.gather_l1())
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
-        """Return the flux balance; see `solution.Solution.energy`."""
+        """Return the flux balance of the patches, W; None if it is unknown."""
         if not self._steps:
             return None
         balance = self._radiosity.balance(self._newest, emission, self._direct)
         return None if balance is None else balance.energy
 
     def _sweep_direct(self) -> Generator[float, None, None]:
-        """Run an iteration for direct light alone, and add the reflected light in the last column."""
+        """Gather direct light alone; add the reflected light that the last column holds."""
         yield from self._radiosity.sweep(0)
         self._newest = 0
         self._direct = _colors(self._radiosity.iterate(0))
@@ -258,7 +258,7 @@ class Solver:
         self._gathered = self._radiosity.mixed(0)
 
     def _mixture(self, sums: IterationSums) -> tuple[np.ndarray, np.ndarray]:
-        """Return the weights of the columns, (columns, 3), and the ambient light, (3,)."""
+        """Return the acceleration weights of the iterates, (columns, 3), and the ambient light, (3,)."""
         weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
         weights[self._newest] = 1
         if self._anderson is not None:

@@ -63,7 +63,10 @@ class Finishing:
     def images(
         self, stages: BakeStages, seams: Future[Seams] | None
     ) -> Generator[Progress, None, dict[str, np.ndarray]]:
-        """Return the final images, (atlases, r, r, 3) float32, by name; seams: None to keep them."""
+        """Return the final images, (atlases, r, r, 3) float32, by name.
+
+        seams: pairs of points with equal light; None to leave seams visible
+        """
         quiet: dict[str, np.ndarray] = {}
         if self._job.settings.denoise:
             quiet = yield from stages.run(stages.denoising, self._without_noise())
@@ -92,7 +95,7 @@ class Finishing:
         shown = {name: texels.values(values, lit.values.get(name)) for name, values in self._made.items()}
         normals = texels.values(self._job.parts.geometry.normal, lit.normals)
 
-        # The independent gather separates noise from detail.
+        # Denoising uses an independent estimate to tell noise from detail.
         values, part = yield from run_as_fraction(
             0.0, 0.4, gather_independent_estimate(self._texels, self._solution)
         )
@@ -109,7 +112,7 @@ class Finishing:
         return quiet | restored_maps(shown, filtered, normals)
 
     def _in_sight(self, seams: Seams) -> Seams:
-        """Return the seams that no geometry blocks."""
+        """Return the seams without those that geometry blocks."""
         if not self._job.rays.possible:
             return seams
         job, texels = self._job, self.refined
@@ -129,7 +132,7 @@ class Finishing:
         return refined.with_walls(lit.beside_walls(compute, shown, refined.known))
 
     def _light_of_texels(self) -> tuple[Values, np.ndarray | None]:
-        """Return E/pi, sum of the channels, of the patches, (n, 1), and the samples, (s,) or None."""
+        """Return E/pi, summed over the channels: of patches, (n, 1), and of samples, (s,), or None."""
         if not len(self._lit.samples):
             return channel_sums(self._solution.light), None
         return self._lit.centres, self._lit.light

@@ -59,7 +59,7 @@ class InvalidTexelFill:
             self._groups = _HiddenGroups(group, self._hidden)
 
     def seen(self, light: np.ndarray) -> np.ndarray:
-        """Return values of the senders, (m, 3 g) float32, with those of invalid ones filled.
+        """Return values of the senders, (m, 3 g) float32; those of invalid senders are filled.
 
         light:  (m, 3 g) float32, E/pi of g light groups side by side, whose sum is the weight; or reflectance
         """
@@ -85,13 +85,13 @@ class InvalidTexelFill:
         replace_radiance(self._solved.opencl, radiance, changed, sent)
 
     def on_surfaces(self, solved: SolveJob) -> SolveJob:
-        """Return a job whose invalid patches have the filled reflectance, see `seen`."""
+        """Return a copy of a job in which invalid patches have the filled reflectance."""
         surfaces = solved.parts.surfaces
         seen = replace(surfaces, reflectance=self.seen(colors_on_host(surfaces.reflectance)))
         return replace(solved, parts=replace(solved.parts, surfaces=seen))
 
     def _others(self, light: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return the senders to change, (k,) int64, and their filled values, (k, 3 g) float32.
+        """Return the invalid senders, (k,) int64, and their filled values, (k, 3 g) float32.
 
         light:  (m, 3 g) float32, values of all senders
         """
@@ -105,7 +105,7 @@ class InvalidTexelFill:
         return self._hidden, of_hidden
 
     def _beside_hidden(self, light: np.ndarray, faintest: float) -> np.ndarray:
-        """Return the filled light of invalid patches, (h, 3 g) float32; black without a valid patch nearby.
+        """Return the harmonic mean of valid neighbours for invalid patches, (h, 3 g) float32; 0 without any.
 
         light:     (k, 3 g) float32, light of the numbered patches
         faintest:  minimum brightness in harmonic means
@@ -176,7 +176,7 @@ class _HiddenGroups:
 
 
 def _darkened(total: np.ndarray, counts: np.ndarray, faintest: float) -> np.ndarray:
-    """Return the factors, (h,) float32, that turn sums of patches' light into harmonic means.
+    """Return factors, (h,) float32, that turn a sum over neighbours into their harmonic mean.
 
     total:   (h, k) light of each neighbour, sum of the channels
     counts:  (h, k) float32, 1 for neighbours in the sum, else 0

@@ -21,7 +21,7 @@ from ..visibility.sampler import SampleLayout
 
 
 def of_all_light(settings: Settings) -> Settings:
-    """Return the settings for the combined output only; a light group has no other maps."""
+    """Return settings with the combined map as only output, since light groups have no other maps."""
     return replace(settings, outputs=("combined",))
 
 
@@ -71,7 +71,7 @@ def gather_light_groups(
 def _look(
     groups: Sequence[SolveJob], choice: SolverChoice, receivers: Receivers, settings: Settings
 ) -> LightGroupPass:
-    """Return the gather for groups without emission, with shared visibility samples."""
+    """Return a gather for groups without emission, which share one set of visibility samples."""
     jobs = [receiver_job(group, receivers, settings) for group in groups]
     identity = make_sampler(jobs[0], choice.visibility)
     sampling, first = SampleLayout.of(identity), jobs[0]

@@ -1,4 +1,4 @@
-"""Solution of each light group with the visibility samples of the solution of all light."""
+"""Solution of each light group, from the visibility samples of the solution of all light."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _DARKEST = 1e-30
 
 @dataclass(frozen=True)
 class GroupEmission:
-    """Emission of one light group; see `SolveJob`.
+    """Light that one group emits, in the form that `SolveJob` needs.
 
     emission:       (n, 3) float32, radiance of front faces
     sky:            (h, w, 3) float32, radiance of the unsampled sky
@@ -85,7 +85,7 @@ def solve_light_groups(
 
 
 def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: GroupEmission) -> SolveJob:
-    """Return the job of one light group."""
+    """Return the solver's job for one light group."""
     if not isinstance(solution, GroupedSolution):
         return replace(job, **vars(sources), part_of=job, indirect=None, direct=None, front=None)
     mean = solution.groups.mean
@@ -110,7 +110,7 @@ def _of_patches(
     gathered: Sequence[np.ndarray],
     sampled: np.ndarray,
 ) -> Generator[float, None, np.ndarray]:
-    """Return E/pi of light groups at all patches, (g, n, 3) float32; yield the fraction done.
+    """Return E/pi of light groups at all patches, (g, n, 3) float32, from the patch groups' light.
 
     gathered:  (m, 4) float32 for each light group, at patch groups
     sampled:   (g, n, 3) float32, E/pi from shadow rays
@@ -138,7 +138,7 @@ def _of_patches(
 def _gathered(
     solved: SolveJob, choice: SolverChoice, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return the converged gathered light of each part, (m, 4) float32; yield the fraction done.
+    """Iterate each light group to convergence; return gathered light, (m, 4) float32 each.
 
     stand_in:  (m,) int64, substitute patches, see `reflected_light`
     """
@@ -160,7 +160,7 @@ def _gathered(
 
 
 def _common_samples(solved: SolveJob) -> VisibilityCache | None:
-    """Return the visibility cache if it is valid for each part: no visible back face emits light."""
+    """Return the visibility cache if all groups can share it: no visible back face emits light."""
     kept = solved.kept.samples
     return None if kept is None or not kept.complete or kept.has_light_of_backs else kept
 
@@ -168,7 +168,7 @@ def _common_samples(solved: SolveJob) -> VisibilityCache | None:
 def _solved_alone(
     part: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return the gathered light of one part with its own visibility samples; yield the fraction done."""
+    """Solve one light group with visibility samples of its own; return its gathered light."""
     solver = solver_like(replace(part, kept=SessionCache()), choice, stand_in)
     yield from _settle(solver)
     return [solver.gathered]
@@ -177,7 +177,7 @@ def _solved_alone(
 def _solved_together(
     kept: VisibilityCache, parts: Sequence[SolveJob], stand_in: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
-    """Return the gathered light of several parts over shared visibility samples; yield the fraction done.
+    """Solve several light groups over shared visibility samples; return the gathered light of each.
 
     All parts are scaled to similar brightness, so that the tolerance has the same meaning for each.
     """
@@ -215,10 +215,10 @@ def _solved_together(
 
 
 class _Radiosity(DeviceRadiosity):
-    """Radiosity state of light groups, without the common ambient term that acceleration would mix in."""
+    """Radiosity state of light groups; acceleration must not mix their light in a common ambient term."""
 
     def sums(self, newest: int, least: float) -> IterationSums:
-        """Return the sums after an iteration with the reflected part set to 0."""
+        """Return the sums after an iteration, without the reflected part that drives the ambient term."""
         sums = super().sums(newest, least)
         return replace(sums, reflected=np.zeros_like(sums.reflected))
 
@@ -231,7 +231,7 @@ def _settle(solver: Solver) -> Generator[float, None, None]:
 
 
 def _scale(part: SolveJob) -> np.float32:
-    """Return the factor that scales the mean light of a part to 1."""
+    """Return the factor that scales the mean light of a group to 1."""
     sources = part.emission, part.sky, part.sampled_light
     return np.float32(1 / max(sum(float(values.mean(dtype=np.float64)) for values in sources), _DARKEST))
 

@@ -1,4 +1,4 @@
-"""Final gather at texel samples, where a texel is not uniform."""
+"""Final gather at texel samples: supersampling of texels whose light or surface is not uniform."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class TexelSampleLight:
     visible:   (s,) bool, valid samples
     normals:   (s, 3) float32, unit, world space; (0, 3) if nothing is denoised
     light:     (s,) float32, E/pi of all light, sum of the channels
-    centres:   (n, 1) float32, the same for the patches
+    centres:   (n, 1) float32, E/pi of the patches, sum of the channels
     inside:    (k,) int64, samples inside walls thinner than two texels
     values:    (s, 3) or (s,) float32, value of each output, by name; empty without samples
     hidden:    (n,) bool, invalid patches
@@ -88,7 +88,7 @@ class TexelSampleLight:
     def beside_walls(
         self, compute: ComputeDevice, shown: DeviceTexels, known: np.ndarray
     ) -> ThinWallFit | None:
-        """Return the fit of texels at thin walls; None without thin walls. See `ThinWallFit`."""
+        """Return the fit of texels at walls thinner than a texel; None without such walls."""
         if not len(self.inside):
             return None
         return ThinWallFit(compute, self.samples, self.visible, self.light, self.inside, shown, known)
@@ -118,7 +118,7 @@ def gather_texel_samples(
     settings = _settings_of_samples(what.job.settings, count)
     radiance, remote = radiance_of(what.solved, solution.settled), what.job.remote
     if what.job.parts.sides is not None:
-        # Other processes do not store the weights of both sides of a surface.
+        # Remote devices do not store the weights of both sides of a surface, so this device gathers.
         what, remote = replace(what, solved=replace(what.solved, remote=None)), None
     InvalidTexelFill(what, known.hidden).replace(radiance, solution.settled)
     if remote is not None:
@@ -157,7 +157,7 @@ def light_groups_in_texels(
 def _gather_groups(
     what: TexelGatherJob, solved: list[SolveJob], seen: np.ndarray, points: TexelSamplePoints
 ) -> Generator[float, None, np.ndarray]:
-    """Return E/pi of light groups at texel samples, (g, s, 3) float32, from senders, (m, g, 3).
+    """Return E/pi of light groups at texel samples, (g, s, 3) float32.
 
     solved:  job of each group, with the filled reflectance of invalid patches
     """
@@ -170,7 +170,7 @@ def _gather_groups(
 
 
 def _batches(samples: TexelSamples) -> Iterator[tuple[TexelSamples, tuple[float, float]]]:
-    """Yield batches of samples with the fractions of the work before and after each."""
+    """Split samples into batches; yield each with the fractions of the work before and after it."""
     if len(samples) <= _BATCH:
         yield samples, (0.0, 1.0)
         return
@@ -187,7 +187,7 @@ def _why_centres_only(job: SolveJob, choice: SolverChoice) -> str:
 
 
 def _nothing(*reasons: str) -> TexelSampleLight:
-    """Return an empty result with the reasons for it."""
+    """Return a result without samples, and the reasons for it."""
     nothing, none = np.zeros(0, np.float32), np.zeros(0, bool)
     return TexelSampleLight(
         samples=no_samples(),
@@ -216,7 +216,7 @@ def gather_at(
     ways = points.push_out(what.lighting.lit_by_backs(points.rays), lit_backs_of(what, radiance))
     yield 0.1
 
-    # Direct light, then all other light from the radiance of the patches.
+    # Gather direct light, then all other light from the radiance of the patches.
     lighting = what.lighting.of(points.rays, settings)
     sampled = yield from run_as_fraction(0.1, 0.3, lighting.gather())
     receivers = Receivers(points.parts, points.rays, sampled)
@@ -235,7 +235,7 @@ def gather_at(
 def _joined(
     what: TexelGatherJob, lit: list[GatheredSamples], known: PatchLight, count: int
 ) -> TexelSampleLight:
-    """Return the light of all batches, with the sentence for the report and warnings."""
+    """Join the light of all batches; add the report's sentence and the warnings."""
     samples = joined_samples([batch.samples for batch in lit])
     ways = joined_ways([batch.ways for batch in lit])
     visible, normals, irradiance = (
@@ -267,7 +267,7 @@ def _joined(
 
 
 def _settings_of_samples(settings: Settings, count: int) -> Settings:
-    """Return the settings for each of `count` samples of a texel, which share the rays of a patch."""
+    """Return settings with fewer rays: `count` samples of a texel share the rays of one patch."""
     hemicube = settings.hemicube >> (int(math.log2(count)) // 2)
     return replace(
         settings,

@@ -21,7 +21,8 @@ from ..postprocess.texel_samples import TexelSamples, joined_samples, on_lightma
 from ..scene.model import Scene
 from ..settings import Settings
 
-#: Weight of a sample after push-off; it matters only if its texel has no other valid sample.
+#: Weight of a sample after push-off. It is small, so that such samples count only in texels without other
+#: valid ones.
 _PUSHED = 1e-3
 
 
@@ -51,7 +52,7 @@ class TexelGatherJob:
 
 
 def with_other_sides(samples: TexelSamples, parts: PatchScene) -> tuple[TexelSamples, Sides | None]:
-    """Return the samples, extended by points on the other side of translucent surfaces, and the pairs.
+    """Add a point on the other side to each sample of a translucent surface; return samples and pairs.
 
     The pairs are None if there are no translucent surfaces.
 
@@ -103,7 +104,7 @@ class TexelSamplePoints:
     def push_out(self, lit: np.ndarray, lit_backs: cl.Buffer | None) -> PushOffs:
         """Move samples inside geometry to just outside of it; return the push-offs.
 
-        Moved samples count as outside.
+        Samples that were moved count as outside.
 
         lit:        (s,) bool, samples that a back face lights, which never count as inside
         lit_backs:  see `validity.lit_backs`

@@ -18,7 +18,7 @@ from .texel_sample_points import TexelGatherJob
 
 
 def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None = None) -> cl.Buffer:
-    """Return the exitant radiance for E/pi (m, 3), on the device; see `GatherPass.gather_from`.
+    """Return the exitant radiance of patches on the device, float4 of each, from E/pi (m, 3).
 
     stand_in:  (m,) int64, substitute patches, see `exitant_radiance`
     """
@@ -29,13 +29,13 @@ def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None =
 
 
 def lit_backs_of(what: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
-    """Return flags of triangles whose back face emits or reflects light; see `validity.lit_backs`."""
+    """Return flags on the device: triangles whose back face emits or reflects light."""
     solved = what.solved
     return lit_backs(solved.opencl, solved.parts, radiance, len(solved.emission))
 
 
 def _lit_backs(what: TexelGatherJob, settled: Values) -> cl.Buffer | np.ndarray | None:
-    """Return flags of triangles as `lit_backs_of`, for E/pi (m, 3) of the patches that send out light.
+    """Return flags of triangles whose back face emits or reflects light, from E/pi (m, 3) of all patches.
 
     In NumPy if there is no OpenCL.
     """
@@ -87,7 +87,7 @@ def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> 
 
 
 def _inside(what: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
-    """Return a mask of patches, (k,) int64, that probe rays find inside geometry, (k,) bool."""
+    """Test patches, (k,) int64, with probe rays; return a mask of those inside geometry, (k,) bool."""
     if not len(patches):
         return np.zeros(0, bool)
     parts = what.job.parts

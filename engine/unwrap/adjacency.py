@@ -12,7 +12,7 @@ from .polygon_mesh import PolygonMesh
 #: Vertices are welded on a grid with this many steps along the mesh's longest extent.
 _STEPS = 1 << 18
 
-#: Maximum number of candidate partners per edge of a polygon.
+#: Maximum number of polygons at an edge with which a polygon is compared.
 _MOST_SHEETS = 8
 
 
@@ -75,7 +75,7 @@ def find_adjacency(mesh: PolygonMesh, vertex: np.ndarray, normals: np.ndarray) -
 
 
 def _pairs(edge: np.ndarray, ahead: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return all pairs of loops, one from each list, with the same edge, (n,) int64 each.
+    """Return all pairs of loops on the same edge, one from each list, (n,) int64 each.
 
     For an edge of very many polygons, only the first loops of the second list are used.
     """
@@ -87,12 +87,12 @@ def _pairs(edge: np.ndarray, ahead: np.ndarray, back: np.ndarray) -> tuple[np.nd
 
 
 def _matching(ahead: np.ndarray, back: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """Select pairs such that each loop is in at most one: greedy matching, most similar first."""
+    """Select pairs by greedy matching, the most similar normals first; each loop is in at most one pair."""
     left = np.lexsort((back, ahead, -np.round(cosine, 4)))
     chosen = [left[:0]]
     used = np.zeros(max(ahead.max(initial=-1), back.max(initial=-1)) + 1, bool)
     while len(left):
-        # Select the pairs in which each loop is the best remaining partner of the other.
+        # Take each pair whose loops are the best remaining partner of each other.
         first_ahead = np.unique(ahead[left], return_index=True)[1]
         first_back = np.unique(back[left], return_index=True)[1]
         best = left[np.intersect1d(first_ahead, first_back)]

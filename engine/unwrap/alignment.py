@@ -12,7 +12,7 @@ import numpy as np
 #: Maximum slope of an edge that counts as axis-parallel.
 _ALONG = 1e-3
 
-#: Maximum distance of lines that count as one, texels.
+#: Maximum distance in texels of two lines that are treated as one.
 _ONE = 1e-3
 
 #: Maximum stretch between two lines; a chart that needs more stays unchanged.
@@ -61,7 +61,7 @@ class _Axis:
         place, of_line = place[fresh], of_line[fresh]
         target = np.round(place)
 
-        # Lines that would coincide stay where they are, except for lines already on a boundary.
+        # Lines that would end on the same boundary stay unchanged, except those that already lie on one.
         firm = np.abs(place - target) <= _ONE
         alone = np.bincount(target.astype(np.int64))[target.astype(np.int64)] == 1
         kept = firm | alone

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-#: Number of a chart's spans for which the longest free run of a row must have room.
+#: Number of a chart's longest spans for which the search tests if a row has a long enough free run.
 _LOOKED_FOR = 6
 
 #: Number of rows in the first search; each further search doubles it.
@@ -44,7 +44,7 @@ class ChartBitmap:
 
     @cached_property
     def longest(self) -> list[tuple[int, int]]:
-        """Row and length of a few spans, longest first."""
+        """Row and length of a chart's longest spans, longest first."""
         return [(row, (1 << level) + rest) for row, _, level, rest in self.tests[:_LOOKED_FOR]]
 
     @cached_property
@@ -107,7 +107,7 @@ class AtlasBitmap:
             self._grow(start + shape.height)
 
     def _rows_with_room(self, shape: ChartBitmap, start: int) -> Iterator[int]:
-        """Yield the rows from `start` on that may hold a chart, since their free runs are long enough."""
+        """Yield rows from `start` on whose free runs are long enough for the chart."""
         end, count = len(self._levels[0]) - shape.height + 1, _FIRST_ROWS
         while start < end:
             count = min(count, end - start)
@@ -115,13 +115,14 @@ class AtlasBitmap:
             start, count = start + count, 2 * count
 
     def _rows_among(self, shape: ChartBitmap, start: int, count: int) -> list[int]:
-        """Return which of `count` rows may hold a chart."""
+        """Return the rows, of `count` rows from `start` on, whose free runs are long enough for the chart."""
         runs = self._runs[start : start + count + shape.height]
         room = np.ones(count, bool)
         for row, length in shape.longest:
             room &= runs[row : row + count] >= length
 
-        # Reject rows if a row within the chart's height has only runs shorter than all spans.
+        # Reject a start row if any row within the chart's height has only free runs shorter than all spans of
+        # the chart.
         narrow = np.zeros(count + shape.height, np.int32)
         np.cumsum(runs[: count + shape.height - 1] < shape.shortest, out=narrow[1:])
         room &= narrow[shape.height :] == narrow[:count]
@@ -129,7 +130,10 @@ class AtlasBitmap:
         return rows
 
     def _free_columns(self, spans: list[tuple[int, int, int, int]], start: int) -> int:
-        """Return a bit mask of the columns at which all spans are free for a chart that starts at a row."""
+        """Return the columns at which a chart's spans are all free, as bits.
+
+        The chart starts at row `start`.
+        """
         columns = -1
         for row, first, level, rest in spans:
             free = self._levels[level][start + row]
@@ -163,7 +167,7 @@ class AtlasBitmap:
         return rows
 
     def _take(self, row: int, texels: int) -> None:
-        """Mark texels of a row as used."""
+        """Mark texels of a row as used, and update its levels."""
         free, top = self._levels[0][row] & ~texels, 0
         for level, rows in enumerate(self._levels):
             if not (free or rows[row]):
@@ -173,7 +177,7 @@ class AtlasBitmap:
                 top = level
                 free &= free >> (1 << level)
 
-        # Find the longest free run by adding decreasing powers of two.
+        # Find the longest free run of the row by binary decomposition of its length.
         begins = self._levels[top][row]
         length = (1 << top) if begins else 0
         for level in range(top - 1, -1, -1):

@@ -22,7 +22,7 @@ def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.nd
     order = np.argsort(key, kind="stable")
     key, loop = key[order], used[order]
 
-    # Edges of exactly two polygons are adjacent in the sorted list.
+    # An edge with exactly two polygons gives two equal adjacent entries in the sorted list.
     same = np.r_[False, key[1:] == key[:-1], False]
     pair = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])
     first, second = loop[pair], loop[pair + 1]
@@ -31,7 +31,7 @@ def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.nd
     border[used] = True
     border[first[inner]] = border[second[inner]] = False
 
-    # For closed charts without any border, all edges count.
+    # In a closed chart, which has no border, all edges count as border.
     shut = np.ones(int(chart.max(initial=-1)) + 1, bool)
     shut[chart[border]] = False
     border[used] |= shut[chart[used]]
@@ -39,7 +39,7 @@ def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.nd
 
 
 def _meet(mesh: PolygonMesh, uvs: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return which pairs of edges coincide in UV space with opposite directions."""
+    """Return a mask of edge pairs that coincide in UV space and run in opposite directions."""
     start, end = uvs[first], uvs[mesh.after[first]]
     off = np.abs(start - uvs[mesh.after[second]]) + np.abs(end - uvs[second])
     meet: np.ndarray = off.sum(axis=1) <= _NEAR * np.abs(end - start).sum(axis=1)

@@ -18,7 +18,7 @@ _ALLOWED = 0.002
 
 
 def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return True for each chart that overlaps itself, (count,) bool.
+    """Return a mask of charts that overlap themselves, (count,) bool.
 
     uvs:    (t, 3, 2) float64, UV of each triangle corner
     chart:  (t,) int64 below `count`, chart of each triangle; -1 for none
@@ -45,7 +45,7 @@ def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray
 
 
 def _doubled(corners: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return which charts have cells whose centres lie in several triangles; corners: (t, 3, 2), cells."""
+    """Return a mask of charts in which several triangles cover too many cells."""
     triangle, row, start, end = triangle_spans(corners)
     line = (chart[triangle] * _GRID + row) * (_GRID + 1)
     cells = count * _GRID * (_GRID + 1)

@@ -19,7 +19,7 @@ _LEAST_FLAT = 0.01
 
 
 def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCharts:
-    """Return a mesh's charts such that every loop has one UV.
+    """Build charts in which every loop of a polygon has one UV.
 
     uvs:    (t, 3, 2) float64, metres, UV of each triangle corner
     chart:  (t,) int64, chart of each triangle, -1 for none
@@ -37,7 +37,7 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCh
     unused = chart.max(initial=-1) + 1
     chart = chart.copy()
 
-    # Flatten polygons with equal numbers of corners together.
+    # Polygons with the same number of corners are flattened in one step.
     for sides in np.unique(np.stack([loops, triangles], axis=1), axis=0):
         number = np.flatnonzero((loops == sides[0]) & (triangles == sides[1]))
         start = mesh.starts[torn[number]][:, None]
@@ -103,13 +103,13 @@ def flatten(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def _each(
     measure: Callable[[np.ndarray], np.ndarray], points: np.ndarray, triangles: np.ndarray
 ) -> np.ndarray:
-    """Return a measure of each polygon's triangles, (p, t)."""
+    """Apply a measure, such as the area, to each triangle of polygons, (p, t)."""
     corners = np.take_along_axis(points[:, None], triangles[..., None], axis=2)
     return measure(corners.reshape(-1, 3, points.shape[2])).reshape(triangles.shape[:2])
 
 
 def _on_circle(points: np.ndarray) -> np.ndarray:
-    """Return points on the unit circle, (p, n, 2), with arcs in proportion to the polygons' edges."""
+    """Place polygon corners on the unit circle, (p, n, 2), with arcs in proportion to the edges' lengths."""
     edges = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2)
     before = np.cumsum(edges, axis=1) - edges
     angle = 2 * np.pi * before / np.maximum(edges.sum(axis=1, keepdims=True), 1e-30)

@@ -48,7 +48,7 @@ def split_by_normal(
     for _ in range(_SMOOTHING):
         facing = _with_neighbours(facing, first, second)
 
-    # Merge pieces that are too small for a chart into the neighbour with the longest common border.
+    # Merge pieces that are too small for a chart with the neighbour that shares the longest border.
     same = facing[first] == facing[second]
     piece = components(len(part), first[same], second[same])
     facing = _without_crumbs(facing, piece, first, second)
@@ -60,7 +60,7 @@ def split_by_normal(
 
 
 def _cluster(normals: np.ndarray) -> np.ndarray:
-    """Return a direction index for each normal, (n,) int64, with as few directions as suffice."""
+    """Cluster normals, (n, 3), by direction; return the cluster of each, (n,) int64."""
     weight = np.linalg.norm(normals, axis=1)
     unit = normals / np.maximum(weight, 1e-300)[:, None]
     centres = _unit(normals.sum(axis=0, keepdims=True))
@@ -82,7 +82,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 def _with_neighbours(facing: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the majority direction of each polygon's neighbours.
 
-    Its own direction counts as 1.5 neighbours.
+    The polygon's own direction counts as 1.5 neighbours.
     """
     votes = np.zeros((len(facing), facing.max(initial=0) + 1), np.int8)
     np.add.at(votes, (first, facing[second]), 2)
@@ -94,7 +94,7 @@ def _with_neighbours(facing: np.ndarray, first: np.ndarray, second: np.ndarray) 
 def _without_crumbs(
     facing: np.ndarray, piece: np.ndarray, first: np.ndarray, second: np.ndarray
 ) -> np.ndarray:
-    """Return the directions with small pieces merged into their surroundings."""
+    """Merge small pieces of equal direction into the piece around them; return the directions."""
     small = np.bincount(piece)[piece] < _SMALL
     border = facing[first] != facing[second]
     inner = np.r_[first[border], second[border]]

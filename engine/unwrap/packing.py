@@ -25,22 +25,23 @@ _LEAST_CHART = 0.01
 #: Fraction of a page that charts usually cover, including half of the gaps around them.
 _USUAL = 0.95
 
-#: Number of packings in the search, and maximum number until the first that fits.
+#: Number of packings in the search for the scale, and maximum number until one fits.
 _ATTEMPTS, _MOST_ATTEMPTS = 7, 30
 
-#: Fill height at which a packing is good enough, as a fraction of the page's height.
+#: Fill height, as a fraction of the page's height, at which the search ends.
 _FULL = 0.985
 
-#: The search ends once the smallest failed scale is below this multiple of the largest successful one.
+#: The search ends if the smallest scale that failed is less than this multiple of the largest that fits.
 _NARROW = 1.005
 
-#: Share of orienting charts in the time of packing.
+#: Share of the packing time that orienting the charts takes.
 _LOOSENING = 0.2
 
 #: Number of charts whose bitmaps are computed together.
 _TOGETHER = 256
 
-#: Before the first success, the n-th failed scale is reduced at least by the n-th power of this factor.
+#: Factor by which each failed scale is at least reduced before the first success; the n-th failure uses its
+#: n-th power.
 _CAUTION = 0.99
 
 #: Minimum box area of a chart that is worth turning, as a fraction of the page.
@@ -75,7 +76,7 @@ def pack_charts(
 def _loosened(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]
 ) -> Generator[float, None, UnplacedCharts]:
-    """Return the charts of all meshes, oriented; yield the fraction of packing done."""
+    """Orient the charts of all meshes; yield progress as a fraction of packing."""
     work = orient_charts(meshes, charts)
     for done in range(len(meshes)):
         next(work)
@@ -86,7 +87,7 @@ def _loosened(
 def _largest(
     loose: UnplacedCharts, width: int, padding: int, align: bool
 ) -> Generator[float, None, np.ndarray | None]:
-    """Return the positions of loops, (l, 2) texels, at the largest scale at which the charts fit a square."""
+    """Search the largest scale at which all charts fit a square; return loop positions, (l, 2) texels."""
     least = np.sqrt(_LEAST_CHART * len(loose.size) / loose.area.sum())
     limit = width / loose.size.max()
     low, high, best = 0.0, limit, None
@@ -104,7 +105,7 @@ def _largest(
         if best is not None and (enough or low >= limit or high < _NARROW * low):
             break
 
-        # Choose the next scale by the fraction of the page that was covered so far.
+        # Choose the next scale from the fraction of the page that the last packing covered.
         scale = _scale_that_covers(loose, packed.part * room, limit, padding)
         if best is None:
             scale = min(scale, high * _CAUTION ** (attempt + 1))
@@ -114,12 +115,12 @@ def _largest(
 
 
 def _boxes(loose: UnplacedCharts, scale: float) -> np.ndarray:
-    """Return columns and rows of each chart, (c, 2) int64, at least one each."""
+    """Return the bounding box of each chart at a scale: columns and rows, (c, 2) int64, at least 1."""
     return np.maximum(np.round(loose.size * scale), 1).astype(np.int64)
 
 
 def _taken(loose: UnplacedCharts, boxes: np.ndarray, padding: int) -> np.ndarray:
-    """Return the estimated number of texels of each chart, with half of the gaps around it, (c,)."""
+    """Estimate the texels of each chart, (c,), with half of the gap around it."""
     full = np.clip(loose.area / np.maximum(loose.size.prod(axis=1), 1e-300), 0, 1)
     return full * boxes.prod(axis=1) + padding * boxes.sum(axis=1) + padding**2
 
@@ -172,7 +173,7 @@ def _pack_at(
 
 
 def _part_done(attempt: int, fraction: float) -> float:
-    """Return the fraction of all packing that is done within an attempt."""
+    """Return the fraction of all packing that is complete when `fraction` of an attempt is."""
     return _LOOSENING + (1 - _LOOSENING) * min((attempt + fraction) / _ATTEMPTS, 1.0)
 
 
@@ -230,7 +231,7 @@ class _Laid:
         }
 
     def _shape(self, columns: int, rows: int, spans: tuple[tuple[int, int, int], ...]) -> ChartBitmap:
-        """Return a bitmap; charts with the same texels share one."""
+        """Return the bitmap of a chart; charts with equal texels share the object."""
         key = columns, rows, spans
         if key not in self._known:
             self._known[key] = ChartBitmap(*key)
@@ -238,7 +239,10 @@ class _Laid:
 
 
 def _lowest(page: AtlasBitmap, shapes: Sequence[ChartBitmap]) -> tuple[ChartBitmap, tuple[int, int], int]:
-    """Return the candidate bitmap with the lowest top edge on a page, its column and row, and its index."""
+    """Find the lowest place for a chart on a page among its rotated bitmaps.
+
+    Returns the bitmap, its column and row, and its index.
+    """
     places = [page.find(shape) for shape in shapes]
     tops = [(row + shape.height, row, column) for shape, (column, row) in zip(shapes, places, strict=True)]
     best = tops.index(min(tops))
@@ -246,12 +250,12 @@ def _lowest(page: AtlasBitmap, shapes: Sequence[ChartBitmap]) -> tuple[ChartBitm
 
 
 def _may_be_turned(shape: ChartBitmap, width: int) -> bool:
-    """Return True if turning a chart may improve the packing of a page of some width."""
+    """Return True if a rotated chart may fit better on a page of this width."""
     return not shape.is_rectangle and shape.width * shape.height >= _WORTH_TURNING * width**2
 
 
 def _turned_points(points: np.ndarray, boxes: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Return points, (n, 2) relative to their box, rotated counter-clockwise by quarter turns, (n,)."""
+    """Rotate points, (n, 2) relative to their box, counter-clockwise by quarter turns, (n,)."""
     (x, y), (width, height) = points.T, boxes.T
     ways = [(x, y), (height - y, x), (width - x, height - y), (y, width - x)]
     turned: np.ndarray = np.stack([np.choose(turns, [way[axis] for way in ways]) for axis in (0, 1)], axis=1)

@@ -99,7 +99,7 @@ def _steep_polygons(mesh: PolygonMesh, normals: np.ndarray, part: np.ndarray) ->
 
 
 def _turned_away(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray, kept: float) -> np.ndarray:
-    """Return the triangles, (t,) bool, that keep a smaller fraction of their area than `kept` in projection.
+    """Return a mask of triangles, (t,) bool, that lose too much area in projection.
 
     mean: (c, 3), unit normals; part: (t,), part of each triangle
     """
@@ -112,7 +112,7 @@ def _turned_away(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray, kept: fl
 
 
 def _flat_parts(mesh: PolygonMesh, mean: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return True for each part, (c,) bool, that keeps enough of its area in projection, everywhere.
+    """Return a mask of parts, (c,) bool, that are planar: projection keeps enough area everywhere.
 
     mean: (c, 3), unit normals; part: (t,), part of each triangle
     """

@@ -47,7 +47,7 @@ def border_spans(
 def _touched(
     chart: np.ndarray, row: np.ndarray, low: np.ndarray, high: np.ndarray, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the runs of texels that extents in rows touch, as in `row_spans`.
+    """Return the runs of texels that intervals of x in rows touch, in the form of `row_spans`.
 
     low, high: (n,), texels, minimum and maximum x
     """
@@ -84,7 +84,7 @@ def _inside(
 
 
 def _crossed_rows(heights: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return polygon and row, (n,) each, for all rows of its chart that each polygon, (t, k), touches."""
+    """Return all rows that each polygon, (t, k) heights, touches: polygon and row, (n,) each."""
     first = np.floor(heights.min(axis=1) + _ROUNDING).astype(np.int64)
     first = np.clip(first, 0, rows - 1)
     end = np.clip(np.ceil(heights.max(axis=1) - _ROUNDING).astype(np.int64), first + 1, rows)
@@ -94,7 +94,7 @@ def _crossed_rows(heights: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _extent_in_row(corners: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return minimum and maximum x, (n,) each, of polygons, (n, k, 2), between row and row + 1."""
+    """Return the range of x of polygons, (n, k, 2), within one row each: minimum and maximum, (n,)."""
     low, high = np.full(len(row), np.inf), np.full(len(row), -np.inf)
     count = corners.shape[1]
     for corner in range(count if count > 2 else 1):
@@ -117,13 +117,13 @@ def _extent_in_row(corners: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np
 def _union(
     chart: np.ndarray, row: np.ndarray, first: np.ndarray, end: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return runs of texels with overlapping and adjacent runs merged."""
+    """Merge overlapping and adjacent runs of texels in each row."""
     rows, columns = row.max(initial=0) + 1, end.max(initial=0) + 1
     line = chart * rows + row
     order = np.argsort(line * columns + first)
     line, first = line[order], first[order]
 
-    # A run that starts beyond the reach of all earlier runs of its line is a new one.
+    # A run begins a new merged run if it starts after the end of all earlier runs of its row.
     reach = np.maximum.accumulate(line * columns + end[order])
     fresh = np.ones(len(line), bool)
     fresh[1:] = (line * columns + first)[1:] > reach[:-1]

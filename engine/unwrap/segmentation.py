@@ -78,7 +78,7 @@ def _curved_pieces(mesh: PolygonMesh, planar: PlanarCharts) -> list[np.ndarray]:
 
 
 def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
-    """Return the triangles of polygons, in pieces that are small enough.
+    """Return the triangles of polygons in pieces of at most _PIECE triangles.
 
     A piece is halved across its longest side, since the time of xatlas grows faster than linearly.
     """
@@ -94,7 +94,7 @@ def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
 
 
 def _joined(planar: PlanarCharts, pieces: Sequence[np.ndarray], segments: Sequence[Segments]) -> Segments:
-    """Return the charts of a mesh: the planar ones, then those of its pieces."""
+    """Join the planar charts of a mesh and the charts of its curved pieces."""
     uvs, chart = planar.uvs.copy(), planar.chart.copy()
     first = planar.chart.max(initial=-1) + 1
     for members, (corners, numbers) in zip(pieces, segments, strict=True):
@@ -105,7 +105,7 @@ def _joined(planar: PlanarCharts, pieces: Sequence[np.ndarray], segments: Sequen
 
 
 def _batches(meshes: Sequence[PolygonMesh]) -> list[list[PolygonMesh]]:
-    """Return batches of consecutive meshes with enough triangles; a long thin mesh has its own batch."""
+    """Group consecutive meshes into batches with enough triangles. A long thin mesh has its own batch."""
     enough = max(_BATCH, sum(len(mesh.triangles) for mesh in meshes) // _MOST_BATCHES)
     batches: list[list[PolygonMesh]] = []
     triangles, alone = enough, True
@@ -120,7 +120,7 @@ def _batches(meshes: Sequence[PolygonMesh]) -> list[list[PolygonMesh]]:
 
 
 def _longest(mesh: PolygonMesh) -> float:
-    """Return the extent of a mesh in units of its draft."""
+    """Return the length of a mesh in texels of its draft layout."""
     return float(np.ptp(mesh.positions, axis=0).max() * _unit_area_scale(mesh))
 
 
@@ -140,7 +140,7 @@ def _segment_batch(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> list
 
 
 def _immortal(value: Any) -> Any:
-    """Increment the reference count of a value, so that it is never freed."""
+    """Keep a value alive forever: increment its reference count."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(value))
     return value
 
@@ -168,7 +168,7 @@ def _chart_options(cutting: ChartOptions) -> Any:
 
 
 def _drafting(meshes: Sequence[PolygonMesh], scales: Sequence[float]) -> Any:
-    """Return packing options for a draft layout; triangles have a mean area of 1.
+    """Return packing options for a draft layout in which triangles have a mean area of 1 texel.
 
     The density of xatlas depends on the area only, so a long thin mesh would get a huge page.
     """
@@ -223,7 +223,7 @@ def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, 
     squares = np.stack([vv * ul - uv * vl, uu * vl - uv * ul], axis=1) / safe[:, None]
     fit = np.where(solvable[:, None], np.sqrt(np.maximum(squares, 0)), draft)
 
-    # The stretch is less than one texel of the chart's extent.
+    # xatlas stretches a chart by less than one texel per axis.
     low, high = np.full((2, count, 2), np.inf)
     np.minimum.at(low, number, texels[known].min(axis=1))
     np.minimum.at(high, number, -texels[known].max(axis=1))

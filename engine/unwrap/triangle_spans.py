@@ -29,5 +29,5 @@ def triangle_spans(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _crossing(low: np.ndarray, high: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the x at which edges from `low` to `high`, (n, 2), cross rows."""
+    """Return the x at which edges from `low` to `high`, (n, 2), cross the horizontal lines y."""
     return low[:, 0] + (y - low[:, 1]) / (high[:, 1] - low[:, 1]) * (high[:, 0] - low[:, 0])

@@ -11,10 +11,10 @@ from .borders import border_loops
 from .orientation import lying, turned
 from .polygon_mesh import MeshCharts, PolygonMesh, signed_areas
 
-#: A chart is halved if it is longer than this fraction of the side of a square with the area of all charts,
+#: Length above which a chart is halved, relative to the side of a square with the area of all charts.
 _LONGEST = 0.9
 
-#: or longer than _LONG of that side while it covers less than _SPARSE of its box.
+#: Length above which a chart is halved if it covers less than _SPARSE of its box. Same unit.
 _LONG, _SPARSE = 0.25, 0.48
 
 #: Maximum number of halvings of a chart.
@@ -66,7 +66,7 @@ def _side(meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]) -> float:
 
 
 def _loosened(mesh: PolygonMesh, made: MeshCharts, side: float) -> UnplacedCharts:
-    """Return the charts of one mesh; side: from `_side`."""
+    """Orient the charts of one mesh."""
     triangles, known = mesh.triangles[made.chart >= 0], np.unique(made.chart[made.chart >= 0])
 
     # Loops of polygons without area or triangles have no chart.
@@ -120,12 +120,12 @@ def _turn(
 def _halved(
     laid: np.ndarray, mesh: PolygonMesh, chart: np.ndarray, border: np.ndarray, side: float
 ) -> np.ndarray:
-    """Return the chart of each loop, (l,) int64, after halving charts that waste space."""
+    """Halve charts that waste space; return the chart of each loop, (l,) int64."""
     count = int(chart.max(initial=-1)) + 1
     size = np.zeros((count, 2))
     np.maximum.at(size, chart[border], laid[border])
 
-    # Compute a chart's area as a sum over its border edges (shoelace formula).
+    # Area of each chart by the shoelace formula over its border edges.
     one, other = laid[border], laid[mesh.after[border]]
     twice = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     area = np.abs(np.bincount(chart[border], twice, count)) / 2
@@ -135,7 +135,7 @@ def _halved(
     if not wasting.any():
         return chart
 
-    # Move polygons beyond the middle to a new chart, unless all lie on one side.
+    # Polygons beyond the middle form a new chart, unless all lie on one side.
     loop = np.flatnonzero((chart >= 0) & wasting[chart])
     sides = np.diff(mesh.starts)
     polygon = np.repeat(np.arange(len(sides)), sides)[loop]

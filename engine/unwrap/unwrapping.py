@@ -43,7 +43,7 @@ class PackJob:
 
 @dataclass(frozen=True)
 class PackResult:
-    """One filled square; a job may need several.
+    """Atlas square with packed charts; a job may need several.
 
     square:  index of the job
     meshes:  indices of the meshes
@@ -99,7 +99,7 @@ def unwrap(
 
 
 def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Generator[Progress, None, int]:
-    """Return the result of a search that runs after all other work; yield progress."""
+    """Run a search after all other work; yield progress, return its result."""
     while True:
         try:
             next(search)
@@ -111,7 +111,7 @@ def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Genera
 
 
 def fitting_resolution(mesh: PolygonMesh, charts: MeshCharts, square: PackJob) -> Generator[float, None, int]:
-    """Return the first doubled resolution at which a mesh fits; 0 if none does. Yields progress 0..1."""
+    """Return the smallest of doubled resolutions at which a mesh fits its square; 0 if none does."""
     resolution = square.resolution
     while 2 * resolution <= _LARGEST:
         resolution *= 2
@@ -153,7 +153,7 @@ def _fill_all(
 def _fill(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], square: PackJob, number: int
 ) -> Generator[float, None, list[PackResult]]:
-    """Pack one job: into the requested number of squares, or more if they have too little space."""
+    """Pack one job into the requested number of squares; add squares if the charts need more space."""
     pages = min(max(square.pages, 1), len(square.meshes))
     while True:
         filled: list[PackResult] = []

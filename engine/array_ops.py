@@ -82,7 +82,10 @@ def joined_rows(parts: list[np.ndarray]) -> np.ndarray:
 
 
 def any_in_rows(values: np.ndarray) -> np.ndarray:
-    """Return a mask of the rows of (n, c) with a nonzero entry, (n,) bool; 3 to 20 times as fast as NumPy."""
+    """Return a mask of rows of (n, c) that have a nonzero entry, (n,) bool.
+
+    3 to 20 times as fast as np.any.
+    """
     flags = values if values.dtype == bool else values != 0
     found: np.ndarray = reduce(np.logical_or, flags.T, np.zeros(len(values), bool))
     return found
@@ -107,7 +110,7 @@ def row_products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def nonzero_rows(values: np.ndarray) -> np.ndarray:
-    """Return the indices of rows of (n, c), contiguous, with a nonzero entry, (k,) int64; fast for few."""
+    """Return the indices of rows of (n, c) that have a nonzero entry, (k,) int64. Fast if they are few."""
     found: dict[tuple[int, int], np.ndarray] = {}
 
     def find(slab: slice) -> None:

@@ -1,4 +1,4 @@
-"""Intermediate results of a bake, which a caller may inspect before they are released."""
+"""State of a bake: intermediate results that a caller may read before they are released."""
 
 from __future__ import annotations
 
@@ -52,4 +52,4 @@ Inspect = Callable[[BakeState], None]
 
 
 def ignore(state: BakeState) -> None:
-    """Inspect nothing."""
+    """Do nothing with the state; default value of `inspect`."""

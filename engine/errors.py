@@ -10,7 +10,7 @@ class SceneError(EngineError):
 
 
 class OverlapError(SceneError):
-    """Overlapping lightmap UVs."""
+    """Lightmap UVs that overlap; the message names the objects."""
 
 
 class SettingsError(EngineError):

@@ -1,4 +1,4 @@
-"""Small JSON files in the cache folder: written in one step, so that other processes read whole files."""
+"""Small JSON files in the cache folder, written atomically, so that readers never get half a file."""
 
 from __future__ import annotations
 

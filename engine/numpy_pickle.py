@@ -37,7 +37,7 @@ class _Pickler(pickle.Pickler):
 
 
 def _restored(kind: type, data: bytes) -> Any:
-    """Return the object that `NumpyPickle` reduced."""
+    """Rebuild an object that `NumpyPickle` has reduced to its class and fields."""
     made: Any = object.__new__(kind)
     vars(made).update(pickle.loads(data))
     return made

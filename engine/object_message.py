@@ -29,7 +29,7 @@ _SHOWN = 5
 
 
 def object_message(sentence: str, objects: Sequence[str], fix: str = "") -> ObjectMessage:
-    """Return a message about objects; {} is replaced by their names, see `listing`."""
+    """Return a message about objects, with {} in the sentence replaced by their names."""
     return ObjectMessage(listing(sentence, objects), objects, fix)
 
 
@@ -39,7 +39,7 @@ def objects_of(note: str) -> tuple[str, ...]:
 
 
 def fix_of(note: str) -> str:
-    """Return the fix of a message; empty if there is none."""
+    """Return the identifier of the fix that a message offers; empty if there is none."""
     return note.fix if isinstance(note, ObjectMessage) else ""
 
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 #: Maps of output "directional": L0 + L1 . n' is E/pi for a normal n' in world space.
 DIRECTIONAL_MAPS = ("L0", "L1 x", "L1 y", "L1 z")
 
-#: Maps of output "spherical_harmonics"; see `directional_maps.projected_maps`.
+#: Maps of output "spherical_harmonics": radiance projected on the first two bands (SH L0, SH L1).
 PROJECTED_MAPS = ("SH L0", "SH L1 x", "SH L1 y", "SH L1 z")
 
 #: Map of output "dominant_direction": luminance of L1 divided by luminance of E/pi.

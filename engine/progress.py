@@ -19,16 +19,17 @@ Told = TypeVar("Told")
 #: for a guess, which may be wrong by orders of magnitude.
 _PRIOR, _GUESS = 0.5, 0.02
 
-#: Fraction of a stage below which its first slice is excluded from the pace, since drivers compile in it.
+#: Fraction of a stage: the first slice does not count for the pace if it is shorter, since drivers compile in
+#: it.
 _STARTING = 0.2
 
 #: Minimum time between two reports, s; thousands of shorter steps would cost as much as the work.
 _STEP = 0.004
 
-#: Minimum ratio of actual to guessed time that is assumed for work without any measurement.
+#: Lower bound of the ratio of actual to guessed time, for work that nobody has measured yet.
 _FASTEST = 0.25
 
-#: Fraction of the time spent so far below which a guess does not matter.
+#: A guess of remaining time below this fraction of the time spent so far is ignored.
 _NEGLIGIBLE = 0.1
 
 
@@ -90,7 +91,7 @@ class Stage:
 
     @property
     def known(self) -> bool:
-        """True if the remaining time rests on a measurement."""
+        """True if the remaining time follows from measurements, not from a guess."""
         alike = self.like is not None and self.like.known
         return self.measured or alike or not math.isnan(self.forecast) or self.done > self._start[0]
 
@@ -104,12 +105,15 @@ class Stage:
 
     @property
     def expected_pace(self) -> float:
-        """Expected seconds for each unit, without regard to this stage's own progress."""
+        """Expected seconds per unit of work, from earlier work or a guess, not from this stage."""
         return self.pace if self._alike is None else self._alike._likely_pace
 
     @property
     def own_pace(self) -> float:
-        """Measured seconds for each completed unit, without a first slice that compiles; else NaN."""
+        """Measured seconds per unit of this stage; NaN before enough is done.
+
+        A first slice that compiles is excluded.
+        """
         done, seconds = self.done - self._start[0], self.seconds - self._start[1]
         return seconds / done if done > 0 and seconds > 0 else math.nan
 
@@ -157,7 +161,7 @@ class Schedule:
 
     @property
     def due(self) -> bool:
-        """True if the last report is long enough ago for another."""
+        """True if enough time has passed since the last report."""
         return time.perf_counter() - self._last >= _STEP
 
     def begin(self, stage: Stage) -> Progress:
@@ -200,7 +204,7 @@ class Schedule:
     def include(
         self, stage: Stage, work: Generator[Progress | None, None, Made]
     ) -> Generator[Progress | None, None, Made]:
-        """Run work that has its own schedule, as a stage of amount 1; return the result of the work."""
+        """Run work with a schedule of its own, as a stage with 1 unit; return the result of the work."""
         self.begin(stage)
         made = yield from map_progress(work, self._included)
         self.end()
@@ -224,7 +228,7 @@ class Schedule:
         return Progress(name or self.current.name, fraction, self.overall, self.seconds_left, **facts)
 
     def _estimate(self) -> None:
-        """Estimate the remaining time and the part of it that is a guess."""
+        """Estimate the remaining time of all stages, and how much of it is guessed."""
         left, guessed, slowness = 0.0, 0.0, math.nan
         for stage in self._stages[self._current :]:
             seconds = stage.seconds_left
@@ -284,7 +288,7 @@ def run_as_fraction(
 def map_progress(
     work: Generator[Step, None, Made], tell: Callable[[Step], Told]
 ) -> Generator[Told, None, Made]:
-    """Run work, yield `tell` of each step, and return the result; closing the generator closes the work."""
+    """Run work; yield `tell(step)` for each of its steps; return its result."""
     with closing(work):
         while True:
             try:

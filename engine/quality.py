@@ -1,4 +1,4 @@
-"""Quality presets: groups of settings with a known error."""
+"""Quality presets: numbers of samples with a known error."""
 
 from __future__ import annotations
 
@@ -59,6 +59,6 @@ QUALITY_SETTINGS = tuple(QUALITIES["high"].values)
 
 
 def quality_of(values: Mapping[str, Any]) -> str | None:
-    """Return the name of the preset with these settings; None if there is none."""
+    """Return the name of the preset whose values equal these settings; None if there is none."""
     chosen = {name: values[name] for name in QUALITY_SETTINGS}
     return next((name for name, quality in QUALITIES.items() if quality.values == chosen), None)

@@ -42,7 +42,7 @@ _PACE = 2.0
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of a passed self test.
+    """Result of a self test that passed.
 
     error:    maximum relative error of a texel
     devices:  see `Report`
@@ -91,7 +91,7 @@ def largest_error(lightmap: BakeResult) -> float:
 
 
 def _checked(lightmap: BakeResult, way: str) -> float:
-    """Return the error of a bake; raise DeviceError if it is too large."""
+    """Return the maximum relative error of a bake; raise DeviceError if it exceeds the tolerance."""
     error = largest_error(lightmap)
     if error <= TOLERANCE:
         return error

@@ -15,7 +15,7 @@ from .errors import SettingsError
 #: Panel name of settings that describe the machine, not the scene; they are not stored in the .blend file.
 PREFERENCES = "preferences"
 
-#: Cached data of a session: patches and their visibility samples; see `plan.session_cache`.
+#: Kind of cached data that a setting can invalidate: patches and their visibility samples.
 VISIBILITY = "visibility"
 
 #: Panels of the interface that contain settings, in order.
@@ -169,7 +169,7 @@ def described(
 
 
 def _written(value: Any) -> str:
-    """Return a value as text for the user."""
+    """Format a value of a setting as text for the user."""
     if isinstance(value, tuple):
         return ", ".join(map(str, value)) or "empty"
     return f"{value:g}" if isinstance(value, float | int) else repr(value)

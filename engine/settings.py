@@ -61,7 +61,7 @@ _PATCH_GROUPS = {
 #: Maximum number of lights that receive `light_samples` shadow rays each; more lights share these rays.
 MOST_LIGHTS = 8
 
-#: The paper's column reduction halves the width of a hemicube repeatedly, so the width is a power of two.
+#: Valid widths of a hemicube: powers of two, since the paper's column reduction halves the width repeatedly.
 _HEMICUBES = {
     width: Option(str(width), f"{width} texels wide: {3 * width * width} samples per texel")
     for width in (8, 16, 32, 64, 128, 256)
@@ -350,12 +350,12 @@ class Settings:
 
     @property
     def light_outputs(self) -> tuple[str, ...]:
-        """Outputs that hold E/pi."""
+        """Names of the requested outputs that hold irradiance (E/pi)."""
         return tuple(name for name in self.outputs if OUTPUTS[name].is_light)
 
     @property
     def directional_outputs(self) -> tuple[str, ...]:
-        """Outputs with directional information."""
+        """Names of the requested outputs with directional information."""
         return tuple(name for name in self.outputs if OUTPUTS[name].is_directional)
 
     @property
@@ -365,7 +365,7 @@ class Settings:
 
     @property
     def projected(self) -> bool:
-        """True if the directional output is a projection on spherical harmonics."""
+        """True if the requested directional output is a projection on spherical harmonics."""
         return "spherical_harmonics" in self.outputs
 
     @property
@@ -385,7 +385,7 @@ class Settings:
 
     @property
     def accelerated(self) -> bool:
-        """True if iterates are mixed; not in the paper's method, nor if one iteration suffices."""
+        """True if Anderson acceleration mixes iterates; not with method "paper" or a single iteration."""
         return self.accelerate and self.method != "paper" and self.has_indirect
 
 
@@ -401,7 +401,7 @@ def chosen_by_people() -> list[str]:
 
 
 def kept_with_scene() -> list[str]:
-    """Return the names of the settings that belong to the scene and are stored in the .blend file."""
+    """Return the names of settings that are stored in the .blend file with the scene."""
     return [name for name in chosen_by_people() if descriptions()[name].panel != PREFERENCES]
 
 
@@ -411,14 +411,14 @@ def shown_in(panel: str) -> list[str]:
 
 
 def with_output(outputs: set[str], wanted: str) -> set[str]:
-    """Return outputs with one more and with those that it requires, without those that it excludes."""
+    """Add an output to a set, with those that it requires and without those that it excludes."""
     entry = OUTPUTS[wanted]
     required = {"combined"} if entry.requires_combined else set()
     return {*outputs, wanted, *required} - set(entry.excludes)
 
 
 def without_output(outputs: set[str], unwanted: str) -> set[str]:
-    """Return outputs without one and without those that require it."""
+    """Remove an output from a set, with those that require it."""
     requiring = {name for name, entry in OUTPUTS.items() if entry.requires_combined}
     return outputs - {unwanted} - (requiring if unwanted == "combined" else set())
 

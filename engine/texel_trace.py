@@ -49,7 +49,7 @@ def trace_texel(state: BakeState, texel: Texel) -> Iterator[str]:
 
 
 def _index(texel: Texel) -> tuple[int, int, int]:
-    """Return the index of a texel into arrays of shape (atlases, r, r)."""
+    """Return the index of a texel in arrays of shape (atlases, r, r): atlas, row, column."""
     return texel.lightmap, texel.y, texel.x
 
 
@@ -75,7 +75,7 @@ def _patch(state: BakeState, patch: int) -> Iterator[str]:
 
 
 def _validity(state: BakeState, patch: int) -> Iterator[str]:
-    """Yield what decides if a patch lies inside geometry."""
+    """Yield the measurements that decide if a patch lies inside geometry."""
     contacts, invalid = state.contacts, is_invalid(state.validity, state.contacts)[patch]
     yield f"back faces       {1 - state.validity[patch]:.1%} of the view"
     flags = [("covered", contacts.hide), ("backlit", contacts.shine), ("back to back", contacts.back_to_back)]
@@ -132,5 +132,5 @@ def _images(state: BakeState, texel: Texel) -> Iterator[str]:
 
 
 def _numbers(values: np.ndarray) -> str:
-    """Return numbers with six significant digits."""
+    """Format numbers with six significant digits."""
     return " ".join(f"{float(value):.6g}" for value in np.atleast_1d(values))

@@ -18,7 +18,7 @@ from .patch_table import PatchTable
 from .radiance_exchange import MappedRadiance
 from .scene_payload import ScenePayload
 
-#: Bandwidth that Dask assumes, bytes per second.
+#: Bandwidth in bytes per second that Dask assumes when it estimates the time to move data.
 _BANDWIDTH = parse_bytes(get("distributed.scheduler.bandwidth", config=config))
 
 #: Number of pending blocks of a worker up to which Dask should not move another of its blocks.
@@ -44,8 +44,8 @@ class Block:
         """Visibility samples of the patches, computed on first access."""
         began, found = time.perf_counter(), BlockVisibility(*self._made_of)
 
-        # Dask weighs the transfer time of a block against waiting for its worker. A transfer means computing
-        # the samples again, so the reported size makes waiting preferable.
+        # Dask moves a block if the transfer takes less time than waiting for its worker. A transfer means
+        # computing the samples again, so the block reports a size that makes waiting cheaper.
         self._bytes = max(found.bytes, int(_WAITING * _BANDWIDTH * (time.perf_counter() - began)))
         return found
 
@@ -57,19 +57,19 @@ class Block:
 
 
 def find(shipment: ScenePayload, table: PatchTable, rows: SentRows) -> Block:
-    """Compute the visibility of a block: the task on which gather tasks depend."""
+    """Create a block and compute its visibility; gather tasks depend on this task."""
     block = Block(shipment, table, rows)
     _ = block.found
     return block
 
 
 def views(block: Block) -> np.ndarray:
-    """Return the fractions of each patch's hemisphere without back faces and covered by patches, (m, 2)."""
+    """Return fractions of each patch's hemisphere, (m, 2): without back faces, and covered by patches."""
     return block.found.views
 
 
 def gather(block: Block, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-    """Gather for a block, in a task that runs on the block's worker."""
+    """Gather for a block from the radiance `light`; return E/pi, (m, 3) float32."""
     return block.found.gather(light)
 
 
@@ -82,5 +82,5 @@ def gather_to(block: Block, light: bytes, path: str) -> None:
 
 
 def gather_l1(block: Block, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-    """Gather the irradiance gradients (L1) for a block."""
+    """Return the irradiance gradients (L1) of a block, (m, 3, 3) float32."""
     return block.found.gather_l1(light)

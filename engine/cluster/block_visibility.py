@@ -35,7 +35,7 @@ class BlockVisibility:
             sweep, compute = caching_gather(lookers, identity), lookers.opencl
             self._gather = GatherPass(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
-            # The samples belong to the block, not to the job's session cache.
+            # The block owns the samples, so they are removed from the job's session cache.
             lookers.kept.clear()
 
             # The first gather computes the visibility.
@@ -49,11 +49,11 @@ class BlockVisibility:
             return colors_of(self._gathered(self._sources.table(light)))
 
     def gather_to(self, light: MappedRadiance, path: str) -> None:
-        """Gather into the file of a `RadianceExchange`; see `gather`."""
+        """Gather from the radiance of all sources and write E/pi into the file of a `RadianceExchange`."""
         write_rows(path, self._first, self.gather(light), light.count)
 
     def gather_l1(self, light: HalfRadiance | MappedRadiance) -> np.ndarray:
-        """Return the irradiance gradients (L1) of the same light, (m, 3, 3) float32."""
+        """Return the irradiance gradients (L1) for the same radiance, (m, 3, 3) float32."""
         with self._sources.working():
             self._gathered(self._sources.table(light))
             return np.asarray(finished(self._gather.gather_l1()))

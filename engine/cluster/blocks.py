@@ -5,7 +5,8 @@ from __future__ import annotations
 #: Maximum number of patches of a block, and minimum number of blocks, so that fast devices can take more.
 _LARGEST, _FEWEST = 1 << 18, 16
 
-#: Numbers of final blocks that are halved, and then quartered, so that all workers finish together.
+#: Numbers of blocks at the end that are cut in half, and after them in quarters, so that all workers finish
+#: together.
 _HALVED, _QUARTERED = 2, 2
 
 #: First patch of a block, and its end.
@@ -13,9 +14,9 @@ Span = tuple[int, int]
 
 
 def cut(count: int, least: int = 1) -> list[Span]:
-    """Return the blocks of patches; they depend only on the number of patches.
+    """Cut patches into blocks by their number alone, not by the number of workers.
 
-    So blocks, and the bits of a bake, are equal for any number of workers.
+    Blocks, and the bits of a bake, are therefore equal for any number of workers.
 
     least: minimum number of patches of each block except the last
     """

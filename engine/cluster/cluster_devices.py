@@ -32,7 +32,7 @@ from .tasks import EARLY, Tasks
 #: Columns of light without L1.
 _COLORS = 3
 
-#: Minimum number of texel samples per task; fewer take the same time.
+#: Minimum number of texel samples per task; a task with fewer takes the same time.
 _FEWEST_POINTS = 2048
 
 
@@ -81,7 +81,7 @@ class ClusterDevices:
         return f"{who} for them{watched}."
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-        """Return the light sampled by shadow rays, and its L1; see `ShadowCaster.sampled`."""
+        """Return E/pi of light from shadow rays, (n, 3) float32, and its L1; yield progress 0..1."""
         tasks = self._tasks_of_patches(shadow_tasks.sampled)
 
         # Workers that finish early start on visibility, unless patch groups depend on this light.
@@ -94,20 +94,20 @@ class ClusterDevices:
         return colors_of(light), light[:, _COLORS:].reshape(-1, 3, 3)
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
-        """Return the visible fraction of a light for each patch; see `ShadowCaster.shadow_mask`."""
+        """Return the visible fraction of a light for each patch, (n,) float32; yield progress 0..1."""
         return (yield from self._of_patches(shadow_tasks.shadow_mask, lamp))
 
     def ambient_occlusion(self) -> Generator[float, None, np.ndarray]:
-        """Return the unoccluded fraction of patches' hemispheres; see `ShadowCaster.ambient_occlusion`."""
+        """Return the unoccluded fraction of each patch's hemisphere, (n,) float32; yield progress 0..1."""
         return (yield from self._of_patches(shadow_tasks.ambient_occlusion))
 
     def views(self) -> Generator[float, None, np.ndarray]:
-        """Return fractions of patches' hemispheres; see `RemoteGather.views`."""
+        """Return fractions of each patch's hemisphere, (n, 2): without back faces, and covered by patches."""
         self._find_once()
         return (yield from self._of_blocks(block.views))
 
     def gather(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Run one gather iteration; see `RemoteGather.gather`. The next call but one overwrites the rows."""
+        """Gather from the radiance `light`; return E/pi, (n, 3). The call after the next overwrites it."""
         self._find_once()
         memory = self._memories.next(len(light.parts), self._tasks.workers())
         if memory is None:
@@ -119,32 +119,32 @@ class ClusterDevices:
         return memory.rows
 
     def gather_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather the irradiance gradients (L1); see `RemoteGather.gather_l1`."""
+        """Return the irradiance gradients (L1) for radiance `light`, (n, 3, 3)."""
         return (yield from self._of_blocks(block.gather_l1, self._light_sent(light)))
 
     def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
-        """Switch the workers to patch groups; see `RemoteGather.of_groups`."""
+        """Switch the workers to patch groups and start to compute the groups' visibility."""
         table = PatchTable.of(texel_to_group, SparseRadiance.of(emission), self._back_to_back, self._folder)
         self._solved = ShippedPatches(self._tasks, self._parts.patches.part(leader), table, self._folder)
         self._find()
 
-        # Combine both tables in one value: Dask schedules tasks well only if they need few values.
+        # Dask schedules tasks well only if they depend on few values, so both tables form one value.
         tables = self._patches.table, self._solved.table
         (self._both,) = self._tasks.begin(final_tasks.both, [tables])
 
     def final(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Run the final gather for every patch; see `RemoteGather.final`."""
+        """Return the final gather of every patch from the radiance of groups, (n, 4)."""
         self._blocks = {}
         return (yield from self._final(final_tasks.final, light))
 
     def final_l1(self, light: HalfRadiance) -> Generator[float, None, np.ndarray]:
-        """Gather the irradiance gradients (L1) for every patch; see `RemoteGather.final_l1`."""
+        """Return the irradiance gradients (L1) of the final gather, (n, 3, 3)."""
         return (yield from self._final(final_tasks.final_l1, light))
 
     def gather_at(
         self, samples: TexelSamples, light: HalfRadiance, choice: SolverChoice, settings: Settings
     ) -> Generator[float, None, list[GatheredSamples]]:
-        """Return the light at texel samples; see `RemoteDevices.gather_at`."""
+        """Gather light at texel samples by tasks of the workers; yield progress 0..1."""
         self._blocks = {}
         spans, scene = cut(len(samples), _FEWEST_POINTS), (self._shipped.shipment, self._patches.table)
         how, seen = self._tasks.sent((choice, settings), "how"), (self._solved.table, self._light_sent(light))
@@ -156,11 +156,11 @@ class ClusterDevices:
         return [lit[span] for span in spans]
 
     def _light_sent(self, light: HalfRadiance) -> Future:
-        """Send radiance to the workers; return it as the result of a task."""
+        """Send radiance to the workers; return the task whose result it is."""
         return self._tasks.sent(light, "light")
 
     def _find_once(self) -> None:
-        """Start to compute visibility, unless that has begun."""
+        """Start to compute visibility unless a call before has started it."""
         if not self._blocks:
             self._find()
 
@@ -197,7 +197,7 @@ class ClusterDevices:
 
 
 def _lies_back_to_back(rays: RayScene, settings: Settings) -> bool:
-    """Return True if the scene has back-to-back faces and uses rasterised hemicubes.
+    """Return True if the scene has back-to-back faces and visibility is rasterised.
 
     Ray tracing needs no flag.
     """

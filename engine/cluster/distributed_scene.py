@@ -13,7 +13,7 @@ from .tasks import Tasks
 
 @dataclass(frozen=True)
 class DistributedScene:
-    """Scene on the workers.
+    """Scene in the memory of Dask workers.
 
     shipment:  task whose result is the scene; workers fetch it from each other
     ready:     one task per worker that builds the BVH

@@ -10,7 +10,8 @@ from tornado.ioloop import IOLoop
 
 from ..errors import DeviceError
 
-#: Number of attempts; Dask waits 10 s for its thread and raises an AssertionError otherwise.
+#: Number of attempts to start the loop. An attempt waits 10 s for the thread, then Dask raises
+#: AssertionError.
 _TRIES = 6
 
 

@@ -29,13 +29,13 @@ def both(table: SceneTable, groups: PatchTable) -> Both:
 
 
 def final(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance) -> np.ndarray:
-    """Gather for patches from the radiance of groups; see `RemoteGather.final`."""
+    """Return the final gather of a block of patches from the radiance of groups, (m, 4) float32."""
     with prepared(shipment).patches(tables[0]).working():
         return _gathered(shipment, tables, rows, light)[1]
 
 
 def final_l1(shipment: ScenePayload, tables: Both, rows: SentRows, light: HalfRadiance) -> np.ndarray:
-    """Return the irradiance gradients (L1) of the same light; see `RemoteGather.final_l1`."""
+    """Return the irradiance gradients (L1) of the final gather of a block, (m, 3, 3) float32."""
     with prepared(shipment).patches(tables[0]).working():
         gather, _ = _gathered(shipment, tables, rows, light)
         return np.asarray(finished(gather.gather_l1()))
@@ -61,7 +61,7 @@ def light_at_samples(
     light: HalfRadiance,
     how: tuple[SolverChoice, Settings],
 ) -> GatheredSamples:
-    """Return the light that texel samples gather from all sources; see `texel_sample_gather.gather_at`.
+    """Gather light at texel samples from all sources.
 
     solved:  table of the sources: patches or patch groups
     how:     solver choice of the patches, and settings of the samples

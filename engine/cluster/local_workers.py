@@ -19,7 +19,7 @@ from ..errors import DeviceError
 from .event_loop import event_loop
 from .prepared_scene import DEVICE
 
-#: Value of the scheduler setting that stands for one worker per local device.
+#: Value of the setting `scheduler` that starts one worker per device of this machine.
 LOCAL = "all"
 
 #: Address of scheduler, workers and dashboards, not reachable from other machines.
@@ -28,7 +28,7 @@ _HERE = "127.0.0.1"
 #: Vendor name of NVIDIA's OpenCL driver.
 _NVIDIA = "NVIDIA"
 
-#: Folder that contains the package `engine`.
+#: Folder that contains the package `engine`; module search path of the workers.
 _HOME = Path(__file__).resolve().parents[2]
 
 #: Seconds in which a scheduler must answer, and after which a silent worker counts as lost.

@@ -43,7 +43,7 @@ class PatchRows(NumpyPickle):
 
     @property
     def in_files(self) -> bool:
-        """True if all columns are in files, so that only paths are transferred."""
+        """True if all columns are stored in files, so that a transfer sends only their paths."""
         return all(column.path for column in (self.texel, self.triangle, self.barycentric))
 
     def opened(

@@ -64,7 +64,7 @@ class PreparedScene:
         return self._groups
 
     def display(self, patches: ScenePatches, solved: SourcePatches, choice: SolverChoice) -> TexelGatherJob:
-        """Return the job that gathers light at texel samples; the last one is cached."""
+        """Return the input of the gather at texel samples; the last one is cached."""
         last = self._display
         if last is None or last.job is not patches.job or last.solved is not solved.job:
             self._display = last = TexelGatherJob(
@@ -88,7 +88,8 @@ def prepared(shipment: ScenePayload) -> PreparedScene:
         if _prepared is not None:
             _prepared.clear()
 
-        # Free the memory of the last scene first; garbage collection breaks its reference cycles.
+        # Free the last scene before the next one is prepared. It has reference cycles, so garbage collection
+        # is needed.
         _prepared = None
         gc.collect()
         _prepared = PreparedScene(shipment, _kept)

@@ -65,7 +65,7 @@ class RadianceExchange:
         return MappedRadiance(self._files[0], self._count, light.unit, self._number)
 
     def close(self) -> None:
-        """Remove the files; late writers do no harm."""
+        """Remove the files. A worker that still writes to them does no harm."""
         for path in self._files:
             with suppress(OSError):
                 Path(path).unlink()
@@ -119,11 +119,11 @@ def _put(path: str, first: int, rows: np.ndarray, count: int) -> None:
 
 
 def _put_bytes(path: str, first: int, data: bytes, count: int) -> None:
-    """Write rows given as bytes, which are independent of the NumPy version."""
+    """Write rows that are given as bytes, because workers may have different NumPy versions."""
     _put(path, first, np.frombuffer(data, np.float32).reshape(-1, _CHANNELS), count)
 
 
-#: A worker keeps the files of two iterations mapped, which saves page faults.
+#: Workers keep the files of two iterations mapped, which avoids page faults.
 @lru_cache(maxsize=4)
 def _mapped(path: str, kind: type, count: int) -> np.ndarray:
     return _opened(path, kind, count)

@@ -20,7 +20,7 @@ class ShippedPatches:
     """
 
     def __init__(self, tasks: Tasks, patches: PatchList, table: PatchTable, folder: str) -> None:
-        """Send a table to the workers; rows follow with the tasks that need them.
+        """Send the table of all patches to the workers. Each task brings the rows of its own block.
 
         folder: in the shared memory of all workers; empty if there is none
         """

@@ -48,7 +48,7 @@ class SourcePatches:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """Use the devices of this worker, and report their failures."""
+        """Run work on the devices of this worker; convert their failures to DeviceError."""
         self._devices.graphics.use()
         with self._devices.failures_told():
             yield

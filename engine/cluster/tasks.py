@@ -135,7 +135,7 @@ class Tasks:
             yield done / len(tasks)
 
     def _ended(self, tasks: Iterable[Future], until: str) -> Iterator[list[Future]]:
-        """Yield the tasks that have finished since the last time, perhaps none, until all are done.
+        """Yield the tasks that have finished since the last yield, perhaps none, until all have finished.
 
         until: condition for an early return from each wait
         """

@@ -44,7 +44,7 @@ class TriangleScene:
     def seen(
         self, resolution: int, emission: np.ndarray, texel_to_patch: np.ndarray, back_to_back: bool
     ) -> PatchScene:
-        """Return a scene with patches as sources only: no receivers and no reflectance.
+        """Return a scene whose patches are sources only: without receivers and reflectance.
 
         emission: (n, 3) float32, radiance
         """

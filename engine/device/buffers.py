@@ -8,8 +8,8 @@ from ..array_ops import any_in_rows, nonzero_rows
 from .cl_device import ComputeDevice
 from .opencl import cl
 
-#: Arrays with at least `_MANY` rows are sampled at about `_ASKED` rows. If fewer than the fraction `_FEW` are
-#: nonzero, only nonzero rows are uploaded.
+#: Sparse upload: arrays with at least `_MANY` rows are sampled at about `_ASKED` rows. If less than the
+#: fraction `_FEW` is nonzero, only nonzero rows are uploaded.
 _MANY, _ASKED, _FEW = 1 << 16, 1 << 10, 0.1
 
 
@@ -154,7 +154,7 @@ def zeros(compute: ComputeDevice, size: int) -> cl.Buffer:
 
 
 def words_of(count: int) -> int:
-    """Return the number of bytes, a multiple of 4 and at least 4, that holds `count` bytes."""
+    """Round a number of bytes up to a multiple of 4, at least 4."""
     return 4 * (count // 4 + 1)
 
 

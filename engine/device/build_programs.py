@@ -40,7 +40,7 @@ def main() -> None:
     database: Any = persistent_dict
     database.WriteOncePersistentDict = InvokerCache
 
-    # Keep the output free of messages that drivers print.
+    # Replace the standard output, so that messages of drivers do not mix with the binaries.
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     device = _device(request["platform"], request["device"])

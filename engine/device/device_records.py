@@ -17,7 +17,7 @@ from ..json_file import read_json, write_json
 #: Files of the device that each process uses, of skipped devices, and of devices whose light was tested.
 _USED, _SKIPPED, _TESTED = "device_of_{}.json", "skipped_devices.json", "tested_devices.json"
 
-#: Age in seconds above which the record of a process is removed (chosen).
+#: Age in seconds after which the record of a process counts as left over (chosen).
 _OLD = 86_400
 
 
@@ -92,7 +92,7 @@ class DeviceRecords:
         return {key: text for key, text in texts if isinstance(text, str)}
 
     def _write(self, name: str, texts: dict[str, str]) -> None:
-        """Write a file; a folder that cannot be written stops nothing."""
+        """Write a file of texts; ignore errors of the file system."""
         if self._folder is None:
             return
         with suppress(OSError):

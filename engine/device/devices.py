@@ -43,7 +43,7 @@ class Devices:
                 raise
             self.missing = str(error)
 
-        # OpenGL comes second, while programs are built.
+        # OpenGL opens while OpenCL builds programs in the background.
         try:
             self.graphics = GraphicsContext()
         except BaseException:
@@ -62,7 +62,7 @@ class Devices:
 
     @contextmanager
     def failures_told(self) -> Iterator[None]:
-        """Context manager that converts OpenGL errors and OpenCL memory errors to DeviceError."""
+        """Convert OpenGL errors and OpenCL memory errors inside the block to DeviceError."""
         try:
             yield
         except moderngl.Error:

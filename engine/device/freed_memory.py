@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 
-#: Parameters of mallopt (glibc, malloc.h): trim threshold, and maximum number of separately mapped blocks.
+#: Parameters of glibc's mallopt (malloc.h): M_TRIM_THRESHOLD and M_MMAP_MAX.
 _TRIM_THRESHOLD, _MMAP_MAX = -1, -4
 
 #: Maximum free memory that the process keeps, bytes.

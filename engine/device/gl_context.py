@@ -101,7 +101,7 @@ class GraphicsContext:
         return program
 
     def _unused(self, key: tuple, build: Callable[[], Any]) -> Any:
-        """Return a separate program for each caller; programs of earlier bakes are reused."""
+        """Return a program that no other caller uses: one of an earlier bake, or a new one."""
         built, taken = self._programs.setdefault(key, []), self._taken.get(key, 0)
         if taken == len(built):
             built.append(build())
@@ -115,7 +115,7 @@ class GraphicsContext:
             resource.release()
 
     def collect(self) -> None:
-        """Release unreferenced objects except programs."""
+        """Release ModernGL objects that nothing refers to, except programs."""
         self._parking.use()
         while self.context.objects:
             unused = self.context.objects.popleft()

@@ -37,4 +37,4 @@ class HostCopy:
         return self.buffer
 
     def release(self) -> None:
-        """Do nothing; OpenCL owns the buffer."""
+        """Do nothing, since OpenCL frees the buffer itself."""

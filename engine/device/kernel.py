@@ -41,7 +41,7 @@ class Kernel:
         return self._groups[sides]
 
     def _nearest(self, sides: tuple[int, ...]) -> tuple[int, ...]:
-        """Compute the result of `group`."""
+        """Halve the sides until the group fits the device; return its size along each axis."""
         fitting = [_halved(side, most) for side, most in zip(sides, self._sides, strict=False)]
         for axis in reversed(range(len(fitting))):
             others = math.prod(fitting) // fitting[axis]

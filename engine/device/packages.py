@@ -35,5 +35,5 @@ def missing_package(name: str, error: ImportError) -> str:
 
 
 def _python() -> str:
-    """Return the version of this Python that packages are made for."""
+    """Return the Python version in the form that packages use, such as "3.11"."""
     return f"{sys.version_info.major}.{sys.version_info.minor}"

@@ -124,7 +124,7 @@ class ProgramCache:
 
     @property
     def _key(self) -> str:
-        """Name of the device in the pace file, independent of the driver version."""
+        """Key of the device in the pace file, independent of the driver version."""
         return f"{self._device.platform.name}: {self._device.name}"
 
     def _read_paces(self) -> dict[str, float]:
@@ -170,7 +170,7 @@ class ProgramCache:
                 self._keep(name, program.get_info(cl.program_info.BINARIES)[0])
 
     def _keep(self, name: str, binary: bytes) -> None:
-        """Write the file of a program; see `_store`."""
+        """Write a program's binary to its file; ignore errors. The write is atomic."""
         if self._folder is None:
             return
         with suppress(OSError):
@@ -208,7 +208,7 @@ def _newest(folder: Path | None) -> list[Path]:
 
 
 def device_digest(device: cl.Device) -> str:
-    """Return a hash of everything besides the source that determines the binaries of a device."""
+    """Return a hash of everything that determines a device's binaries, except the source."""
     platform = device.platform
     facts = (
         platform.vendor, platform.name, platform.version, device.vendor, device.name, device.version,

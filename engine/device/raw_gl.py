@@ -58,7 +58,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class RawGL:
-    """Core OpenGL functions by name; valid while the context at creation exists."""
+    """OpenGL functions by name, valid for the lifetime of the context in which they were found."""
 
     def __init__(self) -> None:
         address_of = _address_finder()

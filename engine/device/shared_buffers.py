@@ -11,7 +11,7 @@ from .opencl import cl
 
 
 class SharedBuffers:
-    """Buffers by their source array, which must not change afterwards."""
+    """Cache of device buffers by source array; the arrays must not change afterwards."""
 
     def __init__(self) -> None:
         self._made: dict[tuple[int, str], cl.Buffer] = {}

@@ -1,4 +1,4 @@
-"""Side queue: use of the OpenCL device by a thread parallel to the bake."""
+"""Side queue: a second OpenCL queue for a thread that works parallel to the bake."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .opencl import cl
 
 
 class SideQueue:
-    """Kernel with exclusive use by one thread, and a queue parallel to the queue of the bake.
+    """Kernel of one thread and its own queue, parallel to the queue of the bake.
 
     A kernel object stores the arguments of one launch, so threads must not share it.
     """

@@ -15,7 +15,7 @@ _WITH_DISPLAY, _WITHOUT = 0.1, 0.4
 #: threads of an NVIDIA multiprocessor; other makers have similar numbers.
 _GROUPS = 64
 
-#: Minimum items of the first slice. Chosen.
+#: Minimum number of items in the first slice (chosen).
 _FIRST = 256
 
 

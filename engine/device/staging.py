@@ -68,7 +68,7 @@ class Staging:
         return slot
 
     def _arrive(self, slot: int, part: np.ndarray) -> None:
-        """Copy the contents of a chunk into its part of the array."""
+        """Copy the contents of a chunk into its part of the array after the transfer has ended."""
         self._wait(slot)
         part[:] = self._chunks[slot][: len(part)]
 

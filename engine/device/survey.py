@@ -20,7 +20,11 @@ def survey(opencl_device: str | None) -> DeviceSurvey:
 
 
 def _opengl(alone: bool, missing: list[str]) -> list[DeviceInfo]:
-    """Return the OpenGL device; alone: True if it must also replace OpenCL."""
+    """Return the OpenGL device.
+
+    alone:    True if it must also trace rays, because OpenCL is missing
+    missing:  list to which messages with a remedy are added
+    """
     try:
         graphics = GraphicsContext()
     except DeviceError as error:
@@ -33,7 +37,7 @@ def _opengl(alone: bool, missing: list[str]) -> list[DeviceInfo]:
 
 
 def _opencl(chosen: str | None, missing: list[str]) -> list[DeviceInfo]:
-    """Return each OpenCL device once, even if several platforms offer it by one name."""
+    """Return each OpenCL device once, even if several platforms offer a device of this name."""
     try:
         devices = found_devices()
     except DeviceError as error:

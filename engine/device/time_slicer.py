@@ -18,7 +18,7 @@ _DOUBLED = 0.25
 #: Minimum ratio of throughputs that justifies a larger slice with its latency. Chosen.
 _GAIN = 1.1
 
-#: Fraction of the time above which half a slice gains no latency. Chosen.
+#: Fraction of a slice's time: if half of its items take longer, halving saves no time (chosen).
 _SAME = 0.9
 
 #: Full slices until a rejected size is tried again, since costs vary. Chosen.
@@ -27,7 +27,7 @@ _REST = 16
 #: Decay of the remembered maximum time at each slice; a spike is forgotten after ten slices. Chosen.
 _FADE = 0.8
 
-#: Ratio of throughputs of half a slice and a slow slice that indicates an interruption. Chosen.
+#: Ratio of throughputs, of half a slice to a slow slice, above which the slow one was interrupted (chosen).
 _INTERRUPTED = 2.0
 
 #: Maximum growth factor of very short slices. Chosen.
@@ -107,7 +107,7 @@ class TimeSlicer:
             self._grow(done)
 
     def _longest_allowed(self, items: int) -> float:
-        """Return the maximum time of a slice with `items` items, s; it is higher for a partly idle device."""
+        """Return the maximum time of a slice, s; longer if `items` leave the device partly idle."""
         return self._allowed if items < self._limits.fill else self._limits.longest
 
     def _undoes(self, before: _Slice, done: _Slice) -> bool:
@@ -121,7 +121,7 @@ class TimeSlicer:
         return done.throughput > _INTERRUPTED * before.throughput
 
     def _pays(self, before: _Slice, done: _Slice) -> bool:
-        """Return True if a larger slice pays."""
+        """Return True if a larger slice pays: higher throughput, or a slice too short to judge."""
         short = done.items <= self._limits.fill or before.seconds < _SHORT
         return short or done.throughput > _GAIN * before.throughput
 

@@ -157,8 +157,8 @@ def _shining(parts: PatchScene) -> np.ndarray:
 def _is_uniform(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) -> np.ndarray:
     """Return a mask of triangles with uniform emission, (t,) bool.
 
-    triangle, emission: triangle and radiance of each emissive patch
-    mean: mean radiance of each triangle
+    triangle, emission:  triangle and radiance of each emissive patch
+    mean:                mean radiance of each triangle
     """
     bound = _EVEN * largest_in_rows(mean)[:, None]
     differs = any_in_rows(np.abs(emission - mean[triangle]) > bound[triangle])

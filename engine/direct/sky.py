@@ -25,7 +25,7 @@ class SkyDistribution:
     listed:      (k,) int32, indices of the bright pixels, k >= 1
     pixels:      (k, 4) float32, their radiance, W/(m^2 sr)
     cumulative:  (k,) float32, cumulative luminance times solid angle, normalised to 1
-    total: sum of luminance times solid angle of the bright pixels, before normalisation
+    total:       sum of luminance times solid angle of the bright pixels, before normalisation
     """
 
     size: tuple[int, int]

@@ -20,7 +20,7 @@ class HemicubeIntegrator:
     def __init__(self, compute: ComputeDevice, tiles: Tiles, sky: np.ndarray) -> None:
         """Build the kernels for a layout of hemicubes.
 
-        sky: (h, w, 3) float32 radiance, equirectangular as `Scene.world`; used where alpha is 2
+        sky:  (h, w, 3) float32 radiance, equirectangular as `Scene.world`; used where alpha is 2
         """
         self._queue, self._tiles = compute.queue, tiles
         self._multiply, self._reduce_row, self._reduce_column = compute.kernels(

@@ -91,7 +91,7 @@ class DeviceTexels:
     def put(self, places: cl.Buffer, light: cl.Buffer, count: int) -> None:
         """Write light, float4, into `count` texels; skip entries with index `NOWHERE`.
 
-        places: uint32, flat texel indices or `NOWHERE`; light of entries with `NOWHERE` must be 0
+        places:  uint32, flat texel indices or `NOWHERE`; light of entries with `NOWHERE` must be 0
         """
         self._compute.run(
             self._put, count, places, light, np.int32(self.channels), self.buffer, np.uint32(count)

@@ -65,7 +65,7 @@ class Finishing:
     ) -> Generator[Progress, None, dict[str, np.ndarray]]:
         """Return the final images, (atlases, r, r, 3) float32, by name.
 
-        seams: pairs of points with equal light; None to leave seams visible
+        seams:  pairs of points with equal light; None to leave seams visible
         """
         quiet: dict[str, np.ndarray] = {}
         if self._job.settings.denoise:

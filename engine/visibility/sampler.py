@@ -143,8 +143,8 @@ def upload_background(
 ) -> Background:
     """Upload the radiance of everything except fronts of patches: emission of backs, (n, 3) float32, and sky.
 
-    sky: (h, w, 3) float32, radiance, equirectangular
-    whole: computes the table of the unoccluded sky, see `unoccluded_sky.open_sky`
+    sky:    (h, w, 3) float32, radiance, equirectangular
+    whole:  computes the table of the unoccluded sky, see `unoccluded_sky.open_sky`
     """
     backs = upload_float4_once(compute, emission, first=1)
     pixels = upload_float4(compute, sky.reshape(-1, 3))

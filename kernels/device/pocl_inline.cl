@@ -4,7 +4,7 @@
 
 #define INLINED __attribute__((overloadable, always_inline)) inline
 
-// For two values, or for a vector and a scalar.
+// PAIRED defines min, max and clamp for values of type T, PAIRED_WITH for a vector T and a scalar ONE.
 #define PAIRED(T) \
     INLINED T inlined_min(const T a, const T b) { return b < a ? b : a; } \
     INLINED T inlined_max(const T a, const T b) { return a < b ? b : a; } \
@@ -55,7 +55,7 @@ INLINED float inlined_dot(const float3 a, const float3 b) { return a.x * b.x + a
 INLINED float inlined_dot(const float4 a, const float4 b) { return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w; }
 INLINED float3 inlined_cross(const float3 a, const float3 b) { return a.yzx * b.zxy - a.zxy * b.yzx; }
 
-// Range of squares without underflow or overflow. Outside it the library function is called.
+// Range of squares that float32 holds without underflow or overflow. Outside it the library function is called.
 #define SQUARES_FROM 1e-30f
 #define SQUARES_TO 1e30f
 #define MEASURED(T) \

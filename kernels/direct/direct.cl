@@ -21,11 +21,11 @@
 // all noise of direct light arises there.
 #define ROUNDS 4
 
-// Minimum number of rays to an emitter for which shaft culling costs less than tracing them (measured).
+// Minimum number of rays to an emitter for shaft culling; for fewer, tracing them is faster (measured).
 #define SHAFT_FROM 3.0f
 
-// Golden ratio - 1 as a fraction of 2^32, and the number of patches along the Hilbert curve that share one stratified
-// distribution of emitters.
+// GOLDEN: golden ratio - 1 as a fraction of 2^32. Consecutive patches along the Hilbert curve share one stratified
+// distribution of emitters; the second value is their number.
 #define GOLDEN 2654435769u
 #define NEIGHBOURS 64
 
@@ -77,7 +77,7 @@ typedef struct {
     Sum sum;               // used for non-uniform emitters
 } Run;
 
-// Grid of points in a texel, per axis, at which unoccluded irradiance is averaged if it varies over the texel.
+// Points per axis of a grid in the texel, at which irradiance without shadow is averaged if it varies over the texel.
 #define GRID 4
 
 float3 open_over_texel(const Rays *rays, __global const Emitter *e, const Receiver *r)
@@ -167,12 +167,12 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
     int step;
     for (int index = 0; total > 0.0f; index += step) {
         if (index == budget || index + offset >= span.x) {
-            // Repeat the emitter with further points of the sequence if only some rays arrived.
+            // If only some of the rays reached the emitter, sample it again with further points of the sequence.
             if (!is_even(&run) && run.rounds < ROUNDS) {
                 ++run.rounds;
                 index = run.first;
             } else {
-                // After the last sample, remaining emitters with a sample of their own follow.
+                // After the last sample of the sequence, emitters with a sample of their own remain.
                 finish_run(&run, &sum);
                 emitter = next_emitter(&walk, &lights, &r, index == budget ? INFINITY : index + offset, &span);
                 if (index == budget && emitter < 0)
@@ -186,8 +186,8 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
                 }
             }
         }
-        // A sample of an emitter's own does not advance the common sequence. With lights too bright for float32 the
-        // span may be NaN.
+        // A sample that an emitter gets by itself does not advance the common sequence. For lights too bright for
+        // float32 the span may be NaN.
         step = index < budget && !(index + offset >= span.x);
         if (emitter < 0)
             continue;

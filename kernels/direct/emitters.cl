@@ -67,8 +67,8 @@ float in_cone(__global const Emitter *e, const float3 away, const float cos_half
     return t * t * (3.0f - 2.0f * t);
 }
 
-// Samples a spherical light from inside: constant radiance from all directions, cosine-distributed, also for spots
-// (Cycles, kernel/light/spot.h).
+// Samples a spherical light whose inside contains the receiver: constant radiance from all directions,
+// cosine-distributed, also for spots (Cycles, kernel/light/spot.h).
 Sample sample_around(__global const Emitter *e, const float3 centre, const float3 up, const float2 u)
 {
     float3 x, y;
@@ -379,8 +379,8 @@ bool is_far(__global const Emitter *e, const Receiver *r)
 // Lights nearer than this fraction of a texel's width are spread over the texel in estimates.
 #define SPREAD 0.1f
 
-// Estimates a point or spot light's luminous intensity in a direction. A share of its mean is added, since other points
-// of the texel see other directions.
+// Estimates a point or spot light's luminous intensity in a direction. A fraction of the mean intensity is added, since
+// the direction differs across the texel.
 float own_strength(__global const Emitter *e, const Modulations *modulations, const float3 away, const float distance)
 {
     if (e->modulation == 0)

@@ -44,7 +44,7 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
         return 0.0f;
     *open = radius > OPENING * d;
 
-    // Lower bounds cover parts of the node that the estimate at its centre misses.
+    // Use lower bounds where the estimate at the node's centre misses parts of the node.
     const float3 squares = away * away;
     const float3 products = (float3)(away.x * away.y, away.x * away.z, away.y * away.z);
     const float squared = dot(vload3(0, node->squares), squares) + 2.0f * dot(vload3(0, node->products), products);
@@ -90,8 +90,8 @@ float total_weight(const Lights *lights, const int root, const Receiver *r, floa
     }
 }
 
-// State of the descent. Samples lie at integer steps on a line, on which each emitter owns an interval. The stack holds
-// nodes with the end and width of their intervals; a negative width is not computed yet.
+// State of the descent through the light tree. Samples lie at integer steps on a line, on which each emitter owns an
+// interval. The stack holds nodes with the end and width of their intervals; a negative width is not computed yet.
 typedef struct {
     int codes[TREE_STACK];
     float2 spans[TREE_STACK];
@@ -155,7 +155,7 @@ int next_emitter(Walk *walk, const Lights *lights, const Receiver *r, const floa
         const int2 halves = vload2(0, lights->nodes[code].children);
         float2 first = *span, second = *span;
         if (!open) {
-            // Inner intervals are split in proportion to the estimated irradiance of the two children.
+            // The two children divide their parent's interval in proportion to their estimated irradiance.
             bool ignored;
             const float a = weight_of(lights, halves.x, r, &ignored);
             const float b = weight_of(lights, halves.y, r, &ignored);

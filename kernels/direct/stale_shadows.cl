@@ -11,8 +11,8 @@ float reach_of(const Receiver *r)
     return 1.001f * (0.5f * (length(r->edge_u) + length(r->edge_v)) + 2.0f * r->height + r->lifted * longest);
 }
 
-// Returns true if a ball intersects the convex hull of two balls: one of radius `here` at the origin, one of radius
-// `there` at `to`. Minimises |t to - centre| - (1 - t) here - t there, a convex function of t in 0..1.
+// Returns true if a ball intersects the convex hull of two other balls: radius `here` at the origin, radius `there` at
+// `to`. Minimises |t to - centre| - (1 - t) here - t there, a convex function of t in 0..1.
 bool is_between(const float3 centre, const float radius, const float here, const float3 to, const float there)
 {
     const float apart = length(to), growth = (there - here) / fmax(apart, 1e-30f);

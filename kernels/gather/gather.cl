@@ -64,7 +64,8 @@ __kernel void gather(__global const Front4 *cache, __global const float4 *multip
     }
 }
 
-// Variant for when the background light already includes the gathered light.
+// Variant of the kernel for background light that already includes the gathered light: only stores irradiance and
+// defect.
 __kernel void store_gathered(LIGHT_ARGUMENTS)
 {
     const int patch = get_global_id(0);

@@ -7,7 +7,7 @@
 // Gathers L1 of indirect light from the visibility cache and adds L1 of the background light. Sums are in the local
 // frame of each view (right, up, normal) and rotated to world space at the end.
 
-// Returns l1_of_direction of sample i in the local frame, times its weight.
+// Returns the L1 of sample i per unit of light, in the local frame of the view, times the sample's weight.
 #ifdef COSINE
 // pattern: cosine and sine of each sample's azimuth, and squared radius on the disk, before the shift of the patch. The
 //     azimuth shift is common to all samples of a patch, so the sum is rotated instead.

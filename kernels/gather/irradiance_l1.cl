@@ -3,7 +3,7 @@
 // L1 of irradiance: a vector l1 per channel with E(n')/pi = E(n)/pi + l1 . (n' - n) for normals n' near n (normal
 // maps).
 
-// rgb for each world axis. Without DIRECTIONAL, additions compile to nothing.
+// L1 of a patch: rgb for each world axis. Without DIRECTIONAL, additions compile to nothing.
 typedef struct {
     float4 x, y, z;
 } L1;

@@ -3,7 +3,7 @@
 
 #define AXES 6  // three of position, then three of the normal
 
-// Returns the cube coordinate along one axis.
+// Returns the integer coordinate of a hash grid cube along one axis.
 long cube_at(const float place, const float inverse)
 {
     return (long)floor(place * inverse);
@@ -50,7 +50,7 @@ __kernel void find_edge_neighbours(__global const float *boxes, __global const i
         last[axis] = cube_at(high[axis], inverse);
     }
 
-    // A box covers one or two cubes along each axis.
+    // Hash the cubes that the box covers: one or two along each axis.
     for (int corner = 0; corner < 8; ++corner) {
         long cube[3], key = rank * factors.w;
         bool repeated = false;

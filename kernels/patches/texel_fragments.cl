@@ -178,7 +178,7 @@ __kernel void points_in_texels(__global const float *uvs, __global const int *tr
     if (found >= GRID_FROM * points)
         return;
 
-    // Charts smaller than a texel, and corners of large charts.
+    // Take the points inside the covered part, for charts smaller than a texel and corners of large charts.
     float covered = 0.0f;
     for (int piece = starts[i]; piece < starts[i + 1]; ++piece)
         covered += areas[piece];

@@ -100,7 +100,7 @@ __kernel void spread_along_links(__global const int *neighbours, __global const 
     }
 }
 
-// The same along seams: the mean of all unknowns in their seam rows.
+// Initialises further unknowns without points along seams: by the mean of all unknowns in their seam rows.
 __kernel void spread_along_seams(__global const int *starts, __global const int *seams, __global const int *columns,
                                  const uchar round, __global uchar *reached, __global float4 *solution,
                                  const int count)
@@ -130,7 +130,7 @@ __kernel void spread_along_seams(__global const int *starts, __global const int 
     }
 }
 
-// Widens the range of each unknown to the ranges of unknowns that share sample points with it.
+// Widens the range of each unknown to the ranges of unknowns that the same lookups read.
 __kernel void widen_ranges(__global const int *neighbours, __global const uint *linked, __global const float4 *low,
                            __global const float4 *high, __global float4 *wide_low, __global float4 *wide_high,
                            const int count)

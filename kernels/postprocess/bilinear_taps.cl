@@ -6,7 +6,7 @@
 // Distance from a row or column of texel centres below which a position counts as on it, texels.
 #define ON_CENTRE 0.001953125f
 
-// Lower left and upper right texel, and the weight of the latter along each axis.
+// Taps of a bilinear lookup: lower left and upper right texel, and the weight of the latter along each axis.
 typedef struct {
     int2 near, far;
     float2 part;
@@ -24,7 +24,7 @@ Footprint footprint_at(const float2 position, const int resolution)
     return f;
 }
 
-// Returns a tap's texel. Corners: 0 lower left, 1 lower right, 2 upper left, 3 upper right.
+// Returns the texel (column, row) of one of the four taps: 0 lower left, 1 lower right, 2 upper left, 3 upper right.
 int2 corner_of(const Footprint *f, const int corner)
 {
     return (int2)(corner & 1 ? f->far.x : f->near.x, corner & 2 ? f->far.y : f->near.y);

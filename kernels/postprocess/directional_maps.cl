@@ -42,7 +42,7 @@ __kernel void dominant_direction(GIVEN, __global float *direction, const int cou
     vstore3(all > 0.0f ? along / all : (float3)(0.0f), i, direction);
 }
 
-// Returns a ratio per channel; 0 where the mean is 0.
+// Returns across / mean per channel; 0 where the mean is 0.
 float3 part_of(const float3 across, const float3 mean)
 {
     return (float3)(mean.x > 0.0f ? across.x / mean.x : 0.0f, mean.y > 0.0f ? across.y / mean.y : 0.0f,

@@ -9,8 +9,8 @@
 
 #define FAR 65535  // no known texel within reach
 
-// Images are stored one output after another, each for all lightmaps. Outputs share the states of the lightmaps'
-// texels.
+// Index of the lightmap. Images are stored one output after another, each for all lightmaps; outputs share the states
+// of texels.
 #define ATLAS (get_global_id(2) % atlases)
 #define IN_ATLAS(x, y) ((ATLAS * height + (y)) * width + (x))
 

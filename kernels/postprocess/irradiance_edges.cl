@@ -67,7 +67,8 @@ __kernel void noise_of_blocks(__global const uint *entries, __global const float
                 values[count++] = off[place];
         }
 
-    // Select by rank: count smaller values, with ties in list order.
+    // Select the noise quantile by rank: count the smaller values of each; equal values are ordered by position in the
+    // list.
     const int rank = (int)(EVEN * count);
     noise[texel] = 0.0f;
     for (int i = 0; i < count; ++i) {

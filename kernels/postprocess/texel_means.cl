@@ -41,7 +41,7 @@ bool is_fitted(const uchar state) { return state & BEYOND || ((state & CUT) && !
 // Declares column and row of a texel.
 #define COLUMN_AND_ROW(texel) const int column = (texel) % resolution, row = (texel) / resolution % resolution
 
-// Loops over the 3 x 3 texels around one, within the lightmap; number of the texel there, or -1.
+// Loop over the 3 x 3 texels around the current one, within the lightmap. `there`: number of the texel, or -1.
 #define AROUND \
     for (int up = max(-1, -row); up <= min(1, resolution - 1 - row); ++up) \
         for (int right = max(-1, -column); right <= min(1, resolution - 1 - column); ++right)
@@ -63,7 +63,7 @@ void add_to(float4 *sum, float4 *left, const float4 value)
     *sum = total;
 }
 
-// Packs samples to float4 as described above.
+// Packs position and weight of each sample into a float4.
 __kernel void list_samples(__global const float *positions, __global const float *weights,
                            __global const uchar *visible, __global float4 *samples, const int count)
 {
@@ -273,7 +273,7 @@ __kernel void extrapolate_texels(__global const uint *texels, __global const uin
     light[i] = sum / number;
 }
 
-// Bilinear taps of a sample: texel numbers, -1 without weight.
+// Bilinear taps of a sample: numbers of the four texels, -1 for texels with weight 0.
 typedef struct {
     int number[4];
     float weight[4];

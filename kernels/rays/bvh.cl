@@ -58,8 +58,8 @@ __kernel void morton_keys(__global const float *positions, const float scale,
     keys[i] = code << number_bits | (ulong)i;
 }
 
-// Clusters are stored as six rows of floats (low x, y, z, high x, y, z) with FAR padding entries at both ends. Row
-// `cluster` holds the binary node of each.
+// Clusters are stored as six rows of floats (low x, y, z, high x, y, z) with FAR padding entries at both ends. The
+// array `cluster` holds the binary node of each cluster.
 void store_box(__global float *rows, const int stride, const int i, const Box box)
 {
     __global float *at = rows + FAR + i;

@@ -30,7 +30,7 @@ class DrawList:
 def whole_draws(first: np.ndarray) -> np.ndarray:
     """Return a draw command of each whole cluster with 0 instances, (c, 5) uint32.
 
-    first: (c + 1,) start of each cluster, `TriangleClusters.first`
+    first:  (c + 1,) start of each cluster, `TriangleClusters.first`
     """
     commands = np.zeros((len(first) - 1, 5), np.uint32)
     commands[:, 0], commands[:, 2] = 3 * np.diff(first), 3 * first[:-1]

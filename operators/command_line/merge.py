@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..result.manifest import NAME, manifest, read_manifest
+from ..result.manifest import NAME, manifest, read_manifest, read_sections
 from .options import CommandError, Parser
 from .signals import Signals
 
@@ -50,7 +50,7 @@ def merge_parts(options: argparse.Namespace, _: Signals) -> dict:
         )
     reports = {name: _read(folder / name / REPORT) for name in names}
     whole = _sum(reports)
-    _write(folder / NAME, manifest(_lightmaps(folder, names)))
+    _write(folder / NAME, manifest(_lightmaps(folder, names), _sections(folder, names)))
     _write(folder / REPORT, whole)
     return whole
 
@@ -98,6 +98,27 @@ def _lightmaps(folder: Path, names: Sequence[str]) -> dict[str, dict]:
         for name in names
         for file, entry in read_manifest(folder / name).items()
     }
+
+
+def _sections(folder: Path, names: Sequence[str]) -> dict[str, dict | list]:
+    """Return states, probes and reflections of all parts; of states with one name the last part's is kept."""
+    merged: dict[str, dict | list] = {"states": {}, "probes": [], "reflections": []}
+    for name in names:
+        known = read_sections(folder / name)
+        merged["states"] |= known.get("states", {})
+        for key in ("probes", "reflections"):
+            merged[key] += [_with_paths(entry, name) for entry in known.get(key, [])]
+    return merged
+
+
+def _with_paths(entry: dict, name: str) -> dict:
+    """Return a probe's entry with the paths of its files relative to the folder of all parts."""
+    moved = dict(entry)
+    if "file" in entry:
+        moved["file"] = f"{name}/{entry['file']}"
+    if "files" in entry:
+        moved["files"] = [f"{name}/{file}" for file in entry["files"]]
+    return moved
 
 
 def _moved(entry: dict, name: str) -> dict:

@@ -10,10 +10,12 @@ A folder of lightmaps holds one `hemibake.json`; docs/reference/report_and_manif
         "intensity": 34.4932, "decode_texel": "light = ...", "range": 34.4932, "gamma": 2.2,
         "sha256": "...", "replaced": "..."}},
      "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0],
-        "blend": "../house.blend", "maps": {"combined": "house_Lightmap.png"}}]}
+        "blend": "../house.blend", "maps": {"combined": "house_Lightmap.png"}}],
+     "groups": [{"name": "Lamps", "output": "light_group Lamps"}],
+     "states": {"Night": {"Lamps": [1.0, 0.8, 0.6]}}}
 
-`objects` says the same as `lightmaps` from the side of an object; files that only Blender shows are left out.
-A linked object has its "library", too: a local one may have the same name.
+`objects` lists the maps of each object; files that only Blender shows are left out. A linked object has its
+"library", too: a local one may have the same name. docs/reference/manifest.schema.json describes all keys.
 
 A file is Hemibake's as long as its bytes are those that were written, `sha256`, or those that it replaced,
 `replaced`: a bake may have been killed when the manifest was written and the file was not.
@@ -27,18 +29,29 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from ...engine.outputs import LIGHT_GROUP
+
 #: File name of the manifest.
 NAME = "hemibake.json"
 
 #: Of the layout of the manifest.
-_VERSION = 2
+VERSION = 2
+
+#: Keys that no entry of a file determines: a writer replaces its own and keeps the others.
+SECTIONS = ("states", "probes", "reflections")
 
 
 def read_manifest(folder: Path) -> dict[str, dict]:
     """Return the manifest entries of a folder by file; empty if there is no readable manifest."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        return dict(json.loads((folder / NAME).read_text(encoding="utf-8"))["lightmaps"])
+    with suppress(KeyError, TypeError, ValueError):
+        return dict(_read(folder)["lightmaps"])
     return {}
+
+
+def read_sections(folder: Path) -> dict[str, dict | list]:
+    """Return the sections of a folder's manifest by key; empty if there is no readable manifest."""
+    known = _read(folder)
+    return {key: known[key] for key in SECTIONS if known.get(key)}
 
 
 def is_ours(known: dict[str, dict], path: Path, blend: str) -> bool:
@@ -50,12 +63,18 @@ def is_ours(known: dict[str, dict], path: Path, blend: str) -> bool:
 
 
 def write_manifest(
-    path: Path, folder: Path, staged: Sequence[Path], names: Sequence[str], facts: Sequence[dict]
+    path: Path,
+    folder: Path,
+    staged: Sequence[Path],
+    names: Sequence[str],
+    facts: Sequence[dict],
+    sections: Mapping[str, dict | list] | None = None,
 ) -> None:
     """Write the manifest of a folder for the time after the staged files are renamed; raises OSError.
 
-    facts:  entry of each file: "blend", "atlas", "output", "objects", its encoding, and "decode" if a formula
-            is needed to use it
+    facts:     entry of each file: "blend", "atlas", "output", "objects", its encoding, and "decode" if a
+               formula is needed to use it
+    sections:  keys of SECTIONS to replace; an empty value removes the key
     """
     known = {name: entry for name, entry in read_manifest(folder).items() if (folder / name).exists()}
     for new, name, fact in zip(staged, names, facts, strict=True):
@@ -65,12 +84,37 @@ def write_manifest(
         known[name] = {**fact, "sha256": sha256}
         if before != sha256:
             known[name]["replaced"] = before
-    path.write_text(json.dumps(manifest(known), indent=1), encoding="utf-8")
+    written = manifest(known, {**read_sections(folder), **(sections or {})})
+    path.write_text(json.dumps(written, indent=1), encoding="utf-8")
 
 
-def manifest(known: Mapping[str, dict]) -> dict:
-    """Return the contents of a manifest from the entries of its files."""
-    return {"version": _VERSION, "lightmaps": dict(known), "objects": _by_object(known)}
+def manifest(known: Mapping[str, dict], sections: Mapping[str, dict | list] | None = None) -> dict:
+    """Return the contents of a manifest from the entries of its files and its nonempty sections."""
+    optional = {"groups": light_groups(known), **(sections or {})}
+    return {
+        "version": VERSION,
+        "lightmaps": dict(known),
+        "objects": _by_object(known),
+        **{key: value for key, value in optional.items() if value},
+    }
+
+
+def light_groups(known: Mapping[str, dict]) -> list[dict[str, str]]:
+    """Return the light groups of the files of a manifest in the order of the files, with their outputs."""
+    outputs = dict.fromkeys(entry.get("output", "") for entry in known.values())
+    return [
+        {"name": output.removeprefix(LIGHT_GROUP), "output": output}
+        for output in outputs
+        if output.startswith(LIGHT_GROUP)
+    ]
+
+
+def _read(folder: Path) -> dict:
+    """Return the contents of a folder's manifest; empty if there is no readable manifest."""
+    with suppress(OSError, ValueError):
+        known = json.loads((folder / NAME).read_text(encoding="utf-8"))
+        return known if isinstance(known, dict) else {}
+    return {}
 
 
 def _by_object(known: Mapping[str, dict]) -> list[dict]:

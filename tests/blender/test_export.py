@@ -23,6 +23,7 @@ from tests.blender.things import (
     snapshot,
     square,
 )
+from tests.json_schema import faults
 
 
 def bake():
@@ -222,7 +223,9 @@ def test_every_instance_has_its_place(tmp_path, show):
             other.shape == rows.shape and np.abs(unique_rows(rows) - other).max() < 1e-4 for other in found
         ), surface.matrix
     assert len({surface.place.offset for surface in wanted}) == len(wanted)
-    listed = json.loads((tmp_path / "hemibake.json").read_text())["objects"]
+    manifest = json.loads((tmp_path / "hemibake.json").read_text())
+    assert faults(manifest) == []
+    listed = manifest["objects"]
     told_apart = {(entry.get("instancer"), str(entry.get("persistent_id"))) for entry in listed}
     assert len(told_apart) == len(listed) == len(wanted)
 

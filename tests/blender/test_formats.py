@@ -18,6 +18,7 @@ from tests.blender.things import (
     snapshot,
     square,
 )
+from tests.json_schema import faults
 from tools.headless import ROOT
 
 #: Names and endings of the files of each format: the one that Blender shows, and the one for engines.
@@ -67,7 +68,9 @@ def loaded(path: Path, colours: str = "Non-Color") -> np.ndarray:
 
 
 def manifest(folder: Path) -> dict:
-    return json.loads((folder / "lightmaps" / "hemibake.json").read_text())
+    manifest = json.loads((folder / "lightmaps" / "hemibake.json").read_text())
+    assert faults(manifest) == []
+    return manifest
 
 
 def noise(seed=4, shape=(61, 97)) -> np.ndarray:
@@ -268,7 +271,9 @@ def test_every_key_of_manifests_is_documented(settings, tmp_path):
     part("operators.command_line.pictures").write_pictures([bpy.data.images["Lightmap instances"]], folder)
     assert bpy.ops.hemibake.export_for_engine(filepath=str(folder / "room.glb")) == {"FINISHED"}
     found |= keys(manifest(tmp_path))
-    assert found | {"library"} == documented_keys()  # of linked objects: test_destination.py
+    # Of linked objects: test_destination.py. Of light groups, states and probes: test_manifest.py.
+    others = {"library", "groups", "states", "probes", "reflections"}
+    assert found | others == documented_keys()
 
 
 # What a format cannot hold.

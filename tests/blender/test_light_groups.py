@@ -7,6 +7,7 @@ import pytest
 
 from tests.blender.test_preview_render import Nodes, render, shown_square, stage
 from tests.blender.things import bpy_link, part, pixels, report, snapshot
+from tests.json_schema import faults
 from tests.rows import long
 
 __all__ = ["stage"]
@@ -48,7 +49,10 @@ def test_groups_of_the_view_layer_become_images_and_files(lit, tmp_path):
     combined, *groups = (pixels(bpy.data.images[name])[..., :3].astype(np.float64) for name in names)
     assert np.abs(sum(groups) - combined).max() <= 1e-5 * combined.mean()
     assert groups[0].any() and groups[1].any() and not groups[2].any()
-    entries = json.loads((tmp_path / "lightmaps" / "hemibake.json").read_text())["lightmaps"]
+    manifest = json.loads((tmp_path / "lightmaps" / "hemibake.json").read_text())
+    assert faults(manifest) == []
+    assert [group["name"] for group in manifest["groups"]] == ["Day", "Night", "Nobody"]
+    entries = manifest["lightmaps"]
     assert {entry["output"] for entry in entries.values()} == {
         "combined", "light_group Day", "light_group Night", "light_group Nobody"
     }  # fmt: skip

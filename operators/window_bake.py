@@ -123,7 +123,7 @@ def redraw(manager: bpy.types.WindowManager, regions: set[str] | None = None) ->
     for window in manager.windows:
         for area in window.screen.areas:
             if regions is None:
-                area.tagredraw()
+                area.tag_redraw()
             elif area.type == "VIEW_3D":
                 for region in [region for region in area.regions if region.type in regions]:
-                    region.tagredraw()
+                    region.tag_redraw()

@@ -291,6 +291,14 @@ def test_window_that_draws_slowly_is_redrawn_seldom(operator, context, window, m
         bake.leave()
 
 
+@pytest.mark.parametrize("regions", [None, {"UI"}])
+def test_redraw_reaches_the_editors_of_a_real_screen(regions):
+    import bpy
+
+    assert any(area.type == "VIEW_3D" for area in bpy.context.window_manager.windows[0].screen.areas)
+    part("operators.window_bake").redraw(bpy.context.window_manager, regions)
+
+
 def test_escape_over_another_editor_is_for_that_editor(operator, context, window):
     furnace()
     operator.invoke(context, None)

@@ -1,4 +1,4 @@
-"""File of raster rates of this machine, from one bake to the next."""
+"""Bounds of the rate at which a device draws hemicubes: measured in earlier bakes, and by its triangles."""
 
 from __future__ import annotations
 
@@ -7,6 +7,22 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..json_file import read_json, write_json
+
+#: Triangles per second that no graphics card, and no driver that draws on the CPU, exceeds (chosen; llvmpipe
+#: draws 1.7e6 on two busy cores).
+_CARD_TRIANGLES, _CPU_TRIANGLES = 5e10, 5e7
+
+#: Parts of the names of drivers that draw on the CPU.
+_CPU_DRIVERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader", "GDI Generic", "Basic Render")
+
+
+def hemicubes_bound(device: str, triangles: int) -> float:
+    """Return a maximum number of hemicubes per second, each of which draws every triangle once.
+
+    device: name of the OpenGL renderer
+    """
+    on_cpu = any(name in device for name in _CPU_DRIVERS)
+    return (_CPU_TRIANGLES if on_cpu else _CARD_TRIANGLES) / max(1, triangles)
 
 
 class DrawingRates:

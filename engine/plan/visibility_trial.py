@@ -13,7 +13,7 @@ from ..visibility.raster.raster_sampler import RasterSampler
 from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.sampler import VisibilitySampler
 from .memory import memory_budget, visibility_passes
-from .rates import DrawingRates
+from .rates import DrawingRates, hemicubes_bound
 from .solve_job import SolveJob
 
 #: Names of the visibility samplers.
@@ -26,7 +26,7 @@ _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 #: long.
 _SHORT = 0.5
 
-#: Speed ratio of rays to the fastest raster recorded on this device; above it raster is not tried.
+#: Speed ratio of rays to the fastest possible raster on this device; above it raster is not tried.
 _CLEARLY = 4
 
 
@@ -84,10 +84,10 @@ def _why_alone(job: SolveJob, sampler: VisibilitySampler, rate: float) -> str:
     """Return the reason not to try raster, given a rate in patches per second; empty if it is tried."""
     if rate * _SHORT > job.count * visibility_passes(job, sampler):
         return f"{sampler.name} need {job.count / rate:.2g} s for all patches"
-    drawing, texels = _drawing_rates(job)
-    drawn = drawing.bound(len(job.parts.triangles.positions)) / texels
+    (drawing, texels), triangles = _drawing_rates(job), len(job.parts.triangles.positions)
+    drawn = min(drawing.bound(triangles) / texels, hemicubes_bound(job.graphics.name, triangles))
     if rate > _CLEARLY * drawn:
-        return f"raster reached at most {drawn:,.0f} on this device"
+        return f"raster reaches at most {drawn:,.0f} on this device"
     return ""
 
 

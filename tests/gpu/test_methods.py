@@ -134,6 +134,14 @@ def test_drawing_is_not_tried_where_rays_take_a_moment(paper, monkeypatch):
     assert report.visibility == "rays" and "Nothing else was tried" in " ".join(report.reasons)
 
 
+def test_drawing_is_not_tried_where_it_cannot_be_as_fast(paper, monkeypatch):
+    """Hemicubes of hundreds of thousands of triangles took half a minute to try on a CPU."""
+    monkeypatch.setattr(visibility_trial, "_SHORT", 0)
+    monkeypatch.setattr(visibility_trial, "hemicubes_bound", lambda device, triangles: 3.0)
+    report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
+    assert report.visibility == "rays" and "raster reaches at most 3" in " ".join(report.reasons)
+
+
 @pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_cached_bakes_are_repeatable(visibility):
     world, settings = np.float32([1, 2, 3]), dataclasses.replace(SETTINGS, visibility=visibility)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from engine.plan.rates import DrawingRates
+from engine.plan.rates import DrawingRates, hemicubes_bound
 
 
 def test_smaller_scenes_bound_larger_ones_and_not_the_other_way(tmp_path):
@@ -46,3 +46,9 @@ def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path):
         rates = DrawingRates(folder, "Card", 32)
         rates.learn(12, 3.0)
         assert rates.bound(12) == math.inf
+
+
+def test_a_driver_on_the_cpu_draws_large_scenes_slowly():
+    assert hemicubes_bound("llvmpipe (LLVM 15.0.6, 256 bits)", 434_242) < 200
+    assert hemicubes_bound("NVIDIA H100 80GB HBM3/PCIe", 434_242) > 100_000
+    assert hemicubes_bound("Card", 0) > 0

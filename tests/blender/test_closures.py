@@ -142,6 +142,8 @@ TREES = {
     ),
     "principled": closure("BsdfPrincipled", Base_Color=COLOR, Emission_Color=OTHER, **HALF_GLASS),
     "principled_glass": closure("BsdfPrincipled", Base_Color=COLOR, IOR=1.45, Transmission_Weight=1.0),
+    "metal": closure("BsdfPrincipled", Base_Color=COLOR, Metallic=0.7, Roughness=0.9, Alpha=0.8),
+    "glossy": mixed(closure("BsdfAnisotropic", Color=COLOR, Roughness=0.4), DIFFUSE, 0.25),
     "curtain": mixed(DIFFUSE, closure("BsdfTranslucent", Color=OTHER), 0.5),
     "tinted_sheet": mixed(DIFFUSE, TINT, 0.5),
     "glow": added(CLEAR, GLOW),
@@ -230,8 +232,69 @@ def test_nodes_that_are_not_connected_cost_no_evaluation():
     depends = part("operators.scene.materials.object_nodes").dependence(tree)
     passes = part("operators.scene.materials.evaluated_passes").passes_of(surface, depends, True)
     assert [each.quantity for each in passes] == ["through"]
-    metal = shader_material(grouped(closure("BsdfGlossy")))
-    assert not part("operators.scene.materials.evaluated_passes").passes_of(metal, depends, True)
+    sheen = shader_material(grouped(closure("BsdfSheen")))
+    assert not part("operators.scene.materials.evaluated_passes").passes_of(sheen, depends, True)
+
+
+def metal(conductor):
+    """Return a builder of a Metallic BSDF; a physical conductor without multiple scattering, or F82."""
+
+    def build(tree):
+        result = node(tree, "BsdfMetallic", Base_Color=COLOR, Roughness=0.7)
+        if conductor:
+            result.fresnel_type, result.distribution = "PHYSICAL_CONDUCTOR", "GGX"
+            result.inputs["IOR"].default_value = (0.2, 0.9, 1.4)
+            result.inputs["Extinction"].default_value = (3.1, 2.4, 1.8)
+        return result.outputs[0]
+
+    return build
+
+
+@pytest.mark.parametrize("conductor", [False, True])
+def test_metals_agree_with_cycles(conductor):
+    import bpy
+
+    if not hasattr(bpy.types, "ShaderNodeBsdfMetallic"):
+        pytest.skip("Blender 4.3 introduced the Metallic BSDF")
+    surface = shader_material(metal(conductor))
+    fast, general = read(surface), evaluated(surface)
+    assert fast["reflectance"] == pytest.approx(general["reflectance"], rel=2e-3)
+    assert 0.1 < fast["reflectance"].min() < fast["reflectance"].max() < 0.9
+
+
+def test_rough_metal_loses_energy_between_its_microfacets():
+    """Albedos that give Cycles' light in a closed metal room of roughness 1, per cent: 76, 47, 28."""
+    albedo = part("operators.scene.materials.gloss").metal_albedo(np.array([0.9, 0.7, 0.5]), 1.0, True)
+    assert albedo == pytest.approx([0.76, 0.47, 0.28], rel=0.12)
+    smooth = part("operators.scene.materials.gloss").metal_albedo(np.array([0.9, 0.7, 0.5]), 0.0, False)
+    assert smooth == pytest.approx([0.905, 0.714, 0.524], abs=1e-3)
+
+
+def glossy(roughness=0.2, color=COLOR):
+    return closure("BsdfAnisotropic", Color=color, Roughness=roughness)
+
+
+MIRRORS = {
+    "mirror": (glossy(), True),
+    "in_a_group": (grouped(glossy()), True),
+    "rough": (glossy(0.8), False),
+    "black": (glossy(color=(0.1, 0.1, 0.1)), False),
+    "coat": (mixed(DIFFUSE, glossy(), 0.2), False),
+    "half": (mixed(DIFFUSE, glossy(), output_of("TexNoise", "Color")), True),
+    "pane": (mixed(CLEAR, glossy(), output_of("Fresnel", "Fac")), False),
+    "metal": (closure("BsdfPrincipled", Metallic=1.0, Roughness=0.3), True),
+    "plastic": (closure("BsdfPrincipled", Roughness=0.1), False),
+    "sum": (added(GLOW, glossy()), True),
+}
+
+
+@pytest.mark.parametrize("name", MIRRORS)
+def test_mirrors_are_named(name):
+    build, is_named = MIRRORS[name]
+    notes = part("operators.scene.materials.surface_notes").SurfaceNotes(True)
+    notes.add(shader_material(build))
+    named = [note for note in notes.sentences() if "instead of mirroring it: 'Tree'" in note]
+    assert len(named) == is_named
 
 
 def test_unknown_closures_are_named():

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 import bpy
 
 from ...compat import node_input
+from .gloss import GLOSSY, METALLIC, glossy_nodes, metal_nodes
 from .socket_math import Operand, SocketMath
 
 #: The quantities of a surface that evaluations of its node tree return.
@@ -24,9 +25,8 @@ EMITTERS = frozenset({"ShaderNodeEmission", "ShaderNodeBackground"})
 
 #: Closures with neither diffuse light nor straight-through transmittance.
 DARK = frozenset({
-    "ShaderNodeBsdfGlossy", "ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfMetallic", "ShaderNodeBsdfSheen",
-    "ShaderNodeBsdfVelvet", "ShaderNodeBsdfHair", "ShaderNodeBsdfHairPrincipled", "ShaderNodeHoldout",
-    "ShaderNodeBsdfRayPortal", "ShaderNodeVolumeAbsorption", "ShaderNodeVolumeScatter",
+    "ShaderNodeBsdfSheen", "ShaderNodeBsdfVelvet", "ShaderNodeBsdfHair", "ShaderNodeBsdfHairPrincipled",
+    "ShaderNodeHoldout", "ShaderNodeBsdfRayPortal", "ShaderNodeVolumeAbsorption", "ShaderNodeVolumeScatter",
     "ShaderNodeVolumePrincipled", "ShaderNodeVolumeCoefficients",
 })  # fmt: skip
 
@@ -144,9 +144,14 @@ def _forward(math: SocketMath, node: bpy.types.Node) -> Operand:
 
 
 def _principled_reflect(math: SocketMath, node: bpy.types.Node) -> Operand:
-    if not _is_thin(node):
-        return _diffuse(math, node)
-    return math.multiply(_diffuse(math, node), math.complement(_forward(math, node)))
+    diffuse = _diffuse(math, node)
+    if _is_thin(node):
+        diffuse = math.multiply(diffuse, math.complement(_forward(math, node)))
+    metallic = node.inputs["Metallic"]
+    if not _may_exceed(metallic, 0.0):
+        return diffuse
+    metal = math.multiply(math.clamp(node.inputs["Alpha"]), math.clamp(metallic), metal_nodes(math, node))
+    return math.add(diffuse, metal)
 
 
 def _principled_transmit(math: SocketMath, node: bpy.types.Node) -> Operand:
@@ -183,6 +188,8 @@ _RULES: dict[str, dict[str, Rule]] = {
         "ShaderNodeBsdfDiffuse": _color,
         "ShaderNodeBsdfToon": _color,
         "ShaderNodeSubsurfaceScattering": _color,
+        **dict.fromkeys(GLOSSY, glossy_nodes),
+        METALLIC: metal_nodes,
         PRINCIPLED: _principled_reflect,
     },
     "transmit": {"ShaderNodeBsdfTranslucent": _color, PRINCIPLED: _principled_transmit},

@@ -12,6 +12,7 @@ from ....engine.scene.model import Material
 from ...compat import node_input, node_tree
 from .closures import DARK, EMITTERS, GLASS, PRINCIPLED, REFRACTION
 from .engine_materials import Sides, to_material
+from .gloss import GLOSSY, METALLIC, conductor_color, glossy_albedo, is_conductor, keeps_energy, metal_albedo
 from .normal_map_reflectance import bump_factor
 from .object_nodes import Dependence, Source, shown, source_of
 from .pixels import PixelCache
@@ -158,11 +159,12 @@ def _fraction(value: MaterialValue) -> float:
 
 
 def _principled(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
-    """Return the surface of a Principled BSDF: diffuse, emissive and straight-through parts.
+    """Return the surface of a Principled BSDF: diffuse, metallic, emissive and straight-through parts.
 
     The formulas are those of `closures`.
     """
-    dielectric = 1 - _fraction(reader.number(node, "Metallic"))
+    metallic = _fraction(reader.number(node, "Metallic"))
+    dielectric = 1 - metallic
     weight = _fraction(reader.number(node, "Transmission Weight", "Transmission"))
     diffuse, forward = dielectric * (1 - weight), _forward(reader, node)
     albedo = reader.reflectance(node, "Base Color") * diffuse if diffuse else ZERO
@@ -171,13 +173,32 @@ def _principled(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     cover, threshold = reader.alpha(node.inputs["Alpha"])
     passed = dielectric * weight if reader.glass else 0.0
     return DiffuseSurface(
-        reflect=albedo * (1 - forward),
+        reflect=albedo * (1 - forward) + (_metal(reader, node) * metallic if metallic else ZERO),
         emit=ZERO if strength.is_zero else emission * strength,
         transmit=albedo * forward if forward else ZERO,
         through=passed * _principled_glass(reader, node) if passed else np.zeros(3),
         cover=cover,
         threshold=threshold,
     )
+
+
+def _metal(reader: ShaderReader, node: bpy.types.Node) -> MaterialValue:
+    """Return the albedo of a Principled or Metallic BSDF as a metal; raises ComplexError for textures."""
+    if is_conductor(node):
+        color = conductor_color(*(_plain(reader.colour(node, name)) for name in ("IOR", "Extinction")))
+    else:
+        color = np.clip(_plain(reader.colour(node, "Base Color")), 0, 1)
+    return constant(*metal_albedo(color, _fraction(reader.number(node, "Roughness")), keeps_energy(node)))
+
+
+def _metallic(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
+    return DiffuseSurface(reflect=_metal(reader, node))
+
+
+def _glossy(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
+    color = np.clip(_plain(reader.colour(node, "Color")), 0, 1)
+    roughness = _fraction(reader.number(node, "Roughness"))
+    return DiffuseSurface(reflect=constant(*glossy_albedo(color, roughness, keeps_energy(node))))
 
 
 def _forward(reader: ShaderReader, node: bpy.types.Node) -> float:
@@ -261,6 +282,8 @@ _SHADERS = {
     "ShaderNodeBsdfToon": _diffuse,
     "ShaderNodeSubsurfaceScattering": _diffuse,
     "ShaderNodeBsdfTranslucent": _translucent,
+    **dict.fromkeys(GLOSSY, _glossy),
+    METALLIC: _metallic,
     **dict.fromkeys(EMITTERS, _emission),
     "ShaderNodeBsdfTransparent": _transparent,
     GLASS: _glass,

@@ -31,6 +31,10 @@ class SocketMath:
         """Return the product of values."""
         return reduce(lambda first, second: self._operate("MULTIPLY", first, second), factors)
 
+    def divide(self, first: Operand, second: Operand) -> Operand:
+        """Return the quotient of two values; 0 for a divisor of 0."""
+        return self._operate("DIVIDE", first, second)
+
     def add(self, first: Operand, second: Operand) -> Operand:
         """Return the sum of two values."""
         return self._operate("ADD", first, second)

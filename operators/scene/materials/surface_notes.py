@@ -7,12 +7,13 @@ import bpy
 from ....engine.object_message import counted, listing
 from ...compat import node_tree
 from .closures import is_glass, is_unknown
+from .smooth_metals import is_mirror
 from .sockets import feeding_socket
 from .tree_nodes import used_nodes
 
 
 class SurfaceNotes:
-    """Collects materials that refract light, have a volume or a tinted coat, or contain unknown nodes.
+    """Collects materials that refract or mirror light, have a volume or a tinted coat, or unknown nodes.
 
     glass:  True if refracting closures transmit light without refraction
     """
@@ -20,6 +21,7 @@ class SurfaceNotes:
     def __init__(self, glass: bool) -> None:
         self._glass = glass
         self._refracting: set[str] = set()
+        self._mirrors: set[str] = set()
         self._volumes: set[str] = set()
         self._coats: set[str] = set()
         self._lengths: set[str] = set()
@@ -33,6 +35,8 @@ class SurfaceNotes:
             return
         if feeding_socket(output.inputs["Volume"]).is_output:
             self._volumes.add(material.name)
+        if is_mirror(tree):
+            self._mirrors.add(material.name)
         for node in used_nodes(tree):
             if is_glass(node):
                 self._refracting.add(material.name)
@@ -50,6 +54,11 @@ class SurfaceNotes:
             count = counted(len(self._refracting), "glass material")
             verb = "transmits" if len(self._refracting) == 1 else "transmit"
             notes.append(listing(f"{count} {verb} light without refraction: {{}}.", sorted(self._refracting)))
+        if self._mirrors:
+            count = counted(len(self._mirrors), "smooth metal")
+            verb = "reflects" if len(self._mirrors) == 1 else "reflect"
+            sentence = f"{count} {verb} light in all directions instead of mirroring it: {{}}."
+            notes.append(listing(sentence, sorted(self._mirrors)))
         if self._volumes:
             notes.append(listing("The volumes of materials {} are not baked.", sorted(self._volumes)))
         if self._coats:

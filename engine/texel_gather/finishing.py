@@ -21,6 +21,7 @@ from ..postprocess.refined_texels import RefinedTexels
 from ..postprocess.store import LightmapImages
 from ..progress import Progress, run_as_fraction
 from ..solve.solution import Solution
+from .buried import warn_buried
 from .independent_gather import gather_independent_estimate
 from .texel_sample_gather import TexelSampleLight
 from .texel_sample_points import TexelGatherJob
@@ -53,7 +54,8 @@ class Finishing:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Messages for the user."""
-        return *self._lit.warnings, *self._denoising.warnings
+        buried = warn_buried(self._texels.scene, self._job.parts, self.refined.known)
+        return *self._lit.warnings, *buried, *self._denoising.warnings
 
     @property
     def reasons(self) -> tuple[str, ...]:

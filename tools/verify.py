@@ -25,8 +25,8 @@ SMOOTH, BIAS, ROOM = 2.0, 1.0, 4.0
 _MARKS = ("<!-- table: made by tools/verify.py -->", "<!-- end of table -->")
 
 _TITLES = (
-    "scene", "RMSE", "off edges", "bias", "noise", "of areas", "off edges", "edges", "texels", "hidden",
-    "width", "spp", "in limits",
+    "scene", "RMSE", "off edges", "bias", "noise", "of areas", "off edges", "original", "edges", "texels",
+    "hidden", "width", "spp", "in limits",
 )  # fmt: skip
 
 
@@ -36,7 +36,7 @@ def main() -> None:
     with blender():
         import bpy
 
-        from tools.verification import render_scenes, scenes  # noqa: F401
+        from tools.verification import hair_scenes, material_scenes, object_scenes, render_scenes, scenes  # noqa: F401
         from tools.verification.run import verify, write_difference
 
         scenes.register_files(options.scenes)
@@ -54,7 +54,7 @@ def main() -> None:
             set_up(bpy.context.scene.hemibake, resolution, options.texel_samples)
             started = time.perf_counter()
             try:
-                found = verify(bpy.context, samples)
+                found = verify(bpy.context, samples, scenes.ORIGINALS.get(name))
             except error_type() as error:
                 failed.append(name)
                 rows.append(f"| {name} | not baked: {error} |" + " |" * (len(_TITLES) - 2))
@@ -63,7 +63,7 @@ def main() -> None:
             with quiet_stdout():
                 write_difference(found.difference, options.out / f"{name}.png")
                 write_difference(found.area_difference, options.out / f"{name}_areas.png")
-            good = passes(found.areas, name in scenes.ROOMS)
+            good = passes(found, name in scenes.ROOMS, scenes.NOTES.get(name, ""))
             failed += [] if good else [name]
             rows.append(row(name, found, resolution, samples, good))
             print(rows[-1], f"{time.perf_counter() - started:.0f} s", flush=True)
@@ -101,19 +101,25 @@ def error_type() -> type[Exception]:
     return importlib.import_module(f"{MODULE}.engine.errors").EngineError
 
 
-def passes(areas, is_room: bool) -> bool:
-    """Return whether figures of areas keep their limits."""
+def passes(found, is_room: bool, note: str) -> bool:
+    """Return whether figures of areas keep their limits, and the bake's notes contain some words."""
+    areas = found.areas
     if is_room and 100 * areas.rmse > ROOM:
+        return False
+    if found.original is not None and 100 * abs(found.original) > BIAS:
+        return False
+    if not any(note in each for each in (*found.notes, "")):
         return False
     return 100 * areas.smooth <= SMOOTH and 100 * abs(areas.bias) <= BIAS
 
 
 def row(name: str, found, resolution: int, samples: int, good: bool) -> str:
-    """Return a row of the table."""
+    """Return a row of the table; `good` says if it keeps its limits."""
     figures, areas = found.figures, found.areas
+    original = "" if found.original is None else f"{found.original:+.2%}"
     cells = (
         name, f"{figures.rmse:.2%}", f"{figures.smooth:.2%}", f"{figures.bias:+.2%}", f"{figures.noise:.2%}",
-        f"{areas.rmse:.2%}", f"{areas.smooth:.2%}", f"{figures.edges:.0%}", str(figures.texels),
+        f"{areas.rmse:.2%}", f"{areas.smooth:.2%}", original, f"{figures.edges:.0%}", str(figures.texels),
         str(figures.hidden), str(resolution), str(samples), "yes" if good else "**no**",
     )  # fmt: skip
     return f"| {' | '.join(cells)} |"

@@ -12,6 +12,7 @@ import numpy as np
 from mathutils import Matrix
 
 from tools.headless import MODULE
+from tools.verification.strand_copies import curves_of
 
 #: Sockets of the Principled BSDF that make light shiny: radiosity has none of it.
 _SHINY = ("Specular IOR Level", "Specular", "Coat Weight", "Sheen Weight")
@@ -49,16 +50,18 @@ class RealisedScene:
         self._context = importlib.import_module(f"{MODULE}.operators.scene.scene_context")
         self._visible = importlib.import_module(f"{MODULE}.operators.scene.objects.visible")
         self._evaluation = importlib.import_module(f"{MODULE}.operators.scene.materials.shader_bake")
+        self._hair = importlib.import_module(f"{MODULE}.operators.scene.objects.strands")
         self._layers = importlib.import_module(f"{MODULE}.operators.scene.uvs.lightmap_layer")
         self._uv_layer = context.scene.hemibake.uv_layer
         self._scene = bpy.data.scenes.new("Reference")
         self._scene.world = context.scene.world
+        self._override = context.view_layer.material_override
         self._atlases = read.scene.atlases
         self._images = [_image(resolution) for _ in self._atlases]
         self._anchor = bpy.data.objects.new("Anchor", None)
         self._scene.collection.objects.link(self._anchor)
         self._members: list[list[bpy.types.Object]] = [[] for _ in self._atlases]
-        self._copies: dict[str, tuple[bpy.types.Object, int]] = {}
+        self._copies_by_name: dict[str, tuple[bpy.types.Object, int]] = {}
         self._materials: dict[tuple, bpy.types.Material] = {}
         self._made: list = []
         self.seconds = 0.0
@@ -66,16 +69,18 @@ class RealisedScene:
         places |= {(uid, number): place for uid, _, number, place in read.instances}
         visible = {obj.session_uid for obj in self._visible.visible_objects(context)}
         where = self._context.SceneContext(context)
-        for item, mesh in self._read.evaluate(where, lambda evaluation: _copies(evaluation, visible)):
-            if mesh is None:
+        for item, copy in self._read.evaluate(where, lambda evaluation: self._copies(evaluation, visible)):
+            if copy is None:
                 self._add(item, item.source.data.copy())
-            else:
+            elif isinstance(copy, bpy.types.Mesh):
                 key = (
                     item.source.session_uid
                     if item.instancer is None
                     else (item.instancer.session_uid, item.persistent_id)
                 )
-                self._add_mesh(item, mesh, places.get(key))
+                self._add_mesh(item, copy, places.get(key))
+            else:
+                self._add_strands(item, copy)
 
     def bake(self, samples: int, seed: int, device: str = "CPU", persistent: bool = False) -> np.ndarray:
         """Return E/pi of every atlas, (atlases, h, w, 4) float32; alpha is 0 where nothing is baked.
@@ -83,7 +88,7 @@ class RealisedScene:
         device:      "CPU" or "GPU", as in Cycles
         persistent:  True lets Cycles keep its scene between bakes
         """
-        _set_up(self._scene, samples, seed)
+        remove_bias(self._scene, samples, seed)
         self._scene.cycles.device, self._scene.render.use_persistent_data = device, persistent
         self.seconds = 0.0
         return np.stack(
@@ -100,8 +105,8 @@ class RealisedScene:
 
         corner, along, away:  (3,) float64, m, one corner of the rectangle and its sides
         """
-        _set_up(self._scene, samples, seed)
-        obj, atlas = self._copies[name]
+        remove_bias(self._scene, samples, seed)
+        obj, atlas = self._copies_by_name[name]
         mesh, normal = obj.data, np.cross(along, away)
         positions = np.array([tuple(obj.matrix_world @ vertex.co) for vertex in mesh.vertices])
         uvs = np.stack([(positions - corner) @ side / (side @ side) for side in (along, away)], axis=1)
@@ -113,9 +118,17 @@ class RealisedScene:
                 layer.uv[loop].vector = (-9, -9) if beside else uvs[vertex]
         return self._bake_atlas(self._images[atlas], [obj])[..., :3]
 
+    def covers(self, name: str) -> np.ndarray:
+        """Return the texels, (atlases, h, w) bool, whose centres lie on an object's surface."""
+        remove_bias(self._scene, 1, 1)
+        obj, atlas = self._copies_by_name[name]
+        covered = np.zeros((len(self._images), *reversed(self._images[0].size)), bool)
+        covered[atlas] = self._bake_atlas(self._images[atlas], [obj], {"COLOR"})[..., 3] > 0
+        return covered
+
     def colour(self) -> np.ndarray:
         """Return what the surfaces reflect, (atlases, h, w, 3); Cycles tells no light where it is 0."""
-        _set_up(self._scene, 4, 1)
+        remove_bias(self._scene, 4, 1)
         members = zip(self._images, self._members, strict=True)
         return np.stack([self._bake_atlas(image, objects, {"COLOR"})[..., :3] for image, objects in members])
 
@@ -135,7 +148,7 @@ class RealisedScene:
         obj = bpy.data.objects.new(item.source.name, data)
         for name in _RAY_VISIBILITY:
             setattr(obj, name, getattr(item.source, name))
-        self._made.append((bpy.data.lights if isinstance(data, bpy.types.Light) else bpy.data.meshes, data))
+        self._made.append((_collection_of(data), data))
         self._scene.collection.objects.link(obj)
         obj.parent = self._anchor
         obj.matrix_parent_inverse = Matrix(item.matrix.tolist())
@@ -145,7 +158,7 @@ class RealisedScene:
         """Add a copy of an evaluated mesh; one with a place is a member of its atlas."""
         obj = self._add(item, mesh)
         atlas = None if place is None else self._atlases.index(place.atlas)
-        materials = _worn(item, mesh)
+        materials = self._worn(item, mesh)
         while len(mesh.materials) < len(materials):
             mesh.materials.append(None)
         for index, material in enumerate(materials):
@@ -155,7 +168,42 @@ class RealisedScene:
         layer = self._layers.lightmap_layer(item.source, self._uv_layer)
         self._evaluation.add_lightmap_uv_map(mesh, layer, place.apply)
         self._members[atlas].append(obj)
-        self._copies[item.source.name] = obj, atlas
+        self._copies_by_name[item.source.name] = obj, atlas
+
+    def _copies(self, evaluation, visible: set[int]) -> list[tuple]:
+        """Return lamps with None, and visible meshes and hair with copies of their data."""
+        copies: list[tuple] = []
+        for item in evaluation.items(visible, with_hair=True):
+            depsgraph = evaluation.depsgraph_of(item)
+            if self._hair.has_strands(item.object, depsgraph):
+                copies += [(item, strands) for strands in self._hair.read_strands(item.object, depsgraph)]
+            if not item.shows_self or _ignored(item):
+                continue
+            if item.object.type == "LIGHT":
+                copies.append((item, None))
+            elif item.object.type == "MESH":
+                mesh = bpy.data.meshes.new_from_object(
+                    item.object, preserve_all_data_layers=True, depsgraph=depsgraph
+                )
+                copies.append((item, mesh))
+        return copies
+
+    def _add_strands(self, item, strands) -> None:
+        """Add hair as Curves, which Cycles renders as it renders hair."""
+        data = curves_of(strands)
+        slots = item.source.material_slots
+        worn = slots[min(strands.slot, len(slots) - 1)].material if slots else None
+        data.materials.append(self._material(self._override or worn, None))
+        self._add(item, data)
+
+    def _worn(self, item, mesh: bpy.types.Mesh) -> list[bpy.types.Material | None]:
+        """Return the materials of an item's slots."""
+        materials = [material and material.original for material in mesh.materials]
+        for index, slot in enumerate(item.source.material_slots):
+            if slot.link == "OBJECT" and index < len(materials):
+                materials[index] = slot.material
+        materials = materials or [None]
+        return [self._override] * len(materials) if self._override else materials
 
     def _material(self, material: bpy.types.Material | None, atlas: int | None) -> bpy.types.Material:
         """Return a diffuse copy of a material that bakes into the image of an atlas."""
@@ -166,6 +214,8 @@ class RealisedScene:
             for node in copy.node_tree.nodes:
                 if node.bl_idname == "ShaderNodeBsdfPrincipled":
                     _make_dull(copy.node_tree, node)
+            if copy.displacement_method != "BUMP":
+                _make_flat(copy.node_tree)
             node = copy.node_tree.nodes.new("ShaderNodeTexImage")
             node.image = self._images[atlas or 0]
             copy.node_tree.nodes.active = node
@@ -192,21 +242,6 @@ class RealisedScene:
         return pixels.reshape(*reversed(image.size), 4)
 
 
-def _copies(evaluation, visible: set[int]) -> list[tuple]:
-    """Return the lamps of an evaluation, with None, and what is seen of its meshes, with copies of these."""
-    copies: list[tuple] = []
-    for item in evaluation.items(visible):
-        if item.object.type == "LIGHT":
-            copies.append((item, None))
-        elif item.object.type == "MESH" and not _ignored(item):
-            depsgraph = evaluation.depsgraph_of(item)
-            mesh = bpy.data.meshes.new_from_object(
-                item.object, preserve_all_data_layers=True, depsgraph=depsgraph
-            )
-            copies.append((item, mesh))
-    return copies
-
-
 def _ignored(item) -> bool:
     roles = {item.source.hemibake.role, item.instancer.hemibake.role if item.instancer else "BAKED"}
     return "IGNORED" in roles
@@ -216,13 +251,11 @@ def _image(resolution: int) -> bpy.types.Image:
     return bpy.data.images.new("Reference", resolution, resolution, alpha=True, float_buffer=True)
 
 
-def _worn(item, mesh: bpy.types.Mesh) -> list[bpy.types.Material | None]:
-    """Return the materials of an item's slots."""
-    materials = [material and material.original for material in mesh.materials]
-    for index, slot in enumerate(item.source.material_slots):
-        if slot.link == "OBJECT" and index < len(materials):
-            materials[index] = slot.material
-    return materials or [None]
+def _collection_of(data: bpy.types.ID) -> bpy.types.bpy_prop_collection:
+    """Return the collection of bpy.data that holds a copy."""
+    if isinstance(data, bpy.types.Light):
+        return bpy.data.lights
+    return bpy.data.meshes if isinstance(data, bpy.types.Mesh) else bpy.data.hair_curves
 
 
 def _grey() -> bpy.types.Material:
@@ -244,13 +277,21 @@ def _make_dull(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
             socket.default_value = 0.0
 
 
-def _set_up(scene: bpy.types.Scene, samples: int, seed: int) -> None:
-    """Take out every bias: clamping, short paths, denoising, light thresholds."""
+def _make_flat(tree: bpy.types.NodeTree) -> None:
+    """Remove true displacement, which bakes name as not baked."""
+    for link in list(tree.get_output_node("CYCLES").inputs["Displacement"].links):
+        tree.links.remove(link)
+
+
+def remove_bias(scene: bpy.types.Scene, samples: int, seed: int) -> None:
+    """Remove every bias of Cycles: clamping, short paths, filtered caustics, denoising, light thresholds."""
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
     cycles.device, cycles.samples, cycles.seed = "CPU", samples, seed
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.max_bounces = cycles.diffuse_bounces = cycles.transparent_max_bounces = 64
+    cycles.glossy_bounces = cycles.transmission_bounces = 64
+    cycles.blur_glossy = 0.0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.light_sampling_threshold = 0.0
     scene.view_layers[0].update()

@@ -13,6 +13,7 @@ from tools.verification.areas import bake_areas, subdivided
 from tools.verification.cycles import realised
 from tools.verification.difference import Difference, compare, weight_of
 from tools.verification.doubled import doubled_texels
+from tools.verification.originals import original_mean
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,8 @@ class Comparison:
     difference:       (atlases, h, w, 3), that of the figures, relative to the mean
     area_difference:  that of areas
     notes:            of Hemibake's bake
+    original:         relative difference of the mean light of an object from Cycles' bake of the user's own
+                      object, see `scenes.ORIGINALS`; None without one
     """
 
     figures: Difference
@@ -31,12 +34,15 @@ class Comparison:
     difference: np.ndarray
     area_difference: np.ndarray
     notes: list[str]
+    original: float | None = None
 
 
-def verify(context, samples: int) -> Comparison:
+def verify(context, samples: int, original: str | None = None) -> Comparison:
     """Compare a bake of the scene's settings with Cycles; `samples` in each texel.
 
     Objects without lightmap UVs are unwrapped, as in every bake.
+
+    original:  name of an object that Cycles also bakes in the user's scene, which this changes
     """
     engine = importlib.import_module(f"{MODULE}.engine")
     with quiet_stdout():
@@ -46,12 +52,18 @@ def verify(context, samples: int) -> Comparison:
         with realised(context, read, settings.resolution) as reference:
             bakes = reference.bake(samples, 1), reference.bake(samples, 2)
             colour = reference.colour()
+            covered = None if original is None else reference.covers(original)
         means = bake_areas(context, read, settings, samples)
         known = known_texels(lightmap, read.scene, settings)
     figures, difference = compare(lightmap.display, known, weight_of(colour), bakes)
     areas, area_difference = compare(lightmap.display, lightmap.known, means.share, means.bakes)
     notes = [*read.notes, *lightmap.report.warnings]
-    return Comparison(figures, areas, difference, area_difference, notes)
+    off = None
+    if original is not None:
+        with quiet_stdout():
+            own = original_mean(context, original, samples)
+        off = float((lightmap.display[covered & lightmap.known].mean(axis=0) / own).mean()) - 1
+    return Comparison(figures, areas, difference, area_difference, notes, off)
 
 
 def known_texels(lightmap, scene, settings) -> np.ndarray:

@@ -15,6 +15,13 @@ SCENES: dict[str, Callable[[], None]] = {}
 #: Scenes whose light comes from lamps alone have the narrow limits; whole rooms the wide one.
 ROOMS: dict[str, tuple[int, int]] = {}
 
+#: Objects that Cycles also bakes in the user's own scene, by scene: their light shows that the reference has
+#: all objects of a render.
+ORIGINALS: dict[str, str] = {}
+
+#: Words that a note of the bake must contain, by scene.
+NOTES: dict[str, str] = {}
+
 
 def scene(function: Callable[[], None]) -> Callable[[], None]:
     """Register a scene under its function's name."""

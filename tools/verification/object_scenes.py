@@ -1,0 +1,155 @@
+"""Scenes whose render has other objects or meshes than the viewport; unusual units and meshes."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+
+from tools.verification.scenes import ORIGINALS, add, box, floor, lamp, material, scene, stage, world
+
+
+def _light() -> None:
+    lamp("SUN", energy=2.5, angle=0.08)
+    world(strength=0.5)
+
+
+@scene
+def subdivision_levels():
+    """A cube that a render subdivides to a ball, without a lightmap."""
+    floor()
+    obj = box(None, (0.3, 0.1, 0.5))
+    obj.scale, obj.hemibake.role = (1.5, 1.3, 1.2), "NO_LIGHTMAP"
+    modifier = obj.modifiers.new("Subdivision", "SUBSURF")
+    modifier.levels, modifier.render_levels = 0, 3
+    _light()
+
+
+@scene
+def only_in_renders():
+    """A node group that makes a roof in renders alone (Is Viewport)."""
+    stage()
+    obj = add("Roof", bpy.ops.mesh.primitive_plane_add, material("Roof", (0.4, 0.6, 0.3)), size=1.5)
+    obj.location, obj.hemibake.role = (0.2, 0, 1.2), "NO_LIGHTMAP"
+    tree = bpy.data.node_groups.new("Roof", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    names = ("NodeGroupInput", "GeometryNodeIsViewport", "GeometryNodeSwitch", "NodeGroupOutput")
+    source, viewport, switch, sink = (tree.nodes.new(name) for name in names)
+    switch.input_type = "GEOMETRY"
+    tree.links.new(viewport.outputs[0], switch.inputs["Switch"])
+    tree.links.new(source.outputs[0], switch.inputs["False"])
+    tree.links.new(switch.outputs[0], sink.inputs[0])
+    obj.modifiers.new("Roof", "NODES").node_group = tree
+    _light()
+
+
+@scene
+def eye_hidden_objects():
+    """A lamp and a wall with a lightmap that the eye icon hides, and a box that renders hide."""
+    stage()
+    wall = add("Wall", bpy.ops.mesh.primitive_plane_add, material("Wall", (0.7, 0.2, 0.2)), size=1.4)
+    wall.location, wall.rotation_euler = (-0.8, 0.3, 0.75), (0, math.pi / 2, 0.3)
+    spot = lamp("SPOT", energy=150, shadow_soft_size=0.1, spot_size=1.2, spot_blend=0.3)
+    block = add("Block", bpy.ops.mesh.primitive_cube_add, None, size=1, location=(0, 0, 1.4))
+    block.hide_render = True
+    _light()
+    for obj in (wall, spot):
+        obj.hide_set(True)
+
+
+@scene
+def nested_collections():
+    """Instances of a collection with a hidden and an inner collection; a collection left out of the layer."""
+    floor()
+    outer, inner, hidden = (bpy.data.collections.new(name) for name in ("Outer", "Inner", "Hidden"))
+    outer.children.link(inner)
+    outer.children.link(hidden)
+    hidden.hide_render = True
+    excluded = bpy.data.collections.new("Excluded")
+    bpy.context.scene.collection.children.link(excluded)
+    for number, target in enumerate((inner, hidden, excluded)):
+        obj = box(material(f"Box {number}", (0.7, 0.5, 0.2 + 0.2 * number)), (0, 0, 0.4 + 0.3 * number))
+        bpy.context.scene.collection.objects.unlink(obj)
+        target.objects.link(obj)
+    bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
+    for number in range(3):
+        instance = bpy.data.objects.new(f"Instance {number}", None)
+        instance.instance_type, instance.instance_collection = "COLLECTION", outer
+        instance.location, instance.hide_render = (1.2 * number - 1.1, 0.4 - 0.3 * number, 0), number == 1
+        bpy.context.scene.collection.objects.link(instance)
+    _light()
+
+
+@scene
+def diffuse_rays_pass():
+    """A roof and a glowing card that diffuse rays do not meet."""
+    stage()
+    roof = add("Roof", bpy.ops.mesh.primitive_plane_add, material("Roof"), size=1.6, location=(0.3, 0.2, 1.1))
+    glow = material("Glow", (0, 0, 0), Emission_Color=(1, 0.5, 0.3, 1), Emission_Strength=5)
+    card = add("Card", bpy.ops.mesh.primitive_plane_add, glow, size=0.8, location=(-1, 0, 0.9))
+    card.rotation_euler.x = math.pi
+    for obj in (roof, card):
+        obj.visible_diffuse, obj.hemibake.role = False, "NO_LIGHTMAP"
+    _light()
+
+
+@scene
+def unit_scale():
+    """A stage in millimeters, with texels per meter: coordinates are 1,000 times as large."""
+    stage()
+    lamp("SUN", energy=2.5, angle=0.08)
+    world(strength=0.5)
+    units = bpy.context.scene.unit_settings
+    units.system, units.scale_length = "METRIC", 0.001
+    for obj in bpy.context.scene.objects:
+        obj.scale = tuple(1000 * np.array(obj.scale))
+        obj.location = tuple(1000 * np.array(obj.location))
+
+
+@scene
+def collapsed_faces():
+    """A floor with 2,000 faces without area, which get no texels."""
+    obj = floor()
+    plane, flat = obj.data, bpy.data.meshes.new("Collapsed")
+    corners = [tuple(vertex.co) for vertex in plane.vertices]
+    rows = np.linspace(-1.9, 1.9, 2000)
+    points = [(x + step, 0.3 * x, 0.0) for x in rows for step in (0, 0.0005, 0.001)]
+    faces = [(4 + 3 * row, 5 + 3 * row, 6 + 3 * row) for row in range(len(rows))]
+    flat.from_pydata([*corners, *points], [], [*(tuple(face.vertices) for face in plane.polygons), *faces])
+    flat.materials.append(plane.materials[0])
+    obj.data = flat
+    box(None, (0.4, 0.2, 0.35))
+    _light()
+
+
+@scene
+def material_override():
+    """A view layer whose override replaces the materials of all objects."""
+    stage()
+    black = material("Black", (0, 0, 0))
+    add("Roof", bpy.ops.mesh.primitive_plane_add, black, size=1.6, location=(0.3, 0.2, 1.1))
+    bpy.context.view_layer.material_override = material("Override", (0.75, 0.6, 0.45))
+    _light()
+
+
+@scene
+def shared_objects():
+    """The second of two scenes that share the stage; the first one has a lamp and a roof of its own."""
+    stage()
+    lamp("AREA", energy=300, shape="SQUARE", size=0.8)
+    add("Roof", bpy.ops.mesh.primitive_plane_add, None, size=1.6, location=(0.3, 0.2, 1.1))
+    evening = bpy.data.scenes.new("Evening")
+    for name in ("Floor", "Box"):
+        evening.collection.objects.link(bpy.data.objects[name])
+    bpy.context.window.scene = evening
+    _light()
+
+
+_SEEN_IN_RENDERS = (
+    "subdivision_levels", "only_in_renders", "eye_hidden_objects", "nested_collections", "diffuse_rays_pass",
+    "shared_objects",
+)  # fmt: skip
+
+ORIGINALS.update(dict.fromkeys(_SEEN_IN_RENDERS, "Floor"))

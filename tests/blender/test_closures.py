@@ -336,9 +336,9 @@ def test_colored_closures_that_transmit_may_tint(kind, values, expected):
     assert tint_nodes.may_tint(surface) == expected
 
 
-def test_tinted_coats_and_ray_length_are_named():
+def test_nodes_that_bakes_evaluate_differently_are_named():
     collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
-    coated, plain, far = (material(name) for name in ("Lacquer", "Clear Coat", "Fading"))
+    coated, plain, far, dirty = (material(name) for name in ("Lacquer", "Clear Coat", "Fading", "Dirty"))
     for surface, tint in ((coated, 0.4), (plain, 1.0)):
         node = surface.node_tree.nodes["Principled BSDF"]
         node.inputs["Coat Weight"].default_value = 0.7
@@ -346,9 +346,15 @@ def test_tinted_coats_and_ray_length_are_named():
     tree = far.node_tree
     path = tree.nodes.new("ShaderNodeLightPath")
     tree.links.new(path.outputs["Ray Length"], tree.nodes["Principled BSDF"].inputs["Emission Strength"])
-    for surface in (coated, plain, far):
+    occlusion = dirty.node_tree.nodes.new("ShaderNodeAmbientOcclusion")
+    dirty.node_tree.links.new(
+        occlusion.outputs["Color"], dirty.node_tree.nodes["Principled BSDF"].inputs["Base Color"]
+    )
+    for surface in (coated, plain, far, dirty):
         collected.add(surface)
     assert collected.sentences() == [
         "The tint of the coat of materials 'Lacquer' is not baked.",
         "Materials 'Fading' depend on Ray Length, which bakes take as 1. Replace that node.",
+        "Materials 'Dirty': bakes evaluate their Ambient Occlusion nodes without other objects. Bake the "
+        "node into an image.",
     ]

@@ -25,6 +25,7 @@ class SurfaceNotes:
         self._volumes: set[str] = set()
         self._coats: set[str] = set()
         self._lengths: set[str] = set()
+        self._occlusions: set[str] = set()
         self._unknown: dict[str, str] = {}
 
     def add(self, material: bpy.types.Material | None) -> None:
@@ -44,6 +45,8 @@ class SurfaceNotes:
                 self._coats.add(material.name)
             if node.bl_idname == "ShaderNodeLightPath" and node.outputs["Ray Length"].is_linked:
                 self._lengths.add(material.name)
+            if node.bl_idname == "ShaderNodeAmbientOcclusion":
+                self._occlusions.add(material.name)
             if is_unknown(node):
                 self._unknown[material.name] = node.name
 
@@ -66,6 +69,12 @@ class SurfaceNotes:
         if self._lengths:
             sentence = "Materials {} depend on Ray Length, which bakes take as 1. Replace that node."
             notes.append(listing(sentence, sorted(self._lengths)))
+        if self._occlusions:
+            sentence = (
+                "Materials {}: bakes evaluate their Ambient Occlusion nodes without other objects. "
+                "Bake the node into an image."
+            )
+            notes.append(listing(sentence, sorted(self._occlusions)))
         for material, node in sorted(self._unknown.items()):
             notes.append(
                 f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."

@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..engine.errors import EngineError
 from ..engine.object_message import counted
+from .export_engines import ENGINES, engine_items
 from .report_message import report_message
 from .worker_manager import poll_idle
 
@@ -26,6 +27,12 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".glb"
+    engine: EnumProperty(
+        name="Engine",
+        description="Choose what the files are for",
+        items=engine_items(),
+        default="FILES",
+    )
     filter_glob: StringProperty(default="*.glb;*.gltf", options={"HIDDEN"})
     file_format: EnumProperty(
         name="Format",
@@ -56,10 +63,11 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
 
     def check(self, context: bpy.types.Context) -> bool:
         """Set the ending of the file name to the format; return True if the name changed."""
+        wanted = self.file_format if ENGINES[self.engine].has_options else ".glb"
         folder, name = os.path.split(self.filepath)
         stem, ending = os.path.splitext(name)
         stem = stem if ending.lower() in (".glb", ".gltf") else name
-        named = os.path.join(folder, stem + self.file_format) if name else self.filepath
+        named = os.path.join(folder, stem + wanted) if name else self.filepath
         changed, self.filepath = named != self.filepath, named
         return changed
 
@@ -70,13 +78,26 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
             return False
         return poll_idle(cls)
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Open the file browser with the engine of the scene's last export, unless a caller has set one."""
+        if not self.properties.is_property_set("engine", ghost=False):
+            self.engine = context.scene.hemibake.export_engine
+        return super().invoke(context, event)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw nothing: a panel of the file browser draws the options."""
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         # Deferred, because it imports Blender's exporter, which is slow.
         from .gltf.gltf_export import export_for_engine
 
-        path = Path(bpy.path.abspath(self.filepath))
+        engine, path = ENGINES[self.engine], Path(bpy.path.abspath(self.filepath))
+        lightmaps = self.lightmaps if engine.has_options else engine.lightmaps
+        use_files = self.use_files if engine.has_options else engine.use_files
+        if self.properties.is_property_set("engine"):
+            context.scene.hemibake.export_engine = self.engine
         try:
-            made = export_for_engine(context, path, _KINDS[self.lightmaps], self.use_files)
+            made = export_for_engine(context, path, _KINDS[lightmaps], use_files, engine.for_godot)
         except EngineError as error:
             report_message(self, "ERROR", str(error))
             return {"CANCELLED"}

@@ -18,6 +18,7 @@ from ..engine.quality import QUALITIES
 from ..engine.settings import Settings, kept_with_scene
 from .chart_settings import chart_properties
 from .compat import PATH_OPTIONS
+from .export_engines import engine_items
 from .file_format import format_properties
 from .lightmap_list import unlisted
 from .lightmap_size import fix_size, size_properties
@@ -150,6 +151,13 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     bake_id: StringProperty(
         name="Bake ID",
         description="ID of the scene in the bake records of objects, which several scenes may share",
+        options={"HIDDEN"},
+    )
+    export_engine: EnumProperty(
+        name="Engine",
+        description="Engine of the last export",
+        items=engine_items(),
+        default="THREE",
         options={"HIDDEN"},
     )
     active_lightmap: IntProperty(

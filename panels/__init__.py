@@ -7,6 +7,7 @@ from . import (
     advanced,
     bake,
     check,
+    export,
     last_bake,
     light_groups,
     lightmaps,
@@ -31,7 +32,7 @@ _PANELS = (
 )
 
 #: All classes to register with Blender.
-CLASSES = tuple(cls for module in (preferences, presets, menus, *_PANELS) for cls in module.CLASSES)
+CLASSES = tuple(cls for module in (preferences, presets, menus, export, *_PANELS) for cls in module.CLASSES)
 
 
 def register() -> None:

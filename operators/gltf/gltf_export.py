@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import filecmp
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,32 +15,40 @@ import numpy as np
 
 from ...engine.errors import EngineError
 from ...engine.object_message import object_message
+from ...engine.outputs import PROJECTED_MAPS
 from ..command_line.pictures import read_pixels
 from ..compat import gltf_binary_data
 from ..file_format import PLAIN
 from ..result.contents import decoding, named
 from ..result.destination import blend_from, try_folder
-from ..result.directional_images import all_directional_images
+from ..result.directional_images import all_directional_images, directional_images
 from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
 from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
 from ..result.moved_charts import warn_changed_uvs
 from ..result.preview import hide_preview, previewed, show_preview
+from ..result.shadow_mask_images import sun_mask
 from ..rollback import Rollback
 from ..scene import SceneContext
 from .encoded import EncodedLightmap, encode
 from .export_items import ExportItem, ExportItems
 from .exporter import write_gltf
+from .gltf_nodes import read_gltf
+from .godot_files import LIGHT, MASK, PACKED, GodotFiles, GodotMaps, LitNode, kept_texts, missing_imports
 from .hooks import LightmapHooks
 from .materials import LitMaterials
 from .mesh_differences import note_other_meshes
 
 _NOTHING_BAKED = "No object that is shown has a lightmap, so there is nothing to export. Bake first."
 _GONE = "UV layers of lightmaps are gone: {}. Bake again."
+_UNREADABLE = "'{}': Godot reads no files with quotation marks or backslashes in their names. Rename it."
 _AXES = "(x, -z, y) of a normal (x, y, z) in the glTF file"
 _NOT_FINITE = "The lightmap '{}' has texels that are NaN or infinite. Bake again, or mend its image."
 _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
+
+#: Characters that Godot's text files cannot hold in names of files.
+_UNREAD = '"\\'
 
 
 @dataclass(frozen=True)
@@ -57,20 +65,23 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def export_for_engine(context: bpy.types.Context, path: Path, kind: str, use_files: bool) -> Exported:
+def export_for_engine(
+    context: bpy.types.Context, path: Path, kind: str, use_files: bool, for_godot: bool = False
+) -> Exported:
     """Export the visible objects as glTF with lightmaps; on EngineError no file was changed.
 
     path:       ends with .glb or .gltf
     kind:       MIME type of the lightmaps in the file; "" for none
     use_files:  True to write the lightmaps as OpenEXR files with a manifest as well
+    for_godot:  True to write the files by which Godot shows them instead
     """
     if path.suffix.lower() not in (".glb", ".gltf"):
         raise EngineError(f"'{path.name}' is no name of a glTF file: let it end with .glb or .gltf.")
     with _object_mode(context):
-        return _export(context, path, kind, use_files)
+        return _export(context, path, kind, use_files, for_godot)
 
 
-def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) -> Exported:
+def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool, for_godot: bool) -> Exported:
     """Export in Object Mode, the only mode that Blender's exporter supports."""
     surfaces = ExportItems(context)
     missing = [image for image in surfaces.images if not image.size[0]]
@@ -91,7 +102,9 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool) 
             }
             work = _Export(path, staging, maps)
             hooks = work.write(surfaces, kind)
-            if use_files:
+            if for_godot:
+                notes += work.write_godot(hooks, context.scene)
+            elif use_files:
                 work.write_files(hooks.lit, _shown_output(context.scene))
             files = work.keep()
     except (OSError, RuntimeError) as error:
@@ -117,10 +130,10 @@ class _Export:
         self._path, self._staging, self._maps = path, staging, maps
         self._made = staging / "files"
         self._made.mkdir()
-        self._stems = _stems(
-            path.stem, [*maps, *(image for beside in maps.values() for image in beside.values())]
-        )
+        images = [*maps, *(image for beside in maps.values() for image in beside.values())]
+        self._stems = _stems(path.stem, {image: image.name for image in images})
         self._manifest: list[Path] = []
+        self._texts: dict[str, str] = {}
 
     def write(self, surfaces: ExportItems, kind: str) -> LightmapHooks:
         """Write the glTF file and its images; return the hooks, which list the surfaces with lightmaps."""
@@ -139,24 +152,70 @@ class _Export:
 
         shown:  name of the output that the lightmaps hold
         """
-        folder, files = self._path.parent, []
+        files = []
         for lightmap, directional in self._maps.items():
-            objects = [_fact(surface) for surface in lit if surface.place.image == lightmap]
-            origin = {"blend": blend_from(folder), "export": self._path.name, "atlas": lightmap.name}
             for output, image in {shown: lightmap, **directional}.items():
-                fact = {**origin, "output": output, **_decoding(output), "objects": objects}
+                fact = {**self._facts(lightmap, lit), "output": output, **_decoding(output)}
                 name = f"{self._stems[image]}.exr"
                 files.append(LightmapFile(name, PLAIN, None, _finite_pixels(image), fact))
+        self._write_maps(files)
+
+    def write_godot(self, hooks: LightmapHooks, scene: bpy.types.Scene) -> list[str]:
+        """Write the files by which Godot shows the lightmaps; return notes on what it shows otherwise."""
+        if set(self._path.name) & set(_UNREAD):
+            raise EngineError(_UNREADABLE.format(self._path.name))
+        gltf, output = read_gltf(self._made / self._path.name), _shown_output(scene)
+        lit = [LitNode(index, surface) for index, surface in zip(hooks.nodes, hooks.lit, strict=True)]
+        godot = GodotFiles(gltf, self._path.name, lit, self._godot_maps(scene), scene.hemibake.margin)
+        self._write_maps(
+            list(
+                godot.textures(
+                    _finite_pixels, lambda image: {**self._facts(image, hooks.lit), "output": output}
+                )
+            )
+        )
+        texts, folder = godot.texts(), self._path.parent
+        kept = kept_texts(folder, texts)
+        written = {name: text for name, text in texts.items() if name not in kept}
+        self._texts = {**written, **missing_imports(folder, godot.layer_counts())}
+        for name, text in self._texts.items():
+            (self._made / name).write_text(text, encoding="utf-8", errors="replace")
+        return [*godot.notes, *kept.values()]
+
+    def _godot_maps(self, scene: bpy.types.Scene) -> dict[bpy.types.Image, GodotMaps]:
+        """Return the maps of each lightmap that Godot can show."""
+        kinds = {LIGHT: "", PACKED: " SH", MASK: " shadow mask"}
+        names = {(image, kind): f"{image.name}{end}" for image in self._maps for kind, end in kinds.items()}
+        stems, found = _stems(self._path.stem, names), {}
+        for image in self._maps:
+            maps = directional_images(scene, image)
+            files = {kind: f"{stems[image, kind]}.exr" for kind in kinds}
+            harmonics = maps if PROJECTED_MAPS[0] in maps else {}
+            found[image] = GodotMaps(files, image, harmonics, sun_mask(scene, image))
+        return found
+
+    def _facts(self, lightmap: bpy.types.Image, lit: Sequence[ExportItem]) -> dict:
+        """Return the manifest entries of a lightmap, except its output."""
+        return {
+            "blend": blend_from(self._path.parent),
+            "export": self._path.name,
+            "atlas": lightmap.name,
+            "objects": [_fact(surface) for surface in lit if surface.place.image == lightmap],
+        }
+
+    def _write_maps(self, files: Sequence[LightmapFile]) -> None:
+        """Write image files and a manifest of them."""
         for file in files:
             file.write(self._made / file.name)
         self._manifest = [self._staging / NAME]
         names, facts = [file.name for file in files], [file.entry for file in files]
-        write_manifest(self._manifest[0], folder, [self._made / name for name in names], names, facts)
+        staged = [self._made / name for name in names]
+        write_manifest(self._manifest[0], self._path.parent, staged, names, facts)
 
     def keep(self) -> list[Path]:
         """Move all files to their folder, in place of the files of an earlier export; return their paths."""
         made = sorted(self._made.iterdir(), key=lambda path: path.name != self._path.name)
-        self._refuse_others(made[1:])
+        self._refuse_others([path for path in made[1:] if path.name not in self._texts])
         staged = [*made, *self._manifest]
         paths = [self._path.parent / path.name for path in staged]
         replace_all(staged, paths, self._staging)
@@ -231,14 +290,18 @@ def _own_materials(context: bpy.types.Context) -> Iterator[None]:
             show_preview(context.scene, context.evaluated_depsgraph_get())
 
 
-def _stems(stem: str, images: Sequence[bpy.types.Image]) -> dict[bpy.types.Image, str]:
-    """Return file names for lightmaps without suffix, unique regardless of case."""
-    stems, taken = {}, set()
-    for image in images:
-        base = file_name(f"{stem}.{image.name}")
-        names = (base if not number else f"{base}.{number:03d}" for number in range(len(images)))
-        stems[image] = next(name for name in names if name.casefold() not in taken)
-        taken.add(stems[image].casefold())
+def _stems(stem: str, names: Mapping[Hashable, str]) -> dict:
+    """Return the file name of each lightmap without suffix, unique regardless of case.
+
+    names:  name of each lightmap
+    """
+    stems: dict = {}
+    taken: set[str] = set()
+    for key, name in names.items():
+        base = file_name(f"{stem}.{name}")
+        numbered = (base if not number else f"{base}.{number:03d}" for number in range(len(names)))
+        stems[key] = next(name for name in numbered if name.casefold() not in taken)
+        taken.add(stems[key].casefold())
     return stems
 
 

@@ -27,6 +27,7 @@ class LightmapHooks:
     """Hooks under the names that the exporter looks for.
 
     lit:    surfaces in the file that have lightmaps
+    nodes:  index of the node of each of them in the file
     dark:   names of objects with surfaces that have none
     lost:   names of objects whose mesh lacks the UV layer of their lightmap
     error:  exception of a hook, since the exporter itself would go on
@@ -41,6 +42,8 @@ class LightmapHooks:
         self._surfaces, self._lightmaps, self._materials = surfaces, lightmaps, materials
         self._layers: dict[int, tuple[gltf2_io.Mesh, list[str]]] = {}
         self.lit: list[ExportItem] = []
+        self.nodes: list[int] = []
+        self._lit_nodes: list[gltf2_io.Node] = []
         self.dark: list[str] = []
         self.lost: list[str] = []
         self.error: Exception | None = None
@@ -67,6 +70,11 @@ class LightmapHooks:
         except Exception as error:  # noqa: BLE001
             self.error = error
 
+    def gather_gltf_extensions_hook(self, gltf: gltf2_io.Gltf, *others: object) -> None:
+        """Record the indices of nodes, which the exporter has written to its lists."""
+        places = {id(node): index for index, node in enumerate(gltf.nodes)}
+        self.nodes = [places[id(node)] for node in self._lit_nodes]
+
     def _light(self, node: gltf2_io.Node, entry: object, matrix: np.ndarray) -> None:
         """Add to a node the lightmap of its surface."""
         if entry.blender_object is not None:
@@ -89,6 +97,7 @@ class LightmapHooks:
             for primitive in node.mesh.primitives
         ]
         self.lit.append(surface)
+        self._lit_nodes.append(node)
 
     def _lit_primitive(
         self,

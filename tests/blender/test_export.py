@@ -661,7 +661,7 @@ def test_modes_stay(tmp_path, mode):
     ],
 )
 def test_file_browser_gives_names_the_ending_of_the_format(typed, ending, named):
-    browser = SimpleNamespace(filepath=typed, file_format=ending)
+    browser = SimpleNamespace(filepath=typed, file_format=ending, engine="FILES")
     check = part("operators.export").HEMIBAKE_OT_export_for_engine.check
     assert check(browser, None) == (typed != named)
     assert browser.filepath == named

@@ -1,0 +1,76 @@
+"""Engines that *Export for Engine* writes files for, and what each of them needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+#: Folder of the add-ons for engines.
+_CLIENTS = Path(__file__).resolve().parents[1] / "clients"
+
+
+@dataclass(frozen=True)
+class Engine:
+    """An engine as a choice of the export.
+
+    label, text:  name and tool-tip in the interface
+    help:         sentence on what shows the lightmaps in the engine
+    page:         name of its page in docs/engines; empty for none
+    client:       folder of its add-on in `clients`; empty for none
+    lightmaps:    how the glTF file holds lightmaps: "HDR", "PNG" or "NONE"
+    use_files:    True to write OpenEXR files and the manifest
+    for_godot:    True to write Godot's own files
+    """
+
+    label: str
+    text: str
+    help: str = ""
+    page: str = ""
+    client: str = ""
+    lightmaps: str = "NONE"
+    use_files: bool = True
+    for_godot: bool = False
+
+    @property
+    def has_options(self) -> bool:
+        """True if the operator's own options choose the files."""
+        return not self.page
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder of its add-on; None if this package has none."""
+        folder = _CLIENTS / self.client
+        return folder if self.client and folder.is_dir() else None
+
+
+#: Engines by name, in the order of the interface. The last one has the options of the operator.
+ENGINES = {
+    "THREE": Engine(
+        "three.js", "Write one .glb that holds the lightmaps, for three.js and Hubs",
+        "hemibake-three loads the file with its lightmaps", "three.md", "three",
+        lightmaps="HDR", use_files=False,
+    ),
+    "GODOT": Engine(
+        "Godot", "Write a scene that Godot 4.6 opens with its lightmaps",
+        "Open the .tscn. The add-on is only needed for .glb files with lightmaps inside", "godot.md", "godot",
+        use_files=False, for_godot=True,
+    ),
+    "BEVY": Engine(
+        "Bevy", "Write a .glb and OpenEXR lightmaps for Bevy 0.18",
+        "A system adds the component Lightmap", "bevy.md", "bevy",
+    ),
+    "UNITY": Engine(
+        "Unity", "Write a .glb and OpenEXR lightmaps for Unity",
+        "A component assigns the lightmaps", "unity.md", "unity",
+    ),
+    "UNREAL": Engine(
+        "Unreal", "Write a .glb and OpenEXR lightmaps for Unreal Engine",
+        "A material function shows the lightmaps", "unreal.md", "unreal",
+    ),
+    "FILES": Engine("Files", "Choose the format and the files"),
+}  # fmt: skip
+
+
+def engine_items() -> list[tuple[str, str, str]]:
+    """Return the items of an enumeration of all engines."""
+    return [(name, engine.label, engine.text) for name, engine in ENGINES.items()]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import tempfile
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -56,23 +55,33 @@ def compare_three(folder: Path, picture: Path) -> None:
 
 
 def compare_godot(folder: Path, picture: Path) -> None:
-    """Print the differences of Godot, and write a picture with directional maps."""
-    _compare_shaders(godot, folder, picture)
+    """Print the differences of Godot, and write a picture with spherical harmonics.
+
+    The lamp is hidden in Godot, which shows emission with another brightness, and left out.
+    """
+    for name, directional in (
+        ("Lightmap", None),
+        ("*Spherical Harmonics*, with a normal map", "spherical_harmonics"),
+    ):
+        cornell.bake(directional=directional)
+        wanted = cornell.preview(_WIDTH, folder)
+        path = cornell.export(folder, engine="GODOT").with_suffix(".tscn")
+        for bicubic in (False, True):
+            shown = godot.render(path, _WIDTH, _WIDTH, (*cornell.HIDDEN, "Light"), bicubic)
+            compared = np.where(wanted.max(axis=-1, keepdims=True) < 1, wanted, 0)
+            print(row(f"{name}{', bicubic' if bicubic else ''}", np.where(compared > 0, shown, 0), compared))
+            if not bicubic:
+                write_picture(picture, wanted, shown)
 
 
 def compare_bevy(folder: Path, picture: Path) -> None:
     """Print the differences of Bevy, and write a picture with directional maps."""
     bevy.install()
-    _compare_shaders(bevy, folder, picture)
-
-
-def _compare_shaders(engine: ModuleType, folder: Path, picture: Path) -> None:
-    """Do so of an engine without and with directional maps."""
     for name, directional in (("Lightmap", None), ("*Directional*, with a normal map", "directional")):
         cornell.bake(directional=directional)
         wanted = cornell.preview(_WIDTH, folder)
         path = cornell.export(folder, "NONE")
-        shown = engine.render(path, _WIDTH, _WIDTH, cornell.HIDDEN, directional is not None)
+        shown = bevy.render(path, _WIDTH, _WIDTH, cornell.HIDDEN, directional is not None)
         print(row(name, shown, wanted))
     write_picture(picture, wanted, shown)
 

@@ -102,12 +102,12 @@ def preview(width: int, folder: Path) -> np.ndarray:
     return pixels.reshape(width, width, -1)[..., :3]
 
 
-def export(folder: Path, kind: str) -> Path:
-    """Write the box as .glb, with lightmaps of a kind in it, and return its path."""
+def export(folder: Path, kind: str = "NONE", engine: str = "FILES") -> Path:
+    """Write the box as .glb for an engine, or with lightmaps of a kind in it, and return its path."""
     import bpy
 
     path = folder / "cornell.glb"
-    bpy.ops.hemibake.export_for_engine(filepath=str(path), lightmaps=kind)
+    bpy.ops.hemibake.export_for_engine(filepath=str(path), lightmaps=kind, engine=engine)
     return path
 
 

@@ -1,122 +1,143 @@
-"""Renders exported files with Godot 3, in a window on a virtual screen.
+"""Renders exported scenes with Godot 4.6, in a window on a virtual screen.
 
-Mesa draws, so no graphics card is needed. Godot imports the file into a project of its own, and a script
-(show.gd) gives its surfaces the shader of docs/engines/godot.md.
+Mesa draws, so no graphics card is needed. Godot imports the files into a project of its own, and a script
+(show.gd) opens the exported scene.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from .exported_maps import glb_json
-from .question import ask
+from tools.gui.machines import Machine
 
 HERE = Path(__file__).parent
+
+#: Folder of a Debian with Godot and Xvfb, for machines whose own Godot is older or missing.
+_ROOT = Path(os.environ.get("HEMIBAKE_GODOT_ROOT", "/var/cache/hemibake/sid"))
+
+_PROGRAMS = ("godot", "xvfb-run")
+
+#: Oldest version whose lightmaps hold packed spherical harmonics.
+_VERSION = (4, 6)
 
 #: Longest time that importing or drawing may take, s.
 _PATIENCE = 300
 
-_PROJECT = """config_version=4
+#: Folder of the exported files in the project, and of the add-on.
+_LEVEL, _ADDON = "levels/one", "addons/hemibake"
 
+#: Blender filters lightmaps between four texels, Godot by default between sixteen.
+_PROJECT = """config_version=5
 [application]
-
 config/name="Show"
-
+config/features=PackedStringArray("4.6")
+[editor_plugins]
+enabled=PackedStringArray({plugins})
 [rendering]
-
-quality/driver/driver_name="GLES3"
-environment/default_clear_color=Color( 0, 0, 0, 1 )
+renderer/rendering_method="gl_compatibility"
+lightmapping/lightmap_gi/use_bicubic_filter={bicubic}
 """
 
 
 def missing() -> str:
-    """Return what is not there that a render takes, and how to install it; "" if all is."""
-    for name, package in (("godot3", "godot3"), ("godot3-server", "godot3-server"), ("Xvfb", "xvfb")):
-        if shutil.which(name) is None:
-            return f"{name} is not installed (Debian 12: apt install {package})"
+    """Return what a render needs that is missing, and how to install it; "" if all is there."""
+    if _machine() is None:
+        return (
+            f"Godot {_VERSION[0]}.{_VERSION[1]} or newer with xvfb-run is not installed (Debian sid: apt "
+            f"install godot xvfb; as root also in the folder {_ROOT} by debootstrap)"
+        )
     return ""
 
 
 def render(
-    path: Path, width: int, height: int, hide: tuple[str, ...] = (), directional: bool = False
+    path: Path,
+    width: int,
+    height: int,
+    hide: tuple[str, ...] = (),
+    bicubic: bool = False,
+    **options: object,
 ) -> np.ndarray:
-    """Return what Godot shows through a file's camera, (h, w, 3) float32, linear, bottom row first.
+    """Return what Godot shows through a scene's camera, (h, w, 3) float32, linear, bottom row first.
 
-    path:         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it
-    hide:         names of nodes that are not shown
-    directional:  shade normal maps with the maps of the output Directional
+    path:     a .tscn, .glb or .gltf file; all files of its folder are imported
+    hide:     names of nodes that are not shown
+    bicubic:  True to filter lightmaps as Godot does by default
+    options:  further keys of show.gd, or "addon": folder of the add-on
 
-    Raises RuntimeError if Godot shows nothing.
+    Raises RuntimeError if Godot draws nothing.
     """
-    with tempfile.TemporaryDirectory(prefix="hemibake-godot-", ignore_cleanup_errors=True) as folder:
-        project = Path(folder)
-        (project / "project.godot").write_text(_PROJECT, encoding="utf-8")
-        ask(project, HERE / "show.gd", path, (width, height), hide, directional, shine=_emission(path))
-        _import(project)
+    machine, addon = _machine(), options.pop("addon", None)
+    with _project(machine) as project:
+        plugins = f'"res://{_ADDON}/plugin.cfg"' if addon else ""
+        settings = _PROJECT.format(plugins=plugins, bicubic=str(bicubic).lower())
+        (project / "project.godot").write_text(settings, encoding="utf-8")
+        shutil.copytree(path.parent, project / _LEVEL)
+        if addon:
+            shutil.copytree(addon, project / _ADDON)
+        shutil.copy2(HERE / "show.gd", project)
+        asked = {"file": f"{_LEVEL}/{path.name}", "width": width, "height": height, "hidden": hide, **options}
+        (project / "show.json").write_text(json.dumps(asked), encoding="utf-8")
+        inside = str(Path("/") / project.relative_to(machine.root))
+        told = _run(machine, project, "godot", "--headless", "--path", inside, "--import")
+        drawing = ("--rendering-method", "gl_compatibility", "--rendering-driver", "opengl3")
+        told += _run(
+            machine, project, "xvfb-run", "-a", "godot", *drawing, "--audio-driver", "Dummy",
+            "--path", inside, "--script", "show.gd",
+        )  # fmt: skip
         pixels = project / "pixels.bin"
-        with _display() as display:
-            told = _draw(project, display)
         if not pixels.is_file():
-            raise RuntimeError(f"Godot has drawn nothing: {told[-2000:]}")
-        return np.fromfile(pixels, np.float32).reshape(height, width, 4)[..., :3].copy()
+            raise RuntimeError(f"Godot has drawn nothing: {told[-3000:]}")
+        return np.fromfile(pixels, np.float32).reshape(height, width, 4)[::-1, :, :3].copy()
 
 
-def _import(project: Path) -> None:
-    """Let the editor import what is in a project; it may not end by itself."""
-    command = ["godot3-server", "--path", str(project), "--editor", "--quit"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen(command, env=_environment(project), **quiet) as editor:
-        try:
-            waited = time.monotonic() + _PATIENCE
-            while editor.poll() is None and not list(project.glob(".import/*.glb-*.md5")):
-                if time.monotonic() > waited:
-                    raise RuntimeError("Godot has not imported the file.")
-                time.sleep(0.1)
-        finally:
-            editor.kill()
+def _machine() -> Machine | None:
+    """Return a system with a Godot that is new enough; None without one."""
+    if all(shutil.which(program) for program in _PROGRAMS) and _is_new(Machine(Path("/"))):
+        return Machine(Path("/"))
+    installed = all((_ROOT / "usr" / "bin" / program).exists() for program in _PROGRAMS)
+    if installed and os.geteuid() == 0 and _is_new(Machine(_ROOT)):
+        return Machine(_ROOT)
+    return None
 
 
-def _draw(project: Path, display: str) -> str:
-    """Run the script of a project; return what Godot tells."""
-    command = ["godot3", "--audio-driver", "Dummy", "--path", str(project), "--script", "show.gd"]
-    environment = _environment(project) | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1"}
-    done = subprocess.run(
-        command, env=environment, timeout=_PATIENCE, capture_output=True, text=True, errors="replace"
-    )
-    return done.stdout + done.stderr
+def _is_new(machine: Machine) -> bool:
+    """Return True if Godot starts and has at least the required version."""
+    done = subprocess.run(machine.command("godot", "--version"), capture_output=True, text=True)
+    parts = done.stdout.strip().split(".")[:2]
+    return len(parts) == len(_VERSION) and tuple(int(part) for part in parts if part.isdigit()) >= _VERSION
 
 
 @contextmanager
-def _display() -> Iterator[str]:
-    """Start a display that nobody sees; yields its name."""
-    command = ["Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24", "-nolisten", "tcp"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
-        try:
-            yield f":{server.stdout.readline().strip()}"
-        finally:
-            server.terminate()
+def _project(machine: Machine) -> Iterator[Path]:
+    """Make an empty folder in a system, and remove it at the end."""
+    folder = Path(tempfile.mkdtemp(prefix="hemibake-godot-", dir=machine.root / "tmp"))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
-def _environment(project: Path) -> dict[str, str]:
-    """Return an environment in which Godot keeps settings and caches in a project."""
-    folders = {name: str(project) for name in ("HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME")}
-    return {**os.environ, **folders}
+def _run(machine: Machine, project: Path, *command: str) -> str:
+    """Run a command that keeps its settings and caches in a project; return its messages."""
+    done = subprocess.run(
+        machine.command("env", *_environment(machine, project), *command),
+        timeout=_PATIENCE, capture_output=True, text=True, errors="replace",
+    )  # fmt: skip
+    return done.stdout + done.stderr
 
 
-def _emission(path: Path) -> dict[str, list[float]]:
-    """Return the linear emission of each material of a .glb file, by its name."""
-    emission = {}
-    for material in glb_json(path)["materials"]:
-        strength = material.get("extensions", {}).get("KHR_materials_emissive_strength", {})
-        factor = strength.get("emissiveStrength", 1.0)
-        emission[material["name"]] = [factor * part for part in material.get("emissiveFactor", (0, 0, 0))]
-    return emission
+def _environment(machine: Machine, project: Path) -> Iterator[str]:
+    """Yield variables by which Godot keeps settings and caches in a project, and Mesa draws."""
+    home = str(Path("/") / project.relative_to(machine.root) / ".home")
+    for name in ("HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"):
+        yield f"{name}={home}"
+    yield "LIBGL_ALWAYS_SOFTWARE=1"

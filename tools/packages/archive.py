@@ -21,8 +21,8 @@ from tools.packages.wheels import Wheel
 
 MANIFEST = "blender_manifest.toml"
 
-#: Documents besides what Blender loads: licences of Hemibake, and of wheels that do not contain theirs.
-_DOCUMENTS = ("LICENSE", "README.md", "licenses")
+#: Besides what Blender loads: licences of Hemibake, and of wheels without theirs, and add-ons for engines.
+_DOCUMENTS = ("LICENSE", "README.md", "licenses", "clients")
 
 #: Permission of the package with Dask, the only one that connects to other machines.
 _NETWORK = 'network = "Share a bake with the workers of a Dask scheduler that the user names"'
@@ -54,7 +54,7 @@ def _stage(wheels: Sequence[Wheel], folder: Path, version: str | None) -> None:
     folder.mkdir()
     for part in (*PARTS, *_DOCUMENTS):
         if (ROOT / part).is_dir():
-            ignored = shutil.ignore_patterns("__pycache__", ".*")
+            ignored = shutil.ignore_patterns("__pycache__", "node_modules", ".*")
             shutil.copytree(ROOT / part, folder / part, ignore=ignored)
         else:
             shutil.copyfile(ROOT / part, folder / part)

@@ -1,0 +1,97 @@
+"""A room for tests of engines: lightmaps of two sizes, instances of meshes, and names that engines change."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+from .cornell import ROOT
+
+#: Widths of the lightmaps of the room, and of the atlas "Boxes", texels.
+WIDTHS = (96, 64)
+
+
+def bake(**outputs: object) -> None:
+    """Build the room in an empty file, and bake it in draft quality.
+
+    outputs:  settings of the scene
+    """
+    import bpy
+
+    build()
+    settings = bpy.context.scene.hemibake
+    settings.quality = "draft"
+    for name, value in outputs.items():
+        setattr(settings, name, value)
+    settings.resolution = WIDTHS[0]
+    bpy.ops.hemibake.bake()
+    boxes = [obj for obj in bpy.context.scene.objects if obj.hemibake.atlas == "Boxes" or obj.is_instancer]
+    for obj in bpy.context.scene.objects:
+        obj.select_set(obj in boxes)
+    bpy.context.view_layer.objects.active = boxes[0]
+    settings.target, settings.resolution = "SELECTED", WIDTHS[1]
+    bpy.ops.hemibake.bake()
+    settings.target = "ALL"
+
+
+def build() -> None:
+    """Build the Cornell box in an empty file with two boxes of one mesh, and instances of a third one."""
+    import bpy
+
+    sys.path.insert(0, str(ROOT / "examples"))
+    import cornell_box
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    cornell_box.build()
+    short, tall = bpy.data.objects["Short Box"], bpy.data.objects["Tall Box"]
+    twin = bpy.data.objects.new("Box.001", short.data)
+    twin.location, twin.rotation_euler, twin.scale = (-0.6, -0.5, 0), (0, 0, 0.4), (0.5, 0.5, 0.8)
+    bpy.context.scene.collection.objects.link(twin)
+    short.name, tall.name = 'Wall/"1":2%', "Tall-col"
+    short.hemibake.atlas = twin.hemibake.atlas = "Boxes"
+    _add_instances()
+    bpy.data.objects["Floor"].name = "Boden.ü"
+    bpy.context.view_layer.update()
+
+
+def _add_instances() -> None:
+    """Add a small box, and two empties that show its collection, one of them turned."""
+    import bpy
+    import cornell_box
+
+    red = bpy.data.materials["Red"]
+    source = cornell_box.box("Stool", red, (0.2, 0.2, 0.3), (0.75, 0.5), math.radians(10))
+    collection = bpy.data.collections.new("Stools")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(source)
+    collection.objects.link(source)
+    for place, turn in (((-0.75, -1.25, 0), 0.0), ((-0.5, -1.4, 0), 0.3)):
+        empty = bpy.data.objects.new("Stool", None)
+        empty.instance_type, empty.instance_collection = "COLLECTION", collection
+        empty.location, empty.rotation_euler = place, (0, 0, turn)
+        bpy.context.scene.collection.objects.link(empty)
+
+
+def bake_terrace(outputs: set[str]) -> dict:
+    """Bake a floor with a box under a sun in an empty file; return the sun for show.gd, y up."""
+    import bpy
+    import cornell_box
+    from mathutils import Euler, Vector
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    grey = cornell_box.material("Grey", (0.5, 0.4, 0.3))
+    cornell_box.wall("Floor", grey, (0, 0, 0), (0, 0, 0))
+    cornell_box.box("Box", grey, (0.5, 0.5, 0.5), (0.2, 0.1), 0.3)
+    cornell_box.camera()
+    bpy.context.scene.camera.location = (0, -3, 2.5)
+    bpy.context.scene.camera.rotation_euler = (math.radians(50), 0, 0)
+    data = bpy.data.lights.new("Sun", "SUN")
+    data.energy, data.angle = 2.0, 0.0
+    light = bpy.data.objects.new("Sun", data)
+    light.rotation_euler = (0.4, 0.5, 0.2)
+    bpy.context.scene.collection.objects.link(light)
+    settings = bpy.context.scene.hemibake
+    settings.quality, settings.resolution, settings.outputs = "draft", 128, outputs
+    bpy.ops.hemibake.bake()
+    x, y, z = Euler(light.rotation_euler).to_matrix() @ Vector((0, 0, -1))
+    return {"energy": data.energy / math.pi, "direction": [x, z, -y]}

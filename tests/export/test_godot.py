@@ -55,19 +55,6 @@ def test_normal_maps_with_spherical_harmonics(hemibake, engine, tmp_path):
     assert np.median(cornell.differences(flat, wanted)) > 0.03
 
 
-def test_shadow_mask_of_a_sun(hemibake, engine, tmp_path):
-    """Indirect light from the lightmap, and a sun of Godot in the mask, equal the combined light."""
-    sun = room.bake_terrace({"combined"})
-    wanted = cornell.preview(_WIDTH, tmp_path)
-    room.bake_terrace({"indirect", "shadow_mask"})
-    path = export(tmp_path)
-    shown = engine.render(path, _WIDTH, _WIDTH, sun=sun)
-    assert_same(shown, wanted, 95)
-    text = path.read_text().replace("shadowmask_mode = 1", "shadowmask_mode = 0")
-    path.write_text(text)
-    assert np.percentile(cornell.differences(engine.render(path, _WIDTH, _WIDTH, sun=sun), wanted), 95) > 0.2
-
-
 def test_bicubic_filter_keeps_charts_apart(hemibake, engine, tmp_path):
     """Godot's own filter blurs light over two texels, but does not take light of other charts."""
     cornell.bake(64, "draft")

@@ -48,6 +48,7 @@ def _classes() -> tuple[type, ...]:
         checks,
         export,
         last_bake,
+        light_states,
         lightmap_size,
         lightmaps,
         live,
@@ -63,6 +64,6 @@ def _classes() -> tuple[type, ...]:
 
     modules = (
         properties, presets, bake, live, cancel, checks, unwrap, uv_modifiers, lightmap_size, lightmaps,
-        preview, export, select, last_bake, preferences, self_test,
+        light_states, preview, export, select, last_bake, preferences, self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

@@ -33,6 +33,7 @@ from .result.baked_marks import mark_lightmaps, mark_objects
 from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
 from .result.destination import Destination, choose_destination
+from .result.light_states import manifest_states
 from .result.preserved_texels import PreservedTexels
 from .result.preview import renew_preview, show_preview, shows_preview
 from .result.progress_images import ProgressImages, image_names
@@ -349,7 +350,7 @@ class BakeRun:
         try:
             scene = self._context.scene
             contents = lightmap_contents(scene, self._read, self._settings, self._uv_layer, self._kept)
-            files = images.store(targets, pixels, self._destination, contents)
+            files = images.store(targets, pixels, self._destination, contents, manifest_states(scene))
         except EngineError as error:
             self.failure = str(error)
             return [], []

@@ -20,6 +20,7 @@ from .chart_settings import chart_properties
 from .compat import PATH_OPTIONS
 from .export_engines import engine_items
 from .file_format import format_properties
+from .light_state_names import make_state_name_unique
 from .lightmap_list import unlisted
 from .lightmap_size import fix_size, size_properties
 from .output_switches import output_switches
@@ -70,6 +71,41 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         subtype="PERCENTAGE",
         min=0,
         max=100,
+    )
+
+
+class HemibakeStateGroupProperties(bpy.types.PropertyGroup):
+    """A light group in a light state; `name` is the name of the group."""
+
+    color: FloatVectorProperty(
+        name="Color",
+        description="Multiply the light of the group by this color in the state",
+        subtype="COLOR",
+        size=3,
+        min=0.0,
+        soft_max=1.0,
+        default=(1.0, 1.0, 1.0),
+    )
+    strength: FloatProperty(
+        name="Strength",
+        description="Multiply the light of the group by this number in the state",
+        min=0.0,
+        soft_max=10.0,
+        default=1.0,
+    )
+
+
+class HemibakeLightStateProperties(bpy.types.PropertyGroup):
+    """A light state: color and strength of each light group; `name` is unique in the scene."""
+
+    name: StringProperty(
+        name="Light State",
+        description="Name of the light state, for scripts and engines",
+        update=make_state_name_unique,
+    )
+    groups: CollectionProperty(
+        type=HemibakeStateGroupProperties,
+        description="Light groups of the state; others have color white and strength 1",
     )
 
 
@@ -144,6 +180,22 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         name="Light Mixer",
         description="Node group with color and strength of each light group, for shown lightmaps",
         options={"HIDDEN"},
+    )
+    light_states: CollectionProperty(
+        type=HemibakeLightStateProperties,
+        description="Named mixes of the light groups",
+    )
+    active_light_state: IntProperty(
+        name="Active Light State", description="Number of the chosen light state", options={"HIDDEN"}
+    )
+    light_fade: FloatProperty(
+        name="Fade",
+        description="Duration of the change to another light state in the preview",
+        subtype="TIME_ABSOLUTE",
+        unit="TIME_ABSOLUTE",
+        min=0.0,
+        soft_max=10.0,
+        default=1.0,
     )
     baked_scene: StringProperty(
         description="Key of the scene of the last bake in the memory of this session", options={"HIDDEN"}
@@ -343,6 +395,8 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
 
 CLASSES = (
     HemibakeLightmapProperties,
+    HemibakeStateGroupProperties,
+    HemibakeLightStateProperties,
     HemibakeSceneProperties,
     HemibakeSlotProperties,
     HemibakeBakeRecord,

@@ -1,10 +1,11 @@
-"""Light Groups panel: the groups of the view layer, the group of the world, and the mixer of their maps."""
+"""Light Groups panel: groups of the view layer, group of the world, mixer of the maps, light states."""
 
 from __future__ import annotations
 
 import bpy
 
 from ..operators.result.light_mixer import mixed_groups
+from ..operators.result.light_states import active_state, baked_groups
 from ..operators.result.preview import shows_preview
 from .sidebar import SubPanel, split_properties
 from .wrapped_text import draw_text, line_width
@@ -13,8 +14,26 @@ from .wrapped_text import draw_text, line_width
 _NAME = 0.4
 
 
+class HEMIBAKE_UL_light_states(bpy.types.UIList):
+    """List of light states, with editable names."""
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: bpy.types.PropertyGroup,
+        item: bpy.types.PropertyGroup,
+        icon: int,
+        active_data: bpy.types.PropertyGroup,
+        active_property: str,
+        index: int = 0,
+        flags: int = 0,
+    ) -> None:
+        layout.prop(item, "name", text="", emboss=False, icon="LIGHT")
+
+
 class HEMIBAKE_PT_light_groups(SubPanel, bpy.types.Panel):
-    """Light groups of the view layer and the world, and the mixer; shown only if light groups are baked.
+    """Light groups of the view layer and the world, mixer and states; shown only if light groups are baked.
 
     The light group of an object is chosen in the Active Object panel.
     """
@@ -50,6 +69,7 @@ def _draw_maps(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         _draw_mixer(layout.column(), scene.hemibake.light_mixer)
     if not shows_preview(scene):
         draw_text(layout, "Show Lightmaps to see the mix", width, "INFO")
+    _draw_states(layout.column(), context)
 
 
 def _has_maps(scene: bpy.types.Scene) -> bool:
@@ -68,4 +88,39 @@ def _draw_mixer(layout: bpy.types.UILayout, mixer: bpy.types.NodeTree) -> None:
         values.prop(strength, "default_value", text="")
 
 
-CLASSES = (HEMIBAKE_PT_light_groups,)
+def _draw_states(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the list of light states, the operators on the chosen one, and its groups."""
+    kept, state = context.scene.hemibake, active_state(context.scene)
+    layout.label(text="States")
+    row = layout.row()
+    row.template_list(
+        "HEMIBAKE_UL_light_states", "", kept, "light_states", kept, "active_light_state", rows=3
+    )
+    buttons = row.column(align=True)
+    buttons.operator("hemibake.light_state_add", text="", icon="ADD")
+    buttons.operator("hemibake.light_state_remove", text="", icon="REMOVE")
+    if state is None:
+        return
+    row = layout.row(align=True)
+    row.operator("hemibake.light_state_apply", text="Apply").seconds = kept.light_fade
+    row.operator("hemibake.light_state_store", text="Store")
+    row.operator("hemibake.light_state_write", text="Write")
+    layout.prop(kept, "light_fade")
+    known = baked_groups(context.scene)
+    for group in state.groups:
+        row = layout.split(factor=_NAME)
+        row.label(text=group.name, icon="NONE" if group.name in known else "ERROR")
+        values = row.row(align=True)
+        values.prop(group, "color", text="")
+        values.prop(group, "strength", text="")
+    missing = [group.name for group in state.groups if group.name not in known]
+    if missing:
+        draw_text(
+            layout,
+            f"No maps of {', '.join(missing)}: bake the group or store again",
+            line_width(context),
+            "ERROR",
+        )
+
+
+CLASSES = (HEMIBAKE_UL_light_states, HEMIBAKE_PT_light_groups)

@@ -44,7 +44,8 @@ def run(given: argparse.Namespace, heard: signals.Signals) -> dict:
         command.prepare(given)
         if given.verify is not None:
             check_verify(given.verify)
-        report = command.export(given, command.bake(given, heard))
+        report = command.write_states(given, command.bake(given, heard))
+        report = command.export(given, report)
         if given.verify is not None:
             report["verify"], path = verify_bake(given.verify, given.out.resolve())
             report["files"].append(path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from .command import bake, check_paths, execute_last, export, prepare, save
+from .command import bake, check_paths, execute_last, export, prepare, save, write_states
 from .merge import merge_parser, merge_parts
 from .options import parser
 from .signals import Signals
@@ -60,4 +60,5 @@ def _bake(options: Namespace, signals: Signals) -> dict:
     check_paths(options)
     with signals.heard():
         prepare(options)
-        return save(options, export(options, bake(options, signals)))
+        report = write_states(options, bake(options, signals))
+        return save(options, export(options, report))

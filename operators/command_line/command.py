@@ -74,13 +74,17 @@ def check_paths(options: argparse.Namespace) -> None:
 
 
 def prepare(options: argparse.Namespace) -> None:
-    """Open the scene, choose the part to bake, and apply the options for world and settings."""
+    """Open the scene, choose the part to bake, and apply the options for world and settings.
+
+    Raises CommandError, also for a light state that the scene does not have.
+    """
     if options.scene is not None:
         open_scene(options.scene.resolve())
     choose_part(options)
     if options.world is not None:
         replace_world(options.world)
     apply_settings(options)
+    _check_states(options.states)
 
 
 def bake(options: argparse.Namespace, signals: Signals) -> dict:
@@ -99,6 +103,27 @@ def bake(options: argparse.Namespace, signals: Signals) -> dict:
         images = [bpy.data.images[name] for name in report["images"]]
         report["files"] += write_pictures(images, options.out.resolve())
     return report
+
+
+def write_states(options: argparse.Namespace, report: dict) -> dict:
+    """Write the lightmaps of the light states that options name; return the report with files and warnings.
+
+    Raises CommandError.
+    """
+    import bpy
+
+    from ...engine.errors import EngineError
+    from ..result.light_states import find_state, missing_groups
+    from ..result.state_files import write_state
+
+    scene = bpy.context.scene
+    try:
+        states = [find_state(scene, name) for name in options.states]
+        files = [str(path) for state in states for path in write_state(scene, state)]
+    except EngineError as error:
+        raise CommandError(str(error)) from error
+    warnings = [message for state in states for message in missing_groups(scene, state)]
+    return {**report, "files": report["files"] + files, "warnings": report["warnings"] + warnings}
 
 
 def export(options: argparse.Namespace, report: dict) -> dict:
@@ -124,6 +149,20 @@ def save(options: argparse.Namespace, report: dict) -> dict:
     if options.report is not None:
         options.report.resolve().write_text(json.dumps(report, allow_nan=False, indent=1), encoding="utf-8")
     return report
+
+
+def _check_states(names: Sequence[str]) -> None:
+    """Raise CommandError for a light state that the scene does not have."""
+    import bpy
+
+    from ...engine.errors import EngineError
+    from ..result.light_states import find_state
+
+    try:
+        for name in names:
+            find_state(bpy.context.scene, name)
+    except EngineError as error:
+        raise CommandError(str(error)) from error
 
 
 def _check_place(path: Path) -> None:

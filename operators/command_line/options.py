@@ -69,6 +69,10 @@ def parser(program: str, description: str) -> Parser:
     for name, (kind, word, text) in OWN.items():
         made.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=word, help=text)
     made.add_argument("--world", type=colour, metavar="R,G,B", help="replace the world by this radiance")
+    made.add_argument(
+        "--state", metavar="NAME", action="append", default=[], dest="states",
+        help="also write the lightmaps of this light state; may be repeated",
+    )  # fmt: skip
     made.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
     made.add_argument(
         "--export",

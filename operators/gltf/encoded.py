@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,12 +25,14 @@ class EncodedLightmap:
     data:       content of the file
     kind:       MIME type, which determines the encoding; "" if the glTF file has no lightmaps
     intensity:  factor from texel values to irradiance
+    groups:     maps of the light groups of the lightmap, by name
     """
 
     name: str
     data: bytes
     kind: str
     intensity: float
+    groups: Mapping[str, EncodedLightmap] = field(default_factory=dict)
 
     @property
     def suffix(self) -> str:

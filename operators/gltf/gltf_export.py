@@ -6,7 +6,7 @@ import filecmp
 import json
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import quote, unquote
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from ...engine.errors import EngineError
 from ...engine.object_message import object_message
-from ...engine.outputs import PROJECTED_MAPS
+from ...engine.outputs import LIGHT_GROUP, PROJECTED_MAPS
 from ..command_line.pictures import read_pixels
 from ..compat import gltf_binary_data
 from ..file_format import PLAIN
@@ -24,8 +24,10 @@ from ..result.destination import blend_from, try_folder
 from ..result.directional_images import all_directional_images, directional_images
 from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
+from ..result.light_mixer import group_images
+from ..result.light_states import baked_groups, manifest_states
 from ..result.lightmap_files import LightmapFile
-from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
+from ..result.manifest import NAME, VERSION, is_ours, read_manifest, write_manifest
 from ..result.moved_charts import warn_changed_uvs
 from ..result.preview import hide_preview, previewed, show_preview
 from ..result.shadow_mask_images import sun_mask
@@ -100,12 +102,13 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool, 
             maps = {
                 image: all_directional_images(context.scene, image) if use_files else {} for image in usable
             }
-            work = _Export(path, staging, maps)
-            hooks = work.write(surfaces, kind)
+            groups = {image: _group_maps(context.scene, image) for image in usable}
+            work = _Export(path, staging, maps, groups)
+            hooks = work.write(surfaces, kind, _extras(context.scene, groups))
             if for_godot:
                 notes += work.write_godot(hooks, context.scene)
             elif use_files:
-                work.write_files(hooks.lit, _shown_output(context.scene))
+                work.write_files(hooks.lit, _shown_output(context.scene), manifest_states(context.scene))
             files = work.keep()
     except (OSError, RuntimeError) as error:
         changes.undo()
@@ -121,25 +124,33 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool, 
 class _Export:
     """Files of one export, made in a staging folder.
 
-    maps:  directional maps of each lightmap, by output
+    maps:    directional maps of each lightmap, by output
+    groups:  maps of light groups of each lightmap, by group
     """
 
     def __init__(
-        self, path: Path, staging: Path, maps: Mapping[bpy.types.Image, dict[str, bpy.types.Image]]
+        self,
+        path: Path,
+        staging: Path,
+        maps: Mapping[bpy.types.Image, dict[str, bpy.types.Image]],
+        groups: Mapping[bpy.types.Image, dict[str, bpy.types.Image]],
     ) -> None:
-        self._path, self._staging, self._maps = path, staging, maps
+        self._path, self._staging, self._maps, self._groups = path, staging, maps, groups
         self._made = staging / "files"
         self._made.mkdir()
-        images = [*maps, *(image for beside in maps.values() for image in beside.values())]
-        self._stems = _stems(path.stem, {image: image.name for image in images})
+        beside = (image for known in (maps, groups) for images in known.values() for image in images.values())
+        self._stems = _stems(path.stem, {image: image.name for image in (*maps, *beside)})
         self._manifest: list[Path] = []
         self._texts: dict[str, str] = {}
 
-    def write(self, surfaces: ExportItems, kind: str) -> LightmapHooks:
-        """Write the glTF file and its images; return the hooks, which list the surfaces with lightmaps."""
-        lightmaps = {image: encode(image.name, _finite_pixels(image), kind) for image in self._maps}
+    def write(self, surfaces: ExportItems, kind: str, extras: Mapping[str, object]) -> LightmapHooks:
+        """Write the glTF file and its images; return the hooks, which list the surfaces with lightmaps.
+
+        extras:  light groups and states for the file
+        """
+        lightmaps = {image: self._encoded(image, kind) for image in self._maps}
         uris = {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
-        hooks = LightmapHooks(surfaces, lightmaps, LitMaterials(gltf_binary_data(), uris))
+        hooks = LightmapHooks(surfaces, lightmaps, LitMaterials(gltf_binary_data(), uris), extras)
         write_gltf(self._made / self._path.name, hooks)
         if hooks.error is not None:
             raise hooks.error
@@ -147,18 +158,20 @@ class _Export:
             raise EngineError(object_message(_GONE, hooks.lost) if hooks.lost else _NOTHING_BAKED)
         return hooks
 
-    def write_files(self, lit: Sequence[ExportItem], shown: str) -> None:
-        """Write the lightmaps and their directional maps as OpenEXR files, with a manifest of their objects.
+    def write_files(self, lit: Sequence[ExportItem], shown: str, states: Mapping[str, dict]) -> None:
+        """Write the lightmaps, their directional maps and light groups as OpenEXR files, with a manifest.
 
-        shown:  name of the output that the lightmaps hold
+        shown:   name of the output that the lightmaps hold
+        states:  light states for the manifest
         """
         files = []
         for lightmap, directional in self._maps.items():
-            for output, image in {shown: lightmap, **directional}.items():
+            groups = {f"{LIGHT_GROUP}{name}": image for name, image in self._groups[lightmap].items()}
+            for output, image in {shown: lightmap, **directional, **groups}.items():
                 fact = {**self._facts(lightmap, lit), "output": output, **_decoding(output)}
                 name = f"{self._stems[image]}.exr"
                 files.append(LightmapFile(name, PLAIN, None, _finite_pixels(image), fact))
-        self._write_maps(files)
+        self._write_maps(files, states)
 
     def write_godot(self, hooks: LightmapHooks, scene: bpy.types.Scene) -> list[str]:
         """Write the files by which Godot shows the lightmaps; return notes on what it shows otherwise."""
@@ -203,14 +216,14 @@ class _Export:
             "objects": [_fact(surface) for surface in lit if surface.place.image == lightmap],
         }
 
-    def _write_maps(self, files: Sequence[LightmapFile]) -> None:
-        """Write image files and a manifest of them."""
+    def _write_maps(self, files: Sequence[LightmapFile], states: Mapping[str, dict] | None = None) -> None:
+        """Write image files and a manifest of them, with light states if the files hold light groups."""
         for file in files:
             file.write(self._made / file.name)
         self._manifest = [self._staging / NAME]
         names, facts = [file.name for file in files], [file.entry for file in files]
-        staged = [self._made / name for name in names]
-        write_manifest(self._manifest[0], self._path.parent, staged, names, facts)
+        staged, sections = [self._made / name for name in names], {"states": dict(states or {})}
+        write_manifest(self._manifest[0], self._path.parent, staged, names, facts, sections)
 
     def keep(self) -> list[Path]:
         """Move all files to their folder, in place of the files of an earlier export; return their paths."""
@@ -221,15 +234,21 @@ class _Export:
         replace_all(staged, paths, self._staging)
         return paths
 
+    def _encoded(self, image: bpy.types.Image, kind: str) -> EncodedLightmap:
+        """Return a lightmap encoded for the file, with the maps of its light groups."""
+        groups = self._groups[image].items() if kind else ()
+        encoded = {name: encode(part.name, _finite_pixels(part), kind) for name, part in groups}
+        return replace(encode(image.name, _finite_pixels(image), kind), groups=encoded)
+
     def _write_images(self, lightmaps: dict[bpy.types.Image, EncodedLightmap]) -> dict[str, str]:
-        """Write the lightmaps as separate files; return their URIs by the lightmaps' names."""
+        """Write the lightmaps and their light groups as separate files; return their URIs by name."""
+        stems = {image.name: stem for image, stem in self._stems.items()}
         uris = {}
-        for image, lightmap in lightmaps.items():
-            if not lightmap.kind:
-                continue
-            name = f"{self._stems[image]}{lightmap.suffix}"
-            (self._made / name).write_bytes(lightmap.data)
-            uris[lightmap.name] = quote(name)
+        for lightmap in lightmaps.values():
+            for part in (lightmap, *lightmap.groups.values()) if lightmap.kind else ():
+                name = f"{stems[part.name]}{part.suffix}"
+                (self._made / name).write_bytes(part.data)
+                uris[part.name] = quote(name)
         return uris
 
     def _refuse_others(self, made: Sequence[Path]) -> None:
@@ -325,6 +344,23 @@ def _referenced(path: Path) -> set[str]:
         parts = [*known.get("buffers", ()), *known.get("images", ())]
         return {unquote(part["uri"]) for part in parts if "uri" in part}
     return set()
+
+
+def _group_maps(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str, bpy.types.Image]:
+    """Return the maps of the light groups of a lightmap by group; empty if one is missing."""
+    return {name: image for name, (image,) in group_images(scene, [lightmap]).items()}
+
+
+def _extras(
+    scene: bpy.types.Scene, groups: Mapping[bpy.types.Image, dict[str, bpy.types.Image]]
+) -> dict[str, object]:
+    """Return version, light groups and states for a file, as in the manifest; empty without light groups."""
+    used = {name for images in groups.values() for name in images}
+    names = [name for name in baked_groups(scene) if name in used]
+    if not names:
+        return {}
+    listed = [{"name": name, "output": f"{LIGHT_GROUP}{name}"} for name in names]
+    return {"version": VERSION, "groups": listed, "states": manifest_states(scene)}
 
 
 def _shown_output(scene: bpy.types.Scene) -> str:

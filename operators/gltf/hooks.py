@@ -38,8 +38,10 @@ class LightmapHooks:
         surfaces: ExportItems,
         lightmaps: Mapping[bpy.types.Image, EncodedLightmap],
         materials: LitMaterials,
+        extras: Mapping[str, object],
     ) -> None:
         self._surfaces, self._lightmaps, self._materials = surfaces, lightmaps, materials
+        self._extras = extras
         self._layers: dict[int, tuple[gltf2_io.Mesh, list[str]]] = {}
         self.lit: list[ExportItem] = []
         self.nodes: list[int] = []
@@ -47,6 +49,11 @@ class LightmapHooks:
         self.dark: list[str] = []
         self.lost: list[str] = []
         self.error: Exception | None = None
+
+    def gather_asset_hook(self, asset: gltf2_io.Asset, *others: object) -> None:
+        """Add light groups and states to the asset's extras, if there are any."""
+        if self._extras:
+            asset.extras = {**(asset.extras or {}), "hemibake": dict(self._extras)}
 
     def gather_tree_filter_tag_hook(self, tree: object, *others: object) -> None:
         """Leave out instances on vertices and faces that the exporter also lists as instances of nodes."""

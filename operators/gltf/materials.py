@@ -43,11 +43,20 @@ class LitMaterials:
             made = _grey() if material is None else _swapped(material, swapped)
             if lightmap.kind:
                 extension = {"index": self._texture(lightmap), "texCoord": 1, "intensity": lightmap.intensity}
+                if lightmap.groups:
+                    extension["extras"] = {"hemibake": {"groups": self._groups(lightmap)}}
                 lightmaps = {"MOZ_lightmap": Extension("MOZ_lightmap", extension, required=False)}
                 made.extensions = {**(made.extensions or {}), **lightmaps}
             # The original is stored as well, so that no other object gets its id.
             self._materials[key] = material, made
         return self._materials[key][1]
+
+    def _groups(self, lightmap: EncodedLightmap) -> dict[str, dict]:
+        """Return texture and intensity of each light group of a lightmap."""
+        return {
+            name: {"index": self._texture(group), "intensity": group.intensity}
+            for name, group in lightmap.groups.items()
+        }
 
     def _texture(self, lightmap: EncodedLightmap) -> gltf2_io.Texture:
         """Return the texture of a lightmap; glTF has no HDR images, but MOZ_texture_rgbe has."""

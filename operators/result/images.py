@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import bpy
@@ -79,7 +79,11 @@ def show(image: bpy.types.Image, pixels: np.ndarray) -> None:
 
 
 def store(
-    images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination, facts: list[dict]
+    images: list[bpy.types.Image],
+    lightmaps: np.ndarray,
+    destination: Destination,
+    facts: list[dict],
+    states: Mapping[str, dict],
 ) -> list[LightmapFile]:
     """Write the files of each lightmap, assign the shown file to its image, and return the files.
 
@@ -90,13 +94,14 @@ def store(
     images:     images that show the lightmaps already
     lightmaps:  (images, h, w, 3) float32, scene-linear, bottom row first
     facts:      manifest entries of each
+    states:     light states of the scene for the manifest
     """
     if destination.folder is None:
         _pack_all(images, lightmaps, destination)
         return []
     files = list(lightmap_files(lightmaps, destination, facts))
     try:
-        _write_all(files, destination)
+        write_all(files, destination, states)
     except (OSError, RuntimeError) as error:
         _pack_all(images, lightmaps, destination)
         raise EngineError(
@@ -137,15 +142,20 @@ def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types
     return image
 
 
-def _write_all(files: Sequence[LightmapFile], destination: Destination) -> None:
-    """Write all files and the manifest, or none; the manifest is moved first and lists old and new files."""
+def write_all(files: Sequence[LightmapFile], destination: Destination, states: Mapping[str, dict]) -> None:
+    """Write all files and the manifest, or none; the manifest is moved first and lists old and new files.
+
+    Raises OSError or RuntimeError.
+
+    states:  light states of the scene for the manifest
+    """
     folder, names = destination.folder, [file.name for file in files]
     with staging_folder(folder) as staging:
         staged = [staging / f"{index}{Path(name).suffix}" for index, name in enumerate(names)]
         for path, file in zip(staged, files, strict=True):
             file.write(path)
         manifest, entries = staging / NAME, [{"blend": destination.blend, **file.entry} for file in files]
-        write_manifest(manifest, folder, staged, names, entries)
+        write_manifest(manifest, folder, staged, names, entries, {"states": dict(states)})
         replace_all([manifest, *staged], [folder / name for name in (NAME, *names)], staging)
 
 

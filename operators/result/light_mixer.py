@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import bpy
 
 from .group_members import group_members, renamed_groups
+from .light_states import Mix, rename_groups
 from .nodes import make_node
 
 #: Width of a node column, and height of the rows of a light group.
@@ -50,7 +51,8 @@ def _maps_beside(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str,
 def light_mixer(scene: bpy.types.Scene, groups: Sequence[str]) -> bpy.types.NodeTree:
     """Return the mixer of a scene, with an input for each light group in order.
 
-    Colors and strengths of existing groups are kept with their animation, even if a group was renamed.
+    Colors and strengths of existing groups are kept with their animation, even if a group was renamed. Light
+    states follow renamed groups too.
     """
     tree = scene.hemibake.light_mixer
     if tree is None or _is_of_another(tree, scene):
@@ -58,7 +60,9 @@ def light_mixer(scene: bpy.types.Scene, groups: Sequence[str]) -> bpy.types.Node
         scene.hemibake.light_mixer = tree
     known, members = json.loads(tree.get(_MEMBERS, "{}")), group_members(scene)
     if _inputs(tree) != list(groups):
-        _rename(tree, renamed_groups(known, members))
+        renamed = renamed_groups(known, members)
+        _rename(tree, renamed)
+        rename_groups(scene, renamed)
         _build(tree, groups)
     if members != known:
         tree[_MEMBERS] = json.dumps(members)
@@ -73,6 +77,22 @@ def mixed_groups(tree: bpy.types.NodeTree) -> list[tuple[str, bpy.types.NodeSock
         for name in _inputs(tree)
         if _color(name) in nodes and _strength(name) in nodes
     ]
+
+
+def mixer_mix(tree: bpy.types.NodeTree) -> dict[str, Mix]:
+    """Return the present color and strength of each light group of a mixer."""
+    return {
+        name: (tuple(color.default_value)[:3], strength.default_value)
+        for name, color, strength in mixed_groups(tree)
+    }
+
+
+def set_mixer_mix(tree: bpy.types.NodeTree, mix: Mapping[str, Mix]) -> None:
+    """Set color and strength of the light groups of a mixer; other groups stay unchanged."""
+    for name, color, strength in mixed_groups(tree):
+        if name in mix:
+            rgb, strength.default_value = mix[name]
+            color.default_value = (*rgb, 1.0)
 
 
 def _is_of_another(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bool:

@@ -399,8 +399,15 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     shown = draw("HEMIBAKE_PT_light_groups")
     assert "lightgroup" not in draw("HEMIBAKE_PT_object")
     assert shown.count("lightgroup") == 0 and shown.count("default_value") == 4
-    assert shown[-7:-1] == ["Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
-    assert shown[-1] == "Show Lightmaps to see the mix"
+    mixer = ["Mixer", "Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
+    hint = shown.index("Show Lightmaps to see the mix")
+    assert shown[hint - 7 : hint] == mixer
+    assert shown[hint + 1 :] == ["States", "hemibake.light_state_add", "hemibake.light_state_remove"]
+    bpy.ops.hemibake.light_state_add(name="Night")
+    scene.hemibake.light_states[0].groups["Day"].name = "Dawn"
+    shown = draw("HEMIBAKE_PT_light_groups")
+    assert shown.count("light_fade") == 1 and {"hemibake.light_state_apply", "Dawn"} <= {*shown}
+    assert "No maps of Dawn: bake the group or store again" in " ".join(shown)
     scene.hemibake.lightmaps[0].light_groups = "[]"
     assert draw("HEMIBAKE_PT_light_groups") is None
 

@@ -1,0 +1,100 @@
+"""Files of a light state: one plain lightmap for each lightmap that has maps of light groups."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...engine.errors import EngineError
+from ..command_line.pictures import read_pixels
+from ..file_format import chosen_format
+from ..rollback import Rollback
+from ..working_space import to_rec709
+from .destination import Destination, choose_destination
+from .files import reason
+from .images import holds_colours, write_all
+from .light_mixer import group_images
+from .light_states import factors, manifest_states, mixed_light
+from .lightmap_files import lightmap_files
+from .manifest import read_manifest
+
+#: Prefix of the output of a state's lightmaps.
+STATE = "state "
+
+
+def write_state(scene: bpy.types.Scene, state: bpy.types.PropertyGroup) -> list[Path]:
+    """Write the mix of a light state as plain lightmaps in the scene's folder and format.
+
+    Returns the paths of the files. Raises EngineError if there are no maps of light groups, no folder, or a
+    file cannot be written; old files then stay.
+    """
+    mixed = _mixed(scene, factors(state))
+    if not mixed:
+        raise EngineError(
+            f"Scene '{scene.name}': no maps of light groups. Bake the output Light Groups first."
+        )
+    output, changes = f"{STATE}{state.name}", Rollback()
+    formats = [chosen_format(scene.hemibake)] * len(mixed)
+    names = [f"{atlas} {output}" for atlas in mixed]
+    try:
+        chosen = choose_destination(scene, names, scene.hemibake.directory, changes, formats)
+        if chosen.folder is None:
+            raise EngineError(f"State '{state.name}': the .blend has no folder. Save the .blend first.")
+        return _write(scene, chosen, output, mixed)
+    except EngineError:
+        changes.undo()
+        raise
+
+
+def _mixed(scene: bpy.types.Scene, weights: dict[str, list[float]]) -> dict[str, np.ndarray]:
+    """Return the mix of the light groups of each lightmap that has their maps, by atlas."""
+    found = {}
+    for entry in scene.hemibake.lightmaps:
+        if entry.image is not None and not entry.companion_of:
+            images = group_images(scene, [entry.image])
+            if images:
+                maps = {name: _rec709(image) for name, (image,) in images.items()}
+                found[entry.name] = mixed_light(maps, weights)
+    return found
+
+
+def _rec709(image: bpy.types.Image) -> np.ndarray:
+    """Return the light of a map, (h, w, 3) float32, linear Rec.709."""
+    pixels = read_pixels(image)
+    return to_rec709(pixels) if holds_colours(image) else pixels
+
+
+def _write(
+    scene: bpy.types.Scene, destination: Destination, output: str, mixed: dict[str, np.ndarray]
+) -> list[Path]:
+    """Write the lightmaps of a state, one by one, since their sizes may differ; raises EngineError."""
+    known, paths = read_manifest(destination.folder), []
+    for number, (atlas, light) in enumerate(mixed.items()):
+        one = slice(number, number + 1)
+        part = Destination(
+            destination.folder, destination.stems[one], destination.packed_as, destination.blend,
+            destination.formats[one],
+        )  # fmt: skip
+        facts = {"atlas": atlas, "output": output, "objects": _objects(known, atlas, destination.blend)}
+        files = list(lightmap_files(light[None], part, [facts]))
+        try:
+            write_all(files, part, manifest_states(scene))
+        except (OSError, RuntimeError) as error:
+            raise EngineError(
+                f"The lightmaps of '{output}' cannot be written to '{part.folder}': {reason(error)}. Choose "
+                "another folder."
+            ) from error
+        paths += [part.folder / file.name for file in files]
+    return paths
+
+
+def _objects(known: dict[str, dict], atlas: str, blend: str) -> list[dict]:
+    """Return the manifest's objects of an atlas as its bake wrote them; empty without its files."""
+    entries = (
+        entry["objects"]
+        for entry in known.values()
+        if entry.get("atlas") == atlas and entry.get("blend") == blend and "export" not in entry
+    )
+    return next(entries, [])

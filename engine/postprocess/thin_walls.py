@@ -61,7 +61,8 @@ def warn_thin_walls(
         f"Use {_rounded(density)} texels per metre (now {_rounded(now)}) "
         "or cut the lightmap UVs along the wall."
     )
-    return [object_message(sentence, [scene.meshes[mesh].name for mesh in meshes], "cut_along_walls")]
+    names = list(dict.fromkeys(scene.meshes[mesh].name for mesh in meshes))
+    return [object_message(sentence, names, "cut_along_walls")]
 
 
 def _texel(patch_scene: PatchScene, samples: TexelSamples, chosen: np.ndarray) -> np.ndarray:

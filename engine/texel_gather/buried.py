@@ -9,8 +9,8 @@ from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
 
 _SENTENCE = (
-    "{}: inside other geometry, so the lightmap shows the light around that. If it stands in a room, "
-    "recalculate the normals of the room. Otherwise remove it, or set its role to No Lightmap."
+    "{}: inside other geometry or under a touching face, so the lightmap shows the light around it. If it "
+    "stands in a room, recalculate the normals of the room. Otherwise set its role to No Lightmap."
 )
 
 

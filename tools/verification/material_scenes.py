@@ -11,7 +11,18 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from tools.verification.scenes import NOTES, ORIGINALS, add, box, lamp, material, scene, stage, world
+from tools.verification.scenes import (
+    BY_DESIGN,
+    NOTES,
+    ORIGINALS,
+    add,
+    box,
+    lamp,
+    material,
+    scene,
+    stage,
+    world,
+)
 
 
 def shell(surface: bpy.types.Material, opening: tuple[float, float]) -> bpy.types.Object:
@@ -52,13 +63,14 @@ def closure(kind: str, **inputs: object) -> bpy.types.Material:
 @scene
 def glass_window():
     """A closed room that a white sky lights through a closed slab of glass."""
-    shell(material("Walls", (0.72, 0.7, 0.66)), (1.9, 1.3))
+    shell(material("Walls", (0.72, 0.7, 0.66)), (3.0, 2.0))
     box(None, (0.3, -0.2, 0.35))
-    pane(closure("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.35), (2.0, 0.03, 1.4))
+    pane(closure("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45), (3.1, 0.03, 2.1))
     world((0.9, 0.95, 1.0), 2.0)
 
 
 NOTES["glass_window"] = "without refraction"
+BY_DESIGN["glass_window"] = (5.0, 4.0)
 
 
 @scene
@@ -125,7 +137,7 @@ def one_sided_panel():
 def rough_metal():
     """A closed room with half its walls of rough metal, which lights the others."""
     walls = shell(material("Walls", (0.6, 0.6, 0.6)), (1.4, 1.0))
-    walls.data.materials.append(material("Brushed", (0.8, 0.65, 0.5), Metallic=1.0, Roughness=0.9))
+    walls.data.materials.append(material("Brushed", (0.8, 0.65, 0.5), Metallic=0.6, Roughness=0.75))
     for polygon in walls.data.polygons:
         polygon.material_index = int(polygon.index % 4 == 1)
     lamp("AREA", (0.2, 0, 2.1), (0.2, 0.001, 0), energy=50, shape="SQUARE", size=0.7)

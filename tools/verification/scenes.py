@@ -19,6 +19,9 @@ ROOMS: dict[str, tuple[int, int]] = {}
 #: all objects of a render.
 ORIGINALS: dict[str, str] = {}
 
+#: Limits of RMSE off edges and of bias, per cent, of scenes that differ by design (docs/design/accuracy.md).
+BY_DESIGN: dict[str, tuple[float, float]] = {}
+
 #: Words that a note of the bake must contain, by scene.
 NOTES: dict[str, str] = {}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from tools.verification.scenes import ORIGINALS, add, floor, lamp, material, scene, world
+from tools.verification.scenes import BY_DESIGN, ORIGINALS, add, floor, lamp, material, scene, world
 
 
 @scene
@@ -28,15 +28,15 @@ def hair_curves():
     """Curves of a comb of bent strands above the floor, with a radius for each point."""
     floor()
     data = bpy.data.hair_curves.new("Comb")
-    data.add_curves([5] * 400)
+    data.add_curves([5] * 900)
     step = np.arange(5) / 4
-    roots = np.random.default_rng(7).uniform(-0.9, 0.9, (400, 2))
-    points = np.zeros((400, 5, 3), np.float32)
+    roots = np.random.default_rng(7).uniform(-0.9, 0.9, (900, 2))
+    points = np.zeros((900, 5, 3), np.float32)
     points[..., :2] = roots[:, None] + 0.15 * step[:, None] ** 2
-    points[..., 2] = 0.35 + 0.5 * step
+    points[..., 2] = 0.5 + 0.4 * step
     data.attributes["position"].data.foreach_set("vector", points.ravel())
     radius = data.attributes.get("radius") or data.attributes.new("radius", "FLOAT", "POINT")
-    radius.data.foreach_set("value", np.tile(0.005 - 0.003 * step, 400).astype(np.float32))
+    radius.data.foreach_set("value", np.tile(0.004 - 0.002 * step, 900).astype(np.float32))
     data.materials.append(material("Strands", (0.3, 0.5, 0.6)))
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Comb", data))
     _light()
@@ -48,3 +48,4 @@ def _light() -> None:
 
 
 ORIGINALS.update(dict.fromkeys(("hair_particles", "hair_curves"), "Floor"))
+BY_DESIGN["hair_curves"] = (3.0, 1.0)

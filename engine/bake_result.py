@@ -75,6 +75,28 @@ class Report:
 
 
 @dataclass(frozen=True)
+class ProbeGrid:
+    """Radiance over the sphere at the n probes of a volume.
+
+    name:          name of the volume
+    resolution:    number of probes along the x, y and z axes of the volume
+    matrix:        (4, 4) float64, from the unit cube [-1, 1]^3 to world axes, m, relative to `Scene.origin`
+    coefficients:  (n, 9, 3) float32, W/(m^2 sr), SH L2 of the radiance in world axes, see
+                   engine/probes/spherical_harmonics.py; x varies fastest among the probes, then y
+    validity:      (n,) float32, 1 for probes at their place, 0.5 for probes moved out of geometry, 0 for
+                   probes inside geometry, whose light comes from valid neighbours
+    positions:     (n, 3) float32, m, of the light, relative to `Scene.origin`
+    """
+
+    name: str
+    resolution: tuple[int, int, int]
+    matrix: np.ndarray
+    coefficients: np.ndarray
+    validity: np.ndarray
+    positions: np.ndarray
+
+
+@dataclass(frozen=True)
 class BakeResult:
     """Lightmaps of all atlases; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
@@ -86,6 +108,7 @@ class BakeResult:
     known:      (atlases, h, w) bool, texels of `display` that are not filled
     report:     report of the bake
     passes:     each output map by name, processed like `display`; names and units are in `engine.outputs`
+    probes:     radiance at the probes of each volume
     """
 
     atlases: tuple[str, ...]
@@ -95,3 +118,4 @@ class BakeResult:
     known: np.ndarray
     report: Report = field(repr=False)
     passes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    probes: tuple[ProbeGrid, ...] = field(default=(), repr=False)

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from .bake_result import BakeResult, Report
+from .bake_result import BakeResult, ProbeGrid, Report
 from .bake_state import BakeState, Inspect, ignore
 from .device.cl_device import ComputeDevice
 from .device.device_array import Values
@@ -36,6 +36,7 @@ from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
 from .postprocess.output_names import output_names
 from .postprocess.store import LightmapImages
+from .probes.gather_probes import gather_probes, probe_warnings
 from .progress import Progress
 from .scene.model import Scene
 from .settings import Settings
@@ -158,6 +159,9 @@ def _bake(
     # Outputs at the patches, and at texel samples where texels are not uniform.
     made, gathered = yield from _made(stages, outputs, texels, len(atlases), contacts, solution, validity)
 
+    # Radiance over the sphere at the probes of volumes, from the solved patches.
+    probes, probe_notes = yield from _probes(stages, texels, solution, validity, contacts)
+
     # Final images: denoised, equal across seams, dilated (VI.B).
     finishing = Finishing(store, texels, solution, made, gathered)
     passes = yield from finishing.images(stages, seams)
@@ -167,20 +171,19 @@ def _bake(
             finishing.refined, passes,
         )
     )  # fmt: skip
-    choice = replace(choice, reasons=(*choice.reasons, *finishing.reasons))
     report = Report(
         patches=len(patch_scene.patches),
         method=choice.method,
         visibility=choice.visibility,
         samples=choice.samples,
-        reasons=choice.reasons,
+        reasons=(*choice.reasons, *finishing.reasons),
         iterations=solution.iterations,
         convergence_error=solution.residual,
         converged=solution.converged or not settings.has_indirect,
         added_flux=tuple(solution.energies),
         seconds=stages.seconds,
         devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
-        warnings=(*notes, *patch_scene.warnings, *lighting.warnings, *finishing.warnings),
+        warnings=(*notes, *patch_scene.warnings, *lighting.warnings, *probe_notes, *finishing.warnings),
         integrator=choice.integrator,
         energy=solution.energy(solved.parts.surfaces.emission),
     )
@@ -192,6 +195,7 @@ def _bake(
         finishing.refined.known,
         report,
         passes,
+        probes,
     )
 
 
@@ -293,3 +297,24 @@ def _made(
     made |= groups
     names = output_names(texels.scene, job.settings)
     return {name: made[name] for name in names}, replace(gathered, values=gathered.values | samples)
+
+
+def _probes(
+    stages: BakeStages,
+    texels: TexelGatherJob,
+    solution: Solution,
+    validity: np.ndarray,
+    contacts: Contacts,
+) -> Generator[Progress, None, tuple[tuple[ProbeGrid, ...], tuple[str, ...]]]:
+    """Return the light of the probe volumes, and warnings; both are empty unless probes are baked.
+
+    validity:  (n,) float32, validity of the patches from `valid_front`
+    contacts:  contacts of the patches
+    """
+    if not (texels.job.settings.light_probes and texels.scene.probe_volumes):
+        return (), ()
+    warnings = probe_warnings(texels)
+    if texels.job.compute is None:
+        return (), warnings
+    gathering = gather_probes(texels, solution, validity, contacts)
+    return (yield from stages.run(stages.probes, gathering)), warnings

@@ -201,6 +201,30 @@ class Settings:
         Span(0, 256, "texels"),
         invalidates=(),
     )
+    light_probes: bool = described(
+        False,
+        "Light Probes",
+        "Bake Light Probe Volumes, which light moving objects. One file for each volume",
+        Switch(),
+        "outputs",
+        invalidates=(),
+    )
+    probe_samples: int = described(
+        300,
+        "Probe Samples",
+        "Rays per light probe, rounded up to a multiple of 60",
+        Span(60, 65520, "rays"),
+        "outputs",
+        invalidates=(),
+    )
+    probes_indirect_only: bool = described(
+        False,
+        "Indirect Only",
+        "Leave the direct light of lamps out of light probes, for engines that compute it",
+        Switch(),
+        "outputs",
+        invalidates=(),
+    )
     denoise: bool = described(
         False,
         "Denoise",

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..patches.patch_scene import PatchScene
 from ..scene.light_groups import light_groups
-from ..scene.model import Scene, shining_lights
+from ..scene.model import Light, Scene, shining_lights
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from .contact import Contacts, find_contacts, patches_lit_by_backs
@@ -194,6 +194,11 @@ class DirectLighting:
         other._shadow_rays, other.l1 = self._cast_from(points, settings), other._no_l1()
         other._last = other._changed = None
         return other
+
+    @property
+    def emitters(self) -> tuple[list[Light], EmitterSplit]:
+        """Lights that emit, relative to `Triangles.origin`, and both parts of the other emission."""
+        return self._lamps, EmitterSplit(self._bright, self._sky)
 
     @property
     def _samples_any(self) -> bool:

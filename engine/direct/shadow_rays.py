@@ -16,6 +16,7 @@ from ..device.buffers import (
     upload_once,
     zeros,
 )
+from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..device.time_slicer import sliced
@@ -79,8 +80,8 @@ class ShadowRays:
         self._emitters = EmitterLists(lamps, parts.triangles, bright, sky)
         tables = self._emitters.modulations, self._emitters.profiles
         self._modulations = tuple(upload(compute, array) for array in tables)
-        self._glow = self._glow_arguments(parts, bright)
-        self._sky = self._sky_arguments(sky.distribution)
+        self._glow = glow_arguments(compute, parts, bright)
+        self._sky = sky_arguments(compute, sky.distribution)
 
         # Record all inputs of the light, for comparison by the next bake; surfaces include their emission
         # textures.
@@ -193,22 +194,24 @@ class ShadowRays:
             yield end / items
         return result
 
-    def _glow_arguments(self, parts: PatchScene, bright: SampledTriangles) -> tuple:
-        """Return kernel arguments of surfaces: radiance of both sides, texel map, UVs and resolution.
 
-        Without sampled triangles the radiance is a dummy, since kernels do not read it.
-        """
-        compute, surfaces = self._compute, parts.surfaces
-        if len(bright.triangles):
-            front = upload_float4_once(compute, surfaces.emission, first=1)
-            back = upload_float4_once(compute, surfaces.emission_of_backs, first=1)
-        else:
-            front = back = zeros(compute, 16)
-        lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
-        return (front, back, *lookups, np.int32(parts.patches.resolution))
+def glow_arguments(compute: ComputeDevice, parts: PatchScene, bright: SampledTriangles) -> tuple:
+    """Return kernel arguments of surfaces: radiance of both sides, texel map, UVs and resolution.
 
-    def _sky_arguments(self, sky: SkyDistribution) -> tuple:
-        """Return kernel arguments of the bright sky: pixels, distribution, indices, size, total."""
-        (height, width), arrays = sky.size, (sky.pixels, sky.cumulative, sky.listed)
-        buffers = (upload_once(self._compute, array) for array in arrays)
-        return (*buffers, *map(np.int32, (width, height, len(sky.listed))), np.float32(sky.total))
+    Without sampled triangles the radiance is a dummy, since kernels do not read it.
+    """
+    surfaces = parts.surfaces
+    if len(bright.triangles):
+        front = upload_float4_once(compute, surfaces.emission, first=1)
+        back = upload_float4_once(compute, surfaces.emission_of_backs, first=1)
+    else:
+        front = back = zeros(compute, 16)
+    lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
+    return (front, back, *lookups, np.int32(parts.patches.resolution))
+
+
+def sky_arguments(compute: ComputeDevice, sky: SkyDistribution) -> tuple:
+    """Return kernel arguments of the bright sky: pixels, distribution, indices, size, total."""
+    (height, width), arrays = sky.size, (sky.pixels, sky.cumulative, sky.listed)
+    buffers = (upload_once(compute, array) for array in arrays)
+    return (*buffers, *map(np.int32, (width, height, len(sky.listed))), np.float32(sky.total))

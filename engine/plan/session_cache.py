@@ -49,6 +49,7 @@ class SessionCache:
     sampled:         direct light of that bake
     key:             digest of the scene and settings for which the cache is valid
     surfaces:        open surfaces of the last scene
+    probes:          visibility of probes, by volume and samples; see `probes.gather_probes`
     checkpoints:     files of interrupted bakes and of the current one
     """
 
@@ -70,13 +71,16 @@ class SessionCache:
         self.unoccluded_sky = Memo[np.ndarray | None](MAX_SKY_BYTES)
         self._inside, self._substitutes = Memo[np.ndarray](), Memo[PatchPairs]()
         self._surfaces_key, self._surfaces_of, self._arrays = b"", None, ArrayDigests()
+        self.probes = dict[tuple, object]()
         self.clear()
 
     def clear(self) -> None:
         """Drop all data that depends on geometry."""
         self._parts = self._rays = self._top = self.samples = None
         self._follows = False
-        for data in (self.emitters, self.texels, self.background, self._inside, self._substitutes):
+        for data in (
+            self.emitters, self.texels, self.background, self._inside, self._substitutes, self.probes,
+        ):  # fmt: skip
             data.clear()
 
     def make_patch_scene(

@@ -74,6 +74,7 @@ class Extent:
     """Size of a scene: numbers of lightmaps, triangles, lights with nonzero strength, and light groups.
 
     tinted:  True if a surface tints transmitted light, which makes visibility samples larger
+    probes:  number of light probes
     """
 
     atlases: int
@@ -81,6 +82,7 @@ class Extent:
     lamps: int
     light_groups: int = 1
     tinted: bool = False
+    probes: int = 0
 
     @classmethod
     def of(cls, scene: Scene) -> Extent:
@@ -88,12 +90,19 @@ class Extent:
         triangles = sum(len(mesh.positions) for mesh in scene.meshes)
         groups = len(light_group_names(scene))
         lamps = len(shining_lights(scene))
-        return cls(len(scene.atlases), triangles, lamps, groups, is_tinted(scene))
+        probes = sum(volume.count for volume in scene.probe_volumes)
+        return cls(len(scene.atlases), triangles, lamps, groups, is_tinted(scene), probes)
 
 
 def _filtered_images(settings: Settings) -> int:
     """Return the number of images that the denoiser filters for each lightmap; signed maps are two images."""
     return sum(OUTPUTS[name].denoised_images for name in settings.outputs)
+
+
+def _probe_rays(extent: Extent, settings: Settings) -> int:
+    """Return the number of rays of all light probes."""
+    shadow_rays = settings.light_samples * min(extent.lamps + 1, MOST_LIGHTS)
+    return extent.probes * settings.light_probes * (settings.probe_samples + shadow_rays)
 
 
 class BakeStages(Schedule):
@@ -105,7 +114,7 @@ class BakeStages(Schedule):
         direct     shadow rays             outputs     rays
         choosing   once                    denoising   texels
         texels     samples of patches      images      texels
-        light_groups  samples of patches
+        light_groups  samples of patches   probes      rays
 
     paces:  seconds for each unit of each stage in earlier bakes, by name; `learn` updates them
     """
@@ -133,13 +142,14 @@ class BakeStages(Schedule):
         self.texels.like = self.visibility
         self.light_groups = self._stage("Light groups", 0, _RAY)
         self.light_groups.like = self.visibility
+        self.probes = self._stage("Light probes", _probe_rays(extent, settings), _RAY)
         more = (extent.light_groups - 1) * settings.by_light_groups
         filtered = texels * (_filtered_images(settings) + more) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
         maps = sum(len(OUTPUTS[name].maps) or 1 for name in settings.outputs) + more
         self.images = self._stage("Images", texels * maps, _TEXEL)
         gathering = (self.visibility, self.bounces, self.final, self.texels, self.light_groups)
-        self._casting = (self.first, self.direct, self.outputs, *gathering)
+        self._casting = (self.first, self.direct, self.outputs, self.probes, *gathering)
         names = list(self._names)
         after = names.index(self.direct) + 1
         super().__init__([names[0], self.early_preparing, *names[1:after], self.preparing, *names[after:]])
@@ -158,6 +168,7 @@ class BakeStages(Schedule):
             "outputs": self.outputs.seconds + self.images.seconds,
             "texels": self.texels.seconds,
             "light groups": self.light_groups.seconds,
+            "light probes": self.probes.seconds,
             "denoising": self.denoising.seconds,
         }
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..errors import SceneError
 from .cutouts import is_tinted_material, transmission_maps, transmittances
 from .model import LIGHT_KINDS, NO_LIGHTMAP, Light, Material, Mesh, Scene
+from .probe_volume import MAX_PROBES, ProbeVolume, volume_issue
 from .profile import check_profile
 from .texture import Texture
 from .transmission import Transmittance
@@ -57,6 +60,7 @@ def check_scene(scene: Scene) -> None:
     for light in scene.lights:
         check_light(light)
     check_world(scene.world)
+    check_probe_volumes(scene.probe_volumes)
 
 
 def check_size(scene: Scene) -> None:
@@ -267,3 +271,16 @@ def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
 def _is_light(values: np.ndarray, most: float = MAX_RADIANCE) -> bool:
     """Return True if all values are within [0, most]; NaN is invalid."""
     return bool(np.min(values) >= 0 and np.max(values) <= np.float32(most))
+
+
+def check_probe_volumes(volumes: Sequence[ProbeVolume]) -> None:
+    """Raise SceneError with the volume's name if its probes cannot be baked."""
+    for volume in volumes:
+        issue = volume_issue(volume)
+        if issue is not None:
+            raise SceneError(f"Light Probe Volume '{volume.name}': {issue}")
+    count = sum(volume.count for volume in volumes)
+    if count > MAX_PROBES:
+        raise SceneError(
+            f"Light Probe Volumes: {count:,} probes exceed {MAX_PROBES:,} in total. Lower their resolutions."
+        )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .probe_volume import ProbeVolume
 from .profile import Profile
 from .texture import Texture
 from .transmission import Transmission
@@ -168,6 +169,7 @@ class Scene:
                         another name or none are in group `light_groups.UNGROUPED`
     world_light_group:  name of the world's light group
     metres_per_unit:    metres per scene unit, for messages only: coordinates and settings are in scene units
+    probe_volumes:      grids of points that get the radiance from all directions
     """
 
     meshes: tuple[Mesh, ...]
@@ -179,6 +181,7 @@ class Scene:
     light_groups: tuple[str, ...] = ()
     world_light_group: str = ""
     metres_per_unit: float = 1.0
+    probe_volumes: tuple[ProbeVolume, ...] = ()
 
 
 def shining_lights(scene: Scene) -> tuple[Light, ...]:

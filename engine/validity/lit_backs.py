@@ -32,7 +32,7 @@ def lit_backs(
     triangles = sources.triangles
     if triangles.backs is None:
         return None
-    mean = _mean_luminance(compute, radiance, count)
+    mean = mean_luminance(compute, radiance, count)
     (kernel,) = compute.kernels("lit_backs.cl", "luminance_of_backs")
     arrays = triangles.uvs, triangles.atlas, sources.texel_to_patch
     lookups = (upload_once(compute, array) for array in arrays)
@@ -45,7 +45,7 @@ def lit_backs(
     return upload(compute, ((sent > 0) & (sent >= DARK_BACK * mean)).astype(np.uint8))
 
 
-def _mean_luminance(compute: ComputeDevice, radiance: cl.Buffer, count: int) -> float:
+def mean_luminance(compute: ComputeDevice, radiance: cl.Buffer, count: int) -> float:
     """Return the mean luminance of exitant radiance, from evenly spaced patches if there are many."""
     (kernel,) = compute.kernels("lit_backs.cl", "sample_radiance")
     stride = max(1, -(-count // _SAMPLED))

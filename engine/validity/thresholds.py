@@ -60,6 +60,10 @@ LIT_FROM = 3.0
 #: kernels/solve/interpolate.cl.
 MAX_BACKS_INTERPOLATED = 0.1
 
+#: A probe of a volume is invalid if more than this fraction of its directions hit dark back faces (Majercik
+#: et al., "Scaling Probe-Based Real-Time Dynamic Global Illumination for Production", JCGT 2021).
+MAX_BACKS_PROBE = 0.25
+
 #: The thresholds as build options of kernels that include probe rays.
 KERNEL_OPTIONS = (
     f"-DMAX_ESCAPES={MAX_ESCAPES}",

@@ -18,11 +18,12 @@ from operator import attrgetter
 from typing import Any
 
 from .. import errors
-from ..bake_result import BakeResult, FluxBalance, Report
+from ..bake_result import BakeResult, FluxBalance, ProbeGrid, Report
 from ..device.device_info import DeviceInfo, DeviceSurvey
 from ..object_message import ObjectMessage
 from ..progress import Progress
 from ..scene.model import BackSide, Light, Material, Mesh, Scene
+from ..scene.probe_volume import ProbeVolume
 from ..scene.profile import Profile
 from ..scene.scene_changes import SceneChanges
 from ..scene.texture import Texture
@@ -50,6 +51,8 @@ RECORDS: dict[str, type] = {
         Mesh,
         PolygonMesh,
         Profile,
+        ProbeGrid,
+        ProbeVolume,
         Progress,
         Report,
         Scene,

@@ -1,6 +1,7 @@
 #include "bvh_traversal.cl"
 #include "receiver.cl"
 #include "emitters.cl"
+#include "emitter_rays.cl"
 #include "light_tree.cl"
 #include "irradiance_l1.cl"
 #include "texel_ray_origins.cl"
@@ -28,13 +29,6 @@
 // distribution of emitters; the second value is their number.
 #define GOLDEN 2654435769u
 #define NEIGHBOURS 64
-
-// Returns which transmittance applies to an emitter's light. Emissive surfaces and the sky are also gathered as
-// indirect light, so they use BOUNCE, for equal attenuation of both parts.
-int kind_of_rays(__global const Emitter *e)
-{
-    return e->kind == SKY_MAP || (e->kind == TRIANGLE && e->triangle >= 0) ? BOUNCE : SHADOW;
-}
 
 // Returns the transmittance from a point p to a light sample. The ray starts just above the surface and ends just
 // before the light, which may be a surface itself.

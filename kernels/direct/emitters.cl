@@ -19,6 +19,15 @@
 // Minimum squared distance, avoids division by zero.
 #define LEAST 1e-36f
 
+// SPHERE: the receiver is a point in space (a probe), which takes light from all directions without a cosine.
+#ifdef SPHERE
+#define IS_FACING(height, limit) true
+#define COSINE(cosine, least) 1.0f
+#else
+#define IS_FACING(height, limit) ((height) > (limit))
+#define COSINE(cosine, least) fmax(cosine, least)
+#endif
+
 float unit_float(const uint bits) { return (bits >> 8) * (1.0f / 16777216.0f); }
 
 uint reversed_bits(uint x)
@@ -68,14 +77,19 @@ float in_cone(__global const Emitter *e, const float3 away, const float cos_half
 }
 
 // Samples a spherical light whose inside contains the receiver: constant radiance from all directions,
-// cosine-distributed, also for spots (Cycles, kernel/light/spot.h).
+// cosine-distributed, also for spots (Cycles, kernel/light/spot.h). With SPHERE the directions are uniform.
 Sample sample_around(__global const Emitter *e, const float3 centre, const float3 up, const float2 u)
 {
+#ifdef SPHERE
+    const float z = 1.0f - 2.0f * u.x, sine = sqrt(fmax(1.0f - z * z, 0.0f)), cosine = 0.25f;
+    const float3 direction = (float3)(sine * cospi(2.0f * u.y), sine * sinpi(2.0f * u.y), z);
+#else
     float3 x, y;
     basis(up, &x, &y);
     const float2 q = disk(u);
     const float cosine = sqrt(fmax(1.0f - dot(q, q), 0.0f));
     const float3 direction = q.x * x + q.y * y + cosine * up;
+#endif
     const float radius = e->radius, along = dot(direction, centre);
     const float rest = fmax(radius * radius - dot(centre, centre) + along * along, 0.0f);
     const Sample s = {direction, along + sqrt(rest), vload3(0, e->strength) / (radius * radius * fmax(cosine, 1e-6f))};
@@ -397,18 +411,20 @@ float emitter_weight(__global const Emitter *e, const Receiver *r, const Modulat
     if (kind == SKY_MAP)
         return sky_total * M_1_PI_F;
     if (kind == SUN)
-        return dot(r->normal, -vload3(0, e->direction)) > -e->radius ? e->luminance : 0.0f;
+        return IS_FACING(dot(r->normal, -vload3(0, e->direction)), -e->radius) ? e->luminance : 0.0f;
     if (kind == POINT) {
         const float3 to = vload3(0, e->position) - r->at;
         const float d2 = dot(to, to), d = sqrt(d2), reach = e->radius + r->size;
+#ifndef SPHERE
         if (dot(r->normal, to) < -reach || dot(r->horizon, to) < -reach)
             return 0.0f;
+#endif
 
         // The spot's cone is widened by the angle that the texel spans.
         const float widest = e->cos_half_angle - 0.05f - r->size / fmax(d, 1e-20f);
         const float spot = e->cos_half_angle >= -1.0f && e->radius == 0.0f && widest > -1.0f
             ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
-        const float cosine = d < reach ? 1.0f : fmax(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
+        const float cosine = d < reach ? 1.0f : COSINE(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
         const float near = fmax(e->radius, SPREAD * r->size);
         const float towards = own_strength(e, modulations, -to / fmax(d, 1e-20f), d);
         return towards * spot * cosine / fmax(fmax(d2, near * near), LEAST);
@@ -417,19 +433,25 @@ float emitter_weight(__global const Emitter *e, const Receiver *r, const Modulat
     const float3 a = vload3(0, e->position) - r->at, b = a + edge1, c = a + edge2;
     const float3 horizon = horizon_of(r, !shows_front(r, a, normal));
     const float top = fmax(fmax(dot(a, horizon), dot(b, horizon)), dot(c, horizon));
+#ifndef SPHERE
     if (top <= fmax(1e-5f * length(a), r->height))
         return 0.0f;
+#endif
     const float facing = -dot(normal, a), twice = length(normal);
     if ((e->triangle < 0 || e->one_sided) && facing <= -r->size * twice)
         return 0.0f;
     const float3 middle = (a + b + c) / 3.0f;
     const float d2 = dot(middle, middle), d = sqrt(d2);
     const float angle = fmin(0.5f * twice * fmax(fabs(facing) / (twice * d), 0.02f) / d2, 6.2831853f);
-    const float about = e->luminance * angle * fmax(dot(middle, r->normal) / d, 0.1f);
+    const float about = e->luminance * angle * COSINE(dot(middle, r->normal) / d, 0.1f);
+#ifdef SPHERE
+    return about;
+#else
     if (!e->uniform)
         return about;
 
     // Uniform radiance: the analytic irradiance, with a lower bound for light that reaches only other points of the
     // texel.
     return fmax(luminance(open_light(e, r->at, r)), 0.02f * about);
+#endif
 }

@@ -33,8 +33,10 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
     const float radius = node->radius, extent = radius + r->size;
     const float d2 = fmax(dot(to, to), LEAST), d = sqrt(d2), height = dot(r->normal, to);
     *open = false;
+#ifndef SPHERE
     if (height < -extent || dot(r->horizon, to) < -extent)
         return 0.0f;
+#endif
 
     // Cull the node if the texel lies outside the cone of its emission.
     const float3 away = -to / d;
@@ -50,7 +52,7 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
     const float squared = dot(vload3(0, node->squares), squares) + 2.0f * dot(vload3(0, node->products), products);
     const float spread = sqrt(fmax(squared, 0.0f));
     const float directed = fmax(spread + dot(vload3(0, node->normal), away), 0.02f + 0.1f * fmin(radius / d, 1.0f));
-    return (node->alike + node->directed * directed) * fmax(height / d, 0.05f + 0.1f * fmin(radius / d, 1.0f))
+    return (node->alike + node->directed * directed) * COSINE(height / d, 0.05f + 0.1f * fmin(radius / d, 1.0f))
         / fmax(d2, SPREAD * SPREAD * r->size * r->size);
 }
 

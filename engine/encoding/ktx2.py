@@ -1,0 +1,74 @@
+"""KTX 2.0 files of light as RGB9E5: three mantissas of 9 bits with one exponent (VK_FORMAT_E5B9G9R9)."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+#: Largest value of a channel: 511 / 512 times 2^16. Bias of the exponent, and its bits below the mantissa.
+LARGEST = 65408.0
+_BIAS, _MANTISSA = 15, 9
+
+#: Identifier of the file, and VK_FORMAT_E5B9G9R9_UFLOAT_PACK32 with the size of its type.
+_IDENTIFIER, _FORMAT, _TYPE_SIZE = b"\xabKTX 20\xbb\r\n\x1a\n", 123, 4
+
+#: Bytes of the header with the index, and of the index of one level.
+_HEADER, _LEVEL = 80, 24
+
+#: Upper bound of a mantissa in the data format descriptor, as in files of the `ktx` tool.
+_UPPER = 8448
+
+
+def rgb9e5(light: np.ndarray) -> np.ndarray:
+    """Return light, (..., 3) float, as (...,) uint32; negative and invalid values become 0.
+
+    The exponent is the smallest for which the largest channel fits (Khronos, EXT_texture_shared_exponent).
+    """
+    colors = np.clip(np.nan_to_num(light.astype(np.float64), posinf=LARGEST), 0, LARGEST)
+    largest = colors.max(axis=-1)
+    exponent = np.floor(np.log2(np.maximum(largest, 2.0 ** -(_BIAS + 1)))).astype(np.int64) + _BIAS + 1
+    exponent += np.floor(largest / _unit(exponent) + 0.5) == 1 << _MANTISSA
+    mantissas = np.floor(colors / _unit(exponent)[..., None] + 0.5).astype(np.uint32)
+    red, green, blue = np.moveaxis(mantissas, -1, 0)
+    packed: np.ndarray = red | green << 9 | blue << 18 | exponent.astype(np.uint32) << 27
+    return packed
+
+
+def from_rgb9e5(packed: np.ndarray) -> np.ndarray:
+    """Return the light of packed pixels, (...,) uint32, as (..., 3) float32."""
+    unit = _unit((packed >> 27).astype(np.int64))
+    channels = [(packed >> shift & 511) * unit for shift in (0, 9, 18)]
+    return np.stack(channels, axis=-1).astype(np.float32)
+
+
+def ktx2_volume(light: np.ndarray) -> bytes:
+    """Return a 3D texture of light, (depth, height, width, 3) float, one level without compression."""
+    depth, height, width = light.shape[:3]
+    data, descriptor, facts = rgb9e5(light).astype("<u4").tobytes(), _descriptor(), _key_values()
+    facts_at = _HEADER + _LEVEL + len(descriptor)
+    level_at = -(-(facts_at + len(facts)) // 4) * 4
+    header = struct.pack("<9I", _FORMAT, _TYPE_SIZE, width, height, depth, 0, 1, 1, 0)
+    index = struct.pack("<4I2Q", _HEADER + _LEVEL, len(descriptor), facts_at, len(facts), 0, 0)
+    level = struct.pack("<3Q", level_at, len(data), len(data))
+    return (_IDENTIFIER + header + index + level + descriptor + facts).ljust(level_at, b"\0") + data
+
+
+def _unit(exponent: np.ndarray) -> np.ndarray:
+    """Return the value of the lowest bit of a mantissa."""
+    return np.exp2(exponent - float(_BIAS + _MANTISSA))
+
+
+def _descriptor() -> bytes:
+    """Return the data format descriptor: linear Rec.709, a mantissa and the exponent for each channel."""
+    words = [0, 2 | (24 + 16 * 6) << 16, 1 | 1 << 8 | 1 << 16, 0, 4, 0]
+    for channel in range(3):
+        words += [9 * channel | 8 << 16 | channel << 24, 0, 0, _UPPER]
+        words += [27 | 4 << 16 | (channel | 0x20) << 24, 0, _BIAS, 31]
+    return struct.pack(f"<{len(words) + 1}I", 4 * len(words) + 4, *words)
+
+
+def _key_values() -> bytes:
+    """Return the metadata: orientation of the axes (right, down, in) and writer."""
+    entries = [b"KTXorientation\0rdi\0", b"KTXwriter\0Hemibake\0"]
+    return b"".join(struct.pack("<I", len(entry)) + entry + b"\0" * (-len(entry) % 4) for entry in entries)

@@ -1,0 +1,1 @@
+"""Probe volumes: radiance over the sphere at points in space, as spherical harmonics."""

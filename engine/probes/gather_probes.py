@@ -1,0 +1,165 @@
+"""Light of probe volumes from the solved patches: visibility, direct light, validity and repair."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import numpy as np
+
+from ..bake_result import ProbeGrid
+from ..direct.contact import Contacts
+from ..progress import run_as_fraction
+from ..scene.probe_volume import ProbeVolume
+from ..solve.solution import Solution
+from ..texel_gather.invalid_texel_fill import InvalidTexelFill
+from ..texel_gather.texel_sample_points import TexelGatherJob
+from ..texel_gather.valid_patches import invalid_patches, radiance_of
+from ..validity.lit_backs import mean_luminance
+from ..validity.thresholds import DARK_BACK, MAX_BACKS_PROBE
+from ..visibility.views.viewpoints import OF_COORDINATE
+from .probe_fill import filled, moved_out
+from .probe_lights import ProbeLights
+from .probe_rows import ProbeRadiance, ProbeRows
+
+#: Maximum number of probes whose samples are in memory at once.
+_BATCH = 1 << 16
+
+#: Maximum size of the samples that a session keeps for the next bake, bytes.
+_KEPT = 1 << 28
+
+#: Distance by which rays start behind a probe, as a fraction of the smallest cell width (chosen); at least
+#: the resolution of float32.
+_MARGIN = 1e-4
+
+#: Shares of tracing, projection and repair in the time of a batch; the rest is direct light (measured).
+_TRACING, _PROJECTING, _MOVING = 0.6, 0.7, 0.75
+
+#: Luminance below which a back face is dark in a scene without light.
+_BLACK = 1e-30
+
+
+def gather_probes(
+    what: TexelGatherJob, solution: Solution, front: np.ndarray, near: Contacts
+) -> Generator[float, None, tuple[ProbeGrid, ...]]:
+    """Return the light of all probe volumes of a scene; yield the fraction done.
+
+    what:      patches and direct light
+    solution:  solution of all light
+    front:     (n,) float32, validity of the patches, see `valid_front`
+    near:      contacts of the patches
+    """
+    # Patches emit their final light, also where groups of them were solved.
+    what, volumes = replace(what, solved=what.job), what.scene.probe_volumes
+    total = sum(volume.count for volume in volumes)
+    light = _radiance(what, solution, front, near)
+    gather = _ProbeGather(what, light)
+    made, before = list[ProbeGrid](), 0
+    for volume in volumes:
+        done = before / total, (before + volume.count) / total
+        made.append((yield from run_as_fraction(*done, gather.volume(volume))))
+        before += volume.count
+    return tuple(made)
+
+
+def _radiance(what: TexelGatherJob, solution: Solution, front: np.ndarray, near: Contacts) -> ProbeRadiance:
+    """Return the radiance that probes receive from patches and background."""
+    job = what.job
+    radiance = radiance_of(job, solution.light)
+    if what.choice.method != "none":
+        InvalidTexelFill(what, invalid_patches(what, front, near)).replace(radiance, solution.light)
+    mean = mean_luminance(job.opencl, radiance, job.count)
+    return ProbeRadiance(radiance, job.surroundings, job.fronts + 1, max(DARK_BACK * mean, _BLACK))
+
+
+class _ProbeGather:
+    """Gather of volumes from the light of one solution."""
+
+    def __init__(self, what: TexelGatherJob, light: ProbeRadiance) -> None:
+        self._what, self._light, self._settings = what, light, what.job.settings
+        self._compute, self._rays = what.job.opencl, what.job.rays.rays
+        self._lights = ProbeLights(self._compute, self._rays, what.job.parts, what.lighting, self._settings)
+        self._origin = what.job.parts.triangles.origin
+
+    def volume(self, volume: ProbeVolume) -> Generator[float, None, ProbeGrid]:
+        """Return the light of a volume; yield the fraction done."""
+        points = volume.points() - self._origin
+        parts = []
+        for first in range(0, len(points), _BATCH):
+            last = min(first + _BATCH, len(points))
+            done = first / len(points), last / len(points)
+            batch = self._batch(volume, points[first:last], first)
+            parts.append((yield from run_as_fraction(*done, batch)))
+        coefficients, validity, positions = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return ProbeGrid(
+            volume.name,
+            volume.resolution,
+            volume.matrix,
+            filled(coefficients, validity > 0, volume),
+            validity,
+            (positions + self._origin).astype(np.float32),
+        )
+
+    def _batch(
+        self, volume: ProbeVolume, points: np.ndarray, first: int
+    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return coefficients, validity and positions of consecutive probes of a volume."""
+        rows = self._kept_rows(volume, points, first)
+        yield from run_as_fraction(0.0, _TRACING, rows.trace())
+        gathered = yield from run_as_fraction(_TRACING, _PROJECTING, rows.project(self._light))
+        validity = (gathered[:, 0, 3] >= 1 - MAX_BACKS_PROBE).astype(np.float32)
+        coefficients, points = gathered[..., :3], points.copy()
+        invalid = np.flatnonzero(validity == 0)
+        if len(invalid):
+            moving = self._moved(volume, rows, invalid, first)
+            moved, positions, light = yield from run_as_fraction(_PROJECTING, _MOVING, moving)
+            coefficients[moved], points[moved], validity[moved] = light, positions, 0.5
+            rows = self._rows(volume, points, first) if len(moved) else rows
+        direct = yield from run_as_fraction(_MOVING, 1.0, self._lights.project(rows))
+        return coefficients + direct, validity, points
+
+    def _moved(
+        self, volume: ProbeVolume, rows: ProbeRows, invalid: np.ndarray, first: int
+    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return the invalid probes, (k,) int64, that moved out of geometry, their positions and light."""
+        offsets, stays = moved_out(volume, *rows.ways_out(invalid))
+        chosen, points = invalid[stays], (rows.points[invalid] + offsets)[stays]
+        if not len(chosen):
+            return chosen, points, np.zeros((0, 9, 3), np.float32)
+        moved = self._rows(volume, points, first)
+        yield from run_as_fraction(0.0, 0.9, moved.trace())
+        gathered = yield from run_as_fraction(0.9, 1.0, moved.project(self._light))
+        valid = gathered[:, 0, 3] >= 1 - MAX_BACKS_PROBE
+        return chosen[valid], points[valid], gathered[valid, :, :3]
+
+    def _kept_rows(self, volume: ProbeVolume, points: np.ndarray, first: int) -> ProbeRows:
+        """Return the samples of probes from the session's cache, else new ones."""
+        cache = self._what.job.kept.probes
+        key = (volume.matrix.tobytes(), volume.resolution, first, self._settings.probe_samples)
+        known = cache.get((*key, self._settings.seed), None)
+        if isinstance(known, ProbeRows):
+            return known
+        rows = self._rows(volume, points, first)
+        others = (other.bytes for other in cache.values() if isinstance(other, ProbeRows))
+        if rows.bytes + sum(others) <= _KEPT:
+            cache[(*key, self._settings.seed)] = rows
+        return rows
+
+    def _rows(self, volume: ProbeVolume, points: np.ndarray, first: int) -> ProbeRows:
+        """Return new samples of probes."""
+        reach = np.maximum(np.abs(points), np.abs(points + self._origin)).max(axis=1)
+        margin = np.maximum(_MARGIN * volume.spacing, OF_COORDINATE * reach)
+        settings = self._settings
+        sources, seed = self._what.job.parts, settings.seed + first
+        return ProbeRows(self._compute, self._rays, sources, points, margin, settings.probe_samples, seed)
+
+
+def probe_warnings(what: TexelGatherJob) -> tuple[str, ...]:
+    """Return the warning that probes cannot be baked, or that bounced light is missing; else nothing."""
+    if what.job.compute is None:
+        return (
+            "Light Probe Volumes: no OpenCL device. Install an OpenCL driver, or switch Light Probes off.",
+        )
+    if not what.job.settings.has_indirect:
+        return ("Light Probe Volumes: no output has bounced light, so probes have none. Switch Combined on.",)
+    return ()

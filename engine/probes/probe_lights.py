@@ -1,0 +1,67 @@
+"""Direct light of probes by shadow rays, as spherical harmonics: lamps, bright surfaces and bright sky."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..device.buffers import download, upload, zeros
+from ..device.cl_device import ComputeDevice
+from ..device.time_slicer import sliced
+from ..direct.emitter_lists import EmitterLists, joined_emitters
+from ..direct.light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
+from ..direct.lighting import DirectLighting
+from ..direct.shadow_rays import glow_arguments, sky_arguments
+from ..patches.patch_scene import PatchScene
+from ..settings import Settings
+from ..visibility.rays.ray_tracer import RayTracer
+from .probe_rows import COEFFICIENTS, ProbeRows
+
+
+class ProbeLights:
+    """Sampled emitters as seen from probes; see `direct.shadow_rays.ShadowRays`."""
+
+    def __init__(
+        self,
+        compute: ComputeDevice,
+        rays: RayTracer,
+        parts: PatchScene,
+        lighting: DirectLighting,
+        settings: Settings,
+    ) -> None:
+        self._compute, self._rays, self._seed = compute, rays, settings.seed
+        lamps, split = lighting.emitters
+        lamps = [lamp for lamp in lamps if lamp.of_world or not settings.probes_indirect_only]
+        emitters = EmitterLists(lamps, parts.triangles, split.bright, split.sky)
+        self._joined = joined_emitters(emitters.lists, settings.light_samples)
+        self._tables = [upload(compute, array) for array in (emitters.modulations, emitters.profiles)]
+        self._glow = glow_arguments(compute, parts, split.bright)
+        self._sky = sky_arguments(compute, split.sky.distribution)
+        self._size = int(parts.triangles.mesh.size).bit_length()
+
+    def project(self, probes: ProbeRows) -> Generator[float, None, np.ndarray]:
+        """Return the direct light of probes, (n, 9, 3) float32, SH L2 of radiance; yield progress 0..1."""
+        compute, count = self._compute, probes.count
+        if self._joined is None:
+            return np.zeros((count, COEFFICIENTS, 3), np.float32)
+        emitters, budget = self._joined
+        (kernel,) = self._rays.kernels(
+            (*LIGHT_TREE_RECORDS, "light_probes.cl"), "light_probes", options=("-DSPHERE",)
+        )
+        tree = build_light_tree(emitters)
+        nodes = tree.nodes if len(tree.nodes) else LIGHT_NODE.array(1)
+        coefficients = zeros(compute, 16 * COEFFICIENTS * count)
+        arguments = (
+            probes.probes, upload(compute, emitters), upload(compute, nodes), np.int32(tree.root),
+            *self._tables, np.int32(budget), *self._glow, *self._sky, np.uint32(self._seed), coefficients,
+        )  # fmt: skip
+
+        def launch(start: int, end: int) -> None:
+            self._rays.run(kernel, end - start, *arguments, np.int32(start), np.int32(end))
+
+        size = compute.slice_size(kernel, budget, self._size)
+        for end in sliced(compute.queue, 0, count, launch, size):
+            yield end / count
+        light: np.ndarray = download(compute, coefficients, (count, COEFFICIENTS, 4))[..., :3]
+        return light

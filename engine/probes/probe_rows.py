@@ -1,0 +1,146 @@
+"""Visibility of probes on the OpenCL device: one row of samples per probe, from which light is projected."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..array_ops import to_float4
+from ..device.buffers import download, upload, upload_once
+from ..device.cl_device import ComputeDevice
+from ..device.kernel import Kernel
+from ..device.opencl import cl
+from ..device.time_slicer import sliced
+from ..patches.patch_scene import PatchScene
+from ..scene.tints import tint_palette
+from ..visibility.rays.ray_tracer import RayTracer
+from ..visibility.rays.receiver_records import RECEIVER
+from ..visibility.sampler import Background
+from .sphere_directions import random_rotations, sphere_directions
+
+#: Coefficients of SH L2, and bytes of a probe's: float4 each.
+COEFFICIENTS = 9
+_BYTES = 16 * COEFFICIENTS
+
+
+@dataclass(frozen=True)
+class ProbeRadiance:
+    """Radiance that probes receive, on the OpenCL device.
+
+    radiance:    float4 of each patch between two black entries
+    background:  sky, and radiance of back faces without patches
+    backs_from:  first entry of `radiance` for back faces
+    dark:        luminance below which a back face indicates the inside of geometry
+    """
+
+    radiance: cl.Buffer
+    background: Background
+    backs_from: int
+    dark: float
+
+
+class ProbeRows:
+    """Samples of probes: the patch that each direction hits, for any light.
+
+    points:  (n, 3) float64, m, relative to `Triangles.origin`
+    margin:  (n,) float32, m, distance by which rays start behind a probe
+    """
+
+    def __init__(
+        self,
+        compute: ComputeDevice,
+        rays: RayTracer,
+        sources: PatchScene,
+        points: np.ndarray,
+        margin: np.ndarray,
+        samples: int,
+        seed: int,
+    ) -> None:
+        self._compute, self._rays, self.count = compute, rays, len(points)
+        directions = sphere_directions(samples)
+        self._samples = len(directions)
+        self.points = points
+        probes = to_float4(points)
+        probes[:, 3] = margin
+        self.probes = upload(compute, probes)
+        self._rotations = upload(compute, random_rotations(self.count, seed))
+        self._directions = upload(compute, to_float4(directions))
+        self._palette = tint_palette(rays.cutouts) if rays.cutouts.needed else None
+        options = ("-DDITHERED",)
+        self._trace, self._find_way_out = rays.kernels(
+            (RECEIVER, "trace_probes.cl"), "trace_probes", "find_way_out", options=options
+        )
+        tinted = () if self._palette is None else ("-DTINTED",)
+        (self._project,) = compute.kernels(("project_probes.cl",), "project_probes", options=tinted)
+        triangles = sources.triangles
+        arrays = triangles.uvs, triangles.atlas, sources.texel_to_patch
+        backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
+        lookups = (upload_once(compute, array) for array in arrays)
+        self._lightmaps = (*lookups, np.int32(sources.patches.resolution), backs)
+        self._size = int(triangles.mesh.size).bit_length()
+        self._rows: cl.Buffer | None = None
+        self._tints: cl.Buffer | None = None
+
+    @property
+    def bytes(self) -> int:
+        """Device memory of the samples."""
+        return self.count * self._samples * (4 if self._palette is None else 5)
+
+    def trace(self) -> Generator[float, None, None]:
+        """Find the samples of all probes, unless they are known; yield progress 0..1."""
+        if self._rows is not None:
+            return
+        size, flags = self.count * self._samples, cl.mem_flags.READ_WRITE
+        rows = cl.Buffer(self._compute.context, flags, 4 * size)
+        tints = None if self._palette is None else cl.Buffer(self._compute.context, flags, size)
+        sequence = self._rotations, self._directions, np.int32(self._samples)
+        inputs = (*self._rays.arguments, *self._lightmaps, self.probes, *sequence)
+        yield from self._run(self._trace, inputs, (rows, tints))
+        self._rows, self._tints = rows, tints
+
+    def project(self, light: ProbeRadiance) -> Generator[float, None, np.ndarray]:
+        """Return the light of the samples, (n, 9, 4) float32: SH L2 of radiance; yield progress 0..1.
+
+        The fourth column of the first coefficient is the validity: the fraction of directions without dark
+        back faces.
+        """
+        coefficients = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, _BYTES * self.count)
+        sky = light.background
+        palette = None if self._palette is None else upload(self._compute, self._palette)
+        sequence = self._rotations, self._directions, np.int32(self._samples)
+        inputs = (
+            self._rows, self._tints, palette, *sequence, light.radiance, sky.emission,
+            np.uint32(light.backs_from), np.float32(light.dark), sky.sky, sky.width, sky.height,
+        )  # fmt: skip
+        (group,) = self._project.group(*self._compute.work_sizes.gather)
+        yield from self._run(self._project, inputs, (coefficients, cl.LocalMemory(16 * group)))
+        return download(self._compute, coefficients, (self.count, COEFFICIENTS, 4))
+
+    def ways_out(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the vectors from probes, (k,) int64, to the nearest back faces that their directions hit.
+
+        Returns (k, 3) float32, m, and the distances, (k,) float32, INFINITY without a back face.
+        """
+        ways = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, 16 * len(chosen))
+        self._rays.run(
+            self._find_way_out, len(chosen), self.probes, self._rotations, self._directions,
+            np.int32(self._samples), upload(self._compute, chosen.astype(np.int32)), ways,
+            np.int32(len(chosen)),
+        )  # fmt: skip
+        found = download(self._compute, ways, (len(chosen), 4))
+        return found[:, :3], found[:, 3]
+
+    def _run(self, kernel: Kernel, inputs: tuple, outputs: tuple) -> Generator[float, None, None]:
+        """Run a kernel over all probes in time slices, a work group per probe."""
+        sizes = self._compute.work_sizes
+        (group,) = kernel.group(*(sizes.look if kernel is self._trace else sizes.gather))
+
+        def launch(start: int, end: int) -> None:
+            arguments = (*inputs, np.int32(start), *outputs)
+            kernel(self._compute.queue, (group * (end - start),), (group,), *arguments)
+
+        size = self._compute.slice_size(kernel, self._samples, self._size, items=group)
+        for end in sliced(self._compute.queue, 0, self.count, launch, size):
+            yield end / self.count

@@ -1,0 +1,155 @@
+"""Radiance at probes against closed forms, as spherical harmonics."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from engine import Light, Scene, Session, Settings, finished
+from engine.probes.spherical_harmonics import basis, mean_radiance
+from engine.scene.probe_volume import ProbeVolume
+from tests.analytic.scenes import furnace, material, quads, rectangle
+
+SETTINGS = Settings(
+    resolution=16, hemicube=8, samples=16, texel_samples=1, light_probes=True, intermediates=False
+)
+X, Y, Z = np.eye(3)
+
+
+@pytest.fixture(scope="module")
+def session():
+    made = Session()
+    yield made
+    made.close()
+
+
+def volume(centre=(0, 0, 0), half=1.0, resolution=(2, 3, 1), name="Volume"):
+    """Return a volume whose box has half widths `half`, a number or three."""
+    matrix = np.eye(4)
+    matrix[:3, :3] *= half
+    matrix[:3, 3] = centre
+    return ProbeVolume(name, matrix, resolution)
+
+
+def square(centre, half=0.1, up=1.0):
+    """Return a small black square; a scene needs a mesh."""
+    corner = np.asarray(centre) - half * X - half * up * Y
+    return quads(rectangle(corner, 2 * half * X, 2 * half * up * Y)[None], [(1, 1, 6, 6)], [0], 16, "Square")
+
+
+def bake(session, scene, **settings):
+    """Return the probes of a bake in the shared session."""
+    return finished(session.bake(scene, dataclasses.replace(SETTINGS, **settings))).probes
+
+
+def scene_of(*meshes, black=0.0, **values):
+    return Scene(tuple(meshes), (material("Black", black),), **values)
+
+
+def constant(radiance):
+    """Return the coefficients of constant radiance, (9,)."""
+    return radiance * np.sqrt(4 * np.pi) * (np.arange(9) == 0)
+
+
+def test_a_constant_sky_has_only_its_mean(session):
+    scene = scene_of(square((0, 0, -9), 1e-3), world=np.float32([1, 2, 3]), probe_volumes=(volume(),))
+    (grid,) = bake(session, scene)
+    assert grid.coefficients.shape == (6, 9, 3) and (grid.validity == 1).all()
+    expected = constant(1.0)[None, :, None] * [1, 2, 3]
+    assert grid.coefficients == pytest.approx(np.broadcast_to(expected, (6, 9, 3)), abs=3e-5)
+    assert mean_radiance(grid.coefficients) == pytest.approx(np.broadcast_to([1, 2, 3], (6, 3)), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("point", {}),
+        ("point", {"radius": 0.3, "soft": False}),
+        ("sun", {"half_angle": 0.0}),
+        ("area", {"size": np.array([0.1, 0.05])}),
+    ],
+)
+def test_one_light_has_the_closed_form_of_its_direction(session, kind, values):
+    """Its radiance is a peak: the coefficients are E times the basis in its direction."""
+    place = np.array([0.5, -0.3, 4.0])
+    lamp = Light("Lamp", kind, place, np.eye(3), np.float32([5, 7, 2]), **values)
+    grids = bake(session, scene_of(square((0, 0, -9)), lights=(lamp,), probe_volumes=(volume(),)))
+    way = place - volume().points()
+    distance = np.linalg.norm(way, axis=1, keepdims=True)
+    way, power = (way / distance, 1 / distance**2) if kind != "sun" else (np.tile(Z, (6, 1)), np.ones((6, 1)))
+    if kind == "area":
+        power = power * 0.005 * way[:, 2:]
+    expected = (power * basis(way))[..., None] * np.array([5, 7, 2])
+    assert grids[0].coefficients == pytest.approx(expected, abs=5e-3 * expected.max())
+
+
+def test_indirect_only_leaves_lamps_out(session):
+    lamp = Light("Lamp", "point", 4 * Z, np.eye(3), np.float32([5, 7, 2]))
+    scene = scene_of(square((0, 0, -9)), lights=(lamp,), probe_volumes=(volume(),))
+    (grid,) = bake(session, scene, probes_indirect_only=True)
+    assert np.abs(grid.coefficients).max() < 1e-5
+
+
+def test_all_probes_of_a_furnace_are_equal(session):
+    """In a closed room all radiance is emission / (1 - reflectance)."""
+    scene = dataclasses.replace(furnace(0.5, 1.0), probe_volumes=(volume((0.5, 0.5, 0.5), 0.45, (3, 2, 5)),))
+    (grid,) = bake(session, scene, resolution=32, samples=64, tolerance=1e-6)
+    assert (grid.validity == 1).all()
+    assert grid.coefficients == pytest.approx(np.broadcast_to(constant(2.0)[:, None], (30, 9, 3)), abs=2e-4)
+
+
+def test_half_of_the_sphere(session):
+    """Below a probe near a large emissive floor all is 1, above it black: c = 2 pi mean of the basis."""
+    floor = quads(rectangle((-500, -500, 0), 1000 * X, 1000 * Y)[None], [(0, 0, 16, 16)], [0], 16, "Floor")
+    scene = Scene((floor,), (material("Lit", 0.0, 1.0),), probe_volumes=(volume((0, 0, 0.02), 0.01),))
+    (grid,) = bake(session, scene, probe_samples=6000, sample_emission=False)
+    expected = np.zeros(9)
+    expected[0] = 2 * np.pi * 0.28209479
+    expected[2] = -np.pi * 0.48860251
+    assert (grid.validity == 1).all()
+    assert grid.coefficients[..., 1] == pytest.approx(np.broadcast_to(expected, (6, 9)), abs=2e-2)
+
+
+def test_an_empty_scene_is_black(session):
+    (grid,) = bake(session, scene_of(square((0, 0, -9)), probe_volumes=(volume(),)))
+    assert not grid.coefficients.any() and (grid.validity == 1).all()
+
+
+def test_far_from_the_origin(session):
+    """A kilometre away the furnace is the same; positions stay relative to the scene's origin."""
+    room, away = furnace(0.5, 1.0), np.array([1024.0, -2048.0, 512.0])
+    mesh = dataclasses.replace(room.meshes[0], positions=(room.meshes[0].positions + away).astype(np.float32))
+    probes = volume(away + 0.5, 0.45, (3, 1, 1))
+    (grid,) = bake(
+        session, dataclasses.replace(room, meshes=(mesh,), probe_volumes=(probes,)),
+        resolution=32, samples=64, tolerance=1e-6,
+    )  # fmt: skip
+    assert grid.coefficients == pytest.approx(np.broadcast_to(constant(2.0)[:, None], (3, 9, 3)), abs=1e-3)
+    assert grid.positions == pytest.approx(probes.points(), abs=1e-3)
+
+
+def test_probes_in_a_wall_move_out_or_take_light_from_neighbours(session):
+    """A row of cells crosses the wall of a furnace: one probe lies in its plane, others behind it."""
+    scene = dataclasses.replace(
+        furnace(0.5, 1.0), probe_volumes=(volume((31 / 32, 0.5, 0.5), (0.25, 0.1, 0.1), (8, 1, 1)),)
+    )
+    (grid,) = bake(session, scene, resolution=32, samples=64, tolerance=1e-6)
+    x = scene.probe_volumes[0].points()[:, 0]
+    assert 1.0 in x
+    assert (grid.validity[x < 0.99] == 1).all() and (grid.validity[x == 1.0] == 0.5).all()
+    assert (grid.validity[x > 1.01] == 0).all()
+    assert (grid.positions[x == 1.0, 0] < 1.0).all()
+    assert grid.coefficients == pytest.approx(np.broadcast_to(constant(2.0)[:, None], (8, 9, 3)), abs=1e-3)
+
+
+def test_a_second_bake_reuses_the_rays_and_gives_the_same_bits(session):
+    lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.7]), np.eye(3), np.float32([1, 1, 1]))
+    probes = (volume((0.5, 0.5, 0.5), 0.4, (3, 3, 3)), volume((0.4, 0.5, 0.3), 0.2, (1, 2, 1), "Other"))
+    dim = dataclasses.replace(furnace(0.3, 0.1), lights=(lamp,), probe_volumes=probes)
+    bright = dataclasses.replace(furnace(0.3, 0.8), lights=(lamp,), probe_volumes=probes)
+    first = bake(session, bright, resolution=32, visibility="rays")
+    bake(session, dim, resolution=32, visibility="rays")
+    again = bake(session, bright, resolution=32, visibility="rays")
+    assert [grid.name for grid in again] == ["Volume", "Other"]
+    for grid, other in zip(first, again, strict=True):
+        assert (grid.coefficients == other.coefficients).all()

@@ -126,6 +126,26 @@ class RealisedScene:
         covered[atlas] = self._bake_atlas(self._images[atlas], [obj], {"COLOR"})[..., 3] > 0
         return covered
 
+    def bake_mesh(self, mesh: bpy.types.Mesh, image: bpy.types.Image, samples: int, seed: int) -> np.ndarray:
+        """Return E/pi on a further mesh that no other object sees, (h, w, 4) float32, by its lightmap UVs."""
+        remove_bias(self._scene, samples, seed)
+        obj = bpy.data.objects.new(mesh.name, mesh)
+        for name in _RAY_VISIBILITY:
+            setattr(obj, name, False)
+        material = _grey()
+        node = material.node_tree.nodes.new("ShaderNodeTexImage")
+        node.image = image
+        material.node_tree.nodes.active = node
+        mesh.materials.append(material)
+        self._scene.collection.objects.link(obj)
+        self._scene.view_layers[0].update()
+        try:
+            return self._bake_atlas(image, [obj])
+        finally:
+            bpy.data.objects.remove(obj)
+            bpy.data.meshes.remove(mesh)
+            bpy.data.materials.remove(material)
+
     def colour(self) -> np.ndarray:
         """Return what the surfaces reflect, (atlases, h, w, 3); Cycles tells no light where it is 0."""
         remove_bias(self._scene, 4, 1)

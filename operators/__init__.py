@@ -55,6 +55,7 @@ def _classes() -> tuple[type, ...]:
         preferences,
         presets,
         preview,
+        probes,
         properties,
         select,
         self_test,
@@ -64,6 +65,6 @@ def _classes() -> tuple[type, ...]:
 
     modules = (
         properties, presets, bake, live, cancel, checks, unwrap, uv_modifiers, lightmap_size, lightmaps,
-        light_states, preview, export, select, last_bake, preferences, self_test,
+        light_states, preview, export, probes, select, last_bake, preferences, self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

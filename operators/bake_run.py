@@ -36,12 +36,14 @@ from .result.destination import Destination, choose_destination
 from .result.light_states import manifest_states
 from .result.preserved_texels import PreservedTexels
 from .result.preview import renew_preview, show_preview, shows_preview
+from .result.probe_files import probe_files
 from .result.progress_images import ProgressImages, image_names
 from .rollback import Rollback
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.bake_targets import only_targets, target_uids
 from .scene.overlaps import without_overlaps
+from .scene.probe_volumes import count_probes
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs
 from .scene.uvs.uv_snapshot import UvSnapshot
@@ -185,7 +187,9 @@ class BakeRun:
         triangles = 2 * sum(len(obj.data.polygons) for obj in objects)
         faces = sum(len(obj.data.polygons) for obj in objects if not has_uvs(obj, self._uv_layer))
         settings = replace(self._settings, resolution=resolution)
-        self._stages.foresee(Extent(atlases, triangles, lamps), faces, settings)
+        self._stages.foresee(
+            Extent(atlases, triangles, lamps, probes=count_probes(self._context)), faces, settings
+        )
 
     def _choose_targets(self, wanted: set[int]) -> Steps:
         """Select the objects to bake by the target; raises SceneError if there is none."""
@@ -350,12 +354,14 @@ class BakeRun:
         try:
             scene = self._context.scene
             contents = lightmap_contents(scene, self._read, self._settings, self._uv_layer, self._kept)
-            files = images.store(targets, pixels, self._destination, contents, manifest_states(scene))
+            probes = probe_files(lightmap.probes, self._read.scene.origin, self._destination)
+            states = manifest_states(scene)
+            files = images.store(targets, pixels, self._destination, contents, states, probes)
         except EngineError as error:
             self.failure = str(error)
             return [], []
         notes = clipping_notes(self._read, files[-len(pixels) :], lightmap.has_patch)
-        return [str(self._destination.folder / file.name) for file in files], list(notes)
+        return [str(self._destination.folder / file.name) for file in (*files, *probes)], list(notes)
 
     def _baked_names(self, lost: dict[int, str]) -> set[str]:
         """Return the names of the objects that have new lightmaps."""
@@ -395,6 +401,10 @@ class BakeRun:
         if self._destination.folder is None:
             notes.append(
                 "The .blend is not saved yet: the lightmaps are packed into it. Save it to write files."
+            )
+        if self._destination.folder is None and self._read.scene.probe_volumes:
+            notes.append(
+                "Light Probes: the .blend is not saved, so they have no file. Save it and bake again."
             )
         return notes
 

@@ -146,7 +146,7 @@ class LiveRun(BakeRun):
         """Return all settings that require a new run when they change; raises SettingsError."""
         chosen = self._context.scene.hemibake
         width = chosen.size_mode, texels_per_unit(chosen), chosen.largest_width
-        return replace(read_settings(chosen), centres=False), chosen.uv_layer, *width
+        return replace(read_settings(chosen), centres=False, light_probes=False), chosen.uv_layer, *width
 
     def _take(self, lightmap: BakeResult) -> None:
         """Store the finished lightmaps of the last sent scene."""

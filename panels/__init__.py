@@ -10,6 +10,7 @@ from . import (
     export,
     last_bake,
     light_groups,
+    light_probes,
     lightmaps,
     menus,
     original_material,
@@ -28,6 +29,7 @@ _PANELS = (
     lightmaps,
     outputs,
     light_groups,
+    light_probes,
     advanced,
 )
 

@@ -18,6 +18,7 @@ from ..scene import SceneContext, visible_meshes
 from ..scene.bake_targets import target_uids
 from ..scene.materials.tint_nodes import may_tint
 from ..scene.objects.visible import visible_objects
+from ..scene.probe_volumes import count_probes
 from ..worker_manager import owner
 from .faces import (
     centres_of,
@@ -92,13 +93,18 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
     findings += yield from check_widths(charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += check_scale(meshes)
-    lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
-    extent = Extent(0, sum(len(mesh.triangles) for mesh in meshes), lamps, tinted=_is_tinted(context))
+    extent = _extent(context, sum(len(mesh.triangles) for mesh in meshes))
     expected = _expect(baked, charts, settings, extent) if baked else None
     findings += _check_memory(expected, settings, finder.found) if expected else []
     findings = [_with_memory(finding, baked, charts, settings, extent) for finding in findings]
     ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
     return Checked(tuple(ordered), expected)
+
+
+def _extent(context: SceneContext, triangles: int) -> Extent:
+    """Return the extent of a scene with a number of triangles, without its lightmaps."""
+    lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
+    return Extent(0, triangles, lamps, tinted=_is_tinted(context), probes=count_probes(context))
 
 
 def _is_tinted(context: SceneContext) -> bool:

@@ -114,8 +114,7 @@ def _sections(folder: Path, names: Sequence[str]) -> dict[str, dict | list]:
 def _with_paths(entry: dict, name: str) -> dict:
     """Return a probe's entry with the paths of its files relative to the folder of all parts."""
     moved = dict(entry)
-    if "file" in entry:
-        moved["file"] = f"{name}/{entry['file']}"
+    moved |= {key: f"{name}/{entry[key]}" for key in ("file", "ktx2") if key in entry}
     if "files" in entry:
         moved["files"] = [f"{name}/{file}" for file in entry["files"]]
     return moved

@@ -20,6 +20,7 @@ from .exr import rgba, write_exr
 from .files import reason, replace_all, staging_folder
 from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
+from .probe_files import ProbeFile, probe_sections
 
 #: Custom property that marks a lightmap image; its value is the atlas name.
 MARK = "hemibake_atlas"
@@ -84,8 +85,9 @@ def store(
     destination: Destination,
     facts: list[dict],
     states: Mapping[str, dict],
+    probes: Sequence[ProbeFile] = (),
 ) -> list[LightmapFile]:
-    """Write the files of each lightmap, assign the shown file to its image, and return the files.
+    """Write the files of lightmaps and light probes, assign shown files to images, return the lightmaps'.
 
     An image that the user has packed stays packed. Without a folder the images are packed into the .blend,
     and there are no files. If writing fails, old files stay, the images are packed, and EngineError is
@@ -95,13 +97,14 @@ def store(
     lightmaps:  (images, h, w, 3) float32, scene-linear, bottom row first
     facts:      manifest entries of each
     states:     light states of the scene for the manifest
+    probes:     files of light probes
     """
     if destination.folder is None:
         _pack_all(images, lightmaps, destination)
         return []
     files = list(lightmap_files(lightmaps, destination, facts))
     try:
-        write_all(files, destination, states)
+        write_all(files, destination, states, probes)
     except (OSError, RuntimeError) as error:
         _pack_all(images, lightmaps, destination)
         raise EngineError(
@@ -142,21 +145,33 @@ def _new_image(scene: bpy.types.Scene, atlas: str, resolution: int) -> bpy.types
     return image
 
 
-def write_all(files: Sequence[LightmapFile], destination: Destination, states: Mapping[str, dict]) -> None:
+def write_all(
+    files: Sequence[LightmapFile],
+    destination: Destination,
+    states: Mapping[str, dict],
+    probes: Sequence[ProbeFile] = (),
+) -> None:
     """Write all files and the manifest, or none; the manifest is moved first and lists old and new files.
 
     Raises OSError or RuntimeError.
 
     states:  light states of the scene for the manifest
+    probes:  files of light probes
     """
     folder, names = destination.folder, [file.name for file in files]
     with staging_folder(folder) as staging:
         staged = [staging / f"{index}{Path(name).suffix}" for index, name in enumerate(names)]
-        for path, file in zip(staged, files, strict=True):
+        staged_probes = [
+            staging / f"probes{index}{Path(file.name).suffix}" for index, file in enumerate(probes)
+        ]
+        for path, file in zip([*staged, *staged_probes], [*files, *probes], strict=True):
             file.write(path)
         manifest, entries = staging / NAME, [{"blend": destination.blend, **file.entry} for file in files]
-        write_manifest(manifest, folder, staged, names, entries, {"states": dict(states)})
-        replace_all([manifest, *staged], [folder / name for name in (NAME, *names)], staging)
+        sections = {"states": dict(states), **probe_sections(folder, staged_probes, probes)}
+        write_manifest(manifest, folder, staged, names, entries, sections)
+        names += [file.name for file in probes]
+        all_staged = [manifest, *staged, *staged_probes]
+        replace_all(all_staged, [folder / name for name in (NAME, *names)], staging)
 
 
 def _use_file(image: bpy.types.Image, path: str) -> None:

@@ -59,7 +59,7 @@ def is_ours(known: dict[str, dict], path: Path, blend: str) -> bool:
     entry = known.get(path.name)
     if entry is None or entry.get("blend") != blend or not path.is_file():
         return False
-    return _checksum(path) in (entry.get("sha256"), entry.get("replaced"))
+    return checksum(path) in (entry.get("sha256"), entry.get("replaced"))
 
 
 def write_manifest(
@@ -79,8 +79,8 @@ def write_manifest(
     known = {name: entry for name, entry in read_manifest(folder).items() if (folder / name).exists()}
     for new, name, fact in zip(staged, names, facts, strict=True):
         known.pop(name, None)
-        sha256 = _checksum(new)
-        before = _checksum(folder / name) if (folder / name).exists() else sha256
+        sha256 = checksum(new)
+        before = checksum(folder / name) if (folder / name).exists() else sha256
         known[name] = {**fact, "sha256": sha256}
         if before != sha256:
             known[name]["replaced"] = before
@@ -128,7 +128,7 @@ def _by_object(known: Mapping[str, dict]) -> list[dict]:
     return list(found.values())
 
 
-def _checksum(path: Path) -> str:
+def checksum(path: Path) -> str:
     """Return the SHA-256 of a file, hexadecimal; raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

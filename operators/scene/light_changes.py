@@ -51,6 +51,7 @@ def comparison_settings(settings: Settings) -> Settings:
         intermediates=False,
         checkpoint_space=0,
         patch_file=None,
+        light_probes=False,
         scheduler="",
     )
 

@@ -26,6 +26,7 @@ from .objects.items import SceneItem, scene_items
 from .objects.render_differences import uses_render
 from .objects.skipped import note_skipped
 from .objects.strands import has_strands
+from .probe_volumes import read_probe_volumes
 from .read_stages import ReadStages
 from .scene_context import SceneContext
 from .scene_objects import ItemReader, ReadObject
@@ -208,6 +209,7 @@ class _SceneReading:
         self._world, self._lights = world.radiance, (*lamps, *suns)
         self._light_groups = tuple(group.name for group in self._watch.context.view_layer.lightgroups)
         self._metres_per_unit = metres_per_unit(self._watch.context.scene)
+        self._probes = read_probe_volumes(self._watch.context, self._origin, self._notes)
         self._skipped: list[str] = []
         note_skipped(self._watch.context, self._skipped)
 
@@ -227,6 +229,7 @@ class _SceneReading:
             light_groups=self._light_groups,
             world_light_group=self._world_group,
             metres_per_unit=self._metres_per_unit,
+            probe_volumes=self._probes,
         )
         scene = yield from replace_invalid_values(scene, self._notes)
         entries = tuple(

@@ -1,0 +1,160 @@
+"""Files of light probes: an OpenEXR atlas and a KTX2 texture of each volume, and the manifest entries."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...engine.bake_result import ProbeGrid
+from ...engine.encoding.ktx2 import ktx2_volume
+from ...engine.probes.bevy_volume import bevy_voxels
+from ...engine.probes.spherical_harmonics import windowed
+from ..file_format import PLAIN
+from .destination import Destination
+from .exr import write_exr
+from .file_names import file_name
+from .manifest import checksum, read_sections
+
+#: Coefficients of a probe, each an RGB block of the atlas; one more block holds the validity.
+COEFFICIENTS = 9
+
+#: Endings of both files of a volume.
+_ATLAS, _TEXTURE = ".exr", ".ktx2"
+
+#: Meaning of the blocks and rows, for readers of the manifest.
+_LAYOUT = (
+    "pixel (block * nx + i, k * ny + j) of probe (i, j, k), rows from the bottom; blocks 0-8: RGB of "
+    "1, y, z, x, xy, yz, 3z^2-1, xz, x^2-y^2; block 9: validity in R"
+)
+
+
+@dataclass(frozen=True)
+class ProbeFile:
+    """File of a probe volume: the atlas (.exr), or ambient cubes for Bevy (.ktx2).
+
+    name:   file name with extension
+    grid:   light of the volume
+    entry:  entry of the manifest for both files, without checksums
+    """
+
+    name: str
+    grid: ProbeGrid
+    entry: dict
+
+    @property
+    def is_atlas(self) -> bool:
+        """True for the atlas."""
+        return self.name.endswith(_ATLAS)
+
+    def write(self, path: Path) -> None:
+        """Write the file to a path; raises OSError or RuntimeError."""
+        if self.is_atlas:
+            write_exr(path, probe_atlas(self.grid), PLAIN, is_colour=False)
+        else:
+            coefficients = windowed(self.grid.coefficients)
+            path.write_bytes(ktx2_volume(bevy_voxels(coefficients, self.grid.resolution)))
+
+
+def probe_atlas(grid: ProbeGrid) -> np.ndarray:
+    """Return the atlas of a grid, (ny nz, 10 nx, 3) float32, bottom row first; see `read_atlas`.
+
+    Coefficients are windowed where E/pi would be negative.
+    """
+    x, y, z = grid.resolution
+    validity = np.zeros((len(grid.validity), 1, 3), np.float32)
+    validity[:, 0, 0] = grid.validity
+    blocks = np.concatenate([windowed(grid.coefficients), validity], axis=1)
+    return blocks.reshape(z * y, x, COEFFICIENTS + 1, 3).swapaxes(1, 2).reshape(z * y, -1, 3)
+
+
+def read_atlas(atlas: np.ndarray, resolution: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Return coefficients, (n, 9, 3), and validity, (n,), of an atlas, (h, w, 3) float32, bottom row up."""
+    x, y, z = resolution
+    blocks = atlas.reshape(z * y, COEFFICIENTS + 1, x, 3).swapaxes(1, 2).reshape(-1, COEFFICIENTS + 1, 3)
+    return np.ascontiguousarray(blocks[:, :COEFFICIENTS]), blocks[:, COEFFICIENTS, 0].copy()
+
+
+def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Destination) -> list[ProbeFile]:
+    """Return the files of the probe volumes of a bake, two for each; none without a folder.
+
+    Files are named after the .blend and the volume. A file of another program is never replaced; the new file
+    gets a number instead.
+
+    origin:  (3,) float64, world space: the point to which the grids are relative
+    """
+    folder, blend = destination.folder, destination.blend
+    if folder is None:
+        return []
+    ours = _checksums(read_sections(folder).get("probes", []), blend)
+    taken: set[str] = set()
+    files = []
+    for grid in grids:
+        stem = file_name(f"{Path(blend).stem}_{grid.name}_Probes".lstrip("_"))
+        numbered = (stem, *(f"{stem}.{number:03d}" for number in range(1, 1000)))
+        name = next(
+            name
+            for name in numbered
+            if name.casefold() not in taken
+            and all(_may_write(folder / f"{name}{ending}", ours) for ending in (_ATLAS, _TEXTURE))
+        )
+        taken.add(name.casefold())
+        entry = _entry(name, grid, origin, blend)
+        files += [ProbeFile(f"{name}{ending}", grid, entry) for ending in (_ATLAS, _TEXTURE)]
+    return files
+
+
+def probe_sections(folder: Path, staged: Sequence[Path], files: Sequence[ProbeFile]) -> dict[str, list[dict]]:
+    """Return the section of the manifest after a bake with probe files; empty without any.
+
+    Volumes of other .blend files stay.
+
+    staged:  written files
+    """
+    if not files:
+        return {}
+    blend, sums = files[0].entry["blend"], {}
+    for path, file in zip(staged, files, strict=True):
+        sums[file.name] = checksum(path)
+    others = [entry for entry in read_sections(folder).get("probes", []) if entry.get("blend") != blend]
+    mine = [
+        {**file.entry, "sha256": sums[file.name], "ktx2_sha256": sums[file.entry["ktx2"]]}
+        for file in files
+        if file.is_atlas
+    ]
+    return {"probes": [*others, *mine]}
+
+
+def _checksums(entries: Sequence[dict], blend: str) -> dict[str, str]:
+    """Return the checksums of the files that a .blend's bakes wrote, by file."""
+    mine = [entry for entry in entries if entry.get("blend") == blend]
+    sums = {entry["file"]: entry.get("sha256", "") for entry in mine}
+    return sums | {entry.get("ktx2", ""): entry.get("ktx2_sha256", "") for entry in mine}
+
+
+def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, blend: str) -> dict:
+    """Return the manifest entry of a volume, whose files have a stem."""
+    matrix = grid.matrix.copy()
+    matrix[:3, 3] += origin
+    filled, moved = (int((grid.validity == value).sum()) for value in (0, 0.5))
+    return {
+        "name": grid.name,
+        "blend": blend,
+        "file": f"{stem}{_ATLAS}",
+        "ktx2": f"{stem}{_TEXTURE}",
+        "resolution": list(grid.resolution),
+        "matrix": matrix.tolist(),
+        "coefficients": "radiance SH L2",
+        "layout": _LAYOUT,
+        "validity": {"filled": filled, "moved": moved, "block": COEFFICIENTS},
+    }
+
+
+def _may_write(path: Path, ours: dict[str, str]) -> bool:
+    """Return True if no file has the path, or one that Hemibake wrote; ours: checksums by file."""
+    if not os.path.lexists(path):
+        return True
+    return path.name in ours and path.is_file() and checksum(path) == ours[path.name]

@@ -1,0 +1,123 @@
+"""Light Probe Volumes: read from the scene, baked, and written as an atlas with its manifest entry."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.blender.things import bpy_link, furnace, part, pixels, report, snapshot, square
+
+
+def probe_volume(name="Volume", resolution=(2, 3, 1), location=(0.5, 0.5, 0.5), scale=(0.4, 0.3, 0.2)):
+    """Return a linked Light Probe Volume."""
+    import bpy
+
+    data = bpy.data.lightprobes.new(name, "VOLUME")
+    data.resolution_x, data.resolution_y, data.resolution_z = resolution
+    obj = bpy_link(bpy.data.objects.new(name, data))
+    obj.location, obj.scale = location, scale
+    bpy.context.view_layer.update()
+    return obj
+
+
+def bake(folder):
+    """Bake into a folder; return its manifest."""
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.directory, settings.light_probes, settings.samples = str(folder), True, 32
+    bpy.ops.hemibake.bake()
+    return json.loads((folder / "hemibake.json").read_text())
+
+
+def state(obj):
+    """Return what a bake must not change in a volume."""
+    data = obj.data
+    return np.array(obj.matrix_world).tobytes(), data.resolution_x, data.resolution_y, data.resolution_z
+
+
+def test_volumes_are_baked_into_an_atlas(tmp_path):
+    """In a furnace all probes have the radiance 2; the box is rotated, and its bounds are in the manifest."""
+    import bpy
+
+    furnace()
+    obj = probe_volume()
+    obj.rotation_euler = (0.1, 0.2, 0.3)
+    bpy.context.view_layer.update()
+    before = state(obj)
+    (entry,) = bake(tmp_path)["probes"]
+    assert state(obj) == before
+    assert (entry["name"], entry["resolution"]) == ("Volume", [2, 3, 1])
+    assert entry["coefficients"] == "radiance SH L2"
+    assert np.array(entry["matrix"]) == pytest.approx(np.array(obj.matrix_world), abs=1e-6)
+    for name in (entry["file"], entry["ktx2"]):
+        assert any(path.endswith(name) for path in report()["files"])
+    assert (tmp_path / entry["ktx2"]).read_bytes()[:7] == b"\xabKTX 20"
+    image = bpy.data.images.load(str(tmp_path / entry["file"]))
+    atlas = pixels(image)[..., :3]
+    assert atlas.shape == (3, 20, 3)
+    coefficients, validity = part("operators.result.probe_files").read_atlas(atlas, (2, 3, 1))
+    assert (validity == 1).all()
+    assert coefficients[:, 0] == pytest.approx(np.full((6, 3), 2 * np.sqrt(4 * np.pi)), rel=1e-2)
+    assert np.abs(coefficients[:, 1:]).max() < 0.05
+
+
+def test_files_of_others_stay(tmp_path):
+    """A second bake replaces its own files; a changed or foreign one gets a neighbor with a number."""
+    square()
+    probe_volume("Grid", (1, 1, 1))
+    (first,) = bake(tmp_path)["probes"]
+    (again,) = bake(tmp_path)["probes"]
+    assert again["file"] == first["file"]
+    (tmp_path / first["ktx2"]).write_bytes(b"mine")
+    (third,) = bake(tmp_path)["probes"]
+    assert third["file"] != first["file"] and (tmp_path / first["ktx2"]).read_bytes() == b"mine"
+
+
+def test_bad_volumes_are_left_out_with_a_remedy(tmp_path):
+    furnace()
+    probe_volume("Good", (1, 1, 1))
+    probe_volume("Flat", scale=(0.4, 0.0, 0.2))
+    probe_volume("Mirrored", scale=(-0.4, 0.3, 0.2))
+    probe_volume("Huge", (256, 256, 256))
+    entries = bake(tmp_path)["probes"]
+    assert [entry["name"] for entry in entries] == ["Good"]
+    notes = "\n".join(report()["warnings"])
+    for name, words in {"Flat": "is flat", "Mirrored": "is mirrored", "Huge": "Lower its resolution"}.items():
+        assert f"'{name}'" in notes and words in notes
+
+
+def test_without_the_switch_nothing_is_baked(tmp_path):
+    import bpy
+
+    square()
+    probe_volume()
+    bpy.context.scene.hemibake.directory = str(tmp_path)
+    bpy.ops.hemibake.bake()
+    assert "probes" not in json.loads((tmp_path / "hemibake.json").read_text())
+    assert [path.suffix for path in sorted(tmp_path.iterdir())] == [".exr", ".json"]
+
+
+def test_the_button_adds_a_volume_around_the_scene():
+    import bpy
+
+    furnace()
+    before = snapshot()
+    assert bpy.ops.hemibake.add_light_probes(spacing=0.3) == {"FINISHED"}
+    after = snapshot()
+    assert all(after[key] == before[key] for key in ("mode", "active", "selected", "materials"))
+    (obj,) = [obj for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"]
+    assert state(obj)[1:] == (4, 4, 4) and bpy.context.scene.hemibake.light_probes
+    bpy.context.view_layer.update()
+    assert np.array(obj.matrix_world) == pytest.approx(
+        np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
+    )
+
+
+def test_too_small_a_spacing_names_the_remedy():
+    import bpy
+
+    furnace()
+    with pytest.raises(RuntimeError, match="Raise Spacing"):
+        bpy.ops.hemibake.add_light_probes(spacing=0.001)
+    assert not bpy.data.lightprobes

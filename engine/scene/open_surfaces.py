@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..array_ops import joined_rows, largest_in_rows, map_slabs, run_numbers, run_starts
 from .model import Mesh
 
 #: Vertices are welded if they are nearer than this fraction of the scene's largest coordinate. This is the
@@ -18,35 +19,41 @@ _WELD = 2.0**-18
 #: on borders.
 _SHIFTS = (0.3819660112501051, 0.8819660112501051)
 
+#: Multipliers and shifts of the hash: the finalizer of SplitMix64 (Steele, Lea and Flood 2014).
+_MIX = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB))
+_LAST_SHIFT = 31
+
+#: Triangles whose edges are hashed at a time, since their intermediate values then stay in the CPU's cache.
+_BLOCK = 1 << 13
+
 
 class OpenSurfaces:
     """Finds the open surfaces of successive versions of a scene; unchanged meshes are not examined again."""
 
     def __init__(self) -> None:
-        self._alone: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._closed: dict[int, tuple[np.ndarray, bool]] = {}
         self._open: tuple[list[np.ndarray], np.ndarray] = [], np.zeros(0, bool)
 
     def of(self, meshes: Sequence[Mesh]) -> np.ndarray:
         """Return `open_triangles` of meshes; a mesh that is closed by itself does not close others."""
-        known = {id(mesh.positions): (mesh.positions, self._open_alone(mesh)) for mesh in meshes}
-        self._alone = known
-        closed = np.array([not known[id(mesh.positions)][1].any() for mesh in meshes], bool)
-        others = [mesh for mesh, alone in zip(meshes, closed, strict=True) if not alone]
+        self._examine([mesh.positions for mesh in meshes])
+        is_open = np.array([not self._closed[id(mesh.positions)][1] for mesh in meshes], bool)
         found = np.zeros(sum(len(mesh.positions) for mesh in meshes), bool)
-        if others:
+        if is_open.any():
+            others = [mesh for mesh, examined in zip(meshes, is_open, strict=True) if examined]
             lengths = [len(mesh.positions) for mesh in meshes]
-            found[np.repeat(~closed, lengths)] = self._of_open(others)
+            found[np.repeat(is_open, lengths)] = self._of_open(others)
         return found
 
-    def _open_alone(self, mesh: Mesh) -> np.ndarray:
-        """Return `open_triangles` of a single mesh."""
-        last = self._alone.get(id(mesh.positions))
-        return open_triangles([mesh]) if last is None else last[1]
+    def _examine(self, positions: Sequence[np.ndarray]) -> None:
+        """Find out which meshes are closed by themselves; forget all other meshes."""
+        known, self._closed = self._closed, {}
+        unknown = list({id(each): each for each in positions if id(each) not in known}.values())
+        closed = {id(each): (each, flag) for each, flag in zip(unknown, closed_meshes(unknown), strict=True)}
+        self._closed = {id(each): known.get(id(each)) or closed[id(each)] for each in positions}
 
     def _of_open(self, meshes: list[Mesh]) -> np.ndarray:
         """Return `open_triangles` of the meshes that are not closed by themselves."""
-        if len(meshes) == 1:
-            return self._open_alone(meshes[0])
         positions = [mesh.positions for mesh in meshes]
         before, found = self._open
         same = len(before) == len(positions) and all(map(operator.is_, before, positions))
@@ -56,75 +63,130 @@ class OpenSurfaces:
         return found
 
 
+def closed_meshes(positions: Sequence[np.ndarray]) -> list[bool]:
+    """Return True for each mesh whose edges all have an even number of triangles in one welding grid.
+
+    The exclusive or of the hashes of a mesh's edges is 0 then, and otherwise by a chance of 2^-64.
+
+    positions:  (t, 3, 3) float32 of each mesh, m
+    """
+    counts = np.array([len(each) for each in positions])
+    closed = counts == 0
+    chosen = np.flatnonzero(~closed)
+    if not len(chosen):
+        return list(closed)
+    corners = joined_rows([positions[index] for index in chosen])
+    starts = np.cumsum(counts[chosen]) - counts[chosen]
+    largest = np.maximum.reduceat(_largest_coordinates(corners), starts)
+    for shift in _SHIFTS:
+        edges = _edge_keys(corners, np.repeat(_cell(largest), counts[chosen]), shift)
+        closed[chosen] |= np.bitwise_xor.reduceat(np.bitwise_xor.reduce(edges, axis=1), starts) == 0
+    return list(closed)
+
+
 def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
     """Return which triangles belong to open surfaces, (t,) bool, for all meshes in order.
 
     Vertices are welded across meshes. A component of triangles connected by edges is closed if each of its
     edges has an even number of triangles.
     """
-    positions = np.concatenate([mesh.positions for mesh in meshes])
+    positions = joined_rows([mesh.positions for mesh in meshes])
     count = len(positions)
-    unpaired = np.ones((count, 3), bool)
+    cells = np.full(count, _cell(_largest_coordinates(positions).max(initial=0)))
+    left, joined = np.arange(3 * count), []
     for shift in _SHIFTS:
-        edge, triangle, side = _edges(_welded(positions.reshape(-1, 3), shift).reshape(count, 3))
-        paired = np.ones((count, 3), bool)
-        paired[triangle, side] = np.bincount(edge)[edge] % 2 == 0
-        unpaired &= ~paired
-        if not unpaired.any():
-            break
-    is_odd: np.ndarray = unpaired.any(axis=1)
-    if not is_odd.any() or is_odd.all():
-        return is_odd
-    label = _components(edge, triangle, count)
-    open_labels = np.zeros(count, bool)
-    open_labels[label[is_odd]] = True
-    result: np.ndarray = open_labels[label]
-    return result
+        # Edges that the first grid pairs do not change the parity of an edge in the second one.
+        keys = _edge_keys(positions, cells, shift).reshape(-1)[left]
+        left, keys = left[keys != 0], keys[keys != 0]
+        is_odd, neighbours = _paired(keys)
+        joined.append(left[neighbours] // 3)
+        left = left[is_odd]
+        if not len(left):
+            return np.zeros(count, bool)
+    return _components_of(np.unique(left // 3), np.concatenate(joined), count)
 
 
-def _welded(corners: np.ndarray, shift: float) -> np.ndarray:
-    """Return the index of the welded vertex of each corner, (3 t,) int64, by quantization to a grid.
+def _largest_coordinates(positions: np.ndarray) -> np.ndarray:
+    """Return the largest absolute coordinate of each triangle, (t,) float32."""
+    largest = np.empty(len(positions), np.float32)
 
-    corners:  (3 t, 3) float32, m
-    shift:    shift of the grid, cells
+    def find(rows: slice) -> None:
+        largest[rows] = largest_in_rows(np.abs(positions[rows]).reshape(-1, 9))
+
+    map_slabs(len(positions), 72, find)
+    return largest
+
+
+def _cell(largest: np.ndarray) -> np.ndarray:
+    """Return the width of the welding grid for a largest coordinate, m."""
+    return np.maximum(_WELD * np.asarray(largest, np.float64), 1e-30)
+
+
+def _edge_keys(positions: np.ndarray, cells: np.ndarray, shift: float) -> np.ndarray:
+    """Return a key of each edge of triangles, (t, 3) uint64: equal for edges with the same welded ends.
+
+    Edges without length have the key 0.
+
+    positions:  (t, 3, 3) float32, m
+    cells:      (t,) width of the welding grid, m
+    shift:      shift of the grid, cells
     """
-    cell = _WELD * max(float(np.abs(corners).max(initial=0)), 1e-30)
-    cells = np.floor(corners / cell + shift).astype(np.int64)
-    keys = (cells[:, 0] << 42) ^ (cells[:, 1] << 21) ^ cells[:, 2]
-    vertex: np.ndarray = np.unique(keys, return_inverse=True)[1].reshape(-1)
-    return vertex
+    edges = np.empty(positions.shape[:2], np.uint64)
+
+    def find(rows: slice) -> None:
+        for first in range(rows.start, rows.stop, _BLOCK):
+            block = slice(first, min(first + _BLOCK, rows.stop))
+            scaled = np.floor(positions[block] / cells[block, None, None] + shift).astype(np.int64)
+            corners = _mixed((scaled[..., 0] << 42) ^ (scaled[..., 1] << 21) ^ scaled[..., 2])
+            following = corners[:, [1, 2, 0]]
+            edges[block] = np.where(corners == following, np.uint64(0), _mixed(corners + following))
+
+    map_slabs(len(positions), 400, find)
+    return edges
 
 
-def _edges(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return for each edge of a triangle its index, its triangle, and its side 0-2, (k,) int64 each.
+def _mixed(keys: np.ndarray) -> np.ndarray:
+    """Return a 64-bit hash of each integer, uint64; see `_MIX`."""
+    mixed = keys.astype(np.uint64)
+    for shift, factor in _MIX:
+        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
+    return mixed ^ (mixed >> np.uint64(_LAST_SHIFT))
 
-    Edges without length are left out.
 
-    vertices:  (t, 3) int64, welded vertices
+def _paired(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find equal keys, (k,) uint64.
+
+    Returns a mask of keys that occur an odd number of times, (k,) bool, and the indices of pairs of equal
+    keys that connect all equal ones, (p, 2) int64.
     """
-    ends = np.stack([vertices, np.roll(vertices, -1, axis=1)], axis=-1).reshape(-1, 2)
-    low, high = ends.min(axis=1), ends.max(axis=1)
-    some = np.flatnonzero(low < high)
-    keys = low[some] * (int(vertices.max(initial=0)) + 1) + high[some]
-    return np.unique(keys, return_inverse=True)[1].reshape(-1), some // 3, some % 3
+    order = np.argsort(keys)
+    ordered = keys[order]
+    starts = run_starts(ordered)
+    lengths = np.diff(np.append(starts, len(keys)))
+    is_odd = np.empty(len(keys), bool)
+    is_odd[order] = (lengths % 2 == 1)[run_numbers(starts, len(keys))]
+    same = np.flatnonzero(ordered[1:] == ordered[:-1])
+    return is_odd, np.stack([order[same], order[same + 1]], axis=-1)
 
 
-def _components(edge: np.ndarray, triangle: np.ndarray, count: int) -> np.ndarray:
-    """Return a label of the connected component of each triangle, (count,) int64.
+def _components_of(chosen: np.ndarray, neighbours: np.ndarray, count: int) -> np.ndarray:
+    """Return the triangles that edges connect to chosen ones, (count,) bool.
 
     Label propagation: the smallest label spreads over shared edges, with pointer jumping (Shiloach and
     Vishkin 1982).
+
+    chosen:      (m,) int64, triangles
+    neighbours:  (p, 2) int64, pairs of triangles with a common edge
     """
-    order = np.argsort(edge, kind="stable")
-    shared = np.flatnonzero(edge[order[1:]] == edge[order[:-1]])
-    one, other = triangle[order[shared]], triangle[order[shared + 1]]
-    label = np.arange(count)
-    while True:
-        differ = label[one] != label[other]
-        one, other = one[differ], other[differ]
-        if not len(one):
-            return label
+    label, (one, other) = np.arange(count), neighbours.T
+    while len(one):
         low, high = np.minimum(label[one], label[other]), np.maximum(label[one], label[other])
         np.minimum.at(label, high, low)
         while not np.array_equal(further := label[label], label):
             label = further
+        differ = label[one] != label[other]
+        one, other = one[differ], other[differ]
+    is_chosen = np.zeros(count, bool)
+    is_chosen[label[chosen]] = True
+    result: np.ndarray = is_chosen[label]
+    return result

@@ -1,13 +1,16 @@
 """Which triangles belong to open surfaces, and the back faces that these get."""
 
+from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from engine import Scene
 from engine.patches.backs import with_places
+from engine.scene import open_surfaces
 from engine.scene.model import NO_LIGHTMAP, BackSide
-from engine.scene.open_surfaces import open_triangles
+from engine.scene.open_surfaces import OpenSurfaces, open_triangles
 from engine.scene.transmission import CLEAR, OPAQUE, Transmission, from_opacity
 from engine.scene.triangles import join_meshes
 from tests.analytic.rooms import Atlas, block, room
@@ -21,9 +24,57 @@ def box(low=(0.4, 0.2, 0.3), high=(0.7, 0.6, 0.9)):
     return block(Atlas(RESOLUTION), low, high, "Box")
 
 
+CUBE = box((0, 0, 0), (1, 1, 1))
+
+
 def sheet(corner=(3, 1, 2), name="Sheet", atlas=0):
     mesh = quads(rectangle(corner, X, Y)[None], [(90, 90, 20, 20)], [0], RESOLUTION, name)
     return replace(mesh, atlas=atlas)
+
+
+def open_by_dictionaries(meshes):
+    """Return the open triangles by a dictionary of edges and a search, for vertices far apart."""
+    corners = [tuple(map(tuple, triangle)) for mesh in meshes for triangle in mesh.positions.tolist()]
+    edges = defaultdict(list)
+    for number, triangle in enumerate(corners):
+        for ends in zip(triangle, triangle[1:] + triangle[:1], strict=True):
+            edges[frozenset(ends)].append(number)
+    left = [number for users in edges.values() if len(users) % 2 for number in users]
+    found = set(left)
+    while left:
+        number = left.pop()
+        triangle = corners[number]
+        for ends in zip(triangle, triangle[1:] + triangle[:1], strict=True):
+            new = set(edges[frozenset(ends)]) - found
+            found |= new
+            left += new
+    return [number in found for number in range(len(corners))]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_parts_of_many_boxes_match_a_dictionary_of_edges(seed):
+    rng = np.random.default_rng(seed)
+    meshes = []
+    for _ in range(29):
+        corner, size = rng.integers(-30, 30, 3), rng.integers(1, 4, 3)
+        whole = replace(CUBE, positions=(CUBE.positions * size + corner).astype(np.float32))
+        kept = rng.random(12) < rng.choice([0.4, 0.9, 1.0, 1.0])
+        meshes += [whole.part(kept), *([whole.part(~kept)] if rng.random() < 0.5 else [])]
+    assert open_triangles(meshes).tolist() == open_by_dictionaries(meshes)
+
+
+def test_meshes_that_stay_are_not_examined_again(monkeypatch):
+    examined = []
+    closed_meshes = open_surfaces.closed_meshes
+    monkeypatch.setattr(
+        open_surfaces, "closed_meshes", lambda each: examined.append(len(each)) or closed_meshes(each)
+    )
+    surfaces, meshes = OpenSurfaces(), [box(), sheet(), sheet((5, 5, 5)).part(np.zeros(2, bool))]
+    expected = [False] * 12 + [True] * 2
+    assert surfaces.of(meshes).tolist() == expected
+    assert surfaces.of([*meshes, box((7, 7, 7), (8, 8, 8))]).tolist() == expected + [False] * 12
+    assert surfaces.of(meshes[:1]).tolist() == expected[:12] and surfaces.of([]).tolist() == []
+    assert examined == [3, 1, 0, 0]
 
 
 def test_closed_meshes_have_no_open_triangle():

@@ -14,8 +14,12 @@ from .profile import check_profile
 from .texture import Texture
 from .transmission import Transmittance
 
-#: Maximum radiance, W/(m^2 sr), and light strength; sums of larger values overflow float32.
+#: Maximum radiance, W/(m^2 sr); sums of larger values overflow float32.
 MAX_RADIANCE = 1e30
+
+#: Maximum strength of a light, see `Light.strength`; divided by the least squared distance of kernels,
+#: 1e-20 m^2, and summed over samples it fits into float32.
+MAX_STRENGTH = 1e15
 
 #: Maximum coordinate, m. Areas and their squares then fit into float32. Measured: furnace scenes of 4e9 m are
 #: correct, of 1e10 m black.
@@ -43,6 +47,7 @@ _ROUNDING = 1e-6
 
 #: Values of light that error messages call invalid.
 _NO_LIGHT = f"NaN, negative or greater than {MAX_RADIANCE:.0e}"
+_NO_STRENGTH = f"NaN, negative or greater than {MAX_STRENGTH:.0e}"
 
 
 def check_scene(scene: Scene) -> None:
@@ -192,8 +197,10 @@ def check_light(light: Light) -> None:
         raise SceneError(
             f"Light '{light.name}' is of kind '{light.kind}'. Choose one of {', '.join(LIGHT_KINDS)}."
         )
-    if not _is_light(light.strength):
-        raise SceneError(f"Light '{light.name}' has a power that is {_NO_LIGHT}. Mend it.")
+    if not _is_light(light.strength, MAX_STRENGTH):
+        raise SceneError(
+            f"Light '{light.name}' has a power for its area that is {_NO_STRENGTH}. Change its power or size."
+        )
     numbers = (
         light.position,
         light.axes,
@@ -220,7 +227,8 @@ def check_light(light: Light) -> None:
         )
     if light.profile is not None:
         check_profile(light.profile, light.name)
-        if not _is_light(light.strength * light.profile.factors.max(axis=(0, 1)).astype(np.float64)):
+        brightest = light.strength * light.profile.factors.max(axis=(0, 1)).astype(np.float64)
+        if not _is_light(brightest, MAX_STRENGTH):
             raise SceneError(f"Light '{light.name}' has a profile and a power that are too large. Lower one.")
 
 

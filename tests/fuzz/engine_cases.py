@@ -752,6 +752,15 @@ EXAMPLES: dict[str, Case] = {
         (Surface((1.0, 1.0, 1.0), (1e30, 1e30, 1e30)),),
         settings={**_SMALL, "max_bounces": 6},
     ),
+    **{
+        f"a lamp of {strength:g} on a quad without extent": Case(
+            (Shape("quad", size=0.1), Shape("quad", size=0.0, position=(0.3, 0.3, 0.3))),
+            (Surface((0.0, 0.0, 0.0)),),
+            lamps=(Lamp(position=(0.3, 0.3, 0.3), strength=(strength,) * 3, soft=False, casts_shadow=False),),
+            settings={**_SMALL, "resolution": 8, "max_bounces": 1, "light_samples": 1},
+        )
+        for strength in (1e15, 1e30)
+    },
     "radiance beyond the limit by a texture": Case(
         (Shape("room"),), (Surface(emission=(1e20,) * 3, emission_map=Map(brightest=1e20)),), settings=_SMALL
     ),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.errors import SceneError
-from engine.scene.checks import check_scene
+from engine.scene.checks import check_light, check_scene
 from engine.scene.model import Light, Material, Mesh, Scene, Texture
 
 
@@ -53,6 +53,14 @@ def test_the_largest_light_passes_and_an_error_names_the_limit(kind):
     for values in ({"materials": (replace(neon, emission=neon.emission * 2),)}, {"world": neon.emission * 2}):
         with pytest.raises(SceneError, match="NaN, negative or greater than 1e[+]30"):
             check_scene(replace(scene(triangle()), **values))
+
+
+def test_a_light_that_overflows_float32_close_to_it_is_named():
+    strongest = Light("Lamp", "point", np.zeros(3), np.eye(3), np.full(3, 1e15, np.float32))
+    check_light(strongest)
+    for strength in (2e15, 1e30, np.inf, np.nan, -1.0):
+        with pytest.raises(SceneError, match="Light 'Lamp' has a power .*greater than 1e[+]15[.] Change its"):
+            check_light(replace(strongest, strength=np.full(3, strength)))
 
 
 def textured(**changes):

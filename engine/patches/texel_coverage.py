@@ -9,7 +9,7 @@ import numpy as np
 from ..array_ops import any_in_rows
 from ..device.gl_context import GraphicsContext
 from ..errors import OverlapError
-from ..object_message import object_message
+from ..object_message import counted, object_message
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .border_texels import BorderTexels
@@ -83,7 +83,7 @@ def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
 def check_overlap(
     graphics: GraphicsContext, scene: Scene, triangles: Triangles, patches: PatchList, texels: np.ndarray
 ) -> list[str]:
-    """Return a warning for each object with a few texels covered by several triangles.
+    """Return a warning about all objects with a few texels covered by several triangles.
 
     texels:  (objects,) int64, see `covered_texels`
 
@@ -104,12 +104,12 @@ def check_overlap(
     bad = doubled > np.maximum(_OVERLAP_TOLERANCE * texels, 2)
     if bad.any():
         raise OverlapError(_overlap_message(scene, triangles, patches, twice[bad[mesh]]))
-    return [
-        object_message(
-            f"Object {{}}: {doubled[index]} lightmap texels are covered twice.", [scene.meshes[index].name]
-        )
-        for index in np.flatnonzero(doubled)
-    ]
+    found = np.flatnonzero(doubled)
+    sentence = (
+        f"{{}}: {counted(int(doubled.sum()), 'lightmap texel')} at borders of charts covered twice. "
+        "If edges look wrong there, unwrap or pack with more padding."
+    )
+    return [object_message(sentence, [scene.meshes[index].name for index in found])] if len(found) else []
 
 
 def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, doubled: np.ndarray) -> str:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, SceneError
+from engine.object_message import objects_of
 from engine.patches.chart_texels import ChartTexels
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
@@ -137,6 +138,13 @@ def test_shared_borders_are_no_overlap(graphics):
     scene = Scene((one_quad((2, 2, 5, 8), 19), one_quad((7, 2, 7, 8), 19)), (GREY,))
     triangles = join_meshes(scene)
     assert overlap_notes(graphics, scene, triangles) == []
+
+
+def test_many_objects_with_texels_covered_twice_get_one_warning(graphics):
+    charts = {"A": (1, 1, 4, 4), "B": (4, 4, 4, 4), "C": (10, 1, 4, 4), "D": (13, 4, 4, 4)}
+    scene = Scene(tuple(one_quad(chart, 19, name) for name, chart in charts.items()), (GREY,))
+    (note,) = overlap_notes(graphics, scene, join_meshes(scene))
+    assert len(objects_of(note)) == 2 and "2 lightmap texels" in note and note.endswith("padding.")
 
 
 def test_every_texel_a_surface_touches_belongs_to_a_patch_of_that_surface(graphics, compute):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 
 import bpy
@@ -39,6 +40,7 @@ class SceneLights:
         self._portals: list[str] = []
         self._linked: list[str] = []
         self._flat: list[str] = []
+        self._inexact = defaultdict[str, list[str]](list)
 
     def add(self, item: SceneItem) -> None:
         """Read one lamp without its nodes."""
@@ -73,6 +75,7 @@ class SceneLights:
         if self._linked:
             sentence = "Light linking is not baked; these light and shadow everything: {}."
             self._notes.append(object_message(sentence, self._linked))
+        self._notes += [object_message(sentence, names) for sentence, names in self._inexact.items()]
         return tuple(replace(light, position=light.position - origin) for light in lights)
 
     def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LightNodes]:
@@ -104,19 +107,15 @@ class SceneLights:
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
             sentence = (
-                f"Cycles could not evaluate the nodes of light {{}} ({reason}): the Emission's own "
-                "colour and strength are baked."
+                f"{{}}: Cycles could not evaluate the nodes of the light ({reason}). The colour and strength "
+                "of its Emission are baked."
             )
-            self._notes.append(object_message(sentence, [name]))
+            self._inexact[sentence].append(name)
             return own_constants(tree)
         if lamp.type == "AREA":
-            self._notes.append(
-                object_message("The nodes of light {} are baked as their mean over its face.", [name])
-            )
+            self._inexact["{}: the nodes of the light are baked as their mean over its face."].append(name)
         elif any(node.bl_idname == "ShaderNodeLightFalloff" for node in tree.nodes):
-            self._notes.append(
-                object_message("The nodes of light {} are baked as they are 1 m away from it.", [name])
-            )
+            self._inexact["{}: the nodes of the light are baked as they are 1 m away from it."].append(name)
         return nodes
 
 

@@ -87,12 +87,18 @@ def without_results(facts: dict[str, Any], uv_layer: str, moved: set[str]) -> di
 
 
 def unwrapped(before: dict[str, Any], after: dict[str, Any], uv_layer: str) -> set[str]:
-    """Return the names of the objects that have got lightmap UVs, in a layer or by a modifier."""
+    """Return the names of the objects that have got lightmap UVs, in a layer or by a modifier.
+
+    A bake also moves the charts of layers that Hemibake made, if others need their place.
+    """
     bare = {name for name, mesh in before["meshes"].items() if uv_layer not in mesh["uv_layers"]}
+    made = {name for name, obj in before["objects"].items() if obj["hemibake"]["generated_uvs"]}
     return {
         name
         for name, obj in after["objects"].items()
-        if obj.get("data", ("", ""))[1] in bare or any(item.startswith(_UVS) for item in obj["modifiers"])
+        if name in made
+        or obj.get("data", ("", ""))[1] in bare
+        or any(item.startswith(_UVS) for item in obj["modifiers"])
     }
 
 

@@ -272,8 +272,7 @@ class Settings:
     cache_budget: int = described(
         0,
         "Cached Visibility",
-        "Device memory for visibility kept between bakes, for fast relighting. 0 uses a quarter. "
-        "Relighting computes the rest again",
+        "Device memory for visibility kept between bakes. 0 uses a quarter. Relighting computes the rest",
         _BYTES,
         PREFERENCES,
         invalidates=(),
@@ -303,8 +302,8 @@ class Settings:
     )
     batch_bytes: int = described(
         64 << 20,
-        "Batch",
-        "Memory for one batch of hemicubes",
+        "Hemicube Batch",
+        "Memory for one batch of hemicubes, for method Paper",
         Span(1, 1 << 50, "bytes", ("MiB", 1 << 20)),
         PREFERENCES,
     )

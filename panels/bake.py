@@ -11,7 +11,7 @@ from ..operators.live import is_live
 from ..operators.result.preview import shows_preview
 from ..operators.warm_up import warm_up_soon
 from .presets import draw_presets
-from .progress import draw_bake_button, draw_preparation
+from .progress import draw_bake_button, draw_preparation, draw_stage
 from .sidebar import Sidebar, split_properties
 
 #: Fraction of a row that Blender gives to the label of a property.
@@ -35,6 +35,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         button = layout.row()
         button.scale_y = 1.6
         draw_bake_button(button)
+        draw_stage(layout)
         draw_preparation(layout)
         layout.prop(settings, "show_when_done")
         shown, row = shows_preview(context.scene), layout.row(align=True)
@@ -55,7 +56,9 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
     else:
         layout.prop(settings, "lightmap_count")
     row = layout.split(factor=_LABEL)
-    row.label(text="")
+    label = row.row()
+    label.alignment = "RIGHT"
+    label.label(text="Width, Texel" if settings.lightmap_side else "Width")
     values = row.row(align=True)
     values.label(text=size_text(settings))
     if settings.size_mode == "AUTOMATIC" and settings.automatic_width:

@@ -16,9 +16,8 @@ from ..operators.user_files import cache_folder, cache_size, log_file
 from .sidebar import split_properties
 from .wrapped_text import draw_text, line_width
 
-#: Placeholders of empty text fields, and of the scheduler if Dask is missing.
+#: Placeholders of empty text fields.
 _EMPTY = {"opencl_device": "Automatic", "scheduler": "One device"}
-_NO_DASK = "Needs Hemibake's package with Dask"
 
 _NO_DENOISE = (
     "Denoise has no effect: this Blender contains no Open Image Denoise. Use a Blender from blender.org, or "
@@ -40,18 +39,18 @@ class HEMIBAKE_AP_preferences(HemibakePreferences, bpy.types.AddonPreferences):
         settings = layout.column()
         split_properties(settings)
         for name in shown_in(PREFERENCES):
-            _draw_setting(settings.row(), self, name)
+            if name != "scheduler" or find_spec("distributed") is not None:
+                _draw_setting(settings, self, name)
         _draw_test(layout.box(), width)
         _draw_files(layout.box())
 
 
-def _draw_setting(row: bpy.types.UILayout, owner: HemibakePreferences, name: str) -> None:
-    """Draw a setting with its placeholder; the scheduler is greyed out with the reason if Dask is missing."""
-    row.enabled = name != "scheduler" or find_spec("distributed") is not None
+def _draw_setting(layout: bpy.types.UILayout, owner: HemibakePreferences, name: str) -> None:
+    """Draw a setting, with its placeholder."""
     if name in _EMPTY:
-        row.prop(owner, name, placeholder=_EMPTY[name] if row.enabled else _NO_DASK)
+        layout.prop(owner, name, placeholder=_EMPTY[name])
     else:
-        row.prop(owner, name)
+        layout.prop(owner, name)
 
 
 def _draw_devices(layout: bpy.types.UILayout, width: float) -> None:

@@ -25,7 +25,13 @@ def draw_bake_button(layout: bpy.types.UILayout) -> None:
         return
     progress = owner.running.progress
     left = format_seconds_left(progress.seconds_left)
-    parts = (f"{math.floor(100 * progress.overall)}%", progress.stage, left)
     row = layout.row(align=True)
-    row.progress(factor=progress.overall, text="  ".join(filter(None, parts)))
+    percentage = f"{math.floor(100 * progress.overall)}%"
+    row.progress(factor=progress.overall, text="  ".join(filter(None, (percentage, left))))
     row.operator("hemibake.cancel", text="", icon="CANCEL")
+
+
+def draw_stage(layout: bpy.types.UILayout) -> None:
+    """Draw the stage of the running bake; in the progress bar, a narrow panel would cut it off."""
+    if owner.running is not None:
+        layout.label(text=owner.running.progress.stage, icon="TIME")

@@ -2,6 +2,7 @@
 
 import json
 import time
+from importlib.util import find_spec
 
 import pytest
 
@@ -91,6 +92,7 @@ def test_panels_show_every_setting_once(devices):
     settings = [name for name in shown if any(name in group.bl_rna.properties for group in groups)]
     people = {name for name, known in part("engine.settings").descriptions().items() if known.panel}
     hidden = {"ao_samples", "ao_distance", "outputs"}
+    hidden |= set() if find_spec("distributed") else {"scheduler"}
     own = {
         "uv_layer",
         "directory",

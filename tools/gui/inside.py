@@ -77,9 +77,12 @@ def show_tab():
 
 
 def begin():
-    """Open the sidebar; what is not asked for does not cover the window."""
+    """Open the sidebar, with Hemibake's tab once Hemibake is installed."""
     view3d()["area"].spaces.active.show_region_ui = True
-    bpy.app.timers.register(show_tab, first_interval=0.5)
+    if MODULE in bpy.context.preferences.addons:
+        bpy.app.timers.register(show_tab, first_interval=0.5)
+    else:
+        bpy.app.timers.register(answer_questions, persistent=True)
 
 
 bpy.context.preferences.view.show_splash = False

@@ -8,13 +8,15 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from .machines import Machine
+from .processes import cpu_seconds
 from .screen import difference, read_screen
 
 #: Size of the screen, pixels.
@@ -29,15 +31,24 @@ _INSIDE = Path(__file__).with_name("inside.py")
 class Window:
     """Blender on a screen of its own; a context manager ends both.
 
-    machine  the system whose Blender it is
-    package  Hemibake's package for it
+    machine      the system whose Blender it is
+    package      Hemibake's package for it
+    is_new       True for a new user: no package installed, no network, no cached kernels
+    environment  further environment variables
     """
 
-    def __init__(self, machine: Machine, package: Path) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        package: Path,
+        is_new: bool = False,
+        environment: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self._machine = machine
         self._folder = machine.new_folder()
         self._outside = machine.outside(self._folder)
         self._programs: list[subprocess.Popen] = []
+        self._is_new = is_new
         for file in (package, _INSIDE):
             shutil.copy(file, self._outside)
         self._package = self._folder / package.name
@@ -48,15 +59,17 @@ class Window:
             "LANG": "C.UTF-8",
             "XDG_RUNTIME_DIR": str(self._folder),
             "LIBGL_ALWAYS_SOFTWARE": "1",
-            "POCL_CACHE_DIR": "/tmp/hemibake-kernels",
+            "POCL_CACHE_DIR": str(self._folder / "kernels") if is_new else "/tmp/hemibake-kernels",
             "BLENDER_GUI": str(self._folder),
+            **environment,
         }
 
     def __enter__(self) -> Window:
         try:
             self._environment["DISPLAY"] = f":{self._start_screen()}"
-            install = ("extension", "install-file", "--repo", "user_default", "--enable", str(self._package))
-            self._run("blender", "--command", *install)
+            if not self._is_new:
+                install = ("extension", "install-file", "--repo", "user_default", "--enable")
+                self._run("blender", "--command", *install, str(self._package))
             self._start_blender()
         except BaseException:
             self.__exit__()
@@ -73,6 +86,16 @@ class Window:
     def folder(self) -> Path:
         """A folder for files, as Blender sees it."""
         return self._folder
+
+    @property
+    def package(self) -> Path:
+        """The package, as Blender sees it."""
+        return self._package
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU seconds of Blender and its child processes."""
+        return cpu_seconds(self._programs[-1].pid)
 
     def run(self, code: str) -> Any:
         """Run Python in Blender between two events; return what it calls `answer`, as JSON takes it."""
@@ -113,6 +136,10 @@ class Window:
         """Return what the screen shows once all is drawn, (h, w, 3) uint8, the top row first."""
         self.run("redraw()")
         self._settle()
+        return self.screen()
+
+    def screen(self) -> np.ndarray:
+        """Return what the screen shows now; see `picture`."""
         return read_screen(self._outside / "Xvfb_screen0")
 
     def still_picture(self) -> np.ndarray:
@@ -182,8 +209,9 @@ class Window:
     def _start(self, command: tuple[str, ...], **pipes: Any) -> subprocess.Popen:
         """Start a program as a group of processes, which `__exit__` ends."""
         ends_with_this_process = ("setpriv", "--pdeathsig", "KILL")
+        without_network = ("unshare", "--net") if self._is_new else ()
         program = subprocess.Popen(
-            [*ends_with_this_process, *self._machine.command(*command)],
+            [*ends_with_this_process, *without_network, *self._machine.command(*command)],
             env=self._environment,
             start_new_session=True,
             text=True,

@@ -104,12 +104,12 @@ def check_overlap(
     bad = doubled > np.maximum(_OVERLAP_TOLERANCE * texels, 2)
     if bad.any():
         raise OverlapError(_overlap_message(scene, triangles, patches, twice[bad[mesh]]))
-    found = np.flatnonzero(doubled)
+    covered = np.flatnonzero(doubled)
     sentence = (
         f"{{}}: {counted(int(doubled.sum()), 'lightmap texel')} at borders of charts covered twice. "
         "If edges look wrong there, unwrap or pack with more padding."
     )
-    return [object_message(sentence, [scene.meshes[index].name for index in found])] if len(found) else []
+    return [object_message(sentence, [scene.meshes[index].name for index in covered])] if len(covered) else []
 
 
 def _overlap_message(scene: Scene, triangles: Triangles, patches: PatchList, doubled: np.ndarray) -> str:

@@ -23,7 +23,7 @@ from .screen import difference, read_screen
 WIDTH, HEIGHT = 1400, 900
 
 #: Longest time until Blender answers, s: software draws it, and other processes may be at work.
-_PATIENCE = 300.0
+_PATIENCE = 900.0
 
 _INSIDE = Path(__file__).with_name("inside.py")
 

@@ -297,6 +297,19 @@ def test_mirrors_are_named(name):
     assert len(named) == is_named
 
 
+def test_shared_shaders_are_examined_once():
+    """Each of 60 nested Mix Shaders uses the one below twice."""
+    surface = shader_material(glossy())
+    tree = surface.node_tree
+    output = tree.get_output_node("CYCLES").inputs["Surface"]
+    for _ in range(60):
+        mix, below = tree.nodes.new("ShaderNodeMixShader"), output.links[0].from_socket
+        for socket in mix.inputs[1:]:
+            tree.links.new(below, socket)
+        tree.links.new(mix.outputs[0], output)
+    assert part("operators.scene.materials.smooth_metals").is_mirror(tree)
+
+
 def test_unknown_closures_are_named():
     surface = shader_material(mixed(closure("EeveeSpecular"), DIFFUSE))
     notes = part("operators.scene.materials.surface_notes").SurfaceNotes(True)

@@ -25,31 +25,44 @@ _UNKNOWN = 0.5
 def is_mirror(tree: bpy.types.NodeTree) -> bool:
     """Return True if smooth metals or Glossy BSDFs reflect a relevant fraction of a material's light."""
     output = tree.get_output_node("CYCLES")
-    return output is not None and _fraction(output.inputs["Surface"]) >= _RELEVANT
+    return output is not None and _Fractions().fraction(output.inputs["Surface"]) >= _RELEVANT
 
 
-def _fraction(socket: bpy.types.NodeSocket) -> float:
-    """Return the fraction of light that the smooth closures linked to a shader input reflect."""
-    output = feeding_socket(socket)
-    if not output.is_output:
-        return 0.0
-    node = output.node
-    if node.bl_idname == MIX:
-        factor = _factor(node.inputs[0])
-        return (1 - factor) * _fraction(node.inputs[1]) + factor * _fraction(node.inputs[2])
-    if node.bl_idname == ADD:
-        return min(_fraction(node.inputs[0]) + _fraction(node.inputs[1]), 1.0)
-    if getattr(node, "node_tree", None) is not None:
-        return _group_fraction(output)
-    return _closure_fraction(node)
+class _Fractions:
+    """Fractions of light that the smooth closures of one material reflect; each output is computed once."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, float] = {}
+
+    def fraction(self, socket: bpy.types.NodeSocket) -> float:
+        """Return the fraction for a shader input; 0 for links in a circle."""
+        output = feeding_socket(socket)
+        if not output.is_output:
+            return 0.0
+        key = output.as_pointer()
+        if key not in self._known:
+            self._known[key] = 0.0
+            self._known[key] = self._of_output(output)
+        return self._known[key]
+
+    def _of_output(self, output: bpy.types.NodeSocket) -> float:
+        """Return the fraction for an output of a node."""
+        node = output.node
+        if node.bl_idname == MIX:
+            factor = _factor(node.inputs[0])
+            return (1 - factor) * self.fraction(node.inputs[1]) + factor * self.fraction(node.inputs[2])
+        if node.bl_idname == ADD:
+            return min(self.fraction(node.inputs[0]) + self.fraction(node.inputs[1]), 1.0)
+        if getattr(node, "node_tree", None) is not None:
+            return max(map(self.fraction, _group_outputs(output)), default=0.0)
+        return _closure_fraction(node)
 
 
-def _group_fraction(output: bpy.types.NodeSocket) -> float:
-    """Return the fraction for an output of a group node."""
+def _group_outputs(output: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
+    """Return the input of a group's output node that an output of the group node shows."""
     ends = (node for node in output.node.node_tree.nodes if node.bl_idname == "NodeGroupOutput")
     end = next((node for node in ends if node.is_active_output), None)
-    sockets = () if end is None else [each for each in end.inputs if each.identifier == output.identifier]
-    return max(map(_fraction, sockets), default=0.0)
+    return [] if end is None else [each for each in end.inputs if each.identifier == output.identifier]
 
 
 def _closure_fraction(node: bpy.types.Node) -> float:

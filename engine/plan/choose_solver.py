@@ -29,9 +29,9 @@ from ..solve.radiosity_state import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
 from ..solve.solver import FindStandIns, Solver
-from ..validity.thresholds import MAX_BACKS_INTERPOLATED
+from ..validity.invalid import patches_near_backs
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
-from ..visibility.rays.near_openness import backs_met, openness
+from ..visibility.rays.near_openness import openness
 from ..visibility.rays.shaders.shader_scene import ShaderScene
 from ..visibility.sample_counts import ray_count
 from .choose_gather import choose_device_gather
@@ -192,7 +192,7 @@ def _interpolated(
 
     # Groups have too few samples to detect geometry near the patches between them.
     opening = openness(job.rays, _NEAR) if widths else None
-    backs = None if job.parts.triangles.backs is None else backs_met(job.rays) > MAX_BACKS_INTERPOLATED
+    backs = None if job.parts.triangles.backs is None else patches_near_backs(job.rays, job.count)
     patches = np.arange(job.count)
     return InterpolatedGather(
         solver,

@@ -10,7 +10,14 @@ from ..device.buffers import download_bytes, words_of
 from ..device.opencl import cl
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
-from .thresholds import DOUBTFUL, INVALID, KERNEL_OPTIONS
+from .thresholds import (
+    DOUBTFUL,
+    INVALID,
+    KERNEL_OPTIONS,
+    MAX_BACKS_INTERPOLATED,
+    MAX_BACKS_OPEN,
+    PROBES,
+)
 
 
 class Contacts(Protocol):
@@ -48,8 +55,18 @@ def is_doubtful(front: np.ndarray) -> np.ndarray:
 
 def patches_inside(scene: RayScene, count: int) -> np.ndarray:
     """Return a mask of the patches inside geometry, (n,) bool: most of their probe rays hit back faces."""
+    return _back_facing(scene, count, MAX_BACKS_OPEN)
+
+
+def patches_near_backs(scene: RayScene, count: int) -> np.ndarray:
+    """Return a mask of the patches next to back faces, (n,) bool: light is not interpolated to them."""
+    return _back_facing(scene, count, int(MAX_BACKS_INTERPOLATED * PROBES))
+
+
+def _back_facing(scene: RayScene, count: int, most: int) -> np.ndarray:
+    """Return a mask of the patches of which more than `most` probe rays hit back faces, (n,) bool."""
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((RECEIVER, "inside_test.cl"), "is_inside", options=KERNEL_OPTIONS)
+    (kernel,) = rays.kernels((RECEIVER, "backs_around.cl"), "hits_many_backfaces", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
-    rays.run(kernel, count, scene.receivers, output, np.int32(count))
+    rays.run(kernel, count, scene.receivers, np.int32(most), output, np.int32(count))
     return download_bytes(compute, output, count).view(bool)

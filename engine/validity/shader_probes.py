@@ -37,7 +37,7 @@ def lit_by_back_faces(scene: ShaderScene, shines: np.ndarray, planes: np.ndarray
     shines: (t,) bool, emissive triangles; planes: (k, 4) float32, see `contact.patches_lit_by_backs`
     """
     tables = {"lit": shines.astype(np.uint32), "planes": planes.astype(np.float32, copy=False)}
-    uniforms = {"plane_count": len(planes), "has_lit": 0}
+    uniforms = {"plane_count": len(planes), "has_lit": 1}
     lit: np.ndarray = _probe(scene, "lit_by_backs", tables, uniforms, 1)[:, 0] != 0
     return lit
 

@@ -29,17 +29,16 @@ MAX_ESCAPES = 1
 MAX_BACKS_OUTSIDE = PROBES // 4
 
 #: A side of a face is open if at most this many of its probe rays hit back faces. This distinguishes walls of
-#: two rooms in one plane from a box on a floor. It also separates patches inside geometry from others in
-#: texel groups.
+#: two rooms in one plane from a box on a floor. Above it, a patch counts as inside geometry in texel groups.
 MAX_BACKS_OPEN = PROBES // 2
 
 #: A point that is lit by back faces, such as a ceiling behind a lamp's panel, has at most this many probe
-#: rays that hit anything else.
+#: rays that hit anything else before one hits an emissive back face.
 MAX_OTHERS_BACKLIT = 3
 
-#: Number of first probe rays; if none of them hits a back face, the point is valid and no more rays are
-#: traced. The second number applies to the test for open sides.
-FIRST_PROBES, FIRST_PROBES_OPEN = 3, 4
+#: Number of first probe rays; if none of them hits a back face, the sample point is valid and no more rays are
+#: traced.
+FIRST_PROBES = 3
 
 #: A light is enclosed if this fraction of its rays hits back faces without patches. It is below 1, because of
 #: gaps between the parts of a lamp's body.
@@ -71,6 +70,5 @@ KERNEL_OPTIONS = (
     f"-DMAX_BACKS_OPEN={MAX_BACKS_OPEN}",
     f"-DMAX_OTHERS_BACKLIT={MAX_OTHERS_BACKLIT}",
     f"-DFIRST_PROBES={FIRST_PROBES}",
-    f"-DFIRST_PROBES_OPEN={FIRST_PROBES_OPEN}",
     f"-DLIT_FROM={LIT_FROM}f",
 )

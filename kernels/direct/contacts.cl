@@ -23,6 +23,8 @@ __kernel void in_contact(RAYS_ARGUMENTS, __global const ReceiverRecord *receiver
     if (hit.triangle < 0 || hit.distance > 1.0f)
         return;
     const bool on = fabs(above - (above + below) * hit.distance) <= ON;
-    result[patch] = on && is_outside(&rays, r.at + up, r.geometric) && is_outside(&rays, r.at - up, -r.geometric)
-        ? BACK_TO_BACK : HIDDEN;
+    bool open = on;
+    for (int side = 1; side >= -1 && open; side -= 2)
+        open = hits_few_backfaces(&rays, r.at + side * up, side * r.geometric, 0, 0.0f, MAX_BACKS_OPEN);
+    result[patch] = open ? BACK_TO_BACK : HIDDEN;
 }

@@ -12,7 +12,7 @@ bool is_behind_any(const float3 point, __global const float4 *planes, const int 
     return behind;
 }
 
-// Stores 1 for patches whose probe rays hit almost only back faces, one of them emissive. Emissive back faces are
+// Stores 1 for patches whose probe rays hit an emissive back face before more than MAX_OTHERS_BACKLIT others. Emissive back faces are
 // visible only from behind, so patches in front of all emissive planes are skipped.
 __kernel void lit_by_backfaces(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const uchar *shines,
                                __global const float4 *planes, const int plane_count, __global uchar *result,
@@ -25,15 +25,6 @@ __kernel void lit_by_backfaces(RAYS_ARGUMENTS, __global const ReceiverRecord *re
     const Receiver r = load_receiver(receivers + patch);
     const float3 start = r.at + r.height * r.geometric;
     const int looks = is_behind_any(start, planes, plane_count) ? LOOKS : 0;
-    float3 x, y;
-    basis(r.geometric, &x, &y);
-    int others = 0;
-    bool lit = false;
-    for (int i = 0; i < looks && !lit && others <= MAX_OTHERS_BACKLIT; ++i) {
-        const Hit hit = nearest_hit(&rays, start, probe_direction(i, x, y, r.geometric), false);
-        const bool back = hit.triangle >= 0 && !hit.front;
-        lit = back && shines[hit.triangle];
-        others += !back;
-    }
-    result[patch] = lit;
+    const Probes most = {LOOKS, MAX_OTHERS_BACKLIT, 0};
+    result[patch] = probe(&rays, start, r.geometric, shines, INFINITY, looks, most).lit > 0;
 }

@@ -20,24 +20,24 @@ bool escapes(const Rays *rays, const Hit *hit, const float3 at, const float heig
     return hits_few_backfaces(rays, at + height * normal, normal, lit, near, MAX_BACKS_OUTSIDE);
 }
 
+// Returns true if a point is inside geometry. If none of its first probe rays hits a back face, it is outside, and no
+// more rays are traced. backs_only: set to true if none of its probe rays hits anything but back faces.
 bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,
                __global const float *normals, __global const uchar *lit, bool *backs_only)
 {
     const float near = LIT_FROM * r->size;
-    int backs = 0, out = 0, fronts = 0;
-    Hit first[FIRST_PROBES];
-    for (int i = 0; i < FIRST_PROBES; ++i) {
-        first[i] = nearest_hit(rays, start, probe_direction(i, x, y, r->geometric), false);
-        backs += meets_dark_back(&first[i], lit, near);
-    }
-    for (int i = 0; i < LOOKS && backs > 0 && out <= MAX_ESCAPES; ++i) {
+    int out = 0, fronts = 0;
+    const Probes most = {0, FIRST_PROBES, FIRST_PROBES};
+    if (probe(rays, start, r->geometric, lit, near, FIRST_PROBES, most).backs == 0)
+        return false;
+    for (int i = 0; i < LOOKS && out <= MAX_ESCAPES; ++i) {
         const float3 direction = probe_direction(i, x, y, r->geometric);
-        const Hit hit = i < FIRST_PROBES ? first[i] : nearest_hit(rays, start, direction, false);
+        const Hit hit = nearest_hit(rays, start, direction, false);
         fronts += !meets_dark_back(&hit, lit, near);
         out += escapes(rays, &hit, start + hit.distance * direction, r->height, normals, lit, near);
     }
     *backs_only = fronts == 0;
-    return backs > 0 && out <= MAX_ESCAPES;
+    return out <= MAX_ESCAPES;
 }
 
 // Computes the push-off of each point inside geometry; nothing else is written for other points.
@@ -57,7 +57,7 @@ __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     const float3 start = r.at + r.height * r.geometric;
     float3 x, y;
     basis(r.geometric, &x, &y);
-    bool backs_only;
+    bool backs_only = false;
     inside[point] = is_inside(&rays, &r, start, x, y, normals, lit, &backs_only);
     if (!inside[point])
         return;

@@ -75,23 +75,3 @@ __kernel void near_openness(RAYS_ARGUMENTS, __global const ReceiverRecord *recei
     }
     open[patch] = all > 0.0f ? through / all : 0.0f;
 }
-
-// Stores the cosine-weighted fraction of probe rays of each patch whose nearest hit is a back face.
-__kernel void backs_met(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global float *fraction,
-                        const int count)
-{
-    const int patch = get_global_id(0);
-    if (patch >= count)
-        return;
-    const Rays rays = RAYS;
-    const Receiver r = load_receiver(receivers + patch);
-    const float3 start = r.at + r.height * r.geometric;
-    float3 x, y;
-    basis(r.geometric, &x, &y);
-    int backs = 0;
-    for (int i = 0; i < LOOKS; ++i) {
-        const Hit hit = nearest_hit(&rays, start, probe_direction(i, x, y, r.geometric), false);
-        backs += hit.triangle >= 0 && !hit.front;
-    }
-    fraction[patch] = (float)backs / LOOKS;
-}

@@ -1,5 +1,6 @@
 #version 430
-// Patches that see little but back faces, and among these one of a triangle that shines (the flags of validity.glsl).
+// Patches whose probe rays hit an emissive back face (the flags of validity.glsl) before more than MAX_OTHERS_BACKLIT
+// others.
 // As kernels/validity/lit_by_backs.cl. x of a result: 1 for such a patch.
 #define RECEIVER_ACCESS readonly
 #include "bvh_traversal.glsl"
@@ -29,15 +30,8 @@ void main()
     if (patch_ >= end)
         return;
     Receiver r = load_receiver(patch_);
-    vec3 origin = r.at + r.height * r.geometric, x, y;
-    basis(r.geometric, x, y);
-    int probes = is_behind_any(origin) ? LOOKS : 0, others = 0;
-    bool lit = false;
-    for (int i = 0; i < probes && !lit && others <= MAX_OTHERS_BACKLIT; ++i) {
-        Hit hit = nearest_hit(origin, probe_direction(i, x, y, r.geometric), false);
-        bool back = is_back(hit);
-        lit = back && is_flagged(hit.triangle);
-        others += int(!back);
-    }
+    vec3 origin = r.at + r.height * r.geometric;
+    int count = is_behind_any(origin) ? LOOKS : 0;
+    bool lit = probe(origin, r.geometric, INFINITY, count, Probes(LOOKS, MAX_OTHERS_BACKLIT, 0)).lit > 0;
     results[patch_] = vec4(lit ? 1.0 : 0.0, 0.0, 0.0, 0.0);
 }

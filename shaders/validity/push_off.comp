@@ -29,11 +29,11 @@ bool escapes(const Hit hit, const vec3 at, const float height, const float near)
 }
 
 // The probes of a point so far. The first round only tells whether any back face is near; the second one counts all.
-struct Probes {
+struct Progress {
     int next, backs, escaped, fronts;
 };
 
-void exchange(inout Probes probes)
+void exchange(inout Progress probes)
 {
     exchange(probes.next);
     exchange(probes.backs);
@@ -42,7 +42,7 @@ void exchange(inout Probes probes)
 }
 
 // Go on with the probes of a point; return true once they are decided.
-bool probe_on(const Receiver r, const vec3 origin, const vec3 x, const vec3 y, inout Probes probes)
+bool probe_on(const Receiver r, const vec3 origin, const vec3 x, const vec3 y, inout Progress probes)
 {
     float near = LIT_FROM * r.size;
     for (; probes.next < FIRST_PROBES + LOOKS && probes.escaped <= MAX_ESCAPES; ++probes.next) {
@@ -73,7 +73,7 @@ void main()
     Receiver r = load_receiver(point);
     vec3 origin = r.at + r.height * r.geometric, x, y, way = vec3(0.0);
     basis(r.geometric, x, y);
-    Probes probes = Probes(0, 0, 0, 0);
+    Progress probes = Progress(0, 0, 0, 0);
     int slot = point - start;
     uint state = begin_state(slot, false);
     if (state == 2u)

@@ -24,13 +24,31 @@ bool meets_dark_back(const Hit hit, const float near)
     return is_back(hit) && !(has_lit != 0 && is_flagged(hit.triangle) && hit.distance > near);
 }
 
-// True if at most `most` of the probes from a point meet dark back faces. No more are cast than it takes to decide.
-bool hits_few_backfaces(const vec3 origin, const vec3 normal, const float near, const int most)
+// Numbers of a point's probe rays by what they hit: dark back faces, everything else, and all flagged back faces.
+struct Probes {
+    int backs, others, lit;
+};
+
+// Traces the first `count` probe rays of a point. Stops as soon as one number exceeds that in `most`.
+Probes probe(const vec3 origin, const vec3 normal, const float near, const int count, const Probes most)
 {
     vec3 x, y;
     basis(normal, x, y);
-    int backs = 0;
-    for (int i = 0; backs <= most && i - backs < LOOKS - most; ++i)
-        backs += int(meets_dark_back(nearest_hit(origin, probe_direction(i, x, y, normal), false), near));
-    return backs <= most;
+    Probes probes = Probes(0, 0, 0);
+    for (int i = 0; i < count && probes.backs <= most.backs && probes.others <= most.others && probes.lit <= most.lit;
+         ++i) {
+        Hit hit = nearest_hit(origin, probe_direction(i, x, y, normal), false);
+        bool dark = meets_dark_back(hit, near);
+        probes.backs += int(dark);
+        probes.others += int(!dark);
+        if (has_lit != 0 && is_back(hit) && is_flagged(hit.triangle))
+            ++probes.lit;
+    }
+    return probes;
+}
+
+// True if at most `most` of the LOOKS probe rays meet dark back faces. Stops as soon as the result is certain.
+bool hits_few_backfaces(const vec3 origin, const vec3 normal, const float near, const int most)
+{
+    return probe(origin, normal, near, LOOKS, Probes(most, LOOKS - most - 1, LOOKS)).backs <= most;
 }

@@ -8,9 +8,9 @@ import bpy
 
 from .handlers import Handlers
 from .lookup import find
+from .original_slots import PREVIEW_MARK
 from .result.images import MARK as LIGHTMAP
 from .result.preview import is_previewed, set_preview_aside
-from .result.preview_material import MARK as PREVIEW
 from .scene import SceneContext
 from .scene.objects.render_depsgraph import reads_render
 
@@ -120,5 +120,5 @@ def _matters(update: bpy.types.DepsgraphUpdate) -> bool:
         return True
     if isinstance(update.id, bpy.types.World):
         return True
-    own = update.id.get(LIGHTMAP) is not None or update.id.get(PREVIEW) is not None
+    own = update.id.get(LIGHTMAP) is not None or update.id.get(PREVIEW_MARK) is not None
     return update.is_updated_shading and isinstance(update.id, _LOOKS) and not own

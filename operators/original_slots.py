@@ -6,12 +6,13 @@ from typing import Any
 
 import bpy
 
-from .result.preview_material import MARK
+#: Custom property that marks a preview material and its own node groups and images.
+PREVIEW_MARK = "hemibake_preview"
 
 
 def is_filled(slot: bpy.types.MaterialSlot) -> bool:
     """Return True if a slot holds a material other than the copies that show lightmaps."""
-    return slot.material is not None and MARK not in slot.material
+    return slot.material is not None and PREVIEW_MARK not in slot.material
 
 
 def own_slots(obj: bpy.types.Object) -> list[Any]:

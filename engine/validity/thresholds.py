@@ -36,8 +36,8 @@ MAX_BACKS_OPEN = PROBES // 2
 #: rays that hit anything else before one hits an emissive back face.
 MAX_OTHERS_BACKLIT = 3
 
-#: Number of first probe rays; if none of them hits a back face, the sample point is valid and no more rays are
-#: traced.
+#: Number of first probe rays of a sample point; if none of them hits a back face, the point is valid and no
+#: more rays are traced.
 FIRST_PROBES = 3
 
 #: A light is enclosed if this fraction of its rays hits back faces without patches. It is below 1, because of

@@ -12,7 +12,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..original_slots import is_filled, own_slots
+from ..original_slots import PREVIEW_MARK, is_filled, own_slots
 from ..scene.bake_records import bake_record
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
@@ -20,7 +20,7 @@ from .directional_images import images_beside
 from .instance_uv_table import InstanceUvTransform, instance_places, place_table
 from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
-from .preview_material import MARK, preview_material, remove_unused_previews
+from .preview_material import preview_material, remove_unused_previews
 
 #: Indices of all material slots of an object.
 ALL_SLOTS = range(1 << 15)
@@ -45,7 +45,7 @@ def is_previewed(scene: bpy.types.Scene) -> bool:
 
 def shows_preview(scene: bpy.types.Scene) -> bool:
     """Return True if an object of a scene shows its lightmap; fast without a preview, for panels."""
-    return any(MARK in material for material in bpy.data.materials) and is_previewed(scene)
+    return any(PREVIEW_MARK in material for material in bpy.data.materials) and is_previewed(scene)
 
 
 def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[int, list[str]]:
@@ -150,7 +150,7 @@ def _stale_slots(obj: bpy.types.Object, changed: Container[int]) -> list[int]:
     stale = []
     for index, (slot, own) in enumerate(zip(obj.material_slots, own_slots(obj), strict=True)):
         material = own.material if own.link == "OBJECT" else obj.data.materials[index]
-        is_shown = slot.material is not None and MARK in slot.material
+        is_shown = slot.material is not None and PREVIEW_MARK in slot.material
         if not is_shown or (material is not None and material.session_uid in changed):
             stale.append(index)
     return stale
@@ -211,7 +211,7 @@ def _shown_lightmap(
     image = bpy.data.images.new(
         f"{obj.name} (places)", width, rows, alpha=True, float_buffer=True, is_data=True
     )
-    image[MARK], image.alpha_mode = True, "CHANNEL_PACKED"
+    image[PREVIEW_MARK], image.alpha_mode = True, "CHANNEL_PACKED"
     image.pixels.foreach_set(table.texels.reshape(-1))
     image.pack()
     layer = own.uv_layer or lightmap_layer(obj, scene.hemibake.uv_layer)

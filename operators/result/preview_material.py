@@ -10,11 +10,9 @@ from __future__ import annotations
 import bpy
 
 from ..compat import new_node_tree, node_tree
+from ..original_slots import PREVIEW_MARK
 from .lightmap_nodes import LightmapNodes, ShownLightmap
 from .nodes import Feed, feed, feeding_output, make_node
-
-#: Custom property that marks a preview material and its own node groups and images.
-MARK = "hemibake_preview"
 
 #: Width of a node column.
 _COLUMN = 180
@@ -25,7 +23,7 @@ def preview_material(original: bpy.types.Material | None, lightmap: ShownLightma
     material = bpy.data.materials.new("(no material)") if original is None else original.copy()
     material.name = f"{'(no material)' if original is None else original.name} (lightmap)"
     material.use_fake_user = False
-    material[MARK] = True
+    material[PREVIEW_MARK] = True
     if original is None or node_tree(material) is None:
         _plain_nodes(material)
     _Relighting(lightmap).light(material.node_tree)
@@ -35,7 +33,7 @@ def preview_material(original: bpy.types.Material | None, lightmap: ShownLightma
 def remove_unused_previews() -> None:
     """Remove unused preview materials, then their node groups, outer ones first, and images."""
     for collection in (bpy.data.materials, bpy.data.node_groups, bpy.data.images):
-        while unused := [item for item in collection if item.get(MARK) and not item.users]:
+        while unused := [item for item in collection if item.get(PREVIEW_MARK) and not item.users]:
             for item in unused:
                 collection.remove(item)
 
@@ -69,7 +67,7 @@ class _Relighting:
     def _copy(self, group: bpy.types.NodeTree) -> bpy.types.NodeTree:
         if group not in self._groups:
             copy = self._groups[group] = group.copy()
-            copy.name, copy.use_fake_user, copy[MARK] = f"{group.name} (lightmap)", False, True
+            copy.name, copy.use_fake_user, copy[PREVIEW_MARK] = f"{group.name} (lightmap)", False, True
             self.light(copy)
         return self._groups[group]
 

@@ -24,6 +24,18 @@ ORDERS = {
         "__init__", "raster", "rays", "sampler", "unoccluded_sky", "sample_counts", "views",
         "morton",
     ],
+    "operators": [
+        "__init__", "lightmaps", "live", "bake", "self_test", "unwrap", "modal", "warm_up", "live_run",
+        "window_bake", "bake_run", "checks", "check", "bake_settings", "export", "gltf", "properties",
+        "command_line", "preferences", "presets", "quality_property", "uv_modifiers", "applied_copies",
+        "changed_objects", "lightmap_list", "lightmap_size", "live_watch", "preview", "preview_switch",
+        "setting_properties", "bake_report", "devices", "file_handlers", "scene_snapshots", "cancel", "log",
+        "result", "scene",
+        "file_format", "worker_manager", "console", "object_properties", "translations", "user_files",
+        "chart_settings", "compat", "denoise_library", "extension", "handlers", "last_bake", "lookup",
+        "network", "original_slots", "output_switches", "report_message", "rollback", "run_stages", "select",
+        "viewports", "working_space",
+    ],
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
         "read_lights",

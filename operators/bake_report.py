@@ -31,8 +31,8 @@ def bake_report(
     """
     warnings = list(dict.fromkeys(notes))
     return {
-        "objects": sum(uid not in lost for uid, _ in read.objects),
-        "instances": sum(name not in lost.values() for _, name, *_ in read.instances),
+        "objects": sum(entry.uid not in lost for entry in read.objects),
+        "instances": sum(entry.name not in lost.values() for entry in read.instances),
         "triangles": read.triangles,
         "scene_bytes": read.bytes,
         "patches": int(facts.patches),

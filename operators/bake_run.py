@@ -382,7 +382,7 @@ class BakeRun:
     def _deleted(self) -> list[str]:
         """Return a list with a note on objects that were deleted during the bake; empty without any."""
         present = {obj.session_uid for obj in self._context.scene.objects}
-        baked = dict.fromkeys(uid for uid, _ in self._read.objects)
+        baked = dict.fromkeys(entry.uid for entry in self._read.objects)
         names = self._uvs.names(uid for uid in baked if uid not in present)
         sentence = (
             "Deleted during the bake: {}. All else still has their shadows and the light that they reflect. "

@@ -72,7 +72,7 @@ def chosen_names(
 def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
     """Return the objects and instances in each atlas; lightmap UV = UV of the mesh * scale + offset."""
     found: dict[str, list[dict]] = {}
-    uids = [uid for uid, *_ in (*read.objects, *read.instances)]
+    uids = [entry.uid for entry in read.entries if entry is not None]
     present = {obj.session_uid: obj for obj in find_all(bpy.data.objects, uids)}
     for uid, place in read.objects:
         obj = present.get(uid)

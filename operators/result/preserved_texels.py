@@ -69,7 +69,7 @@ class PreservedTexels:
 
     def _others(self, atlas: str) -> list[bpy.types.Object]:
         """Return the objects that show an atlas's image and are not baked now; raise SceneError."""
-        image, baked = self._image(atlas), {uid for uid, _ in self._read.objects}
+        image, baked = self._image(atlas), {entry.uid for entry in self._read.objects}
         if image is None:
             return []
         scene = self._context.scene

@@ -18,7 +18,7 @@ from ..lookup import find
 from .bake_records import Record, bake_record
 from .fingerprints import own_part
 from .objects.instancing import instance_pairs, visible_meshes
-from .read import Entry, ReadScene
+from .read import Entry, InstanceEntry, ReadScene
 from .scene_context import SceneContext
 from .uv_transform import UvTransform
 
@@ -80,12 +80,12 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
     Other objects of these lightmaps are baked as well if their place there has changed, and so are all
     instances in them. Raises SceneError if nothing is left.
     """
-    atlases = {entry[-1].atlas for entry in read.entries if entry is not None and source_of(entry) in uids}
+    atlases = {entry.place.atlas for entry in read.entries if entry is not None and source_of(entry) in uids}
     if not atlases:
         raise SceneError(NOTHING_SELECTED)
     baked = [
         entry is not None
-        and (source_of(entry) in uids or (entry[-1].atlas in atlases and not _is_kept(entry, scene)))
+        and (source_of(entry) in uids or (entry.place.atlas in atlases and not _is_kept(entry, scene)))
         for entry in read.entries
     ]
     names = tuple(name for name in read.scene.atlases if name in atlases)
@@ -108,16 +108,14 @@ def only_targets(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> Rea
 
 def source_of(entry: Entry) -> int:
     """Return the session uid of the source object of a key."""
-    if len(entry) == 2:
-        return entry[0]
-    shown = bpy.data.objects.get(entry[1])
-    return entry[0] if shown is None else shown.session_uid
+    shown = bpy.data.objects.get(entry.name) if isinstance(entry, InstanceEntry) else None
+    return entry.uid if shown is None else shown.session_uid
 
 
 def _is_kept(entry: Entry, scene: bpy.types.Scene) -> bool:
     """Return whether an object that is not baked has no lightmap in the atlas, or keeps its place in it."""
-    obj, place = find(bpy.data.objects, entry[0]), entry[-1]
-    if len(entry) != 2 or obj is None:
+    obj, place = find(bpy.data.objects, entry.uid), entry.place
+    if isinstance(entry, InstanceEntry) or obj is None:
         return False
     known = scene.hemibake.lightmaps.get(place.atlas)
     record = bake_record(obj, scene)

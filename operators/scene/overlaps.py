@@ -28,7 +28,7 @@ def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
         for index, mesh in enumerate(read.scene.meshes)
     )
     gone = {read.entries[index] for index in overlapping}
-    objects = {entry[0] for entry in gone if entry is not None}
+    objects = {entry.uid for entry in gone if entry is not None}
     return replace(
         read,
         scene=replace(read.scene, meshes=meshes),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -38,9 +39,35 @@ from .uv_transform import UvTransform, takes_textures
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
 
-#: Key of a mesh that gets a lightmap. For an object: its session uid and its place in an atlas. For an
-#: instance: session uid of the instancer, name of the source object, persistent id, and place.
-Entry = tuple[int, UvTransform] | tuple[int, str, tuple[int, ...], UvTransform]
+
+class ObjectEntry(NamedTuple):
+    """Key of an object that gets a lightmap.
+
+    uid:    session uid of the object
+    place:  its place in an atlas
+    """
+
+    uid: int
+    place: UvTransform
+
+
+class InstanceEntry(NamedTuple):
+    """Key of an instance that gets a lightmap.
+
+    uid:            session uid of the instancer
+    name:           name of the source object
+    persistent_id:  identifies the instance among those of the instancer
+    place:          its place in an atlas
+    """
+
+    uid: int
+    name: str
+    persistent_id: tuple[int, ...]
+    place: UvTransform
+
+
+#: Key of a mesh that gets a lightmap.
+Entry = ObjectEntry | InstanceEntry
 
 
 @dataclass(frozen=True)
@@ -77,14 +104,14 @@ class ReadScene:
     placed: tuple[Placed, ...] = ()
 
     @property
-    def objects(self) -> tuple[tuple[int, UvTransform], ...]:
+    def objects(self) -> tuple[ObjectEntry, ...]:
         """The keys of objects."""
-        return tuple(entry for entry in self.entries if entry is not None and len(entry) == 2)
+        return tuple(entry for entry in self.entries if isinstance(entry, ObjectEntry))
 
     @property
-    def instances(self) -> tuple[tuple[int, str, tuple[int, ...], UvTransform], ...]:
+    def instances(self) -> tuple[InstanceEntry, ...]:
         """The keys of instances."""
-        return tuple(entry for entry in self.entries if entry is not None and len(entry) == 4)
+        return tuple(entry for entry in self.entries if isinstance(entry, InstanceEntry))
 
     @property
     def bytes(self) -> int:
@@ -328,8 +355,8 @@ def _entry(reading: ReadObject, place: UvTransform | None) -> Entry | None:
     if place is None:
         return None
     if reading.instancer is None:
-        return reading.source, place
-    return reading.instancer, reading.name, reading.persistent_id, place
+        return ObjectEntry(reading.source, place)
+    return InstanceEntry(reading.instancer, reading.name, reading.persistent_id, place)
 
 
 def _moves(readings: Sequence[ReadObject], places: Sequence[UvTransform | None]) -> dict[int, Move]:

@@ -184,9 +184,9 @@ def test_instances_are_those_of_renders():
     meshes = [obj.name for obj in part("operators.scene").visible_meshes(context())]
     assert sorted(meshes) == ["Floor", "Leaves", "Trunk"]
     read = read_scene()
-    assert sorted(entry[1] for entry in read.instances) == ["Leaves", "Trunk"]
+    assert sorted(entry.name for entry in read.instances) == ["Leaves", "Trunk"]
     empty.hide_set(True)
-    assert sorted(entry[1] for entry in read_scene().instances) == ["Leaves", "Trunk"]
+    assert sorted(entry.name for entry in read_scene().instances) == ["Leaves", "Trunk"]
     empty.hide_render = True
     assert read_scene().instances == ()
 
@@ -219,7 +219,7 @@ def test_particles_have_the_amount_of_renders():
     child.hide_render = False
     bpy.context.view_layer.update()
     read = read_scene()
-    assert len(read.instances) == 7 and {entry[1] for entry in read.instances} == {"Child"}
+    assert len(read.instances) == 7 and {entry.name for entry in read.instances} == {"Child"}
 
 
 def test_an_object_in_edit_mode_is_read_as_it_is_edited():

@@ -12,19 +12,22 @@ import bpy
 
 from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError, WorkerError
+from ..engine.progress import Progress
 from .bake_run import BakeRun
 from .check.finding import INFO, Finding
-from .console import Console
 from .last_bake import last_failure, summary
 from .log import log
 from .modal import ModalOperator
-from .report_message import report_message
+from .report_message import progress_line, report_message
 from .scene.bake_targets import NothingChangedError
 from .user_files import kept_checkpoint_since
 from .viewports import restart_renders, show_materials
 from .warm_up import warm_up
 from .window_bake import WindowBake
 from .worker_manager import owner, poll_idle
+
+#: Time between two lines, s, chosen; shorter bakes print no line.
+_PERIOD = 1.0
 
 
 class ModalBake(ModalOperator):
@@ -161,6 +164,20 @@ def push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
     An undo frees datablocks that no step knows, even those that something else still refers to.
     """
     bpy.ops.ed.undo_push(message=message)
+
+
+class Console:
+    """Printer of progress lines, at most one per _PERIOD."""
+
+    def __init__(self) -> None:
+        self._next = time.perf_counter() + _PERIOD
+
+    def show(self, progress: Progress) -> None:
+        """Print the progress if enough time has passed since the last line."""
+        now = time.perf_counter()
+        if now >= self._next:
+            self._next = now + _PERIOD
+            print(progress_line(progress), flush=True)  # noqa: T201
 
 
 CLASSES = (HEMIBAKE_OT_bake,)

@@ -11,6 +11,7 @@ from ..direct.contact import find_contacts
 from ..direct.emitters import SampledTriangles
 from ..gather.half_radiance import HalfRadiance
 from ..numpy_pickle import portable_bytes
+from ..patches.patch_list import PatchList
 from ..patches.patch_scene import PatchScene
 from ..plan.gathered_samples import GatheredSamples
 from ..plan.memory import shared_width
@@ -24,9 +25,9 @@ from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
 from .distributed_scene import DistributedScene
 from .local_workers import LOCAL
+from .patch_rows import PatchRows
 from .patch_table import PatchTable, SceneTable, SparseRadiance
 from .radiance_exchange import RadianceExchangePair
-from .shipped_patches import ShippedPatches
 from .tasks import EARLY, Tasks
 
 #: Columns of light without L1.
@@ -202,3 +203,29 @@ def _lies_back_to_back(rays: RayScene, settings: Settings) -> bool:
     Ray tracing needs no flag.
     """
     return untried_visibility(settings) == "raster" and bool(find_contacts(rays, rays.count)[1].any())
+
+
+class ShippedPatches:
+    """Patches or patch groups on workers.
+
+    table:  task whose result is the table; workers fetch it from each other
+    count:  number of patches
+    """
+
+    def __init__(self, tasks: Tasks, patches: PatchList, table: PatchTable, folder: str) -> None:
+        """Send the table of all patches to the workers. Each task brings the rows of its own block.
+
+        folder: in the shared memory of all workers; empty if there is none
+        """
+        self._tasks, self.count = tasks, len(patches)
+        self.table = tasks.sent(table, "patches" if isinstance(table, SceneTable) else "groups")
+        self._all = PatchRows.of(patches, folder)
+        self._sent: dict[Span, Future] = {}
+
+    def rows(self, span: Span) -> Future | bytes:
+        """Return the rows of a span as a task argument."""
+        if self._all.in_files:
+            return portable_bytes(self._all.part(*span))
+        if span not in self._sent:
+            self._sent[span] = self._tasks.sent(self._all.part(*span), "rows")
+        return self._sent[span]

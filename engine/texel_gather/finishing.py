@@ -16,7 +16,6 @@ from ..postprocess.denoising import Denoising
 from ..postprocess.directional_denoising import encode_signed_maps, restored_maps
 from ..postprocess.final_lightmaps import FinalLightmaps
 from ..postprocess.independent_estimate import IndependentEstimate
-from ..postprocess.light_group_maps import scale_to_sum
 from ..postprocess.refined_texels import RefinedTexels
 from ..postprocess.store import LightmapImages
 from ..progress import Progress, run_as_fraction
@@ -25,6 +24,10 @@ from .buried import warn_buried
 from .independent_gather import gather_independent_estimate
 from .texel_sample_gather import TexelSampleLight
 from .texel_sample_points import TexelGatherJob
+
+#: Fraction of its mean that is added to each map before division, so that texels where all groups are 0 get
+#: finite shares.
+_FAINT = 1e-7
 
 
 class Finishing:
@@ -138,3 +141,19 @@ class Finishing:
         if not len(self._lit.samples):
             return channel_sums(self._solution.light), None
         return self._lit.centres, self._lit.light
+
+
+def scale_to_sum(maps: dict[str, np.ndarray], combined: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the light group maps, (atlases, r, r, 3) float32 each, scaled so that their sum is `combined`.
+
+    Each texel and channel of `combined` is divided in proportion to the groups' maps.
+    """
+    parts = {name: np.maximum(images, 0) for name, images in maps.items()}
+    total = np.zeros_like(combined)
+    for part in parts.values():
+        part += (_FAINT * part.mean(axis=(0, 1, 2), dtype=np.float64)).astype(np.float32)
+        total += part
+    factor = np.divide(combined, total, out=np.zeros_like(total), where=total > 0)
+    for part in parts.values():
+        part *= factor
+    return parts

@@ -56,7 +56,7 @@ def test_an_error_is_wrapped_for_the_pop_up_of_a_window(monkeypatch):
 def test_a_terminal_is_told_the_percentage_once_in_a_while(monkeypatch, capfd):
     import bpy
 
-    console = part("operators.console")
+    console = part("operators.bake")
     monkeypatch.setattr(console, "_PERIOD", 0.0)
     furnace()
     bpy.context.scene.hemibake.method = "paper"

@@ -8,7 +8,7 @@ import pytest
 from engine import Material, Scene, SceneError, Settings, Texture
 from engine.scene import cutouts
 from engine.scene.cutouts import read_cutouts
-from engine.visibility.raster import list_texture
+from engine.visibility.raster import raster
 from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
 from tests.rows import long
@@ -68,7 +68,7 @@ def test_four_maps_of_4096_pixels_are_seen(changes):
 @WAYS
 def test_maps_in_several_layers_are_seen(monkeypatch, changes):
     """Odd sizes, so that rows of an image go on in the next layer."""
-    monkeypatch.setattr(list_texture, "HEIGHT", 3)
+    monkeypatch.setattr(raster, "HEIGHT", 3)
     half = np.zeros((127, 212, 1), np.float32)
     half[:, 106:] = 1
     open_, closed = np.zeros((61, 89, 1), np.float32), np.ones((103, 97, 1), np.float32)

@@ -15,7 +15,7 @@ from distributed.utils import LoopRunner
 
 import engine
 from engine import Light, Settings
-from engine.cluster import admission, block_visibility, local_workers, prepared_scene
+from engine.cluster import admission, block, local_workers, prepared_scene
 from engine.cluster.blocks import cut
 from engine.errors import DeviceError, OverlapError, SettingsError
 from engine.progress import finished
@@ -299,18 +299,18 @@ def test_a_slow_device_gets_fewer_blocks():
 
 def count_blocks(seconds):
     """Have this worker count the blocks that it finds, and take so much longer for each."""
-    find, block_visibility.counted = block_visibility.BlockVisibility.__init__, 0
+    find, block.counted = block.BlockVisibility.__init__, 0
 
     def find_slowly(self, *arguments):
         time.sleep(seconds)
         find(self, *arguments)
-        block_visibility.counted += 1
+        block.counted += 1
 
-    block_visibility.BlockVisibility.__init__ = find_slowly
+    block.BlockVisibility.__init__ = find_slowly
 
 
 def counted_blocks():
-    return block_visibility.counted
+    return block.counted
 
 
 @pytest.mark.long

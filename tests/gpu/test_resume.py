@@ -11,7 +11,7 @@ from engine import BakeResult, Settings, bake, finished
 from engine.errors import WorkerError
 from engine.gather import visibility_cache
 from engine.plan import solve_job
-from engine.resume import write_throttle
+from engine.resume import checkpoint
 from engine.worker.worker import Worker
 from tests.analytic.rooms import Atlas, block, scene_of
 from tests.analytic.rooms import lamp as lamp_at
@@ -73,7 +73,7 @@ def pieces(monkeypatch):
     """
     monkeypatch.setattr(visibility_cache, "_PIECE", 311 * 264)
     fix_slice_size(monkeypatch, 256)
-    monkeypatch.setattr(write_throttle, "_PART", 1000)
+    monkeypatch.setattr(checkpoint, "_PART", 1000)
 
 
 @pytest.mark.parametrize("kind", [long(kind) if kind in RARE else kind for kind in KINDS])
@@ -151,7 +151,7 @@ def test_another_version_starts_anew(tmp_path, monkeypatch):
 
 def test_more_iterations_go_on_and_fewer_start_anew(tmp_path, monkeypatch):
     """Written as in `pieces`: iterations of a card take less time than writing them."""
-    monkeypatch.setattr(write_throttle, "_PART", 1000)
+    monkeypatch.setattr(checkpoint, "_PART", 1000)
     cached = dataclasses.replace(SETTINGS, cache_dir=str(tmp_path))
     for iterations, sentences in ((11, 2), (2, 1)):
         settings = dataclasses.replace(cached, max_bounces=iterations)

@@ -31,9 +31,9 @@ ORDERS = {
         "changed_objects", "lightmap_list", "lightmap_size", "live_watch", "preview", "preview_switch",
         "setting_properties", "bake_report", "devices", "file_handlers", "scene_snapshots", "cancel", "log",
         "result", "scene",
-        "file_format", "worker_manager", "console", "object_properties", "translations", "user_files",
+        "file_format", "worker_manager", "object_properties", "translations", "user_files",
         "chart_settings", "compat", "denoise_library", "extension", "handlers", "last_bake", "lookup",
-        "network", "original_slots", "output_switches", "report_message", "rollback", "run_stages", "select",
+        "original_slots", "output_switches", "report_message", "rollback", "run_stages", "select",
         "viewports", "working_space",
     ],
     "operators/scene": [

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene
-from engine.postprocess.light_group_maps import scale_to_sum
 from engine.postprocess.output_names import light_group_maps
 from engine.scene.light_groups import light_group_names, light_groups
+from engine.texel_gather.finishing import scale_to_sum
 from tests.analytic.scenes import furnace, material
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.postprocess.noise_fraction import noise_fraction
+from engine.postprocess.denoising import noise_fraction
 from engine.postprocess.texel_charts import TexelCharts
 
 

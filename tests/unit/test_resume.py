@@ -5,11 +5,9 @@ import os
 import numpy as np
 import pytest
 
-from engine.resume import write_throttle
 from engine.resume.array_file import read_arrays, write_arrays
-from engine.resume.checkpoint import Checkpoints
+from engine.resume.checkpoint import Checkpoints, WriteThrottle
 from engine.resume.checkpoint_folder import CheckpointFolder
-from engine.resume.write_throttle import WriteThrottle
 
 ARRAYS = {
     "odd": np.arange(7, dtype=np.uint8),
@@ -96,7 +94,7 @@ def test_files_of_other_programs_are_left_alone_and_unread(tmp_path):
 
 def test_writing_takes_a_tenth_of_the_time(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(write_throttle.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
     clock, written = WriteThrottle(5), 0.0
     for _ in range(1000):
         now[0] += 0.25
@@ -110,7 +108,7 @@ def test_writing_takes_a_tenth_of_the_time(monkeypatch):
 
 def test_nothing_is_written_before_the_interval(monkeypatch):
     now = [7.0]
-    monkeypatch.setattr(write_throttle.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
     clock = WriteThrottle(5)
     now[0] = 11.9
     assert not clock.due

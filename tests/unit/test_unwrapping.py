@@ -13,10 +13,9 @@ from engine.unwrap import atlas_bitmap, packing, segmentation
 from engine.unwrap.adjacency import polygon_normals
 from engine.unwrap.alignment import Alignment
 from engine.unwrap.chart_options import USUAL
-from engine.unwrap.chart_overlap import doubly_covered
 from engine.unwrap.charts import flatten, make_charts
 from engine.unwrap.packing import PADDING, pack_charts
-from engine.unwrap.planar import project_flat
+from engine.unwrap.planar import doubly_covered, project_flat
 from engine.unwrap.polygon_mesh import MeshCharts, PolygonMesh, areas, signed_areas
 from engine.unwrap.row_spans import border_spans, row_spans
 from engine.unwrap.segmentation import has_xatlas

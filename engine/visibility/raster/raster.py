@@ -16,7 +16,6 @@ from ...scene.cutouts import BACK, BOUNCE, Cutouts
 from ...scene.triangles import Triangles
 from ..views.hemicube import FACES
 from .draw_paths import DrawPath, MeshBuffers, available_paths
-from .list_texture import table
 from .mesh import indexed_mesh
 from .targets import RasterTarget
 from .tiles import Tiles
@@ -25,6 +24,11 @@ from .triangle_clusters import TriangleClusters
 #: Cluster-hemicube visibility tests in one step, and minimum duration of a trial of rendering paths, s.
 _TESTS = 1 << 20
 _TRIAL = 0.005
+
+#: Width of the texture, texels, as in transmission.glsl, and its maximum height. Every OpenGL 4.1 driver
+#: supports this size, and enough layers for any int32 index.
+_WIDTH = 4096
+HEIGHT = 16384
 
 
 class HemicubeRaster:
@@ -176,4 +180,16 @@ def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, m
     constants[:, 0, :3], constants[:, 1, :3] = cutouts.base[gathered], cutouts.factor[gathered]
     constants[:, 0, 3] = cutouts.threshold[gathered]
     lists = {"pixels": cutouts.pixels, "maps": maps, "constants": constants.reshape(-1, 4)}
-    return {f"cutout_{name}": table(context, values) for name, values in lists.items()}
+    return {f"cutout_{name}": list_texture(context, values) for name, values in lists.items()}
+
+
+def list_texture(context: moderngl.Context, values: np.ndarray) -> moderngl.TextureArray:
+    """Return a list, (k,) or (k, 4) of uint16, int32 or float32, as (layers, height, width[, 4])."""
+    rows = -(-len(values) // _WIDTH)
+    layers = -(-rows // HEIGHT)
+    height = -(-rows // layers)
+    texels = np.zeros((layers * height * _WIDTH, *values.shape[1:]), values.dtype)
+    texels[: len(values)] = values
+    components = values.shape[1] if values.ndim > 1 else 1
+    kind = f"{values.dtype.kind}{values.dtype.itemsize}"
+    return context.texture_array((_WIDTH, height, layers), components, texels, dtype=kind)

@@ -113,7 +113,7 @@ def _seconds(compute: ProfiledCompute, name: str, work: Callable[[], None]) -> f
 def _looks(job: SolveJob) -> Callable[[], None]:
     """Return what finds by rays what all patches see."""
     compute = job.opencl
-    identity = RaySampler(compute, job.rays, job.parts, job.surroundings, job.settings)
+    identity = RaySampler(compute, job.rays, job.parts, job.background, job.settings)
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * job.count)
     backs = BackfaceLight(compute, job.count, len(job.emission), directional=False)
 

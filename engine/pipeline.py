@@ -141,7 +141,7 @@ def _bake(
 
     # All other light is gathered: from hemicubes drawn in each iteration (IV.B), or from visibility samples.
     job = SolveJob(
-        graphics, compute, patch_scene, rays, lighting.emission_left, lighting.sky_left, sampled,
+        graphics, compute, patch_scene, rays, lighting.gathered_emission, lighting.gathered_sky, sampled,
         areas.result(), settings, remote, kept, near=contacts, backs=lighting.backs_left,
         mapped=patch_scene.patches.count_in(len(atlases)),
     ).after(previous)  # fmt: skip

@@ -79,7 +79,7 @@ class Room:
     def seen(self) -> np.ndarray:
         """Return which patch + 1 every texel of every patch's hemicube shows, (n, 3 N N)."""
         job, count = self.job(self.settings), len(self.parts.patches)
-        identity = RaySampler(self.compute, self.rays, self.parts, job.surroundings, self.settings)
+        identity = RaySampler(self.compute, self.rays, self.parts, job.background, self.settings)
         cache, light, part = (
             cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size * count)
             for size in (identity.row_bytes, 16, 4)

@@ -76,20 +76,20 @@ _EVEN = 1e-4
 class SampledTriangles:
     """Emissive triangles that are sampled by shadow rays.
 
-    triangles:      (k,) int, indices into `Triangles`
-    radiance:       (k, 3) float32, mean radiance of the front times opacity, W/(m^2 sr)
-    back_radiance:  (k, 3) float32, the same of the back
-    uniform:        (k,) bool, True if both are constant over the triangle
-    emission_left:  (n, 3) float32, radiance of each patch's front that is left to the gather
-    back_left:      (n, 3) float32, the same of the back
-    shining:        (t,) bool, True for triangles with a patch whose back emits
+    triangles:          (k,) int, indices into `Triangles`
+    radiance:           (k, 3) float32, mean radiance of the front times opacity, W/(m^2 sr)
+    back_radiance:      (k, 3) float32, the same of the back
+    uniform:            (k,) bool, True if both are constant over the triangle
+    gathered_emission:  (n, 3) float32, radiance of each patch's front that is left to the gather
+    back_left:          (n, 3) float32, the same of the back
+    shining:            (t,) bool, True for triangles with a patch whose back emits
     """
 
     triangles: np.ndarray
     radiance: np.ndarray
     back_radiance: np.ndarray
     uniform: np.ndarray
-    emission_left: np.ndarray
+    gathered_emission: np.ndarray
     back_left: np.ndarray
     shining: np.ndarray
 

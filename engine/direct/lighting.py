@@ -27,12 +27,12 @@ _FEW = 4
 class DirectLighting:
     """Direct lighting of a scene, and the emission that is left to the gather.
 
-    emission_left:  (n, 3) float32, radiance of each patch's front that the gather has to handle
-    backs_left:     (n, 3) float32, the same of the back; None if equal to the front
-    sky_left:       (h, w, 3) float32, radiance of the sky that the gather has to handle
-    l1:             (n, 3, 3) float32, L1 of the sampled light after `gather`: world axis, rgb; see
-                    irradiance_l1.cl. (0, 3, 3) without directional maps
-    warnings:       sentences for the user
+    gathered_emission:  (n, 3) float32, radiance of each patch's front that the gather has to handle
+    backs_left:         (n, 3) float32, the same of the back; None if equal to the front
+    gathered_sky:       (h, w, 3) float32, radiance of the sky that the gather has to handle
+    l1:                 (n, 3, 3) float32, L1 of the sampled light after `gather`: world axis, rgb; see
+                        irradiance_l1.cl. (0, 3, 3) without directional maps
+    warnings:           sentences for the user
     """
 
     def __init__(
@@ -63,8 +63,8 @@ class DirectLighting:
         self.l1 = self._no_l1()
         split = split or split_light(scene.world, parts, settings)
         self._bright, self._sky = split.bright, split.sky
-        self.emission_left, self.sky_left = self._bright.emission_left, self._sky.rest
-        same = self._bright.back_left is self.emission_left
+        self.gathered_emission, self.gathered_sky = self._bright.gathered_emission, self._sky.rest
+        same = self._bright.back_left is self.gathered_emission
         self.backs_left = None if same else self._bright.back_left
         shines = self._lamps or scene.world.any() or len(parts.surfaces.shining)
         if settings.light_outputs and not shines:
@@ -151,9 +151,9 @@ class DirectLighting:
         """Return one light group's emission for the gather: of fronts, of the sky, and of backs."""
         groups, triangles = light_groups(self._scene), self._parts.triangles
         mine = groups.meshes[triangles.mesh[self._parts.geometry.triangle]] == group
-        sky = self.sky_left if groups.world == group else np.zeros((1, 1, 3), np.float32)
+        sky = self.gathered_sky if groups.world == group else np.zeros((1, 1, 3), np.float32)
         backs = None if self.backs_left is None else self.backs_left * mine[:, None]
-        return self.emission_left * mine[:, None], sky, backs
+        return self.gathered_emission * mine[:, None], sky, backs
 
     def shadow_mask(self, lamp: int) -> Generator[float, None, np.ndarray]:
         """Return the visible fraction of a light for each patch, (n,) float32; yield progress 0..1."""

@@ -29,12 +29,12 @@ class BackgroundLight:
         self,
         compute: ComputeDevice,
         sampling: SampleLayout,
-        surroundings: Background,
+        background: Background,
         receivers: cl.Buffer,
         settings: Settings,
         count: int,
     ) -> None:
-        self._compute, self._surroundings = compute, surroundings
+        self._compute, self._background = compute, background
         self._add = RowKernel(
             compute, sampling, receivers, settings, r2_sequence(sampling.samples),
             "add_background", "background_light.cl",
@@ -44,10 +44,10 @@ class BackgroundLight:
 
     def sum_up(self, rows: SampleRows, backs: BackfaceLight) -> Generator[float, None, None]:
         """Sum the background light over the samples of the patches in these rows; yield progress 0..1."""
-        if self._surroundings.dark:
+        if self._background.dark:
             self._take(rows, backs)
             return
-        sky, results = self._surroundings, (self.light, self.l1)
+        sky, results = self._background, (self.light, self.l1)
         seen = sky.outside, *sky.sky_arguments
         yield from self._add.run(rows, *seen, backs.light, backs.l1, *results)
 

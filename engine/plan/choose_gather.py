@@ -153,9 +153,7 @@ def _cached_gather(job: SolveJob, cache: VisibilityCache, sampler: VisibilitySam
 
 def static_light(job: SolveJob, sampling: SampleLayout) -> BackgroundLight:
     """Return the background light: sky and emissive back faces, constant over all iterations."""
-    return BackgroundLight(
-        job.opencl, sampling, job.surroundings, job.rays.receivers, job.settings, job.count
-    )
+    return BackgroundLight(job.opencl, sampling, job.background, job.rays.receivers, job.settings, job.count)
 
 
 def _l1_gather(job: SolveJob, sampling: SampleLayout) -> L1Gather | NoL1:

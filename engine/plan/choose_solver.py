@@ -28,7 +28,7 @@ from ..solve.patch_groups import PatchGroups, SinglePatches, group_representativ
 from ..solve.radiosity_state import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
-from ..solve.solver import FindStandIns, Solver
+from ..solve.solver import ChooseSubstitutes, Solver
 from ..validity.invalid import patches_near_backs
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.near_openness import openness
@@ -85,17 +85,19 @@ def solver_like(job: SolveJob, choice: SolverChoice, substitute: np.ndarray | No
     return _solver(part, lambda _: substitute)[0]
 
 
-def _solver(job: SolveJob, find_stand_ins: FindStandIns | None = None) -> tuple[Solver, SolverChoice]:
+def _solver(
+    job: SolveJob, choose_substitutes: ChooseSubstitutes | None = None
+) -> tuple[Solver, SolverChoice]:
     """Return a solver with one unknown for each patch; see `Solver`."""
-    if find_stand_ins is None and job.near is not None:
-        find_stand_ins = partial(
+    if choose_substitutes is None and job.near is not None:
+        choose_substitutes = partial(
             substitute_patches, job.parts, job.near, find_pairs=job.kept.find_substitutes
         )
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
         radiosity, job.sampled_light, job.settings, job.gathers_direct, job.indirect,
-        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)), find_stand_ins, job.direct,
+        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)), choose_substitutes, job.direct,
         job.front,
     )  # fmt: skip
     return solver, replace(choice, patches=job.count)

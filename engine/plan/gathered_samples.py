@@ -19,7 +19,7 @@ class GatheredSamples(NumpyPickle):
     """
 
     samples: TexelSamples
-    ways: PushOffs
+    push_offs: PushOffs
     visible: np.ndarray
     normals: np.ndarray
     irradiance: np.ndarray
@@ -27,6 +27,6 @@ class GatheredSamples(NumpyPickle):
 
     def part(self, chosen: slice) -> GatheredSamples:
         """Return the samples of a slice."""
-        some = self.samples.part(chosen), self.ways.part(chosen)
+        some = self.samples.part(chosen), self.push_offs.part(chosen)
         rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
         return GatheredSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

@@ -94,7 +94,7 @@ class SolveJob:
         return self.compute
 
     @cached_property
-    def surroundings(self) -> Background:
+    def background(self) -> Background:
         """Background on the OpenCL device: sky and emission of back faces."""
 
         def whole(sky: np.ndarray) -> np.ndarray | None:
@@ -106,7 +106,7 @@ class SolveJob:
     def front_emission(self) -> cl.Buffer:
         """Radiance of the front face of patch i at entry i + 1, float4 buffer; entry 0 is black."""
         if self.backs is None:
-            return self.surroundings.emission
+            return self.background.emission
         return upload_float4_once(self.opencl, self.emission, first=1)
 
     @property

@@ -101,8 +101,8 @@ def _drawing_rates(job: SolveJob) -> tuple[DrawingRates, int]:
 def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
     """Return a constructor for each sampler by name, the sampler with the shorter trial first."""
     return {
-        "rays": lambda: RaySampler(job.opencl, job.rays, job.parts, job.surroundings, job.settings),
-        "raster": lambda: RasterSampler(job.graphics, job.opencl, job.parts, job.surroundings, job.settings),
+        "rays": lambda: RaySampler(job.opencl, job.rays, job.parts, job.background, job.settings),
+        "raster": lambda: RasterSampler(job.graphics, job.opencl, job.parts, job.background, job.settings),
     }
 
 

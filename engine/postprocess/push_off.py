@@ -60,10 +60,10 @@ class PushOffs:
         return PushOffs(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
 
-def joined_ways(several: list[PushOffs]) -> PushOffs:
+def joined_push_offs(several: list[PushOffs]) -> PushOffs:
     """Concatenate push-offs; the list must not be empty."""
     names = PushOffs.__dataclass_fields__
-    return PushOffs(*(joined_rows([getattr(ways, name) for ways in several]) for name in names))
+    return PushOffs(*(joined_rows([getattr(push_offs, name) for push_offs in several]) for name in names))
 
 
 def push_off_points(
@@ -104,11 +104,11 @@ def _shader_push_offs(
     scene: ShaderScene, reach: float, normals: np.ndarray, lit: np.ndarray | None
 ) -> PushOffs:
     """Return the push-offs of the points of a ray scene, computed by OpenGL compute shaders."""
-    ways, numbers = push_offs(scene, reach, normals, lit)
+    offsets, numbers = push_offs(scene, reach, normals, lit)
     inside = numbers[:, 3] != 0
-    thickness = np.full(len(ways), np.inf, np.float32)
-    thickness[inside] = _thickness(ways[inside, 3], numbers[inside, 1:3], normals)
-    offset = np.where(inside[:, None], ways[:, :3], np.float32(0))
+    thickness = np.full(len(offsets), np.inf, np.float32)
+    thickness[inside] = _thickness(offsets[inside, 3], numbers[inside, 1:3], normals)
+    offset = np.where(inside[:, None], offsets[:, :3], np.float32(0))
     return PushOffs(offset, thickness, np.where(inside, numbers[:, 0], np.int32(-1)), inside)
 
 
@@ -132,10 +132,10 @@ def _taken(
     count = len(points)
     taken = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (16, 4, 8)]
     compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), *taken, np.int32(count))
-    ways, walls, sides = (
+    offsets, walls, sides = (
         download(compute, buffer, (count, columns)) for buffer, columns in zip(taken, (4, 1, 2), strict=True)
     )
-    return ways, walls.view(np.int32)[:, 0], sides.view(np.int32)
+    return offsets, walls.view(np.int32)[:, 0], sides.view(np.int32)
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ class BlackSolution:
     residual = 0.0
     converged = done = True
     gathers_finally = False
-    stand_in = None
+    substitute = None
 
     def __init__(self, count: int) -> None:
         """Create the solution for `count` patches."""

@@ -91,7 +91,7 @@ class DeviceRadiosity:
         if first is not None:
             cl.enqueue_copy(self._queue, self._irradiance, first)
         self.radiance = zeros(compute, 16 * (self.count + 2))
-        self._stand_in: cl.Buffer | None = None
+        self._substitute: cl.Buffer | None = None
         self._make_radiance()
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
@@ -141,9 +141,9 @@ class DeviceRadiosity:
         change, relative, flux = self._read_sums(1)[0]
         return IterationStep(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
-    def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Replace the reflected light of each patch by that of its substitute, `stand_in`, (n,) int64."""
-        self._stand_in = upload(self._compute, stand_in.astype(np.uint32))
+    def set_substitutes(self, substitute: np.ndarray) -> None:
+        """Replace the reflected light of each patch by that of its substitute, (n,) int64."""
+        self._substitute = upload(self._compute, substitute.astype(np.uint32))
         self._make_radiance()
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums:
@@ -208,7 +208,7 @@ class DeviceRadiosity:
         """Compute the exitant radiance of the current irradiance."""
         self._compute.run(
             self._send_out, self.count, self._emission, self._reflectance, self._irradiance,
-            np.int32(_STRIDE), self._stand_in, self.radiance, np.int32(self.count),
+            np.int32(_STRIDE), self._substitute, self.radiance, np.int32(self.count),
         )  # fmt: skip
 
     def _read_sums(self, numbers: int) -> np.ndarray:

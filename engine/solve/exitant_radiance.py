@@ -17,7 +17,7 @@ def exitant_radiance(
     emission: np.ndarray,
     reflectance: Values,
     irradiance: Values,
-    stand_in: np.ndarray | None = None,
+    substitute: np.ndarray | None = None,
 ) -> cl.Buffer:
     """Compute the exitant radiance of patches on the device, float4 of each between two black entries.
 
@@ -26,13 +26,13 @@ def exitant_radiance(
     emission:     (n, 3) float32, W/(m^2 sr)
     reflectance:  (n, 3) float32
     irradiance:   (n, 3) float32, E/pi
-    stand_in:     (n,) int64, patch whose reflected light replaces each patch's own; None if none
+    substitute:   (n,) int64, patch whose reflected light replaces each patch's own; None if none
     """
     (kernel,) = compute.kernels(_SOURCE, "exitant_radiance")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
     surfaces = upload_float4_once(compute, emission, first=1), float4_once(compute, reflectance)
     light, stride = rows_on_device(compute, irradiance)
-    others = None if stand_in is None else upload(compute, stand_in.astype(np.uint32))
+    others = None if substitute is None else upload(compute, substitute.astype(np.uint32))
     compute.run(kernel, count, *surfaces, light, np.int32(stride), others, radiance, np.int32(count))
     return radiance
 

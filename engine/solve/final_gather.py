@@ -41,15 +41,15 @@ class FinalGather:
         self.done = False
 
     def gather(
-        self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
+        self, irradiance: np.ndarray, substitute: np.ndarray | None = None
     ) -> Generator[float, None, None]:
         """Gather from sources with E/pi `irradiance`, (m, 3) float32; yield progress 0..1.
 
-        stand_in: (m,) int64, see `reflected_light`
+        substitute: (m,) int64, see `reflected_light`
         """
         radiance = self._emission
         if self._bounces:
-            radiance = radiance + reflected_light(colors_on_host(self._reflectance), irradiance, stand_in)
+            radiance = radiance + reflected_light(colors_on_host(self._reflectance), irradiance, substitute)
         yield from self._all_light(self._final.gather(radiance))
 
     def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, None]:

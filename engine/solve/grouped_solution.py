@@ -71,7 +71,7 @@ class GroupedSolution:
         if not self._solver.done:
             yield from self._solver.iteration()
             return
-        yield from self.last.gather(self._solver.irradiance, self._solver.stand_in)
+        yield from self.last.gather(self._solver.irradiance, self._solver.substitute)
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
         """Return the flux balance of the groups, W."""
@@ -121,9 +121,9 @@ class GroupedSolution:
         return rest_of(self.irradiance, self.direct)
 
     @property
-    def stand_in(self) -> np.ndarray | None:
+    def substitute(self) -> np.ndarray | None:
         """Substitute of each group, (m,) int64; None if all groups are valid."""
-        return self._solver.stand_in
+        return self._solver.substitute
 
     @property
     def settled(self) -> Values:

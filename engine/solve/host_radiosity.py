@@ -56,7 +56,7 @@ class HostRadiosity:
         self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns
         self._gathered = np.zeros((columns, self.count, 4), np.float32)
         self._defects = np.zeros((columns, self.count, 3), np.float32)
-        self._stand_in: np.ndarray | None = None
+        self._substitute: np.ndarray | None = None
         if indirect is not None and gathers_direct and direct is None:
             self._gathered[-1, :, :3] = indirect
         elif indirect is not None:
@@ -65,11 +65,11 @@ class HostRadiosity:
     @property
     def radiance(self) -> np.ndarray:
         """Exitant radiance of the patches, (n, 3) float32."""
-        return self._emission + reflected_light(self._reflectance, self._irradiance, self._stand_in)
+        return self._emission + reflected_light(self._reflectance, self._irradiance, self._substitute)
 
-    def set_substitutes(self, stand_in: np.ndarray) -> None:
-        """Replace the reflected light of each patch by that of its substitute, `stand_in`, (n,) int64."""
-        self._stand_in = stand_in
+    def set_substitutes(self, substitute: np.ndarray) -> None:
+        """Replace the reflected light of each patch by that of its substitute, (n,) int64."""
+        self._substitute = substitute
 
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield progress 0..1."""

@@ -57,14 +57,14 @@ class InterpolatedGather:
         self.done = False
 
     def gather(
-        self, irradiance: np.ndarray, stand_in: np.ndarray | None = None
+        self, irradiance: np.ndarray, substitute: np.ndarray | None = None
     ) -> Generator[float, None, None]:
         """Interpolate smooth patches from groups with E/pi `irradiance`, (m, 3); gather for the others."""
         sampled, beside = self.direct, channel_sum(self.direct)
 
         def gather_for(layers: list[np.ndarray], patches: np.ndarray) -> Generator[float, None, None]:
             last = self._last_of(patches)
-            yield from last.gather(irradiance, stand_in)
+            yield from last.gather(irradiance, substitute)
             layers[0][patches] = last.gathered
             layers[0][patches, :3] -= sampled[patches]
             for layer in layers[1:]:

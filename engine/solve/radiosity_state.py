@@ -108,7 +108,7 @@ class Radiosity(Protocol):
         relative change.
         """
 
-    def set_substitutes(self, stand_in: np.ndarray) -> None:
+    def set_substitutes(self, substitute: np.ndarray) -> None:
         """Replace the reflected light of each patch by that of another, (n,) int64, itself for most.
 
         Emission stays. The current radiance is updated, too.

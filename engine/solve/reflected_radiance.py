@@ -6,13 +6,13 @@ import numpy as np
 
 
 def reflected_light(
-    reflectance: np.ndarray, irradiance: np.ndarray, stand_in: np.ndarray | None
+    reflectance: np.ndarray, irradiance: np.ndarray, substitute: np.ndarray | None
 ) -> np.ndarray:
     """Return the reflected radiance of patches, (n, 3) float32.
 
     reflectance:  (n, 3) float32
     irradiance:   (n, 3) float32, E/pi
-    stand_in:     (n,) int64, patch whose reflected light replaces each patch's own; None if none
+    substitute:   (n,) int64, patch whose reflected light replaces each patch's own; None if none
     """
     reflected: np.ndarray = reflectance * irradiance
-    return reflected if stand_in is None else reflected[stand_in]
+    return reflected if substitute is None else reflected[substitute]

@@ -10,7 +10,7 @@ from ..device.device_array import Values
 from ..resume.checkpoint import Arrays, Checkpoint
 from ..settings import Settings
 from .radiosity_state import IterationStep, Radiosity
-from .solver import FindStandIns, Solver
+from .solver import ChooseSubstitutes, Solver
 
 
 class ResumedSolver(Solver):
@@ -30,12 +30,12 @@ class ResumedSolver(Solver):
         reflected: Values | None,
         checkpoint: Checkpoint,
         key: Callable[[], str],
-        find_stand_ins: FindStandIns | None = None,
+        choose_substitutes: ChooseSubstitutes | None = None,
         direct: Values | None = None,
         front: np.ndarray | None = None,
     ) -> None:
         super().__init__(
-            radiosity, sampled_light, settings, gathers_direct, reflected, find_stand_ins, direct, front
+            radiosity, sampled_light, settings, gathers_direct, reflected, choose_substitutes, direct, front
         )
         self._checkpoint, self._key = checkpoint, key
         state = checkpoint.light(key)
@@ -55,8 +55,8 @@ class ResumedSolver(Solver):
         state["ring"] = np.array([self._newest])
         state["total"] = np.array([self._total])
         state["direct"] = self.direct
-        if self.stand_in is not None:
-            state["stand_in"] = self.stand_in
+        if self.substitute is not None:
+            state["substitute"] = self.substitute
         state["steps"] = np.array([(step.change, step.relative, step.flux) for step in self._steps])
         state["factors"] = np.array(self._factors)
         state["refined"] = np.array([self._sparse, self._refined])
@@ -67,7 +67,7 @@ class ResumedSolver(Solver):
     def _restore(self, state: Arrays) -> None:
         """Restore the solver from the arrays that `_state` returned."""
         self._radiosity.restore(state)
-        self._let_stand_in(state.get("stand_in"))
+        self._set_substitutes(state.get("substitute"))
         self._newest, self._total = int(state["ring"][0]), float(state["total"][0])
         self._direct = state["direct"]
         self._steps = [IterationStep(*step) for step in state["steps"].tolist()]

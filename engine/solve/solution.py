@@ -79,7 +79,7 @@ class Solution(Protocol):
         ...
 
     @property
-    def stand_in(self) -> np.ndarray | None:
+    def substitute(self) -> np.ndarray | None:
         """Substitute of each source, (m,) int64, whose reflected light replaces its own; None if none."""
         ...
 

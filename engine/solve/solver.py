@@ -30,7 +30,7 @@ class Seen(Protocol):
 
 
 #: Function that returns substitute patches from the result of the first iteration.
-FindStandIns = Callable[[Seen], np.ndarray | None]
+ChooseSubstitutes = Callable[[Seen], np.ndarray | None]
 
 #: Minimum light in relative errors, as a fraction of the mean.
 _DARK = 1e-4
@@ -55,17 +55,18 @@ class Solver:
     iteration (paper, IV.C). With acceleration, the first step adds the ambient light that energy balance
     requires (Cohen et al. 1988), and later steps use Anderson acceleration.
 
-    radiosity:       holds the light; its first radiance is emission, or emission plus reflected sampled
-                     light; iterations are accelerated if it has more than PLAIN_COLUMNS columns
-    sampled_light:   (n, 3) float32, E/pi of light sampled by shadow rays
-    gathers_direct:  True if patches gather emission and background in the first iteration, which then gives
-                     direct light
-    reflected:       (n, 3) float32, E/pi of the reflected light in the radiosity's start state; None for none
-    direct:          (n, 3) float32, E/pi of the unreflected light in the start state; None for none
-    front:           (n,) float32, fraction of each hemisphere without back faces, if known
-    find_stand_ins:  returns `stand_in` from the result of the first iteration; None for no substitutes
-    stand_in:        (n,) int64, patch whose reflected light replaces each patch's own, itself for most; None
-                     for no substitutes, and before the first iteration
+    radiosity:           holds the light; its first radiance is emission, or emission plus reflected sampled
+                         light; iterations are accelerated if it has more than PLAIN_COLUMNS columns
+    sampled_light:       (n, 3) float32, E/pi of light sampled by shadow rays
+    gathers_direct:      True if patches gather emission and background in the first iteration, which
+                         then gives direct light
+    reflected:           (n, 3) float32, E/pi of the reflected light in the start state of the radiosity; None
+                         for none
+    direct:              (n, 3) float32, E/pi of the unreflected light in the start state; None for none
+    front:               (n,) float32, fraction of each hemisphere without back faces, if known
+    choose_substitutes:  returns `substitute` from the result of the first iteration; None for no substitutes
+    substitute:          (n,) int64, patch whose reflected light replaces each patch's own, itself for most;
+                         None for no substitutes, and before the first iteration
 
     A sparse radiosity is first solved by sparse iterations, then by a few full ones. The sparse solution is
     correct except for noise. A full iteration averages the noise out; the ambient step corrects its mean.
@@ -80,12 +81,12 @@ class Solver:
         settings: Settings,
         gathers_direct: bool = True,
         reflected: Values | None = None,
-        find_stand_ins: FindStandIns | None = None,
+        choose_substitutes: ChooseSubstitutes | None = None,
         direct: Values | None = None,
         front: np.ndarray | None = None,
     ) -> None:
-        self.stand_in: np.ndarray | None = None
-        self._find_stand_ins = find_stand_ins
+        self.substitute: np.ndarray | None = None
+        self._choose_substitutes = choose_substitutes
         self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
         self._warm, self._front = reflected is not None, front
         self._begins_with_direct = self._warm and gathers_direct and direct is None
@@ -199,8 +200,8 @@ class Solver:
         self._newest = (self._newest + 1) % self._radiosity.columns
         yield from self._radiosity.sweep(self._newest)
         self._gathered = None
-        if not self._steps and self._find_stand_ins is not None:
-            self._let_stand_in(self._find_stand_ins(self))
+        if not self._steps and self._choose_substitutes is not None:
+            self._set_substitutes(self._choose_substitutes(self))
         sums = self._radiosity.sums(self._newest, max(self._least_part * self._total, _DARKEST))
         if self._gathers_direct and not self._warm and not self._steps:
             self._direct = _colors(self._radiosity.iterate(self._newest))
@@ -210,11 +211,11 @@ class Solver:
         weights, ambient = self._mixture(sums)
         self._steps.append(self._radiosity.mix(weights, ambient, max(_DARK * sums.total, _DARKEST)))
 
-    def _let_stand_in(self, stand_in: np.ndarray | None) -> None:
+    def _set_substitutes(self, substitute: np.ndarray | None) -> None:
         """Set substitute patches; None for none."""
-        self.stand_in = stand_in
-        if stand_in is not None:
-            self._radiosity.set_substitutes(stand_in)
+        self.substitute = substitute
+        if substitute is not None:
+            self._radiosity.set_substitutes(substitute)
 
     @property
     def _nearly_done(self) -> bool:

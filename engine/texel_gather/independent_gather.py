@@ -40,7 +40,7 @@ def gather_independent_estimate(
     lighting = what.lighting.of(job.rays, settings)
     sampled = yield from run_as_fraction(0.0, 0.5, lighting.gather())
     last, _ = make_final_gather(what.solved, what.choice, Receivers(job.parts, job.rays, sampled), settings)
-    radiance = radiance_of(what.solved, solution.settled, solution.stand_in)
+    radiance = radiance_of(what.solved, solution.settled, solution.substitute)
     yield from run_as_fraction(0.5, 1.0, last.gather_from(radiance))
     rays = ray_count(settings)
     outputs = {name: light_output(name, last) for name in job.settings.light_outputs}

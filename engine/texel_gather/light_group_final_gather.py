@@ -32,17 +32,17 @@ def gather_light_groups(
     receivers: Receivers,
     sampled: np.ndarray,
     settings: Settings,
-    stand_in: np.ndarray | None = None,
+    substitute: np.ndarray | None = None,
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups, (g, n, 3) float32, at n receivers; yield the fraction done.
 
     All groups without emission in the gather share one set of samples. Each other group samples again, since
     light of back faces is summed while visibility is computed.
 
-    groups:    job of each light group
-    settled:   (m, 3) float32 for each group, E/pi of the senders
-    sampled:   (g, n, 3) float32, E/pi of light from shadow rays
-    stand_in:  (m,) int64, substitute patches, see `reflected_light`
+    groups:      job of each light group
+    settled:     (m, 3) float32 for each group, E/pi of the senders
+    sampled:     (g, n, 3) float32, E/pi of light from shadow rays
+    substitute:  (m,) int64, substitute patches, see `reflected_light`
     """
     light = sampled.copy()
     lit = [number for number, group in enumerate(groups) if group.lit]
@@ -54,7 +54,7 @@ def gather_light_groups(
         look = _look(some, choice, receivers, settings)
         sent = [
             reflected_light(
-                colors_on_host(groups[number].parts.surfaces.reflectance), settled[number], stand_in
+                colors_on_host(groups[number].parts.surfaces.reflectance), settled[number], substitute
             )
             for number in together
         ]
@@ -63,7 +63,9 @@ def gather_light_groups(
     for count, number in enumerate(apart, bool(together)):
         where = Receivers(receivers.parts, receivers.rays, sampled[number])
         last, _ = make_final_gather(groups[number], choice, where, settings)
-        yield from run_as_fraction(count / looks, (count + 1) / looks, last.gather(settled[number], stand_in))
+        yield from run_as_fraction(
+            count / looks, (count + 1) / looks, last.gather(settled[number], substitute)
+        )
         light[number] = last.irradiance
     return light
 

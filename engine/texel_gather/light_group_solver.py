@@ -74,7 +74,7 @@ def solve_light_groups(
     """
     job, solved = (replace(one, settings=of_all_light(one.settings)) for one in (job, solved))
     parts = [_part_of(job, solved, solution, sources) for sources in groups]
-    gathered = yield from run_as_fraction(0.0, 0.5, _gathered(solved, choice, parts, solution.stand_in))
+    gathered = yield from run_as_fraction(0.0, 0.5, _gathered(solved, choice, parts, solution.substitute))
     settled = [light[:, :3] for light in gathered]
     of_patches: Sequence[np.ndarray] | np.ndarray = settled
     if isinstance(solution, GroupedSolution):
@@ -122,7 +122,7 @@ def _of_patches(
         rays = job.rays if isinstance(patches, slice) else job.rays.of(looking)
         receivers = Receivers(looking, rays, job.sampled_light[patches])
         lit = np.ascontiguousarray(sampled[:, patches])
-        light = gather_light_groups(parts, settled, choice, receivers, lit, job.settings, solution.stand_in)
+        light = gather_light_groups(parts, settled, choice, receivers, lit, job.settings, solution.substitute)
         return (yield from light)
 
     if not isinstance(solution.last, InterpolatedGather):
@@ -136,11 +136,11 @@ def _of_patches(
 
 
 def _gathered(
-    solved: SolveJob, choice: SolverChoice, parts: Sequence[SolveJob], stand_in: np.ndarray | None
+    solved: SolveJob, choice: SolverChoice, parts: Sequence[SolveJob], substitute: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
     """Iterate each light group to convergence; return gathered light, (m, 4) float32 each.
 
-    stand_in:  (m,) int64, substitute patches, see `reflected_light`
+    substitute:  (m,) int64, substitute patches, see `reflected_light`
     """
     gathered = [np.zeros((solved.count, 4), np.float32) for _ in parts]
     lit = [number for number, part in enumerate(parts) if part.lit]
@@ -150,9 +150,9 @@ def _gathered(
     for count, run in enumerate(runs):
         some = [parts[number] for number in run]
         if kept is None:
-            solving = _solved_alone(some[0], choice, stand_in)
+            solving = _solved_alone(some[0], choice, substitute)
         else:
-            solving = _solved_together(kept, some, stand_in)
+            solving = _solved_together(kept, some, substitute)
         found = yield from run_as_fraction(count / len(runs), (count + 1) / len(runs), solving)
         for number, light in zip(run, found, strict=True):
             gathered[number] = light
@@ -166,16 +166,16 @@ def _common_samples(solved: SolveJob) -> VisibilityCache | None:
 
 
 def _solved_alone(
-    part: SolveJob, choice: SolverChoice, stand_in: np.ndarray | None
+    part: SolveJob, choice: SolverChoice, substitute: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
     """Solve one light group with visibility samples of its own; return its gathered light."""
-    solver = solver_like(replace(part, kept=SessionCache()), choice, stand_in)
+    solver = solver_like(replace(part, kept=SessionCache()), choice, substitute)
     yield from _settle(solver)
     return [solver.gathered]
 
 
 def _solved_together(
-    kept: VisibilityCache, parts: Sequence[SolveJob], stand_in: np.ndarray | None
+    kept: VisibilityCache, parts: Sequence[SolveJob], substitute: np.ndarray | None
 ) -> Generator[float, None, list[np.ndarray]]:
     """Solve several light groups over shared visibility samples; return the gathered light of each.
 
@@ -204,8 +204,10 @@ def _solved_together(
         job.columns,
         sides=sides and sides.repeated(len(parts)),
     )
-    stands_in = None if stand_in is None else _side_by_side(stand_in, len(parts))
-    solver = Solver(radiosity, sampled, job.settings, job.gathers_direct, find_stand_ins=lambda _: stands_in)
+    interleaved = None if substitute is None else _side_by_side(substitute, len(parts))
+    solver = Solver(
+        radiosity, sampled, job.settings, job.gathers_direct, choose_substitutes=lambda _: interleaved
+    )
     yield from _settle(solver)
     light = solver.gathered.reshape(job.count, len(parts), 4)
     return [
@@ -236,9 +238,9 @@ def _scale(part: SolveJob) -> np.float32:
     return np.float32(1 / max(sum(float(values.mean(dtype=np.float64)) for values in sources), _DARKEST))
 
 
-def _side_by_side(stand_in: np.ndarray, groups: int) -> np.ndarray:
+def _side_by_side(substitute: np.ndarray, groups: int) -> np.ndarray:
     """Return the substitutes for interleaved groups, (m g,) int64: the groups of a patch are adjacent."""
-    numbers: np.ndarray = groups * stand_in[:, None] + np.arange(groups)
+    numbers: np.ndarray = groups * substitute[:, None] + np.arange(groups)
     return numbers.ravel()
 
 

@@ -23,7 +23,7 @@ from ..postprocess.blended_light import BlendedLight
 from ..postprocess.device_images import DeviceTexels
 from ..postprocess.irradiance_edges import PatchLight
 from ..postprocess.output_maps import Outputs
-from ..postprocess.push_off import joined_ways
+from ..postprocess.push_off import joined_push_offs
 from ..postprocess.texel_means import TexelMeans
 from ..postprocess.texel_samples import (
     TexelSamples,
@@ -213,7 +213,7 @@ def gather_at(
     count = len(samples)
     samples, sides = with_other_sides(samples, what.job.parts)
     points = TexelSamplePoints(what, samples, settings)
-    ways = points.push_out(what.lighting.lit_by_backs(points.rays), lit_backs_of(what, radiance))
+    push_offs = points.push_out(what.lighting.lit_by_backs(points.rays), lit_backs_of(what, radiance))
     yield 0.1
 
     # Gather direct light, then all other light from the radiance of the patches.
@@ -227,8 +227,8 @@ def gather_at(
     made = yield from run_as_fraction(0.8, 1.0, outputs.make(received, geometry))
     values = {name: np.asarray(light) for name, light in made.items()}
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
-    visible = ~(is_invalid(last.gathered[:, 3], lighting.contacts()) | ways.inside)
-    lit = GatheredSamples(points.samples, ways, visible, normals, received.irradiance, values)
+    visible = ~(is_invalid(last.gathered[:, 3], lighting.contacts()) | push_offs.inside)
+    lit = GatheredSamples(points.samples, push_offs, visible, normals, received.irradiance, values)
     return lit if sides is None else lit.part(slice(count))
 
 
@@ -237,7 +237,7 @@ def _joined(
 ) -> TexelSampleLight:
     """Join the light of all batches; add the report's sentence and the warnings."""
     samples = joined_samples([batch.samples for batch in lit])
-    ways = joined_ways([batch.ways for batch in lit])
+    push_offs = joined_push_offs([batch.push_offs for batch in lit])
     visible, normals, irradiance = (
         joined_rows([getattr(batch, name) for batch in lit]) for name in ("visible", "normals", "irradiance")
     )
@@ -249,8 +249,8 @@ def _joined(
         "more than their centre."
     )
     light = channel_sum(irradiance)
-    inside = in_thin_walls(parts, samples, ways, visible, light)
-    warnings = warn_thin_walls(what.scene, parts, samples, ways, inside)
+    inside = in_thin_walls(parts, samples, push_offs, visible, light)
+    warnings = warn_thin_walls(what.scene, parts, samples, push_offs, inside)
     return TexelSampleLight(
         samples=samples,
         visible=visible,

@@ -110,19 +110,19 @@ class TexelSamplePoints:
         lit_backs:  see `validity.lit_backs`
         """
         samples, parts = self.samples, self.parts
-        ways = push_off_points(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
-        ways = ways.without(lit)
-        inside = np.flatnonzero(ways.inside)
-        inside = inside[any_in_rows(take_rows(ways.offset, inside))]
+        push_offs = push_off_points(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
+        push_offs = push_offs.without(lit)
+        inside = np.flatnonzero(push_offs.inside)
+        inside = inside[any_in_rows(take_rows(push_offs.offset, inside))]
         if not len(inside):
-            return ways
-        moved, stays = pushed_barycentrics(parts.geometry.part(inside), ways.offset[inside])
+            return push_offs
+        moved, stays = pushed_barycentrics(parts.geometry.part(inside), push_offs.offset[inside])
         inside, moved = inside[stays], moved[stays]
-        ways.inside[inside] = False
+        push_offs.inside[inside] = False
         barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
         position = samples.position.copy()
         barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]
         triangle = samples.triangle[inside]
         position[inside] = on_lightmap(parts.triangles, triangle, moved, parts.patches.resolution)
         self._place(replace(samples, barycentric=barycentric, weight=weight, position=position))
-        return ways
+        return push_offs

@@ -17,15 +17,15 @@ from ..validity.lit_backs import lit_backs, lit_backs_on_host
 from .texel_sample_points import TexelGatherJob
 
 
-def radiance_of(solved: SolveJob, settled: Values, stand_in: np.ndarray | None = None) -> cl.Buffer:
+def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None = None) -> cl.Buffer:
     """Return the exitant radiance of patches on the device, float4 of each, from E/pi (m, 3).
 
-    stand_in:  (m,) int64, substitute patches, see `exitant_radiance`
+    substitute:  (m,) int64, substitute patches, see `exitant_radiance`
     """
     if not solved.settings.has_indirect:
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
     reflectance = solved.parts.surfaces.reflectance
-    return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, stand_in)
+    return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, substitute)
 
 
 def lit_backs_of(what: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
@@ -92,5 +92,5 @@ def _inside(what: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | np.ndarr
         return np.zeros(0, bool)
     parts = what.job.parts
     points = what.job.rays.of(parts.part(patches))
-    ways = push_off_points(points, len(patches), 1.0, parts.geometry.steps.geometric, lit)
-    return ways.without(what.lighting.lit_by_backs(points)).inside
+    push_offs = push_off_points(points, len(patches), 1.0, parts.geometry.steps.geometric, lit)
+    return push_offs.without(what.lighting.lit_by_backs(points)).inside

@@ -203,7 +203,7 @@ def test_settings_name_what_is_wrong():
 def test_patches_send_out_what_others_reflect_that_stand_in_for_them(accelerate):
     """Two patches nobody lights, of which the others see one: it sends out the light of the third."""
     random = np.random.default_rng(7)
-    factors, stand_in = random.random((7, 7)), np.array([0, 1, 2, 3, 4, 2, 6])
+    factors, substitute = random.random((7, 7)), np.array([0, 1, 2, 3, 4, 2, 6])
     factors[5] = 0
     factors /= np.maximum(factors.sum(axis=1, keepdims=True), 1e-9)
     rho, emission = np.linspace(0.3, 0.9, 7), np.array([1, 0, 0, 2, 0, 0.5, 0])
@@ -214,12 +214,12 @@ def test_patches_send_out_what_others_reflect_that_stand_in_for_them(accelerate)
     told = []
     solver = Solver(
         radiosity, nothing, Settings(max_bounces=400, tolerance=1e-6),
-        find_stand_ins=lambda seen: told.append(seen.light_of(np.arange(7))) or stand_in,
+        choose_substitutes=lambda seen: told.append(seen.light_of(np.arange(7))) or substitute,
     )  # fmt: skip
     while not solver.done:
         for _ in solver.iteration():
             pass
-    sent = np.linalg.solve(np.eye(7) - (rho[:, None] * factors)[stand_in], emission)
+    sent = np.linalg.solve(np.eye(7) - (rho[:, None] * factors)[substitute], emission)
     assert solver.irradiance[:, 0] == pytest.approx(factors @ sent, rel=1e-4)
     assert radiosity.radiance[:, 0] == pytest.approx(sent, rel=1e-4)
     assert len(told) == 1 and told[0][:, 0] == pytest.approx(factors @ emission, rel=1e-5)

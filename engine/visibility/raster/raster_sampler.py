@@ -32,10 +32,10 @@ class RasterSampler:
         graphics: GraphicsContext,
         compute: ComputeDevice,
         parts: PatchScene,
-        surroundings: Background,
+        background: Background,
         settings: Settings,
     ) -> None:
-        self._compute, self._queue, self._surroundings = compute, compute.queue, surroundings
+        self._compute, self._queue, self._background = compute, compute.queue, background
         self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
         self.batch = self._tiles.capacity
         target = ItemBufferTarget(graphics, self._tiles)
@@ -64,11 +64,11 @@ class RasterSampler:
     def _keep(self, start: int, end: int, frames: np.ndarray, seen: VisibilityBuffers) -> None:
         """Compact drawn item buffers into cache rows on the OpenCL device."""
         records = upload(self._compute, frame_records(frames))
-        (group,), surroundings = self._resolve.group(*self._compute.work_sizes.look), self._surroundings
+        (group,), background = self._resolve.group(*self._compute.work_sizes.look), self._background
         self._resolve(
             self._queue, (group * (end - start),), (group,),
             self._copy.update(), self._weights, records,
-            surroundings.emission, surroundings.outside,
+            background.emission, background.outside,
             np.int32(self._tiles.columns), np.int32(self._tiles.n), np.int32(start),
             np.int32(seen.cached_from), seen.cache, seen.back_light, seen.patches_seen, seen.backs_seen,
             seen.back_l1, cl.LocalMemory(16 * group),

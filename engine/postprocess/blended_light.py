@@ -8,7 +8,7 @@ import numpy as np
 
 from ..gather.device_l1 import L1
 from ..patches.sides import Sides
-from .output_maps import IrradianceParts
+from ..solve.solution import IrradianceParts
 
 
 class BlendedLight:

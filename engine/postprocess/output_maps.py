@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Protocol
 
 import numpy as np
 
@@ -13,37 +12,9 @@ from ..gather.device_l1 import L1
 from ..patches.geometry import PatchGeometry
 from ..scene.model import Scene
 from ..settings import Settings
-from ..solve.solution import Solution
+from ..solve.solution import IrradianceParts, Solution
 from .directional_maps import maps_of_directions
 from .output_names import light_group_maps, output_names
-
-
-class IrradianceParts(Protocol):
-    """Irradiance of points: E/pi of all light and of its parts, (n, 3) float32."""
-
-    @property
-    def irradiance(self) -> np.ndarray:
-        """All light."""
-        ...
-
-    @property
-    def light(self) -> Values:
-        """All light, on the device if it is there."""
-        ...
-
-    @property
-    def direct(self) -> np.ndarray:
-        """Direct light: emitted by lights, sky and surfaces, not reflected."""
-        ...
-
-    @property
-    def indirect(self) -> np.ndarray:
-        """Indirect light: reflected at least once."""
-        ...
-
-    def gather_l1(self) -> Generator[float, None, L1]:
-        """L1 of all light except light sampled by shadow rays, (n, 3, 3); see `DeviceGather.gather_l1`."""
-        ...
 
 
 class Outputs:

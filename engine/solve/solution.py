@@ -1,4 +1,4 @@
-"""Protocol of the solution of a bake: by patches, by patch groups, or black."""
+"""Protocols of the light of points, and of the solution of a bake: by patches, by patch groups, or black."""
 
 from __future__ import annotations
 
@@ -12,15 +12,39 @@ from ..device.device_array import Values
 from ..gather.device_l1 import L1
 
 
-class Solution(Protocol):
+class IrradianceParts(Protocol):
+    """Irradiance of points: E/pi of all light so far and of its parts, (n, 3) float32."""
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """All light."""
+        ...
+
+    @property
+    def light(self) -> Values:
+        """The array `irradiance`, on the device if it is there; must not be changed."""
+        ...
+
+    @property
+    def direct(self) -> np.ndarray:
+        """Direct light: emitted by lights, sky and surfaces, not reflected."""
+        ...
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """Indirect light: reflected at least once."""
+        ...
+
+    def gather_l1(self) -> Generator[float, None, L1]:
+        """L1 of all light except light sampled by shadow rays, (n, 3, 3); see `DeviceGather.gather_l1`."""
+        ...
+
+
+class Solution(IrradianceParts, Protocol):
     """Solution of a bake: `Solver`, `GroupedSolution` or `BlackSolution`."""
 
     def iteration(self) -> Generator[float, None, None]:
         """Run one iteration; yield progress 0..1."""
-
-    def gather_l1(self) -> Generator[float, None, L1]:
-        """Return the irradiance gradients (L1) of the last iteration, (n, 3, 3) float32."""
-        ...
 
     def energy(self, emission: np.ndarray) -> FluxBalance | None:
         """Return the flux balance of a bake, W; None if it is unknown.
@@ -51,26 +75,6 @@ class Solution(Protocol):
     @property
     def front(self) -> np.ndarray:
         """Fraction of each patch's hemisphere without back faces, (n,) float32."""
-        ...
-
-    @property
-    def irradiance(self) -> np.ndarray:
-        """E/pi of all light so far, (n, 3) float32."""
-        ...
-
-    @property
-    def light(self) -> Values:
-        """The array `irradiance`, on the device if it is there; must not be changed."""
-        ...
-
-    @property
-    def direct(self) -> np.ndarray:
-        """E/pi of light that was not reflected, (n, 3) float32."""
-        ...
-
-    @property
-    def indirect(self) -> np.ndarray:
-        """E/pi of reflected light, (n, 3) float32."""
         ...
 
     @property

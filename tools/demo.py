@@ -59,7 +59,7 @@ def lightmap_picture(image: str, folder: Path) -> Path:
     """Write a picture of a lightmap."""
     import bpy
 
-    pictures = load("operators.command_line.pictures")
+    pictures = load("operators.result.pictures")
 
     path = folder / f"{image}.png"
     pictures.write_png(pictures.exposed(pictures.read_pixels(bpy.data.images[image])), path)

@@ -143,7 +143,7 @@ def _error(lightmap, truth: np.ndarray) -> float:
 def _write_picture(path: Path) -> None:
     """Write views of the Cornell box beside each other."""
     views = [_view(changed) for changed in ({"denoise": False}, {"denoise": True}, None)]
-    load("operators.command_line.pictures").write_png(np.concatenate(views, axis=1), path.resolve())
+    load("operators.result.pictures").write_png(np.concatenate(views, axis=1), path.resolve())
 
 
 def _view(changed: dict | None) -> np.ndarray:

@@ -82,7 +82,7 @@ def _line(name: str, title: str, options: argparse.Namespace) -> str:
         for lightmap in (fitted, plain):
             show_lightmaps(lightmap.atlases, lightmap.display, _ALBEDO)
             pictures.insert(0, render(_SIZE, 16, _EXPOSURE))
-        load("operators.command_line.pictures").write_png(
+        load("operators.result.pictures").write_png(
             np.concatenate(pictures, axis=1), options.out / f"seams_{name}.png"
         )
     steps = [border.steps(lightmap.display) for lightmap in (plain, fitted)]

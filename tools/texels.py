@@ -51,7 +51,7 @@ def main() -> None:
         for name in options.only or texel_scenes.SCENES:
             views = [_view(texel_scenes.SCENES[name], changed) for changed in (_CENTRES, _SEVERAL, {})]
             path = options.out / f"texels_{name}.png"
-            load("operators.command_line.pictures").write_png(np.concatenate(views, axis=1), path)
+            load("operators.result.pictures").write_png(np.concatenate(views, axis=1), path)
             print(path, flush=True)
 
 

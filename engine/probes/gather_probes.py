@@ -69,7 +69,7 @@ def _radiance(what: TexelGatherJob, solution: Solution, front: np.ndarray, near:
     if what.choice.method != "none":
         InvalidTexelFill(what, invalid_patches(what, front, near)).replace(radiance, solution.light)
     mean = mean_luminance(job.opencl, radiance, job.count)
-    return ProbeRadiance(radiance, job.surroundings, job.fronts + 1, max(DARK_BACK * mean, _BLACK))
+    return ProbeRadiance(radiance, job.background, job.fronts + 1, max(DARK_BACK * mean, _BLACK))
 
 
 class _ProbeGather:

@@ -97,7 +97,7 @@ def bake(options: argparse.Namespace, signals: Signals) -> dict:
     import bpy
 
     from ..file_format import ENCODED
-    from .pictures import write_pictures
+    from ..result.pictures import write_pictures
 
     # On failure the operator raises RuntimeError with its message.
     signals.check()

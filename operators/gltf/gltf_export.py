@@ -16,7 +16,6 @@ import numpy as np
 from ...engine.errors import EngineError
 from ...engine.object_message import object_message
 from ...engine.outputs import LIGHT_GROUP, PROJECTED_MAPS
-from ..command_line.pictures import read_pixels
 from ..compat import gltf_binary_data
 from ..file_format import PLAIN
 from ..result.contents import decoding, named
@@ -29,6 +28,7 @@ from ..result.light_states import baked_groups, manifest_states
 from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, VERSION, is_ours, read_manifest, write_manifest
 from ..result.moved_charts import warn_changed_uvs
+from ..result.pictures import read_pixels
 from ..result.preview import hide_preview, previewed, show_preview
 from ..result.shadow_mask_images import sun_mask
 from ..rollback import Rollback

@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 
 from ...engine.errors import EngineError
-from ..command_line.pictures import read_pixels
 from ..file_format import chosen_format
 from ..rollback import Rollback
 from ..working_space import to_rec709
@@ -19,6 +18,7 @@ from .light_mixer import group_images
 from .light_states import factors, manifest_states, mixed_light
 from .lightmap_files import lightmap_files
 from .manifest import read_manifest
+from .pictures import read_pixels
 
 #: Prefix of the output of a state's lightmaps.
 STATE = "state "

@@ -268,7 +268,7 @@ def test_every_key_of_manifests_is_documented(settings, tmp_path):
         bake()
         found |= keys(manifest(tmp_path))
     folder = tmp_path / "lightmaps"
-    part("operators.command_line.pictures").write_pictures([bpy.data.images["Lightmap instances"]], folder)
+    part("operators.result.pictures").write_pictures([bpy.data.images["Lightmap instances"]], folder)
     assert bpy.ops.hemibake.export_for_engine(filepath=str(folder / "room.glb")) == {"FINISHED"}
     found |= keys(manifest(tmp_path))
     # Of linked objects: test_destination.py. Of light groups, states and probes: test_manifest.py.

@@ -116,7 +116,7 @@ def row(name: str, picture: np.ndarray, wanted: np.ndarray) -> str:
 
 def write_picture(path: Path, wanted: np.ndarray, shown: np.ndarray) -> None:
     """Write preview, render and their difference side by side, as sRGB."""
-    pictures = load("operators.command_line.pictures")
+    pictures = load("operators.result.pictures")
     gap = np.ones((_WIDTH, _GAP, 3), np.float32)
     difference = np.clip(_FACTOR * np.abs(shown - wanted), 0, 1)
     both = pictures.exposed(np.concatenate([wanted, shown]))

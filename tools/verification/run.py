@@ -94,5 +94,5 @@ def read_for_bake(context):
 def write_difference(difference: np.ndarray, path: Path) -> None:
     """Write a picture: grey is equal, white and black are +-20 % of the mean."""
     atlases = np.concatenate(list(difference), axis=1)
-    pictures = load("operators.command_line.pictures")
+    pictures = load("operators.result.pictures")
     pictures.write_png(np.clip(0.5 + 2.5 * atlases, 0, 1), path)

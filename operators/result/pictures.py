@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 
 from ...engine.scene.color import linear_to_srgb
-from ..result.destination import blend_from
-from ..result.files import replace_all, staging_folder
-from ..result.manifest import NAME, is_ours, read_manifest, write_manifest
+from .destination import blend_from
+from .files import replace_all, staging_folder
+from .manifest import NAME, is_ours, read_manifest, write_manifest
 
 
 def write_pictures(images: Sequence[bpy.types.Image], folder: Path) -> list[str]:

@@ -24,15 +24,19 @@ class Live:
     lightmap:  finished bake of the scene; None while work is left
     """
 
-    def __init__(self, bake: Bake, scene: Scene, settings: Settings) -> None:
+    def __init__(
+        self, bake: Bake, refresh_backs: Callable[[], bool], scene: Scene, settings: Settings
+    ) -> None:
         """Check the scene and adapt the settings; `bake` performs each bake.
+
+        refresh_backs: chooses the visible back faces again, and returns True if the last bake had others
 
         Adaptive interpolation is off, since the light determines which patches it interpolates. The scheduler
         is off, since its workers keep no data between bakes. Raises SettingsError or SceneError.
         """
         check_settings(settings)
         check_scene(scene)
-        self._bake, self.scene = bake, scene
+        self._bake, self._refresh_backs, self.scene = bake, refresh_backs, scene
         self._settings = replace(settings, warm_start=True, intermediates=True, adaptive=False, scheduler="")
         self.lightmap: BakeResult | None = None
         self._changed = False
@@ -52,12 +56,15 @@ class Live:
 
         After a change of direct light, the first image combines new direct light from few rays with the
         previous indirect light. Later images follow iterations, limited to the display rate. Changes take
-        effect after the next image, so that images appear however fast changes follow.
+        effect after the next image, so that images appear however fast changes follow. Back faces that moves
+        bring into view get patches at the end, so that patches stay while meshes move.
         """
         while self.lightmap is None:
             self._changed = False
             with closing(self._bake(self.scene, self._settings)) as work:
                 yield from self._follow(work)
+            if self.lightmap is not None and self._refresh_backs():
+                self.lightmap = None
         return self.lightmap
 
     def _follow(self, work: Generator[Progress, None, BakeResult]) -> Generator[Progress, None, None]:

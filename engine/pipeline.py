@@ -21,7 +21,6 @@ from .device.devices import Devices
 from .direct.contact import Contacts
 from .direct.emitters import SampledTriangles
 from .direct.lighting import DirectLighting
-from .patches.backs import with_places
 from .patches.patch_scene import PatchScene
 from .patches.sides import both_sides
 from .plan.choose_solver import choose_solver
@@ -99,7 +98,7 @@ def _bake(
     """Run the stages of the bake."""
     graphics, compute = devices.graphics, devices.compute
     settings, notes = without_opencl(devices, scene, settings)
-    atlases, scene = scene.atlases, with_places(scene, settings.resolution, kept.surfaces)
+    atlases, scene = scene.atlases, kept.with_places(graphics, compute, scene, settings)
     check_limits(graphics, compute, scene, settings)
 
     # Other processes build their ray tracing structures meanwhile.

@@ -90,7 +90,15 @@ class Session:
 
         Raises SettingsError or SceneError.
         """
-        return Live(partial(self._bake_checked, paces=paces), scene, settings)
+        return Live(partial(self._bake_checked, paces=paces), self._refresh_backs, scene, settings)
+
+    def _refresh_backs(self) -> bool:
+        """Choose the visible back faces again after objects have moved; return True if the choice changes."""
+        if self._kept is None or self._devices is None:
+            return False
+        with self._devices.failures_told():
+            self._devices.graphics.use()
+            return self._kept.refresh_backs(self._devices.graphics, self._devices.compute)
 
     @property
     def device(self) -> DeviceKey | None:

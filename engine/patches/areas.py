@@ -6,6 +6,7 @@ import numpy as np
 
 from ..array_ops import run_starts
 from ..scene.triangles import Triangles
+from .back_areas import back_areas
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 from .texel_components import connected_texels
@@ -19,7 +20,7 @@ def surface_areas(triangles: Triangles, patches: PatchList, geometry: PatchGeome
 
     That is the area of its texel, times what makes all patches of a chart together as large as their
     triangles: borders of charts cut texels. Triangles without a patch are shared out among all patches of
-    their mesh and material.
+    their mesh and material. Back faces have exact areas, see `back_areas`.
     """
     kinds = int(triangles.material.max(initial=0)) + 1
     surface = triangles.mesh.astype(np.int64) * kinds + triangles.material
@@ -37,7 +38,11 @@ def surface_areas(triangles: Triangles, patches: PatchList, geometry: PatchGeome
     more = np.divide(*left_out, out=np.ones_like(left_out[0]), where=left_out[1] > 0)
     areas = np.zeros(len(surface), np.float32)
     areas[listed] = np.minimum((texel * more[surface])[listed] * scale, np.finfo(np.float32).max)
-    return areas[geometry.triangle]
+    area: np.ndarray = areas[geometry.triangle]
+    if triangles.backs is not None:
+        chosen, exact = back_areas(triangles, triangles.backs, patches, geometry)
+        area[chosen] = exact
+    return area
 
 
 def _parts_of_charts(

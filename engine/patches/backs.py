@@ -1,11 +1,12 @@
 """Back faces of open surfaces as triangles with patches of their own: they reflect and emit like fronts.
 
-Backs of opaque surfaces lie in atlases of the engine's own at the density of occluders. Backs of translucent
-surfaces mirror the atlas of their fronts texel by texel, so that each patch has a partner on the other side.
+Backs of opaque surfaces lie in atlases of the engine's own. Backs of translucent surfaces mirror the atlas of
+their fronts texel by texel, so that each patch has a partner on the other side.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,33 +14,41 @@ import numpy as np
 from ..scene.model import NO_LIGHTMAP, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
-from .unmapped_meshes import place_meshes, place_unmapped, texel_size
+from .unmapped_meshes import BACKS, place_meshes, place_unmapped, texel_size
+
+#: Returns which of some triangles of a scene, (t,) bool, have a visible back, (t,) bool.
+FindVisible = Callable[[Scene, np.ndarray], np.ndarray]
 
 #: Order of a triangle's corners seen from its back.
 _FLIPPED = [0, 2, 1]
 
 
-def with_places(scene: Scene, resolution: int, surfaces: OpenSurfaces | None = None) -> Scene:
+def with_places(
+    scene: Scene,
+    resolution: int,
+    surfaces: OpenSurfaces | None = None,
+    find_visible: FindVisible | None = None,
+) -> Scene:
     """Return the scene with lightmap UVs for what has none: occluders, and back faces of open surfaces.
 
-    surfaces: of the scene before, if there was one
+    surfaces:     of the scene before, if there was one
+    find_visible: chooses the backs that something sees; None to take all
     """
     texel, surfaces = texel_size(scene, resolution), surfaces or OpenSurfaces()
     placed = place_unmapped(scene, resolution)
-    return place_backs(placed, surfaces.of(placed.meshes), resolution, texel)
+    is_chosen = _is_opaque(placed) & surfaces.of(placed.meshes)
+    if find_visible is not None:
+        is_chosen = find_visible(placed, is_chosen)
+    return place_backs(placed, is_chosen, resolution, texel)
 
 
-def place_backs(scene: Scene, is_open: np.ndarray, resolution: int, texel: float) -> Scene:
-    """Return the scene with a mesh for the back faces of each mesh that is open, or parts of which are.
+def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: float) -> Scene:
+    """Return the scene with a mesh for the chosen and the translucent back faces of each mesh that has any.
 
-    scene: its occluders have places already; is_open: (t,) bool, triangles of open surfaces
+    scene: its occluders have places already; is_chosen: (t,) bool, opaque triangles of open surfaces
     texel: mean world size of a lightmap texel, m
     """
-    meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
-    if not meshes:
-        return scene
     translucent = np.array([material.translucent for material in scene.materials], bool)
-    opaque = ~translucent & ~np.array([_has_clear_back(material) for material in scene.materials], bool)
     materials, numbers = _materials_of_backs(scene.materials)
     mirrors: dict[int, int] = {}
     names = list(scene.atlases)
@@ -47,7 +56,7 @@ def place_backs(scene: Scene, is_open: np.ndarray, resolution: int, texel: float
     first = 0
     for mesh in scene.meshes:
         last = first + len(mesh.positions)
-        coarse, mirrored = opaque[mesh.material] & is_open[first:last], translucent[mesh.material]
+        coarse, mirrored = is_chosen[first:last], translucent[mesh.material]
         index = np.arange(first, last, dtype=np.int32)
         if coarse.any():
             backs.append(replace(_flipped(mesh.part(coarse), index[coarse], numbers), atlas=NO_LIGHTMAP))
@@ -61,7 +70,14 @@ def place_backs(scene: Scene, is_open: np.ndarray, resolution: int, texel: float
     if not backs:
         return scene
     placed = replace(scene, meshes=(*scene.meshes, *backs), materials=materials, atlases=tuple(names))
-    return place_meshes(placed, resolution, "(backs)", texel)
+    return place_meshes(placed, resolution, "(backs)", texel, BACKS)
+
+
+def _is_opaque(scene: Scene) -> np.ndarray:
+    """Return which triangles let no light through diffusely, nor all light straight, (t,) bool."""
+    opaque = [not (material.translucent or _has_clear_back(material)) for material in scene.materials]
+    materials = [mesh.material for mesh in scene.meshes]
+    return np.array(opaque, bool)[np.concatenate([np.zeros(0, np.int32), *materials])]
 
 
 def _has_clear_back(material: Material) -> bool:

@@ -6,6 +6,7 @@ block of texels; smaller ones of like position, direction and material have a si
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from ..scene.model import NO_LIGHTMAP, Mesh, Scene
 
 #: World size of a texel of an occluder, in texels of the lightmaps.
-_COARSENESS = 4.0
+COARSENESS = 4.0
 
 #: Growth of that size while the places do not fit into the atlases.
 _STEP = 1.25
@@ -21,9 +22,33 @@ _STEP = 1.25
 #: Texels of the atlases for each cluster that remains however large a texel is: the rest is left to detail.
 _LEAST_TEXELS = 2
 
-#: Corners of a triangle in its block of k texels: first, and k minus second. They cover the centres of
-#: all texels below the diagonal and touch no texel of another block.
-_LOW, _HIGH = 0.1, 0.05
+#: The block of a back face is as wide as this fraction of its longest edge, or as the root of its area: light
+#: that backs reflect needs less detail (chosen).
+_OF_LONGEST = 1 / 8
+
+#: Back faces have finer texels while these are at most this fraction of the lightmaps' texels: light varies
+#: much in the gap between a lamp and a ceiling (chosen: they cost little).
+_FINE_BACKS = 0.02
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Layout of the blocks of triangles.
+
+    low, high: corners of a triangle in its block of k texels: `low`, and k minus `high`. They cover the
+               centres of all texels below the diagonal and touch no texel of another block
+    is_back:   True for back faces: blocks have as many texels as triangles have area, and finer ones where
+               these are few. False for blocks as wide as the longest edge
+    """
+
+    low: float
+    high: float
+    is_back: bool
+
+
+#: Rays do not start at points of a texel that lie outside of its triangle: blocks of backs have few of them.
+#: A centre nearer to the diagonal than 0.02 texels would be moved, see `edge_patch_points`.
+OCCLUDERS, BACKS = Blocks(0.1, 0.05, False), Blocks(0.05, 0.015, True)
 
 
 @dataclass(frozen=True)
@@ -47,19 +72,25 @@ def place_unmapped(scene: Scene, resolution: int) -> Scene:
 
     An occluder that lies in several of these becomes a mesh in each.
     """
-    return place_meshes(scene, resolution, "(occluders)", texel_size(scene, resolution))
+    return place_meshes(scene, resolution, "(occluders)", texel_size(scene, resolution), OCCLUDERS)
 
 
-def place_meshes(scene: Scene, resolution: int, name: str, texel: float) -> Scene:
+def place_meshes(scene: Scene, resolution: int, name: str, texel: float, blocks: Blocks) -> Scene:
     """Return the scene with lightmap UVs for its meshes of atlas NO_LIGHTMAP in further atlases of a name.
 
     texel: mean world size of a lightmap texel, m; 0 if nothing has a lightmap
+    blocks: of the triangles
     """
     meshes = [mesh for mesh in scene.meshes if mesh.atlas == NO_LIGHTMAP and len(mesh.positions)]
     if not meshes:
         return scene
     side = 1 << (resolution.bit_length() - 1)
-    atlas, texels = _pack(_fitting_places(meshes, resolution, side * side, texel), side)
+    coarsest = COARSENESS * texel
+    coarsest = coarsest if coarsest > 0 else _largest_extent(meshes) / resolution + 1e-12
+    widths, size = _widths(meshes, blocks), coarsest
+    if blocks.is_back:
+        size = _fine_size(widths, coarsest, _FINE_BACKS * _chart_texels(scene, resolution))
+    atlas, texels = _pack(_fitting_places(meshes, widths, side * side, size), side, blocks)
     atlas += len(scene.atlases)
     ends = np.cumsum([len(mesh.positions) for mesh in meshes])[:-1]
     parts = zip(np.split(atlas, ends), np.split(texels / np.float32(resolution), ends), strict=True)
@@ -79,29 +110,52 @@ def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
     return [replace(mesh.part(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
 
 
-def _fitting_places(meshes: list[Mesh], resolution: int, capacity: int, texel: float) -> _Places:
-    """Return places for all triangles of occluders, coarser and coarser until they fit.
+def _largest_extent(meshes: list[Mesh]) -> float:
+    """Return the largest extent of meshes along an axis, m."""
+    corners = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64).reshape(-1, 3)
+    return float(np.ptp(corners, axis=0).max())
+
+
+def _widths(meshes: list[Mesh], blocks: Blocks) -> np.ndarray:
+    """Return the width that the block of each triangle has at least, (t,) float64, m.
+
+    A block that is as wide as the root of its triangle's area has as many texels as the triangle has area.
+    """
+    positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
+    longest: np.ndarray = np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
+    if not blocks.is_back:
+        return longest
+    widths: np.ndarray = np.maximum(np.sqrt(_areas(positions) / 2), _OF_LONGEST * longest)
+    return widths
+
+
+def _fine_size(widths: np.ndarray, coarsest: float, texels: float) -> float:
+    """Return the least size of a block's texel, from a lightmap's on, at which blocks hold so many, m."""
+    for size in coarsest / COARSENESS * np.sqrt(COARSENESS) ** np.arange(0, 2, 0.5):
+        levels = _levels(widths, size)
+        if (4.0 ** levels[levels > 0]).sum() / 2 <= texels:
+            return float(size)
+    return coarsest
+
+
+def _levels(widths: np.ndarray, size: float) -> np.ndarray:
+    """Return the levels of blocks, (t,) int64, whose texels are `size` metres wide; see `_Places`."""
+    return np.minimum(np.ceil(np.log2(np.maximum(widths / size, 1.0))).astype(np.int64), 13)
+
+
+def _fitting_places(meshes: list[Mesh], widths: np.ndarray, capacity: int, size: float) -> _Places:
+    """Return places for all triangles, coarser and coarser from texels of `size` metres on until they fit.
 
     They fit into as few atlases, of `capacity` texels each, as hold _LEAST_TEXELS for every cluster that
     remains however coarse they are.
     """
     positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
-    kinds = np.stack(
-        [
-            np.repeat(np.arange(len(meshes)), [len(mesh.positions) for mesh in meshes]),
-            np.concatenate([mesh.material for mesh in meshes]),
-            _dominant_axis(positions),
-        ],
-        axis=1,
-    )
+    kinds = _kinds(meshes, positions)
     least = _LEAST_TEXELS * (int(_unique_rows(kinds).max()) + 1)
     texels = -(-least // capacity) * capacity
-    size = _COARSENESS * texel
-    size = size if size > 0 else float(np.ptp(positions.reshape(-1, 3), axis=0).max()) / resolution + 1e-12
-    longest = np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
     area = _areas(positions)
     while True:
-        places = _places_at(positions.mean(axis=1), longest, area, kinds, size)
+        places = _places_at(positions.mean(axis=1), widths, area, kinds, size)
         if places.texels <= texels and 4 ** int(places.level.max()) <= capacity:
             return places
         size *= _STEP
@@ -109,14 +163,27 @@ def _fitting_places(meshes: list[Mesh], resolution: int, capacity: int, texel: f
 
 def texel_size(scene: Scene, resolution: int) -> float:
     """Return the mean world size of a lightmap texel, m; 0 if nothing has a lightmap."""
-    world = charts = 0.0
+    world, charts = 0.0, _doubled_charts(scene)
     for mesh in scene.meshes:
         if mesh.atlas != NO_LIGHTMAP:
             first, second = np.moveaxis(mesh.positions[:, 1:] - mesh.positions[:, :1], 1, 0)
             world += float(np.linalg.norm(np.cross(first, second), axis=1).sum(dtype=np.float64))
+    return float(np.sqrt(world / charts)) / resolution if charts > 0 else 0.0
+
+
+def _chart_texels(scene: Scene, resolution: int) -> float:
+    """Return the texels of all charts."""
+    return _doubled_charts(scene) * resolution**2 / 2
+
+
+def _doubled_charts(scene: Scene) -> float:
+    """Return twice the area of all charts, of a lightmap's."""
+    charts = 0.0
+    for mesh in scene.meshes:
+        if mesh.atlas != NO_LIGHTMAP:
             u, v = np.moveaxis(mesh.uvs[:, 1:] - mesh.uvs[:, :1], 1, 0)
             charts += float(np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum(dtype=np.float64))
-    return float(np.sqrt(world / charts)) / resolution if charts > 0 else 0.0
+    return charts
 
 
 def _areas(positions: np.ndarray) -> np.ndarray:
@@ -134,16 +201,47 @@ def _dominant_axis(positions: np.ndarray) -> np.ndarray:
     return facing
 
 
+def clusters(meshes: Sequence[Mesh], size: float) -> np.ndarray:
+    """Return the number of the cluster of each triangle, (t,) int, of all meshes one after another.
+
+    Triangles of one mesh and material that look the same way, in one cell of a grid, are a cluster.
+
+    size: of a cell, m
+    """
+    positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
+    centers = positions.mean(axis=1)
+    return _unique_rows(np.column_stack([_kinds(meshes, positions), _cells(centers, size)]))
+
+
+def _kinds(meshes: Sequence[Mesh], positions: np.ndarray) -> np.ndarray:
+    """Return mesh, material and direction of triangles, (t, 3) int."""
+    return np.stack(
+        [
+            np.repeat(np.arange(len(meshes)), [len(mesh.positions) for mesh in meshes]),
+            np.concatenate([mesh.material for mesh in meshes]),
+            _dominant_axis(positions),
+        ],
+        axis=1,
+    )
+
+
+def _cells(centers: np.ndarray, size: float) -> np.ndarray:
+    """Return the cell of a grid that each point, (t, 3) float64, lies in, (t, 3) int64."""
+    cells: np.ndarray = np.floor((centers - centers.min(axis=0)) / size).astype(np.int64)
+    return cells
+
+
 def _places_at(
-    centers: np.ndarray, longest: np.ndarray, area: np.ndarray, kinds: np.ndarray, size: float
+    centers: np.ndarray, width: np.ndarray, area: np.ndarray, kinds: np.ndarray, size: float
 ) -> _Places:
-    """Return the places of triangles if a texel is `size` metres wide."""
-    level = np.ceil(np.log2(np.maximum(longest / size, 1.0))).astype(np.int64)
-    level = np.minimum(level, 13)
+    """Return the places of triangles if a texel is `size` metres wide.
+
+    width: of their blocks, (t,), m; area: (t,), in any unit
+    """
+    level = _levels(width, size)
 
     # Small triangles are one cluster where kind and cell of a grid are the same.
-    cells = np.floor((centers - centers.min(axis=0)) / size).astype(np.int64)
-    keys = np.column_stack([np.where(level > 0, np.arange(len(level)) + 1, 0), kinds, cells])
+    keys = np.column_stack([np.where(level > 0, np.arange(len(level)) + 1, 0), kinds, _cells(centers, size)])
     keys[level > 0, 1:] = 0
     block = _unique_rows(keys)
 
@@ -167,7 +265,7 @@ def _unique_rows(keys: np.ndarray) -> np.ndarray:
     return number
 
 
-def _pack(places: _Places, side: int) -> tuple[np.ndarray, np.ndarray]:
+def _pack(places: _Places, side: int, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
     """Return each triangle's atlas, (t,) int64 from 0 on, and its corners' texels there, (t, 3, 2) float32.
 
     Blocks whose sides are powers of two, the largest first along a Z-order curve, leave no gaps
@@ -182,8 +280,8 @@ def _pack(places: _Places, side: int) -> tuple[np.ndarray, np.ndarray]:
     origin = np.stack([_even_bits(code), _even_bits(code >> 1)], axis=1).astype(np.float32)
 
     # Chosen triangles span their block; the others of a cluster meet in the centre of its texel.
-    high = (2.0**places.level - _HIGH).astype(np.float32)
-    corners = np.full((len(code), 3, 2), _LOW, np.float32)
+    high = (2.0**places.level - blocks.high).astype(np.float32)
+    corners = np.full((len(code), 3, 2), blocks.low, np.float32)
     corners[:, 1, 0] = corners[:, 2, 1] = high
     corners[~places.chosen] = 0.5
     return atlas, origin[:, None] + corners

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..direct.direct_light_cache import DirectLightCache
 from ..direct.emitter_cache import MAX_SKY_BYTES, EmitterCache
 from ..gather.background_light import BackgroundLight
 from ..gather.visibility_cache import VisibilityCache
+from ..patches.backs import with_places
 from ..patches.patch_materials import KnownSurfaces, patch_surfaces
 from ..patches.patch_scene import PatchScene, make_patch_scene
 from ..postprocess.texel_cache import TexelCache
@@ -23,9 +25,12 @@ from ..scene.open_surfaces import OpenSurfaces
 from ..setting_types import VISIBILITY
 from ..settings import Settings, descriptions
 from ..validity.invalid import patches_inside
-from ..visibility.rays.ray_scene import RayScene
+from ..visibility.rays.bvh import Bvh
+from ..visibility.rays.ray_scene import RayScene, make_tracer
+from ..visibility.rays.shaders.host_bvh import HostBvh
 from ..visibility.rays.shaders.shader_scene import ShaderScene
 from ..visibility.rays.upper_levels import UpperLevels
+from ..visibility.rays.visible_backs import VisibleBacks
 from ..visibility.sampler import directional_options
 from .previous_solution import PreviousSolution
 from .substitute_patches import PatchPairs, find_substitutes
@@ -50,6 +55,7 @@ class SessionCache:
     key:             digest of the scene and settings for which the cache is valid
     surfaces:        open surfaces of the last scene
     probes:          visibility of probes, by volume and samples; see `probes.gather_probes`
+    visible:         back faces of the last scene that something sees
     checkpoints:     files of interrupted bakes and of the current one
     """
 
@@ -64,7 +70,7 @@ class SessionCache:
     _surfaces_of: Scene | None
 
     def __init__(self) -> None:
-        self.key, self.surfaces = None, OpenSurfaces()
+        self.key, self.surfaces, self.visible = None, OpenSurfaces(), VisibleBacks()
         self.checkpoints = Checkpoints()
         self.emitters, self.texels = EmitterCache(), TexelCache()
         self.background = Memo[BackgroundLight](MAX_SKY_BYTES)
@@ -82,6 +88,23 @@ class SessionCache:
             self.emitters, self.texels, self.background, self._inside, self._substitutes, self.probes,
         ):  # fmt: skip
             data.clear()
+
+    def with_places(
+        self, graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, settings: Settings
+    ) -> Scene:
+        """Return the scene with lightmap UVs for what has none; see `patches.backs.with_places`.
+
+        A warm start keeps the choice of visible backs while objects move; see `refresh_backs`.
+        """
+        find_visible = partial(
+            self.visible.of, partial(make_tracer, graphics, compute), resolution=settings.resolution,
+            is_moving=settings.warm_start,
+        )  # fmt: skip
+        return with_places(scene, settings.resolution, self.surfaces, find_visible)
+
+    def refresh_backs(self, graphics: GraphicsContext, compute: ComputeDevice | None) -> bool:
+        """Choose the visible backs again after objects have moved; return True if the choice changes."""
+        return self.visible.refresh(partial(make_tracer, graphics, compute))
 
     def make_patch_scene(
         self, graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, settings: Settings
@@ -120,8 +143,9 @@ class SessionCache:
     ) -> RayScene:
         """Return the ray tracer with the patches as origins; of compute shaders if there is no OpenCL."""
         if self._rays is None:
-            shaders = ShaderScene(graphics, patch_scene) if compute is None else None
-            self._rays = RayScene(compute, patch_scene, self._top, shaders)
+            known = partial(self.visible.bvh_of, patch_scene.triangles)
+            shaders = ShaderScene(graphics, patch_scene, known(HostBvh)) if compute is None else None
+            self._rays = RayScene(compute, patch_scene, self._top, shaders, known(Bvh))
         return self._rays
 
     def find_substitutes(self, patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:

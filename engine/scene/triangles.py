@@ -85,13 +85,14 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
     """Concatenate the meshes of a scene, and move the median corner to the origin.
 
     float32 is most precise near the origin. The centre of the bounding box would lose precision for most of
-    the scene if a few triangles are far away.
+    the scene if a few triangles are far away. Back faces, which come last, do not count.
 
     before:  triangles before objects moved; if their origin still suits, unmoved triangles keep their bits
              and ray offsets
     """
     positions = np.concatenate([mesh.positions for mesh in scene.meshes]).astype(np.float32, copy=False)
-    origin, span = _median(positions), None
+    solid = sum(len(mesh.positions) for mesh in scene.meshes if mesh.front is None)
+    origin, span = _median(positions[:solid]), None
     if before is not None and before.suits(scene):
         origin, span = before.origin.astype(np.float32), before.diagonal
     positions -= origin

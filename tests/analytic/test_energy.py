@@ -38,22 +38,22 @@ def lit_room():
     return scene_of(meshes, [lamp((1.3, 1.0, 0.8), 1.7)], reflectance=0.6)
 
 
-#: Closed scenes, the width of their lightmaps, how often their emission is seen, and the tolerance: a light
-#: that hangs in a room shines to both sides, and the patches of back faces are coarse.
+#: Closed scenes, the width of their lightmaps, and how often their emission is seen: a light that hangs in a
+#: room shines to both sides.
 CLOSED = {
-    "furnace": (lambda: scenes.furnace(0.8, 0.7), 32, 1, 1e-3),
-    "sphere": (scenes.sphere, 64, 1, 1e-3),
-    "nine quads": (scenes.nine_quad_room, 128, 2, 8e-3),
+    "furnace": (lambda: scenes.furnace(0.8, 0.7), 32, 1),
+    "sphere": (scenes.sphere, 64, 1),
+    "nine quads": (scenes.nine_quad_room, 128, 2),
 }
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_closed_scenes_absorb_all_that_is_emitted(name):
-    make, resolution, sides, tolerance = CLOSED[name]
+    make, resolution, sides = CLOSED[name]
     scene = make()
     known, found = sides * flux(scene), energy(scene, resolution=resolution)
     assert found.emitted == pytest.approx(known, rel=1e-3)
-    assert found.absorbed + found.escaped + found.not_bounced == pytest.approx(found.emitted, rel=tolerance)
+    assert found.absorbed + found.escaped + found.not_bounced == pytest.approx(found.emitted, rel=1e-3)
     assert abs(found.escaped) < 1e-3 * known and abs(found.not_bounced) < 1e-3 * known
 
 
@@ -66,18 +66,17 @@ def test_lamp_of_a_closed_room_is_absorbed():
 @pytest.mark.parametrize(
     ("way", "tolerance"),
     [
-        ({"method": "stream"}, 8e-3),
-        long({"visibility": "raster"}, 2.5e-2),
-        long({"patch_groups": 2}, 1.5e-2),
-        long({"accelerate": False}, 8e-3),
-        long({"sample_emission": False}, 8e-3),
+        ({"method": "stream"}, 1e-3),
+        long({"visibility": "raster"}, 5e-3),
+        long({"patch_groups": 2}, 1e-2),
+        long({"accelerate": False}, 1e-3),
+        long({"sample_emission": False}, 1e-3),
     ],
 )
 def test_balance_holds_however_light_is_gathered(way, tolerance):
     """Boxes stand on a floor of 18 texels, a lamp hangs a texel below the ceiling.
 
     Rays start all over texels. Hemicubes see from their centres: of what shines there most is seen too well.
-    The lamp's back has coarse patches.
     """
     found = energy(cornell_box(61), resolution=61, **{"visibility": "rays", **way})
     assert found.emitted == pytest.approx(2 * flux(cornell_box(61)), rel=4e-3)
@@ -85,10 +84,9 @@ def test_balance_holds_however_light_is_gathered(way, tolerance):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("width", "tolerance"), [(31, 4e-2), (127, 8e-3)])
-def test_hardly_any_light_is_missing_at_any_size_of_texels(width, tolerance):
-    """At 31 texels the back of the lamp has patches of 0.26 m, a tenth of a metre below the ceiling."""
-    assert abs(energy(cornell_box(width), resolution=width).missing) < tolerance
+@pytest.mark.parametrize("width", [31, 127])
+def test_hardly_any_light_is_missing_at_any_size_of_texels(width):
+    assert abs(energy(cornell_box(width), resolution=width).missing) < 5e-4
 
 
 @pytest.mark.long
@@ -96,7 +94,7 @@ def test_hardly_any_light_is_missing_at_any_size_of_texels(width, tolerance):
 def test_squares_of_adaptive_bakes_lose_little(width):
     """They see from their leaders; on a processor alone."""
     found = energy(cornell_box(width), resolution=width, samples=256, adaptive=True, tolerance=5e-3)
-    assert abs(found.missing) < 1.2e-2
+    assert abs(found.missing) < 4e-3
 
 
 def test_light_that_is_not_gathered_yet_is_the_residual():
@@ -110,13 +108,13 @@ def test_light_that_is_not_gathered_yet_is_the_residual():
 
 
 def test_light_that_meets_nothing_escapes():
-    """The upper one of two black squares shines to both sides: what the lower one does not get leaves."""
+    """Two black squares: what the lower one does not get leaves. Light of unseen backs does not count."""
     scene = scenes.facing_squares(perpendicular=False, side=16)
     found = energy(scene, resolution=64)
     arriving = 0.19982490 * np.pi
-    assert found.emitted == pytest.approx(2 * np.pi, rel=2e-3)
+    assert found.emitted == pytest.approx(np.pi, rel=2e-3)
     assert found.absorbed == pytest.approx(arriving, rel=5e-3)
-    assert found.escaped == pytest.approx(2 * np.pi - arriving, rel=2e-3)
+    assert found.escaped == pytest.approx(np.pi - arriving, rel=2e-3)
 
 
 def test_backs_absorb_what_fronts_send_them():
@@ -130,8 +128,8 @@ def test_backs_absorb_what_fronts_send_them():
         uvs=np.concatenate([mesh.uvs[:2], mesh.uvs[2:, ::-1]]), material=1 - mesh.material,
     )  # fmt: skip
     found = energy(replace(scene, meshes=(mesh,)), resolution=64)
-    assert found.absorbed == pytest.approx(0.19982490 * np.pi, rel=1.5e-2)
-    assert found.absorbed + found.escaped == pytest.approx(2 * np.pi, rel=2e-3)
+    assert found.absorbed == pytest.approx(0.19982490 * np.pi, rel=5e-3)
+    assert found.absorbed + found.escaped == pytest.approx(np.pi, rel=2e-3)
 
 
 def test_darkness_has_no_energy_and_the_paper_does_not_know_it():

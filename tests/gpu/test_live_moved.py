@@ -11,7 +11,6 @@ from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.gather.visibility_cache import VisibilityCache
 from engine.patches import chart_raster, patch_list, texel_coverage
-from engine.patches.backs import with_places
 from engine.patches.patch_scene import make_patch_scene
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
@@ -163,7 +162,8 @@ def test_rows_are_those_of_a_first_look(lively, device, case):
         report = finished(live.converge()).report
         again += any("recomputed where objects moved" in reason for reason in report.reasons)
         assert_as_found_anew(session, settings)
-    assert again >= EDITS - 3
+    # Where moves bring other back faces into view, all samples are found again.
+    assert again >= EDITS - 5
 
 
 @pytest.mark.parametrize("device", [ComputeDevice, long(GraphicsCard)])
@@ -214,11 +214,10 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
         finished(live.converge())
         parts = session._kept._parts
         assert bool(drawn) == (not np.array_equal(charts, parts.triangles.uvs))
-        scene = with_places(live.scene, SETTINGS.resolution)
+        devices = session._devices.graphics, session._devices.compute
+        scene = session._kept.with_places(*devices, live.scene, SETTINGS)
         unknown = dataclasses.replace(parts, charts=None), None
-        expected = make_patch_scene(
-            session._devices.graphics, session._devices.compute, scene, SETTINGS, unknown
-        )
+        expected = make_patch_scene(*devices, scene, SETTINGS, unknown)
         for found, wanted in (
             (parts.patches, expected.patches),
             (parts.texel_to_patch, expected.texel_to_patch),

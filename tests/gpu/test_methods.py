@@ -151,7 +151,12 @@ def test_cached_bakes_are_repeatable(visibility):
 
 @pytest.mark.parametrize("visibility", ["rays", long("raster")])
 def test_ten_accelerated_sweeps_light_a_closed_room(visibility):
-    """Reflectance 0.9, to 0.12 %: the paper's iteration takes about 65 sweeps."""
+    """Reflectance 0.9, to 0.12 %: the paper's iteration takes about 65 sweeps.
+
+    Light between the back of the lamp and the ceiling decays as slowly as that of the room. The step of an
+    iteration estimates the light that is missing in both at two thirds: 0.07 % instead of 0.11 % with drawn
+    hemicubes, 0.05 % instead of 0.08 % with rays.
+    """
     room = nine_quad_room()
     mesh, walls = room.meshes[0], np.isin(room.meshes[0].face, [0, 1, 2, 3, 4, 5, 8])
     names = ("positions", "normals", "uvs", "face", "subface", "material")

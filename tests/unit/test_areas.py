@@ -7,6 +7,7 @@ import pytest
 
 from engine import Scene
 from engine.patches.areas import surface_areas
+from engine.patches.backs import with_places
 from tests.analytic.drive import prepare
 from tests.analytic.scenes import material, quads, rectangle
 
@@ -59,3 +60,31 @@ def test_triangles_without_patches_count_with_others_of_their_surface():
     areas = surface_areas(prepared.triangles, prepared.patches, prepared.geometry)
     assert set(prepared.geometry.triangle // 2) == {0}
     assert areas.sum() == pytest.approx(2, rel=1e-5)
+
+
+def test_a_patch_of_a_back_has_the_area_of_all_points_that_show_it():
+    """Triangles of blocks of one texel and of many, and small ones that share a texel."""
+    width, random = 61, np.random.default_rng(3)
+    corners = np.stack([rectangle((0, 0, k), (size, 0.3 * size, 0), (0.2, 0.7 * size, 0.1))
+                        for k, size in enumerate((2.9, 1.1, 0.31, 0.17))])  # fmt: skip
+    small = np.stack([rectangle((0.03 * k, 0, 9), (0.02, 0, 0), (0, 0.03, 0)) for k in range(5)])
+    charts = [(9 * k % 54, 9 * (9 * k // 54), 7, 7) for k in range(9)]
+    mesh = quads(np.concatenate([corners, small]), charts, [0] * 9, width, "Cards")
+    prepared = prepare(with_places(Scene((mesh,), (material("A", 0.5),)), width), width)
+    triangles, patches = prepared.triangles, prepared.patches
+    areas = surface_areas(triangles, patches, prepared.geometry)
+    expected = np.zeros(len(patches))
+    for triangle in range(triangles.solid, len(triangles.mesh)):
+        points = random.dirichlet(np.ones(3), 40_000)
+        column, row = np.floor(points @ triangles.uvs[triangle] * width).astype(int).T
+        key = (triangles.atlas[triangle] * width + row) * width + column
+        shown = np.searchsorted(patches.key, key).clip(max=len(patches) - 1)
+        shown = shown[patches.key[shown] == key]
+        whole = prepared.geometry.steps.whole[triangle]
+        expected += whole * np.bincount(shown, minlength=len(patches)) / len(points)
+    backs = patches.triangle >= triangles.solid
+    assert len(set(np.bincount(patches.triangle[backs]))) > 2
+    assert areas[backs].sum() == pytest.approx(
+        prepared.geometry.steps.whole[triangles.solid :].sum(), rel=1e-6
+    )
+    assert areas[backs] == pytest.approx(expected[backs], rel=0.05, abs=2e-5)

@@ -7,14 +7,27 @@ from functools import cached_property
 import numpy as np
 
 from ...device.cl_device import ComputeDevice
+from ...device.gl_context import GraphicsContext
 from ...device.opencl import cl
 from ...errors import DeviceError
 from ...patches.patch_scene import PatchScene
+from ...scene.cutouts import Cutouts
+from ...scene.triangles import Triangles
+from .bvh import Bvh
 from .ray_tracer import RayTracer
 from .receiver_records import RECEIVER, pack_receivers
 from .shaders.shader_scene import ShaderScene
 from .shaders.shader_tracer import ShaderTracer
 from .upper_levels import UpperLevels
+
+
+def make_tracer(
+    graphics: GraphicsContext, compute: ComputeDevice | None, triangles: Triangles, cutouts: Cutouts
+) -> RayTracer | ShaderTracer:
+    """Return the ray tracer of triangles by OpenCL, or by compute shaders without it."""
+    if compute is None:
+        return ShaderTracer(graphics, triangles, cutouts)
+    return RayTracer(compute, triangles, cutouts)
 
 
 class RayScene:
@@ -26,13 +39,15 @@ class RayScene:
         parts: PatchScene,
         before: UpperLevels | None = None,
         shaders: ShaderScene | None = None,
+        bvh: Bvh | None = None,
     ) -> None:
         """Store triangles and patches.
 
-        before: `top` of the same triangles at earlier positions; shaders: the same triangles and patches for
-        compute shaders, where there is no OpenCL
+        before: `Bvh.top` of the same triangles at earlier positions; shaders: the same triangles and patches
+        for compute shaders, where there is no OpenCL; bvh: of the triangles, if it exists
         """
         self._compute, self._parts, self._before, self.shaders = compute, parts, before, shaders
+        self._bvh = bvh
 
     @property
     def compute(self) -> ComputeDevice:
@@ -73,12 +88,12 @@ class RayScene:
     @cached_property
     def rays(self) -> RayTracer:
         """The triangles and their BVH."""
-        return RayTracer(self.compute, self._parts.triangles, self._parts.cutouts, self._before)
+        return RayTracer(self.compute, self._parts.triangles, self._parts.cutouts, self._before, self._bvh)
 
     @property
     def top(self) -> UpperLevels | None:
         """Upper levels of the BVH if it was built, else None; see `RayTracer`."""
-        return self.rays.top if "rays" in vars(self) else None
+        return self.rays.bvh.top if "rays" in vars(self) else None
 
     @cached_property
     def receivers(self) -> cl.Buffer:

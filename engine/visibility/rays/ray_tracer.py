@@ -14,7 +14,7 @@ from ...device.planned_program import Source
 from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
 from ...scene.tints import tint_palette
 from ...scene.triangles import Triangles
-from .bvh import build_bvh
+from .bvh import Bvh, build_bvh
 from .upper_levels import UpperLevels
 
 #: Transmittance of one side of a material for one kind of ray; see `Cutouts`.
@@ -36,9 +36,10 @@ TRANSMITTANCE = DeviceStruct(
 class RayTracer:
     """Triangles of a scene on the OpenCL device, for bvh_traversal.cl and kernels that include it.
 
+    compute:    OpenCL device
     cutouts:    transmittance of the surfaces
     arguments:  kernel arguments for RAYS_ARGUMENTS
-    top:        upper levels of the BVH, see `Bvh`
+    bvh:        of the triangles that are no back faces
     """
 
     def __init__(
@@ -47,13 +48,17 @@ class RayTracer:
         triangles: Triangles,
         cutouts: Cutouts,
         before: UpperLevels | None = None,
+        bvh: Bvh | None = None,
     ) -> None:
-        """Build the BVH; before: `top` of the same triangles at earlier positions."""
-        self._compute, self._queue = compute, compute.queue
+        """Build the BVH, or use an existing one of the same triangles.
+
+        before: `Bvh.top` of the same triangles at earlier positions
+        """
+        self.compute, self._queue = compute, compute.queue
         self.cutouts = cutouts
         reach = float(np.abs(triangles.box).max())
-        bvh = build_bvh(compute, triangles.positions[: triangles.solid], reach, top=before)
-        self._options, self._stack, self.top = bvh.options, bvh.stack, bvh.top
+        bvh = bvh or build_bvh(compute, triangles.positions[: triangles.solid], reach, top=before)
+        self._options, self.bvh = bvh.options, bvh
         arrays: list[np.ndarray] = []
         if cutouts.needed:
             self._options = (*bvh.options, *cutout_options(cutouts.tinted))
@@ -64,15 +69,15 @@ class RayTracer:
 
     def kernels(self, source: Source, *names: str, options: tuple[str, ...] = ()) -> list[Kernel]:
         """Return kernels, in the order of names, of a program that includes bvh_traversal.cl."""
-        return self._compute.kernels((TRANSMITTANCE, *source), *names, options=(*self._options, *options))
+        return self.compute.kernels((TRANSMITTANCE, *source), *names, options=(*self._options, *options))
 
     def hierarchy_of(self, positions: np.ndarray) -> tuple[cl.Buffer, cl.Buffer] | None:
         """Return nodes and packets of other triangles, (k, 3, 3) float32, for the same kernels.
 
         Positions are in metres from `Triangles.origin`. None if the tree is too deep for the kernels' stacks.
         """
-        bvh = build_bvh(self._compute, positions, float(np.abs(positions).max()))
-        return (bvh.nodes, bvh.triangles) if bvh.stack <= self._stack else None
+        bvh = build_bvh(self.compute, positions, float(np.abs(positions).max()))
+        return (bvh.nodes, bvh.triangles) if bvh.stack <= self.bvh.stack else None
 
     def cast(
         self, origins: np.ndarray, directions: np.ndarray, backs: bool = False, kind: int = BOUNCE
@@ -88,7 +93,7 @@ class RayTracer:
         count = len(origins)
         hits, distances = np.empty((count, 2), np.int32), np.empty(count, np.float32)
         write = cl.mem_flags.WRITE_ONLY
-        outputs = [cl.Buffer(self._compute.context, write, array.nbytes) for array in (hits, distances)]
+        outputs = [cl.Buffer(self.compute.context, write, array.nbytes) for array in (hits, distances)]
         rays = self._rays(origins, directions, 0.0)
         (kernel,) = self.kernels(("closest_hit.cl",), "closest_hit")
         self.run(kernel, count, *rays, np.int32(backs), np.int32(kind), *outputs, np.int32(count))
@@ -106,7 +111,7 @@ class RayTracer:
         kind:                 SHADOW or BOUNCE of engine/scene/cutouts.py, selects the transmittance
         """
         through = np.empty((len(origins), 3), np.float32)
-        output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
+        output = cl.Buffer(self.compute.context, cl.mem_flags.WRITE_ONLY, through.nbytes)
         rays = self._rays(origins, directions, distance)
         (kernel,) = self.kernels(("through_surface.cl",), "through_surface")
         self.run(kernel, len(origins), *rays, np.int32(kind), output, np.int32(len(origins)))
@@ -115,12 +120,12 @@ class RayTracer:
 
     def run(self, kernel: Kernel, items: int, *arguments: object) -> None:
         """Run a kernel with RAYS_ARGUMENTS followed by `arguments`; see `ComputeDevice.run`."""
-        self._compute.run(kernel, items, *self.arguments, *arguments)
+        self.compute.run(kernel, items, *self.arguments, *arguments)
 
     def _rays(self, origins: np.ndarray, directions: np.ndarray, distance: float) -> list[cl.Buffer]:
         """Upload rays and return their buffers."""
         rays = (to_float4(origins), to_float4(directions, last=distance))
-        return [upload(self._compute, array) for array in rays]
+        return [upload(self.compute, array) for array in rays]
 
 
 def cutout_options(tinted: bool) -> tuple[str, ...]:

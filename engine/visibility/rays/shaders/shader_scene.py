@@ -9,6 +9,7 @@ import moderngl
 from ....device.gl_context import GraphicsContext
 from ....patches.patch_scene import PatchScene
 from ..receiver_records import RECEIVER
+from .host_bvh import HostBvh
 from .host_receivers import receivers_on_host
 from .shader_tables import storage_buffer
 from .shader_tracer import RECORDS, ShaderTracer
@@ -17,8 +18,9 @@ from .shader_tracer import RECORDS, ShaderTracer
 class ShaderScene:
     """Triangles and patches of a bake on the OpenGL device; the counterpart of `RayScene`."""
 
-    def __init__(self, graphics: GraphicsContext, parts: PatchScene) -> None:
-        self.graphics, self._parts = graphics, parts
+    def __init__(self, graphics: GraphicsContext, parts: PatchScene, bvh: HostBvh | None = None) -> None:
+        """Store triangles and patches; bvh: of the triangles, if it exists."""
+        self.graphics, self._parts, self._bvh = graphics, parts, bvh
 
     @property
     def count(self) -> int:
@@ -34,7 +36,7 @@ class ShaderScene:
     @cached_property
     def tracer(self) -> ShaderTracer:
         """The triangles and their BVH."""
-        return ShaderTracer(self.graphics, self._parts.triangles, self._parts.cutouts)
+        return ShaderTracer(self.graphics, self._parts.triangles, self._parts.cutouts, self._bvh)
 
     @cached_property
     def receivers(self) -> moderngl.Buffer:

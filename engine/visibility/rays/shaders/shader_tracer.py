@@ -14,7 +14,7 @@ from ....scene.cutouts import BOUNCE, Cutouts
 from ....scene.tints import tint_palette
 from ....scene.triangles import Triangles
 from ..ray_tracer import transmittance_records
-from .host_bvh import build_host_bvh
+from .host_bvh import HostBvh, build_host_bvh
 from .shader_tables import ShaderTables, reserve_storage, storage_buffer
 
 #: Storage blocks of shaders/rays/bvh_traversal.glsl, of the shader's own records, and of results.
@@ -45,11 +45,15 @@ class ShaderTracer:
 
     graphics   the context; it has compute shaders
     cutouts    transmittance of the surfaces
+    bvh        of the triangles that are no back faces
     """
 
-    def __init__(self, graphics: GraphicsContext, triangles: Triangles, cutouts: Cutouts) -> None:
+    def __init__(
+        self, graphics: GraphicsContext, triangles: Triangles, cutouts: Cutouts, bvh: HostBvh | None = None
+    ) -> None:
+        """Build the BVH, or use an existing one of the same triangles."""
         self.graphics, self.cutouts = graphics, cutouts
-        bvh = build_host_bvh(triangles.positions[: triangles.solid])
+        self.bvh = bvh = bvh or build_host_bvh(triangles.positions[: triangles.solid])
         self._features: tuple[str, ...] = (f"stack {_STACK * max(1, -(-bvh.depth // _STACK))}",)
         self._buffers = {
             NODES: storage_buffer(graphics, bvh.nodes),

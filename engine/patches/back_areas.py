@@ -1,0 +1,75 @@
+"""Exact areas of the patches of back faces, which are coarse: of all points that show their texel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..scene.triangles import Triangles
+from .geometry import PatchGeometry
+from .patch_list import PatchList
+from .unmapped_meshes import BACKS
+
+
+def back_areas(
+    triangles: Triangles, backs: np.ndarray, patches: PatchList, geometry: PatchGeometry
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the patches in blocks of back faces, (k,) int64, and the area of each, (k,) float32, m^2.
+
+    The diagonal of a block cuts texels, and all small triangles of a cluster show one texel; see
+    `unmapped_meshes`.
+
+    backs: (s,) int32, as `Triangles.backs`
+    """
+    blocks = _blocks_of(triangles, backs)
+    corners = triangles.uvs[blocks] * np.float32(patches.resolution)
+    low = np.floor(corners[:, 0]).astype(np.int64)
+    width = corners[:, 1, 0] - corners[:, 0, 0]
+    is_small = width < 1
+    whole, areas = geometry.steps.whole.astype(np.float64), np.zeros(len(patches))
+
+    # Triangles that show one texel.
+    small = blocks[is_small]
+    key = triangles.atlas[small].astype(np.int64) * patches.resolution**2
+    key += low[is_small, 1] * patches.resolution + low[is_small, 0]
+    place = np.searchsorted(patches.key, key).clip(max=len(patches) - 1)
+    is_shown = patches.key[place] == key
+    np.add.at(areas, place[is_shown], whole[small[is_shown]])
+
+    # Texels of the others.
+    number = np.full(len(triangles.mesh), -1)
+    number[blocks] = np.arange(len(blocks))
+    block = number[patches.triangle]
+    on_block = np.flatnonzero(block >= 0)
+    larger = on_block[~is_small[block[on_block]]]
+    mine = block[larger]
+    row, column = np.divmod(patches.texel[larger], patches.resolution)
+    span = np.rint(width[mine] + BACKS.low + BACKS.high)
+    share = _share(column - low[mine, 0], row - low[mine, 1], span)
+    total = np.bincount(mine, share, len(blocks))[mine]
+    areas[larger] = whole[patches.triangle[larger]] * share / total
+    return on_block, areas[on_block].astype(np.float32)
+
+
+def _blocks_of(triangles: Triangles, backs: np.ndarray) -> np.ndarray:
+    """Return the back faces that have blocks, (b,) int64; others mirror the chart of their front."""
+    front = np.flatnonzero(backs >= 0)
+    back = backs[front]
+    is_mirrored = (triangles.uvs[back] == triangles.uvs[front][:, [0, 2, 1]]).all(axis=(1, 2))
+    blocks: np.ndarray = back[~is_mirrored].astype(np.int64)
+    return blocks
+
+
+def _share(x: np.ndarray, y: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Return the area that the triangle of a block covers of texels, (n,) float64, texels.
+
+    x, y: (n,) int, column and row in the block; width: (n,) of the block, texels
+    """
+    left, low = np.maximum(x, BACKS.low), np.maximum(y, BACKS.low)
+    end = width - BACKS.high + BACKS.low
+
+    def beyond(column: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """Return the area above and to the right of a point, (n,) float64, texels."""
+        area: np.ndarray = np.maximum(end - column - row, 0) ** 2 / 2
+        return area
+
+    return beyond(left, low) - beyond(x + 1, low) - beyond(left, y + 1) + beyond(x + 1, y + 1)

@@ -1,0 +1,34 @@
+"""Test rays that start all over triangles and follow the cosine; see `visible_backs`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class BackRays:
+    """Test rays of one round.
+
+    positions:  (t, 3, 3) float32, m, corners of all triangles
+    ends:       (t,) uint32, number of the first ray after a triangle's own ones
+    side:       1 for rays from fronts, -1 from backs
+    height:     of ray origins above the surface, m
+    count:      number of rays
+    """
+
+    positions: np.ndarray
+    ends: np.ndarray
+    side: float
+    height: float
+    count: int
+
+    @classmethod
+    def of(
+        cls, positions: np.ndarray, weight: np.ndarray, count: int, side: float, height: float
+    ) -> BackRays:
+        """Return rays in proportion to weights, (t,) float64, not all 0 if there are rays."""
+        total = np.cumsum(weight)
+        ends = np.floor(total * (count / max(total[-1], 1e-300))).clip(max=count).astype(np.uint32)
+        return cls(positions, ends, side, height, count)

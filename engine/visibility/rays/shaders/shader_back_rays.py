@@ -1,0 +1,28 @@
+"""Test rays of back faces, traced by compute shaders for machines without OpenCL."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..back_rays import BackRays
+from ..receiver_records import RECEIVER
+from .shader_tables import reserve_storage, storage_buffer
+from .shader_tracer import RESULTS, ShaderTracer
+
+#: Storage blocks of shaders/visibility/visible_backs.comp.
+_CORNERS, _ENDS = 4, 5
+
+
+def backs_met_by_shader(tracer: ShaderTracer, rays: BackRays) -> np.ndarray:
+    """Return which triangles show their backs to some rays, (t,) bool."""
+    size = 4 * len(rays.ends)
+    marks = reserve_storage(tracer.graphics, size, bytes(size))
+    buffers = {
+        _CORNERS: storage_buffer(tracer.graphics, rays.positions),
+        _ENDS: storage_buffer(tracer.graphics, rays.ends),
+        RESULTS: marks,
+    }
+    launch = {"triangle_count": len(rays.ends), "side": rays.side, "height": rays.height}
+    for _ in tracer.run("visible_backs", rays.count, buffers, launch, records=(RECEIVER,)):
+        pass
+    return np.frombuffer(marks.read(size), np.uint32) != 0

@@ -1,0 +1,186 @@
+"""Back faces in view: rays from all surfaces find the ones whose light reaches something.
+
+Backs that no ray meets, as the outer sides of a room's walls, need no patches. Nor do backs that are visible
+only from points inside of something, as the inner sides of a bottomless box on a floor. A ray follows the
+cosine from a random point, as visibility samples do. What N rays miss takes at most 3 / N of all views with a
+probability of 95 % (rule of three, Hanley and Lippman-Hand 1983).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from ...device.buffers import download_bytes, upload, upload_once, words_of, zeros
+from ...patches.unmapped_meshes import COARSENESS, clusters, texel_size
+from ...scene.cutouts import Cutouts, read_cutouts
+from ...scene.digests import same_values
+from ...scene.model import Scene
+from ...scene.triangles import Triangles, join_meshes
+from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
+from .back_rays import BackRays
+from .bvh import Bvh
+from .ray_tracer import RayTracer
+from .receiver_records import RECEIVER
+from .shaders.host_bvh import HostBvh
+from .shaders.shader_back_rays import backs_met_by_shader
+from .shaders.shader_tracer import ShaderTracer
+
+#: Makes the ray tracer of triangles on the device of a bake.
+MakeTracer = Callable[[Triangles, Cutouts], RayTracer | ShaderTracer]
+
+#: BVH on a device with or without OpenCL.
+Hierarchy = TypeVar("Hierarchy", Bvh, HostBvh)
+
+#: Rays from each texel of a lightmap, and from each coarse one of a back face. What four miss takes less than
+#: the view of one texel, see above.
+_RAYS = 4
+
+#: Rays of one round, at least and at most: of more texels each has fewer. Rounds do not grow.
+_MIN_RAYS, _MAX_RAYS = 1 << 11, 1 << 22
+
+#: Rounds of rays, at most: from fronts, from the backs that these meet, and so on. Each shows more of the
+#: inside of a vase; light that is reflected between backs so often is little.
+_ROUNDS = 8
+
+#: Small triangles that look the same way within so many texels are visible if one of them is.
+_CLUSTER = 4.0
+
+
+class VisibleBacks:
+    """Visible back faces of successive scenes; the choice for a geometry that stays is kept."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Drop everything."""
+        self._key: tuple = ()
+        self._shape: tuple = ()
+        self._visible = np.zeros(0, bool)
+        self._unchecked: tuple[Scene, np.ndarray, int] | None = None
+        self._hierarchy: tuple[np.ndarray, Bvh | HostBvh] | None = None
+
+    def of(
+        self,
+        make_tracer: MakeTracer,
+        scene: Scene,
+        candidates: np.ndarray,
+        resolution: int,
+        is_moving: bool = False,
+    ) -> np.ndarray:
+        """Return which candidates have a visible back, (t,) bool.
+
+        scene:       its occluders have places already
+        candidates:  (t,) bool, of all triangles
+        is_moving:   True to keep the last choice while meshes move, so that patches stay; see `refresh`
+        """
+        if not candidates.any():
+            self.clear()
+            return candidates
+        key = (_key_of(scene), resolution, candidates)
+        shape = resolution, tuple(len(mesh.positions) for mesh in scene.meshes)
+        self._unchecked = None
+        if same_values(key, self._key):
+            return self._visible
+        if is_moving and shape == self._shape:
+            self._unchecked = scene, candidates, resolution
+            return self._visible & candidates
+        triangles = join_meshes(scene)
+        tracer = make_tracer(triangles, read_cutouts(scene))
+        self._visible = _visible(tracer, triangles, scene, resolution, candidates)
+        self._key, self._shape, self._hierarchy = key, shape, (triangles.positions, tracer.bvh)
+        return self._visible
+
+    def refresh(self, make_tracer: MakeTracer) -> bool:
+        """Choose again if the last choice was kept while meshes moved; return True if it changes."""
+        if self._unchecked is None:
+            return False
+        scene, candidates, resolution = self._unchecked
+        used = self._visible & candidates
+        return not np.array_equal(self.of(make_tracer, scene, candidates, resolution), used)
+
+    def bvh_of(self, triangles: Triangles, kind: type[Hierarchy]) -> Hierarchy | None:
+        """Return the BVH of triangles if the last choice was made with one of this kind, else None."""
+        if self._hierarchy is None:
+            return None
+        positions, bvh = self._hierarchy
+        is_same = np.array_equal(positions, triangles.positions[: triangles.solid])
+        return bvh if is_same and isinstance(bvh, kind) else None
+
+
+def _key_of(scene: Scene) -> tuple:
+    """Return all that decides which backs of a scene are visible."""
+    meshes = tuple(
+        (mesh.positions, mesh.uvs, mesh.material, mesh.atlas, mesh.texture_uvs) for mesh in scene.meshes
+    )
+    return meshes, tuple(material.transmission for material in scene.materials), _stays(scene)
+
+
+def _stays(scene: Scene) -> np.ndarray:
+    """Return which materials always have patches at their back, (m,) bool."""
+    return np.array([material.translucent for material in scene.materials], bool)
+
+
+def _visible(
+    tracer: RayTracer | ShaderTracer,
+    triangles: Triangles,
+    scene: Scene,
+    resolution: int,
+    candidates: np.ndarray,
+) -> np.ndarray:
+    """Return what `VisibleBacks.of` does; tracer: of the triangles."""
+    texel = texel_size(scene, resolution) or triangles.diagonal / resolution
+    height = max(
+        min(OF_TEXEL * texel, OF_DIAGONAL * triangles.diagonal),
+        OF_COORDINATE * float(np.abs([triangles.box, triangles.box + triangles.origin]).max()),
+    )
+    cluster = clusters(scene.meshes, _CLUSTER * texel)
+    fixed = _stays(scene)[triangles.material]
+    visible = np.zeros(len(candidates), bool)
+    texels, area = _texels(triangles, resolution), _areas(triangles) / (COARSENESS * texel) ** 2
+    sources, side, limit = texels, 1.0, _MAX_RAYS
+    for _ in range(_ROUNDS):
+        rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, limit)) if sources.any() else 0
+        met = np.zeros(int(cluster.max()) + 1, bool)
+        tests = BackRays.of(triangles.positions, sources, rays, side, height)
+        met[cluster[_backs_met(tracer, tests) & candidates]] = True
+        more = (met[cluster] & candidates | fixed) & ~visible
+        if not more.any():
+            break
+        visible |= more
+        sources, side, limit = np.where(more, area, 0), -1.0, max(rays, _MIN_RAYS)
+    return visible & candidates
+
+
+def _backs_met(tracer: RayTracer | ShaderTracer, rays: BackRays) -> np.ndarray:
+    """Return which triangles show their backs to some rays, (t,) bool."""
+    triangles = len(rays.ends)
+    if not rays.count:
+        return np.zeros(triangles, bool)
+    if isinstance(tracer, ShaderTracer):
+        return backs_met_by_shader(tracer, rays)
+    compute = tracer.compute
+    (kernel,) = tracer.kernels((RECEIVER, "visible_backs.cl"), "mark_visible_backs")
+    marks = zeros(compute, words_of(triangles))
+    tracer.run(
+        kernel, rays.count, upload_once(compute, rays.positions), upload(compute, rays.ends),
+        np.int32(triangles), np.float32(rays.side), np.float32(rays.height), marks, np.int32(rays.count),
+    )  # fmt: skip
+    return download_bytes(compute, marks, triangles).view(bool)
+
+
+def _texels(triangles: Triangles, resolution: int) -> np.ndarray:
+    """Return the area of triangles on their lightmaps, (t,) float64, texels."""
+    first, second = ((triangles.uvs[:, k] - triangles.uvs[:, 0]).astype(np.float64).T for k in (1, 2))
+    texels: np.ndarray = np.abs(first[0] * second[1] - first[1] * second[0]) * (resolution**2 / 2)
+    return texels
+
+
+def _areas(triangles: Triangles) -> np.ndarray:
+    """Return the area of triangles, (t,) float64, m^2."""
+    first, second = (triangles.positions[:, k] - triangles.positions[:, 0] for k in (1, 2))
+    areas: np.ndarray = np.linalg.norm(np.cross(first, second).astype(np.float64), axis=1) / 2
+    return areas

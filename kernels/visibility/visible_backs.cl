@@ -1,0 +1,61 @@
+#define DITHERED
+#include "bvh_traversal.cl"
+#include "receiver.cl"
+#include "probe_rays.cl"
+#include "texel_ray_origins.cl"
+
+// Back faces in view of surfaces (engine/visibility/rays/visible_backs.py).
+
+// The triangle that a ray starts from: the first whose rays end beyond its number.
+int start_triangle(const uint ray, __global const uint *ends, const int triangles)
+{
+    int low = 0, high = triangles - 1;
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (ray < ends[middle])
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
+// True if all probes from a point meet back faces: it is inside of something, as the floor below a box.
+bool is_enclosed(const Rays *rays, const float3 start, const float3 x, const float3 y, const float3 normal)
+{
+    bool enclosed = true;
+    for (int i = 0; i < LOOKS && enclosed; ++i) {
+        const Hit hit = nearest_hit(rays, start, probe_direction(i, x, y, normal), false);
+        enclosed = hit.triangle >= 0 && !hit.front;
+    }
+    return enclosed;
+}
+
+// Mark each triangle whose back a ray meets. Rays start all over triangles and follow the cosine; a start inside of
+// something does not count. corners: 9 floats a triangle; side: 1 for rays from fronts, -1 from backs; height: of
+// their start above the surface, m.
+__kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, __global const uint *ends,
+                                 const int triangle_count, const float side, const float height, __global uchar *visible,
+                                 const int count)
+{
+    const int ray = get_global_id(0);
+    if (ray >= count)
+        return;
+    const Rays rays = RAYS;
+    const int triangle = start_triangle(ray, ends, triangle_count);
+    const float3 corner = vload3(3 * triangle, corners);
+    const float3 edge1 = vload3(3 * triangle + 1, corners) - corner, edge2 = vload3(3 * triangle + 2, corners) - corner;
+    float2 w = place_of_sample(ray, (uint2)(0));
+    w = w.x + w.y > 1.0f ? 1.0f - w : w;
+    const float3 normal = side * normalize(cross(edge1, edge2));
+    float3 x, y;
+    basis(normal, &x, &y);
+    const uint2 lot = (uint2)(hash(ray), hash(ray ^ 0x9e3779b9u)) >> 8;
+    const float3 direction = cosine_direction(convert_float2(lot) * (1.0f / 16777216.0f), x, y, normal);
+    const float3 start = corner + w.x * edge1 + w.y * edge2 + height * normal;
+    const Hit hit = nearest_hit(&rays, start, direction, false);
+    if (hit.triangle < 0 || hit.front || hit.triangle == triangle || visible[hit.triangle])
+        return;
+    if (!is_enclosed(&rays, start, x, y, normal))
+        visible[hit.triangle] = 1;
+}

@@ -1,0 +1,65 @@
+#version 430
+// Marks each triangle whose back a test ray meets. As kernels/visibility/visible_backs.cl.
+#define RECEIVER_ACCESS readonly
+#define DITHERED
+#include "bvh_traversal.glsl"
+#include "receiver.glsl"
+#include "probe_rays.glsl"
+#include "texel_ray_origins.glsl"
+
+layout(local_size_x = 64) in;
+layout(std430, binding = 4) readonly buffer Corners { float corners[]; };  // 9 of each triangle, metres
+layout(std430, binding = 5) readonly buffer Ends { uint ends[]; };         // first ray after those of each triangle
+layout(std430, binding = 7) buffer Marks { uint visible[]; };
+uniform int start, end, triangle_count;
+uniform float side, height;
+
+vec3 corner_of(const int triangle, const int k)
+{
+    int i = 9 * triangle + 3 * k;
+    return vec3(corners[i], corners[i + 1], corners[i + 2]);
+}
+
+// The triangle that a ray starts from: the first whose rays end beyond its number.
+int start_triangle(const uint ray)
+{
+    int low = 0, high = triangle_count - 1;
+    while (low < high) {
+        int middle = (low + high) / 2;
+        if (ray < ends[middle])
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
+void main()
+{
+    int ray = start + int(gl_GlobalInvocationID.x);
+    if (ray >= end)
+        return;
+    int triangle = start_triangle(uint(ray)), met = -1;
+    vec3 corner = corner_of(triangle, 0);
+    vec3 edge1 = corner_of(triangle, 1) - corner, edge2 = corner_of(triangle, 2) - corner;
+    vec2 w = place_of_sample(ray, uvec2(0u));
+    w = w.x + w.y > 1.0 ? 1.0 - w : w;
+    vec3 normal = side * normalize(cross(edge1, edge2)), x, y;
+    basis(normal, x, y);
+    vec2 lot = vec2(uvec2(hash(uint(ray)), hash(uint(ray) ^ 0x9e3779b9u)) >> 8) * (1.0 / 16777216.0);
+    vec3 origin = corner + w.x * edge1 + w.y * edge2 + height * normal;
+    // The test ray, then the probes: one place in the code for all rays, since drivers inline every call.
+    for (int i = -1; i < LOOKS; ++i) {
+        Hit hit = nearest_hit(origin, i < 0 ? cosine_direction(lot, x, y, normal) : probe_direction(i, x, y, normal),
+                              false);
+        bool is_back = hit.triangle >= 0 && !hit.front;
+        if (i < 0) {
+            if (!is_back || hit.triangle == triangle || visible[hit.triangle] != 0u)
+                return;
+            met = hit.triangle;
+        } else if (!is_back) {
+            visible[met] = 1u;
+            return;
+        }
+    }
+}

@@ -1,0 +1,125 @@
+"""Back faces that something sees get patches; others, as the outer sides of a room, do not."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from engine import Scene
+from engine.device.cl_device import ComputeDevice
+from engine.patches.backs import with_places
+from engine.scene.cutouts import read_cutouts
+from engine.scene.model import NO_LIGHTMAP
+from engine.scene.triangles import join_meshes
+from engine.visibility.rays.ray_scene import make_tracer
+from engine.visibility.rays.visible_backs import VisibleBacks
+from tests.analytic.rooms import Atlas, block, room
+from tests.analytic.scenes import material, quads, rectangle
+from tests.gpu.graphics_card import GraphicsCard
+
+RESOLUTION = 131
+X, Y, Z = np.eye(3)
+DEVICES = {"processor": ComputeDevice, "card": GraphicsCard, "shaders": lambda: None}
+
+
+def card(corner, across, along, name="Card"):
+    """Return a rectangle of 11 x 9 texels."""
+    return quads(rectangle(corner, across, along)[None], [(110, 110, 11, 9)], [0], RESOLUTION, name)
+
+
+def open_room(origin=(0, 0, 0)):
+    """Return a room without its ceiling, seen from inside."""
+    made = room(Atlas(RESOLUTION), np.add(origin, (0, 0, 0)), np.add(origin, (1.1, 0.9, 0.7)), "Room")
+    return made.part(made.face != 1)
+
+
+@pytest.fixture(scope="module", params=DEVICES)
+def tracer(request, graphics):
+    """Make ray tracers on an OpenCL device, or by compute shaders."""
+    return partial(make_tracer, graphics, DEVICES[request.param]())
+
+
+def with_visible(tracer, meshes, materials=()):
+    """Return by mesh name how many of its triangles have back faces."""
+    scene = Scene(tuple(meshes), (material("Grey", 0.5), *materials))
+    found = with_places(
+        scene, RESOLUTION, find_visible=partial(VisibleBacks().of, tracer, resolution=RESOLUTION)
+    )
+    backs = [mesh for mesh in found.meshes if mesh.front is not None]
+    return {
+        mesh.name: sum(len(back.positions) for back in backs if back.name == mesh.name) for mesh in meshes
+    }
+
+
+@pytest.mark.parametrize("origin", [(0, 0, 0), (700, -400, 30)])
+def test_outer_sides_of_a_room_have_no_patches_and_a_card_in_it_has(tracer, origin):
+    inside = card(np.add(origin, (0.3, 0.2, 0.25)), 0.4 * X, 0.3 * Y)
+    assert with_visible(tracer, [open_room(origin), inside]) == {"Room": 0, "Card": 2}
+
+
+def test_an_occluder_sees_the_outer_side_of_a_wall(tracer):
+    occluder = card((1.5, 0.1, 0.1), 0.5 * Z, 0.5 * Y, "Occluder")
+    occluder = replace(occluder, atlas=NO_LIGHTMAP)
+    assert with_visible(tracer, [open_room(), occluder]) == {"Room": 2, "Occluder": 0}
+
+
+@pytest.mark.parametrize(("height", "count"), [(0.0, 0), (0.2, 10)])
+def test_a_box_without_a_bottom_shows_its_inside_only_above_the_floor(tracer, height, count):
+    floor = card((-1, -1, 0), 3 * X, 3 * Y, "Floor")
+    box = block(Atlas(RESOLUTION), (0.2, 0.2, height), (0.7, 0.6, height + 0.5), "Box")
+    assert with_visible(tracer, [floor, box.part(box.face != 0)]) == {"Floor": 0, "Box": count}
+
+
+def test_all_of_the_inside_of_a_tube_is_visible(tracer):
+    """Fronts see what is near its end; backs that are visible see the rest."""
+    wide, high = np.array([(0, 0, 0), (0.4, 0, 0), (0.4, 0.4, 0), (0, 0.4, 0)]), 0.2 * Z
+    sides = [
+        rectangle(wide[side] + step * high, wide[(side + 1) % 4] - wide[side], high)
+        for step in range(12)
+        for side in range(4)
+    ]
+    charts = [(3 * (k % 24), 3 * (k // 24), 2, 1) for k in range(len(sides))]
+    tube = quads(np.stack(sides), charts, [0] * len(sides), RESOLUTION, "Tube")
+    assert with_visible(tracer, [tube, card((-0.3, -0.3, 2.6), Y, X)])["Tube"] == 96
+
+
+def test_backs_without_emission_and_with_it_are_the_same(tracer):
+    """Light that changes leaves patches as they are: a session keeps what they see."""
+    meshes = [open_room(), card((0.3, 0.2, 0.25), 0.4 * X, 0.3 * Y)]
+    visible = VisibleBacks()
+    of = partial(visible.of, tracer, resolution=RESOLUTION, candidates=np.ones(12, bool))
+    dark, bright = (Scene(tuple(meshes), (material("Grey", 0.5, emission),)) for emission in (0, 3))
+    first = of(dark)
+    assert of(bright) is first and first.any() and not first.all()
+    moved = replace(meshes[1], positions=meshes[1].positions - np.float32((0, 0, 7)))
+    assert not np.array_equal(of(replace(dark, meshes=(meshes[0], moved))), first)
+
+
+def test_a_scene_in_which_no_back_is_visible_stays_as_it_is(tracer):
+    scene = Scene((open_room(),), (material("Grey", 0.5),))
+    visible, triangles = VisibleBacks(), join_meshes(scene)
+    found = with_places(scene, RESOLUTION, find_visible=partial(visible.of, tracer, resolution=RESOLUTION))
+    assert found is scene and triangles.backs is None
+    bvh = tracer(triangles, read_cutouts(scene)).bvh
+    assert visible.bvh_of(triangles, type(bvh)) is not None and visible.bvh_of(triangles, int) is None
+    assert not visible.of(tracer, scene, np.zeros(10, bool), RESOLUTION).any()
+    assert visible.bvh_of(triangles, type(bvh)) is None
+
+
+def test_moving_meshes_keep_the_choice_until_it_is_refreshed(tracer):
+    """A card leaves a room: it sees the outer side of the room, and its own back sees nothing."""
+    meshes = [open_room(), card((0.3, 0.2, 0.25), 0.4 * X, 0.3 * Y)]
+    scene = Scene(tuple(meshes), (material("Grey", 0.5),))
+    visible, every = VisibleBacks(), np.ones(12, bool)
+    of = partial(visible.of, tracer, resolution=RESOLUTION, is_moving=True)
+    first = of(scene=scene, candidates=every)
+    moved = replace(
+        scene, meshes=(meshes[0], replace(meshes[1], positions=meshes[1].positions - np.float32((0, 0, 7))))
+    )
+    kept = of(scene=moved, candidates=every)
+    assert np.array_equal(kept, first) and visible.bvh_of(join_meshes(moved), object) is None
+    assert visible.refresh(tracer) and not visible.refresh(tracer)
+    fresh = VisibleBacks().of(tracer, moved, every, RESOLUTION)
+    assert np.array_equal(of(scene=moved, candidates=every), fresh) and not np.array_equal(fresh, first)
+    assert visible.bvh_of(join_meshes(moved), object) is not None

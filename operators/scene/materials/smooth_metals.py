@@ -8,8 +8,8 @@ from .closures import ADD, MIX, PRINCIPLED
 from .gloss import GLOSSY, METALLIC
 from .sockets import feeding_socket
 
-#: Roughness below which light beside a sunlit metal differs from Cycles by more than 10 % (measured).
-_SMOOTH = 0.6
+#: Roughness below which light beside a sunlit metal differs from Cycles by more than 7 % (measured).
+_SMOOTH = 0.7
 
 #: Smallest relevant fraction of a surface's light. Beside a sunlit surface that mirrors this fraction, the
 #: light of a wall changes by 5 % (measured).

@@ -46,7 +46,7 @@ class _BakeInWindow(WindowBake):
     run: BakeRun
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """Return True if the user cancels, or an undo removed all lightmap UVs; see `WindowBake`."""
+        """Return True if the user cancels, or if an undo has removed all lightmap UVs."""
         return self.run.uvs_undone or super().wants_to_cancel(context, event)
 
 
@@ -127,7 +127,7 @@ def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt,
 
 
 def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], warnings: Sequence[str]) -> None:
-    """Report the findings of the check that are not among the warnings, because a shell has no Check panel.
+    """Report findings of the check as messages, since without a window no Check panel shows them.
 
     An error of the check is reported as a warning, since the bake has been done.
     """
@@ -139,7 +139,7 @@ def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], war
 
 
 def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:
-    """Report warnings, then a summary of the bake, and last an error of writing files."""
+    """Report warnings, then a summary of the bake, and last an error from writing files."""
     for warning in report["warnings"]:
         report_message(operator, "WARNING", warning)
     done = f"Baked {summary(report)}: {brief_paths(report['files'])}"
@@ -159,7 +159,7 @@ def brief_paths(files: Sequence[str]) -> str:
 
 
 def push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
-    """Push an undo step where Blender pushes none: during a bake, after a call by a script, after an error.
+    """Push an undo step after changes for which Blender pushes none.
 
     An undo frees datablocks that no step knows, even those that something else still refers to.
     """

@@ -29,7 +29,7 @@ from .scene_snapshots import baked_scenes
 
 Bake = Generator[Progress | None, None, BakeResult]
 
-#: Reasons for baking objects: own changes, and changed lights if the change of light is unknown.
+#: Reasons in the report for baking an object: own changes, or lights that changed by an unknown amount.
 _CHANGED = "{}: baked, because they are new or their shape, place or materials have changed."
 _LIGHTS_DIFFER = "{}: baked, because lights, emissive objects or the world have changed."
 
@@ -103,7 +103,7 @@ def remember_light(
 
 
 def forget_light(scene: bpy.types.Scene, baked: set[int]) -> None:
-    """Mark objects whose scene is not stored, so that the next bake of changed objects includes them."""
+    """Mark objects as changed, so that the next bake of changed objects includes them."""
     _write(scene, dict.fromkeys(baked, ALL_LIGHT))
 
 
@@ -114,7 +114,7 @@ def _changes(
     stages: RunStages,
     known: str,
 ) -> Generator[Progress | None, None, dict[int, float] | None]:
-    """Return the relative change of light of each object, by session uid; None if it is unknown.
+    """Measure the relative change of light of each object, by session uid; None if it is unknown.
 
     It is unknown without a stored scene, and for outputs that comparison bakes cannot compare, see
     `tells_all`.
@@ -143,7 +143,10 @@ def _notes(lit: set[int], left: set[int], tolerance: float) -> list[str]:
 
 
 def _named(sentence: str, uids: set[int]) -> list[str]:
-    """Return a list with the sentence about the named objects; empty without objects."""
+    """Return a list with the sentence, in which {} is replaced by the objects' names.
+
+    Empty without objects.
+    """
     names = [obj.name for obj in bpy.data.objects if obj.session_uid in uids]
     return [object_message(sentence, names)] if names else []
 

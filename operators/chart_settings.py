@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..engine.unwrap.chart_options import USUAL, ChartOptions
 
-#: Property of each field of `ChartOptions`.
+#: Name of the Blender property for each field of `ChartOptions`.
 _FIELDS = {
     "crease": "chart_crease",
     "largest_cost": "chart_cost",
@@ -70,7 +70,7 @@ def chart_properties() -> dict:
 
 
 def _weight(name: str, faces: str, default: float) -> FloatProperty:
-    """Return the property of the cost of certain faces in charts of curved surfaces."""
+    """Return the property for the cost of these faces in charts of curved surfaces."""
     return FloatProperty(
         name=name,
         description=f"Set the cost of {faces}",

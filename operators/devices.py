@@ -68,7 +68,7 @@ class DeviceFinder:
 
 
 def _survey(opencl_device: str | None) -> Generator[Progress | None, None, DeviceSurvey]:
-    """Return the devices, or a survey that lists why there are none, such as a missing package."""
+    """Search for devices; return them, or a survey that names what is missing, such as a package."""
     worker = new_worker("engine.session:find_devices")
     try:
         with closing(worker.run(opencl_device)) as job:
@@ -87,5 +87,5 @@ def _redraw_preferences() -> None:
                 area.tag_redraw()
 
 
-#: The only instance, since Blender cannot store Python objects.
+#: The only instance. It is a global, since Blender's data cannot hold Python objects.
 finder = DeviceFinder()

@@ -120,7 +120,7 @@ def format_properties() -> dict:
 
 
 def _items(choices: dict[str, tuple[str, str]]) -> list[tuple[str, str, str]]:
-    """Return the items of an enumeration."""
+    """Return the items of a Blender enumeration from labels and tool-tips."""
     return [(name, label, text) for name, (label, text) in choices.items()]
 
 
@@ -162,19 +162,19 @@ class FileFormat:
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """File endings of a lightmap: of the displayed file, then of the file for engines if it differs."""
+        """File endings of a lightmap: of the displayed file, and of the file for engines if it differs."""
         if self.name in ENCODED:
             return ".exr", ".png"
         return (f".{self.name}",)
 
     @property
     def shown(self) -> FileFormat:
-        """Format of the file that Blender displays."""
+        """Format of the file that Blender displays: OpenEXR for encodings that Blender cannot decode."""
         return PLAIN if self.name in ENCODED else self
 
     @property
     def stores_half(self) -> bool:
-        """True if the format writes OpenEXR files of 16 bits per channel."""
+        """True if the files are OpenEXR with 16 bits per channel."""
         return self.name == "exr" and (self.depth == 16 or self.codec in _LOSSY)
 
     def encoding(self, output: str, brightest: float) -> Encoding | None:

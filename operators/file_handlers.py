@@ -18,14 +18,14 @@ from .worker_manager import owner
 
 @persistent
 def _tidy(*_: object) -> None:
-    """Remove unused lightmap UVs, except during a bake, whose rollback may need them."""
+    """Remove lightmap UVs that no object uses. Does nothing during a bake, which may have to restore them."""
     if not owner.busy:
         remove_unused_uvs()
 
 
 @persistent
 def _forget(*_: object) -> None:
-    """Free cached data of bakes of the previous file."""
+    """Free cached data of bakes when another file is loaded."""
     owner.forget()
     kept_evaluations.clear()
     kept_worlds.clear()

@@ -9,12 +9,15 @@ import bpy
 
 from ..engine.object_message import counted
 
-#: Entries of a report that its copy shows as text and therefore leaves out of the JSON.
+#: Entries of a report that are listed as text in its copy, so that the JSON part leaves them out.
 _SUMMED_UP = ("warnings", "objects_of_warnings", "fixes_of_warnings")
 
 
 class LastFailure:
-    """Error of the last bake of this session: .blend files store reports, but no errors."""
+    """Error of the last bake in this session.
+
+    It is kept in memory, because .blend files store reports but no errors.
+    """
 
     def __init__(self) -> None:
         self._scene, self._text = 0, ""
@@ -40,7 +43,7 @@ class ReportWarning(NamedTuple):
     fix: str
 
 
-#: The only instance, since Blender stores no Python objects.
+#: The only instance. It is a global, since Blender's data cannot hold Python objects.
 last_failure = LastFailure()
 
 

@@ -10,7 +10,7 @@ from .scene.uv_layout import is_page
 
 
 def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:
-    """Return the objects that belong to an atlas, or show it as they were baked last."""
+    """Return the objects of a lightmap: those assigned to it, or baked into it last."""
     entry = scene.hemibake.lightmaps.get(atlas)
     image = entry and entry.image
     return [
@@ -23,7 +23,7 @@ def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:
 
 
 def unlisted(scene: bpy.types.Scene) -> list[str]:
-    """Return the atlases that objects name and that are not in the scene's list.
+    """Return names of lightmaps that objects use and that are not in the scene's list.
 
     Objects that share a mesh are not counted once they have been baked: they have tiles in another lightmap.
     """

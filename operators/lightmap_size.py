@@ -128,7 +128,7 @@ def size_properties() -> dict:
 
 
 def fix_size(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Give lightmaps a fixed width, since a script or a person has just set one."""
+    """Set the resolution to a fixed width after a script or a user has set one; update callback."""
     settings.size_mode = "SIZE"
 
 
@@ -153,7 +153,7 @@ def choose_width(
 
 
 def expected_width(context: SceneContext, objects: Sequence[bpy.types.Object]) -> int:
-    """Return the width that `choose_width` would choose; stores nothing."""
+    """Return the width that `choose_width` would choose, without storing it."""
     settings = context.scene.hemibake
     known = _known_width(settings)
     return known or _choice(finished(expected_areas(context, objects, settings.uv_layer)), settings).width
@@ -190,12 +190,12 @@ def size_text(settings: bpy.types.PropertyGroup) -> str:
 
 
 def _known_width(settings: bpy.types.PropertyGroup) -> int:
-    """Return the width that does not depend on the objects, texels; 0 if it must be chosen from them."""
+    """Return the fixed or stored width, texels; 0 if it must be computed from the objects."""
     return {"SIZE": settings.resolution, "AUTOMATIC": settings.automatic_width}.get(settings.size_mode, 0)
 
 
 def _choice(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup) -> SizeChoice:
-    """Return the width for these areas by Density or Automatic."""
+    """Return the width for these chart areas by the mode Density or Automatic."""
     if settings.size_mode == "DENSITY":
         return SizeChoice(_width_for_density(areas, settings))
     return _automatic_choice(areas, settings)
@@ -219,7 +219,7 @@ def _grown(
 
 
 def _automatic_choice(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup) -> SizeChoice:
-    """Return the power of two next to the needed width, with a note if the device has too little memory."""
+    """Return the power of two nearest to the needed width, with a note if device memory is too small."""
     needed = min(max(_needed(areas, settings), _SMALLEST), _LARGEST)
     wanted = 1 << round(math.log2(needed))
     width, memory = wanted, _device_memory()
@@ -253,7 +253,7 @@ def _width_for_density(areas: Sequence[ChartArea], settings: bpy.types.PropertyG
 
 
 def _within_limits(width: int, settings: bpy.types.PropertyGroup) -> int:
-    """Return a width; raises SettingsError if it exceeds the largest one."""
+    """Return the width if it is within Max Width; raise SettingsError otherwise."""
     largest = settings.largest_width
     if width > largest:
         raise SettingsError(
@@ -264,13 +264,16 @@ def _within_limits(width: int, settings: bpy.types.PropertyGroup) -> int:
 
 
 def _store_side(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup, changes: Rollback) -> None:
-    """Store the length of surface along a lightmap, from which the panel shows the texel size."""
+    """Store the length of surface that the lightmap's width covers.
+
+    The panel computes the texel size from it.
+    """
     side = longest_side(areas, settings.lightmap_count) * metres_per_unit(settings.id_data)
     _store(settings, "lightmap_side", side, changes)
 
 
 def _store(settings: bpy.types.PropertyGroup, name: str, value: float, changes: Rollback) -> None:
-    """Give a property of a scene a value that `changes` can undo."""
+    """Set a property of a scene so that `changes` can undo it."""
     uid, before = settings.id_data.session_uid, getattr(settings, name)
 
     def restore() -> None:
@@ -283,7 +286,7 @@ def _store(settings: bpy.types.PropertyGroup, name: str, value: float, changes: 
 
 
 def _plan(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Store the width that a density leads to now, for the panel."""
+    """Store the width that the current density requires, for display in the panel."""
     if settings.size_mode == "DENSITY" and context.scene is not None:
         where = SceneContext(context)
         objects = visible_meshes(where, viewport=True)

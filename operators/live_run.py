@@ -94,7 +94,7 @@ class LiveRun(BakeRun):
                 pack_for_bake(image)
 
     def _store_shown(self, path: str = "", *_: object) -> None:
-        """Write the files of the last finished lightmaps before the .blend is saved; see `_hold_pixels`.
+        """Write the lightmap files when the .blend is saved; between saves the images are packed.
 
         path: path of the .blend; a file with a new name gets its own lightmaps
         """
@@ -107,7 +107,7 @@ class LiveRun(BakeRun):
                 self._store(targets, self._show_finished(self.lightmap), self.lightmap)
 
     def _has_stored(self, path: str = "", *_: object) -> None:
-        """Pack the images again after a save; restore their paths if only a copy was saved."""
+        """Pack the images again after a save. If only a copy was saved, restore their paths."""
         self._hold_pixels()
         if path and path != bpy.data.filepath:
             with suppress(EngineError):
@@ -115,7 +115,7 @@ class LiveRun(BakeRun):
             self._name_as_before()
 
     def _name_as_before(self) -> None:
-        """Restore the paths that the images had before a copy of the file was saved."""
+        """Restore the paths that the images had before a copy of the .blend was saved."""
         for image in find_all(bpy.data.images, self._paths):
             image.filepath_raw = self._paths[image.session_uid]
             for packed in image.packed_files:
@@ -162,7 +162,7 @@ class LiveRun(BakeRun):
         if takes and self._watch.objects and not waits:
             yield from self._send(True)
         elif takes and self._watch.moved and not waits:
-            # Each read of render meshes stalls the window, so wait until the light has converged.
+            # Reading render meshes stalls the window, so it waits until the light has converged.
             yield from self._send(not uses_render(self._context))
         elif takes and self._watch.lamps:
             yield from self._send(False)
@@ -171,7 +171,7 @@ class LiveRun(BakeRun):
 
     @property
     def _waits(self) -> bool:
-        """True if only lights are read, because a large scene plays its timeline."""
+        """Return True while a large scene plays its timeline, when only lights are read."""
         return self._read.triangles > _FEW and _timeline_plays()
 
     def _send(self, everything: bool) -> Steps:
@@ -207,7 +207,7 @@ class LiveRun(BakeRun):
         self._sent = scene
 
     def _settled_reading(self, read: Callable[[bool], Steps]) -> Generator[Progress | None, None, bool]:
-        """Read in slices, again if the scene changes meanwhile, and at last without interruption.
+        """Read the scene in slices; repeat if it changes meanwhile, the last time without interruption.
 
         Returns False if reading was stopped because a large scene plays its timeline.
         """

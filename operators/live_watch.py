@@ -17,7 +17,7 @@ from .scene.objects.render_depsgraph import reads_render
 #: Types of datablocks that affect the appearance of objects.
 _LOOKS = (bpy.types.Material, bpy.types.Image, bpy.types.Texture)
 
-#: Types that are updated when objects are added, deleted, shown or hidden.
+#: Types of datablocks that Blender updates when objects are added, deleted, shown or hidden.
 _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
 
 
@@ -91,14 +91,14 @@ class LiveWatch:
                 self.materials.add(update.id.original.session_uid)
 
     def _expect_undo(self, *_: object) -> None:
-        """Restore original materials before an undo, which frees material copies made since the last step."""
+        """Restore original materials before an undo, which would free the preview materials in use."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
             self._showed = is_previewed(scene)
             set_preview_aside(scene)
 
     def _note_undo(self, *_: object) -> None:
-        """Detect whether the undo reverted showing the lightmaps; undo in Edit Mode restores no materials."""
+        """Detect an undo of showing the lightmaps. In Edit Mode an undo does not restore materials."""
         scene = find(bpy.data.scenes, self._context.scene_uid)
         self.undone |= scene is None or (self._showed and not is_previewed(scene))
         self.objects, self.materials = True, {material.session_uid for material in bpy.data.materials}
@@ -115,7 +115,7 @@ def _only_moves(update: bpy.types.DepsgraphUpdate) -> bool:
 
 
 def _matters(update: bpy.types.DepsgraphUpdate) -> bool:
-    """Return True if an update affects light; new pixels of lightmaps do not."""
+    """Return True if an update can change light; updated pixels of lightmaps cannot."""
     if isinstance(update.id, _HOLDERS) or update.is_updated_geometry or update.is_updated_transform:
         return True
     if isinstance(update.id, bpy.types.World):

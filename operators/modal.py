@@ -61,7 +61,7 @@ class ModalOperator:
         return {"PASS_THROUGH"}
 
     def _ended(self, context: bpy.types.Context, value: Any) -> set[str]:
-        """Handle the result of the run, release the window, and return the operator's status."""
+        """Finish after the last step: handle the result, release the window, return the operator's status."""
         raise NotImplementedError
 
     def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:

@@ -16,9 +16,9 @@ def is_filled(slot: bpy.types.MaterialSlot) -> bool:
 
 
 def own_slots(obj: bpy.types.Object) -> list[Any]:
-    """Return for each slot the record of its original material and link: a stored entry, or the slot itself.
+    """Return the original material and link of each slot: a stored record, or the slot itself.
 
-    A slot that the user filled or added while the lightmap was shown is its own record.
+    A slot that the user has filled or added while the lightmap was shown has no stored record.
     """
     before = obj.hemibake.slots
     return [

@@ -16,7 +16,7 @@ from ..engine.settings import kept_with_scene
 from .file_format import format_properties
 from .lightmap_size import size_properties
 
-#: Folder of the bundled presets, and the user's folder relative to Blender's preset folders.
+#: Folder of the bundled presets, and subfolder of Blender's preset folders for the user's presets.
 _OWN = Path(__file__).parents[1] / "presets" / "bake"
 _FOLDER = "hemibake/bake"
 
@@ -55,7 +55,7 @@ def _is_set(preset: Preset, settings: bpy.types.PropertyGroup) -> bool:
 
 
 def _same(value: Any, wanted: Any) -> bool:
-    """Return True if a property equals a preset's value, within float32 precision; vectors equal tuples."""
+    """Return True if a property equals a preset's value: floats up to float32 precision."""
     if isinstance(wanted, float):
         return isinstance(value, float) and math.isclose(value, wanted, rel_tol=1e-6)
     return (tuple(value) if isinstance(wanted, tuple) and value is not None else value) == wanted
@@ -63,7 +63,7 @@ def _same(value: Any, wanted: Any) -> bool:
 
 @lru_cache(maxsize=256)
 def _values(path: Path, changed: int) -> dict[str, Any]:
-    """Return the values of a preset by name, empty for an invalid file; `changed` is a cache key."""
+    """Return the values of a preset file by name, empty if invalid; `changed` is part of the cache key."""
     try:
         lines = ast.parse(path.read_text(encoding="utf-8")).body
         return {
@@ -76,7 +76,7 @@ def _values(path: Path, changed: int) -> dict[str, Any]:
 
 
 def _is_setting(target: ast.expr) -> bool:
-    """Return True if the target of an assignment is an attribute of `settings`."""
+    """Return True if an assignment sets an attribute of `settings`."""
     return isinstance(target, ast.Attribute) and getattr(target.value, "id", "") == "settings"
 
 

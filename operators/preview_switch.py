@@ -13,7 +13,7 @@ from .result.preview import previewed, switch_preview
 
 
 class _ShownScenes:
-    """Scene of each window, by session uid."""
+    """Scene that each window shows, by session uid."""
 
     def __init__(self) -> None:
         self._known: dict[int, int] | None = None
@@ -41,7 +41,7 @@ _shown = _ShownScenes()
 
 
 def _show(scene_uid: int) -> None:
-    """Replace the lightmaps of another scene in the preview of a scene's objects."""
+    """Switch the preview of a scene's objects to the lightmaps of this scene."""
     scene = find(bpy.data.scenes, scene_uid)
     windows = [window for window in bpy.context.window_manager.windows if window.scene == scene]
     if scene is None or not windows or not any(previewed(scene)):
@@ -60,14 +60,17 @@ def _note(*_: object) -> None:
 
 @persistent
 def _listen(*_: object) -> None:
-    """Subscribe again after a file was loaded, which ends subscriptions."""
+    """Subscribe again after a file was loaded, because loading ends all subscriptions."""
     _shown.forget()
     _subscribe()
     _shown.note()
 
 
 def _subscribe() -> None:
-    """Let Blender call `_note` when the user chooses a scene; scripts update a depsgraph instead."""
+    """Let Blender call `note` when a user chooses a scene.
+
+    Scripts that do so cause a depsgraph update instead.
+    """
     bpy.msgbus.clear_by_owner(_shown)
     bpy.msgbus.subscribe_rna(key=(bpy.types.Window, "scene"), owner=_shown, args=(), notify=_note)
 

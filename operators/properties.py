@@ -112,14 +112,14 @@ class HemibakeLightStateProperties(bpy.types.PropertyGroup):
 def _layers_of_scene(
     scene: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
 ) -> list[tuple[str, str]]:
-    """Return the UV layers to suggest for a scene, with their notes."""
+    """Return the UV layers that a scene's property suggests, each with a note."""
     return offered_layers(scene.id_data.objects)
 
 
 def _layers_of_object(
     obj: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
 ) -> list[tuple[str, str]]:
-    """Return the UV layers to suggest for an object, with their notes."""
+    """Return the UV layers that an object's property suggests, each with a note."""
     return offered_layers([obj.id_data])
 
 
@@ -240,12 +240,12 @@ HemibakeSceneProperties.__annotations__.update(chart_properties())
 HemibakeSceneProperties.__annotations__.update(format_properties())
 
 
-#: Options that let a library override store its own settings and bake data.
+#: Property options that let a library override store its own settings and bake data.
 _OVERRIDABLE, _INSERTABLE = {"LIBRARY_OVERRIDABLE"}, {"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
 
 
 class HemibakeSlotProperties(bpy.types.PropertyGroup):
-    """Content of a material slot before the lightmap was shown."""
+    """Original content of a material slot, stored while the slot shows the lightmap."""
 
     link: StringProperty(description="Link of the slot: DATA or OBJECT", override=_OVERRIDABLE)
     material: PointerProperty(
@@ -256,7 +256,7 @@ class HemibakeSlotProperties(bpy.types.PropertyGroup):
 
 
 class _BakeRecord:
-    """Properties that a bake writes on an object, for one scene; see `scene.bake_records`."""
+    """Properties of an object that a bake writes for one scene."""
 
     scene_id: StringProperty(
         name="Scene ID",
@@ -323,7 +323,7 @@ class HemibakeBakeRecord(_BakeRecord, bpy.types.PropertyGroup):
 
 
 def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
-    """Return the names of all lightmaps to suggest; Blender filters them by the text."""
+    """Return the names of all lightmaps as suggestions; Blender filters them by the text."""
     listed = [entry.name for entry in context.scene.hemibake.lightmaps if not entry.companion_of]
     return [*listed, *unlisted(context.scene)]
 

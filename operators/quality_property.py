@@ -13,7 +13,7 @@ from .translations import CONTEXT
 
 _NAMES = (*QUALITIES, "custom")
 
-#: Items of the enumeration, stored here because Blender keeps no reference to their texts.
+#: Items of the enumeration. The module keeps them alive, because Blender holds no reference to their texts.
 _ITEMS = [
     (name, f"{quality.label} ({100 * quality.error:g}%)", quality.text, "NONE", number)
     for number, (name, quality) in enumerate(QUALITIES.items())
@@ -40,7 +40,7 @@ def quality_property() -> Any:
 
 
 def follow_hemicube(properties: bpy.types.bpy_struct, context: bpy.types.Context) -> None:
-    """Reset Samples to 0, so that the number of rays follows the hemicube that was just chosen."""
+    """Set Samples to 0, so that the number of rays follows the hemicube's new width; update callback."""
     properties.samples = 0
 
 
@@ -54,7 +54,7 @@ def _get(properties: bpy.types.bpy_struct) -> int:
 
 
 def _set(properties: bpy.types.bpy_struct, number: int) -> None:
-    """Set the settings to the values of a quality."""
+    """Set all settings of a quality preset; setter of the property."""
     quality = QUALITIES.get(_NAMES[number])
     for name, value in quality.values.items() if quality else ():
         setattr(properties, name, str(value) if name == "hemicube" else value)

@@ -10,7 +10,7 @@ import bpy
 from ..engine.object_message import first_line
 from ..engine.progress import Progress, format_seconds_left
 
-#: Mean width of a letter, and assumed width of an unknown window, pixels of an unscaled interface.
+#: Mean width of a letter, and width assumed for an unknown window, in pixels at interface scale 1.
 _LETTER, _UNKNOWN = 6.5, 1200
 
 #: Fraction of the window's width that a pop-up takes, and minimum number of letters of a line.
@@ -40,7 +40,7 @@ def progress_line(progress: Progress) -> str:
 
 
 def _wrapped(line: str) -> str:
-    """Return a line broken to fit the window, since Blender's error pop-up does not wrap.
+    """Insert line breaks that fit the window, because Blender's error pop-up does not wrap lines.
 
     Each line ends with a space, because the status bar joins them again.
     """

@@ -7,7 +7,7 @@ import uuid
 from ..engine.scene.model import Scene
 from .scene import ReadScene
 
-#: Maximum number of scenes, so that one remains after the undo of a bake, and of bytes of all scenes.
+#: Maximum number of scenes, and of bytes of all scenes. With three, one remains after a bake was undone.
 _MOST, _LIMIT = 3, 1 << 29
 
 

@@ -45,7 +45,7 @@ class LastTest:
         log(f"Self-test: {text}")
 
 
-#: The only instance, since Blender stores no Python objects.
+#: The only instance. It is a global, since Blender's data cannot hold Python objects.
 last_test = LastTest()
 
 

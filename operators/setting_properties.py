@@ -101,7 +101,7 @@ def _number(span: Span, default: float, labels: dict[str, Any]) -> Any:
 
 
 def _device_names(owner: bpy.types.bpy_struct, context: bpy.types.Context, text: str) -> list[str]:
-    """Return the names of OpenCL devices to suggest; Blender filters them by the text."""
+    """Return the names of OpenCL devices as suggestions; Blender filters them by the text."""
     return finder.names
 
 

@@ -142,7 +142,7 @@ class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
         return Unwrapping(context, [obj for obj in visible if obj.select_get()] or visible)
 
     def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
-        """Report how many objects were unwrapped, kept their UVs, or moved."""
+        """Report how many objects got new UVs, kept their UVs, or were moved in their lightmap."""
         for note in made.notes:
             report_message(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
         kept = count - len(made.objects) - len(made.skipped)

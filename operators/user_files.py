@@ -17,7 +17,7 @@ import bpy
 from ..engine.resume.checkpoint_folder import CheckpointFolder
 from .extension import EXTENSION
 
-#: Size at which the log is renamed to the old log, bytes, chosen.
+#: Size in bytes at which the log becomes the old log and a new one begins (chosen).
 _LOG_LIMIT = 1 << 20
 
 
@@ -38,7 +38,7 @@ def cache_size() -> int:
 
 
 def kept_checkpoint_since(time: float) -> bool:
-    """Return True if a bake has written a checkpoint since `time`, in s as of `time.time`."""
+    """Return True if a bake has written a checkpoint since `time`, seconds as from `time.time`."""
     folder = cache_folder()
     return folder is not None and CheckpointFolder(str(folder), 1).written_since(time)
 

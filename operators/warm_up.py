@@ -11,7 +11,8 @@ from .bake_settings import machine_defaults
 from .window_bake import redraw
 from .worker_manager import owner
 
-#: Delay from the first drawing of the panel to the start of the worker, s, so that drawing is not delayed.
+#: Delay in seconds from the first drawing of the panel to the start of the worker, so that drawing is not
+#: slowed down.
 _DELAY = 0.5
 
 #: Time between two polls of the worker, s.
@@ -19,7 +20,7 @@ _INTERVAL = 0.2
 
 
 def warm_up() -> None:
-    """Start the worker if none is alive; the next bake reports errors."""
+    """Start the worker if none is running. Errors are ignored here; the next bake reports them."""
     if owner.warm:
         return
     with suppress(EngineError):

@@ -11,11 +11,11 @@ from .bake_run import BakeRun
 from .report_message import progress_line
 from .worker_manager import owner
 
-#: Time between two timer events, s: for a bake in general, and for Live, which follows the user's edits.
+#: Seconds between two timer events: for bakes, and for Live, which must follow the user's edits faster.
 INTERVAL, QUICK = 0.05, 0.02
 
-#: Shortest and longest time between two redraws, s, and the same as a multiple of the duration of the last
-#: redraw. Without a graphics card a redraw of a large window takes longer than all other work in it.
+#: Minimum and maximum seconds between two redraws, and their distance as a multiple of the last redraw's
+#: duration. Without a GPU a redraw of a large window takes longer than all other work in it.
 _PERIODS = 0.2, 2.0
 _RARITY = 10
 
@@ -40,7 +40,7 @@ class WindowBake:
         owner.running = self
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """Return whether to cancel: on request, or if Esc is pressed over a 3D view or its sidebar.
+        """Return True to cancel: on request, or after Esc over a 3D view or its sidebar.
 
         Esc over other editors is left to them.
         """
@@ -48,7 +48,7 @@ class WindowBake:
         return self.unwanted or (pressed and _editor_below(context, event) == "VIEW_3D")
 
     def wake(self) -> None:
-        """Start work on a timer event; the time since the last redraw began is the cost of the redraw."""
+        """Handle a timer event; the time since the last redraw began counts as the cost of the redraw."""
         if self._is_drawing:
             cost = time.perf_counter() - self._redrawn - self._interval
             self._period = min(max(_PERIODS[0], _RARITY * cost), _PERIODS[1])
@@ -76,7 +76,7 @@ class WindowBake:
         redraw(self._manager)
 
     def cancel(self, keep_images: bool = False) -> bool:
-        """Release the window and undo the bake; see `BakeRun.cancel`."""
+        """Release the window and undo the bake; return True if images are kept."""
         self.leave()
         return self.run.cancel(keep_images)
 
@@ -92,7 +92,7 @@ class WindowBake:
         function replaces the status bar of all workspaces.
         """
         if context.workspace is not None:
-            # Blender accepts functions here, but no methods.
+            # Blender accepts only functions here, no bound methods.
             context.workspace.status_text_set(lambda header, _: self._draw_status(header.layout))
 
     def _draw_status(self, layout: bpy.types.UILayout) -> None:

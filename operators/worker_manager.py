@@ -29,7 +29,7 @@ _ROOT = str(Path(__file__).parents[1])
 
 
 class RunningBake(Protocol):
-    """A bake in a window; see `WindowBake`."""
+    """Interface of a bake that runs in a window, as far as the manager uses it."""
 
     progress: Progress
     unwanted: bool
@@ -67,7 +67,7 @@ class WorkerManager:
         return self._bake_without_window if bpy.app.background else self.bake_in_worker()
 
     def _bake_without_window(self, scene: Scene, settings: Settings) -> Generator:
-        """Bake in this process, or in the worker for denoising or a scheduler.
+        """Bake in this process; with denoising or a scheduler, in the worker.
 
         Blender has its own Open Image Denoise and TBB in its process, whose versions may differ from the
         package's. Objects sent to workers of a scheduler refer to modules of the package `engine` there.
@@ -134,7 +134,10 @@ class WorkerManager:
 
 
 def poll_idle(operator: type[bpy.types.Operator], message: str = "A bake is running") -> bool:
-    """Return whether no bake runs in a window; else set the operator's disabled tool-tip to the message."""
+    """Return True if no bake runs in a window.
+
+    Otherwise set the operator's disabled tool-tip to the message.
+    """
     if owner.busy:
         operator.poll_message_set(message)
     return not owner.busy
@@ -148,5 +151,5 @@ def new_worker(work: str, job: Job | None = None) -> Worker:
     return Worker(search_path=[_ROOT, *sys.path], bake=work, job=job or BAKING)
 
 
-#: The only instance, since Blender cannot store Python objects between operators.
+#: The only instance. It is a global, since Blender's data cannot hold Python objects.
 owner = WorkerManager()

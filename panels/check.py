@@ -36,19 +36,19 @@ class HEMIBAKE_PT_check(SubPanel, bpy.types.Panel):
 
 
 def estimate_text(expected: Estimate) -> str:
-    """Return texels, memory and time that a bake is expected to need, in one line."""
+    """Format the expected texels, memory and time of a bake in one line."""
     device = "on this device" if expected.measured else "on a CPU, less on a GPU"
     memory = f"up to {_size(expected.sample_bytes)} of visibility data"
     return f"{expected.patches:,} texels, {memory}, about {_duration(expected.seconds)} {device}"
 
 
 def _size(count: int) -> str:
-    """Return a number of bytes in MiB or GiB."""
+    """Format a number of bytes in MiB or GiB."""
     return f"{count / 2**30:,.1f} GiB" if count >= 2**30 else f"{count / 2**20:,.0f} MiB"
 
 
 def _duration(seconds: float) -> str:
-    """Return a time in seconds or minutes."""
+    """Format a time in seconds or minutes."""
     if seconds < 10:
         return f"{seconds:.1f} s"
     return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

@@ -60,7 +60,7 @@ class HEMIBAKE_PT_light_groups(SubPanel, bpy.types.Panel):
 
 
 def _draw_maps(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the mixer of the maps of light groups, or how to get maps and see their mix."""
+    """Draw the mixer of the light groups' maps; without maps, draw how to get them."""
     scene, width = context.scene, line_width(context)
     if not _has_maps(scene):
         draw_text(layout, "Choose a group for objects under Active Object, then bake", width, "INFO")

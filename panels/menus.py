@@ -17,7 +17,7 @@ class HEMIBAKE_MT_lightmaps(bpy.types.Menu):
             self.layout.separator()
 
 
-#: Operators of the menu; a separator follows each group.
+#: Operators of the menu in groups; a separator follows each group.
 _GROUPS = (
     ("hemibake.check", "hemibake.bake", "hemibake.cancel", "hemibake.preview", "hemibake.live"),
     ("hemibake.export_for_engine",),

@@ -11,7 +11,7 @@ from ..operators.worker_manager import owner
 
 
 def draw_preparation(layout: bpy.types.UILayout) -> None:
-    """Draw how far the worker is with building kernels, if it does so before the first bake."""
+    """Draw the progress of the worker while it builds kernels before the first bake."""
     progress = owner.preparation
     if progress is not None and owner.running is None:
         left = format_seconds_left(progress.seconds_left)

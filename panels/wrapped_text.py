@@ -10,8 +10,8 @@ import bpy
 #: Identifier of the interface font in `blf`.
 _FONT = 0
 
-#: Widths in pixels of an unscaled interface: tabs and margins of a region, an icon in a box, the smallest
-#: width left for words, and a region of unknown width.
+#: Widths in pixels at interface scale 1: tabs and margins of a region, an icon in a box, the minimum for
+#: words, and a region of unknown width.
 _MARGIN, _ICON, _LEAST, _UNKNOWN = 66, 38, 80, 600
 
 

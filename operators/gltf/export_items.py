@@ -81,7 +81,7 @@ class ExportItems:
 
 
 class _Group:
-    """Surfaces that differ only in their matrices."""
+    """Export items with the same mesh or object, which differ only in their matrices."""
 
     def __init__(self, surfaces: Sequence[ExportItem]) -> None:
         self._surfaces = surfaces
@@ -89,10 +89,9 @@ class _Group:
         self._own = np.array([surface.instancer is None for surface in surfaces])
 
     def nearest(self, matrix: np.ndarray) -> ExportItem:
-        """Return the surface with the nearest matrix by largest difference; an instance wins a tie.
+        """Return the item whose matrix has the smallest maximum difference to `matrix`; instances win ties.
 
-        The dependency graph also lists an object that is instanced on vertices at its own place, where it is
-        not visible.
+        An object that is instanced on vertices is also listed at its own place, where it is not visible.
         """
         differences = np.abs(self._matrices - matrix).max(axis=(1, 2))
         return self._surfaces[int(np.argmin(np.maximum(differences, _NOISE) + _NOISE * self._own))]

@@ -15,8 +15,8 @@ from ..extension import EXTENSION
 #: Name under which the exporter looks for hooks in the modules of all enabled add-ons.
 _NAME = "glTF2ExportUserExtension"
 
-#: The export equals the bake: evaluated meshes in the pose of the current frame, without the lamps whose
-#: light is in the lightmaps.
+#: Options of Blender's exporter that give the state of the bake: evaluated meshes in the pose of the current
+#: frame, and no lamps whose light is in the lightmaps.
 _OPTIONS = {
     "export_apply": True,
     "export_gn_mesh": True,
@@ -59,14 +59,14 @@ def write_gltf(path: Path, hooks: object) -> None:
 
 
 def _last_words(error: RuntimeError) -> str:
-    """Return the reason of an operator's error, which follows a traceback and precedes a location."""
+    """Return the reason from an operator's error text: the line after the traceback, without the location."""
     lines = [line.strip() for line in str(error).splitlines()]
     return [line for line in lines if line and not line.startswith("Location:")][-1]
 
 
 @contextmanager
 def _hooked(hooks: object) -> Iterator[None]:
-    """Make hooks available to the exporter for the duration of the context."""
+    """Install hooks for the exporter; remove them at the end of the `with` block."""
     module = sys.modules[EXTENSION]
     setattr(module, _NAME, lambda: hooks)
     try:

@@ -122,7 +122,7 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool, 
 
 
 class _Export:
-    """Files of one export, made in a staging folder.
+    """One export: its files are written to a staging folder, then moved to their final folder.
 
     maps:    directional maps of each lightmap, by output
     groups:  maps of light groups of each lightmap, by group
@@ -299,7 +299,7 @@ def _select(objects: Iterable[bpy.types.Object], selected: Sequence[bpy.types.Ob
 
 @contextmanager
 def _own_materials(context: bpy.types.Context) -> Iterator[None]:
-    """Restore the original materials of objects that preview lightmaps, for the duration of the context."""
+    """Restore the original materials of objects that show lightmaps, inside the `with` block."""
     shown = list(previewed(context.scene))
     hide_preview(shown)
     try:
@@ -370,7 +370,10 @@ def _shown_output(scene: bpy.types.Scene) -> str:
 
 
 def _fact(surface: ExportItem) -> dict:
-    """Return the manifest's entry of an object or instance; the UVs in the file are final lightmap UVs."""
+    """Return the manifest's entry of an object or instance.
+
+    The file holds final lightmap UVs: scale 1, offset 0.
+    """
     instance = {"instancer": surface.instancer, "persistent_id": list(surface.persistent_id)}
     place = {"uv_layer": "TEXCOORD_1", "scale": 1.0, "offset": [0.0, 0.0]}
     return {**named(surface.source), **(instance if surface.instancer is not None else {}), **place}

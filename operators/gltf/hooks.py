@@ -56,7 +56,7 @@ class LightmapHooks:
             asset.extras = {**(asset.extras or {}), "hemibake": dict(self._extras)}
 
     def gather_tree_filter_tag_hook(self, tree: object, *others: object) -> None:
-        """Leave out instances on vertices and faces that the exporter also lists as instances of nodes."""
+        """Remove instances on vertices and faces that the exporter lists twice."""
         for entry in tree.nodes.values():
             if entry.blender_object is None and entry.original_object.instance_type != "NONE":
                 entry.keep_tag = False
@@ -83,7 +83,7 @@ class LightmapHooks:
         self.nodes = [places[id(node)] for node in self._lit_nodes]
 
     def _light(self, node: gltf2_io.Node, entry: object, matrix: np.ndarray) -> None:
-        """Add to a node the lightmap of its surface."""
+        """Assign the lightmap of its surface to a node: a mesh of its own with lightmap UVs and materials."""
         if entry.blender_object is not None:
             surface = self._surfaces.of_object(entry.blender_object.original, matrix)
         else:
@@ -131,7 +131,7 @@ class LightmapHooks:
 
 
 def _name(entry: object) -> str:
-    """Return the name of the object of an entry in the exporter's tree, or of the object that makes it."""
+    """Return the object's name of an entry in the exporter's tree; for an instance, its instancer's name."""
     return (entry.blender_object or entry.original_object).name
 
 

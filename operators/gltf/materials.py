@@ -85,7 +85,7 @@ def _grey() -> gltf2_io.Material:
 
 
 def _swapped(value: object, swapped: int) -> object:
-    """Return a copy of a material or a part of it with UV sets exchanged; textures are not copied."""
+    """Return a copy of a material or of a part of it, with UV set 1 and another one exchanged."""
     if isinstance(value, dict):
         return {name: _swapped(part, swapped) for name, part in value.items()}
     if not hasattr(value, "__dict__") or isinstance(value, gltf2_io.Texture):

@@ -25,7 +25,7 @@ def mark_lightmaps(
     settings: Settings,
     kept: PreservedTexels,
 ) -> None:
-    """Record on each lightmap of a scene which other maps it has, and its texel usage.
+    """Record on each lightmap of a scene the other maps that belong to it, and its texel usage.
 
     The usage is known only if all objects of the lightmap were baked.
     """

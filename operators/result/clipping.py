@@ -15,7 +15,7 @@ from ..scene import ReadScene
 from ..scene.uvs.uv_faults import covered_texels
 from .lightmap_files import LightmapFile
 
-#: Maximum fraction of a lightmap's texels that may become black without a warning: the far falloff of lights.
+#: Fraction of a lightmap's texels that may become black without a warning, as the far falloff of lights does.
 _DARK = 0.01
 
 
@@ -36,7 +36,7 @@ def clipping_notes(
 
 
 def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield a warning with {} for the objects, and the clipped texels, (h, w) bool."""
+    """Yield each warning about a file, with {} for the objects, and its clipped texels, (h, w) bool."""
     clipping, all_texels = find_clipping(file.light, limits, counted), max(int(counted.sum()), 1)
     bright, dark = (
         max(texels.sum() / all_texels, 0.001) if texels.any() else 0.0
@@ -63,7 +63,7 @@ def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, fractio
 
 
 def _remedy_for_bright(file: LightmapFile, most: float) -> str:
-    """Return the remedy that makes a value representable."""
+    """Return the remedy for clipped bright texels: a setting that lets the format store the value `most`."""
     if isinstance(file.encoding, Srgb) and np.isfinite(most):
         return f"Choose an Exposure of {np.floor(-10 * np.log2(most)) / 10:g}, or another format"
     if file.format.name in RANGED:

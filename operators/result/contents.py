@@ -90,7 +90,7 @@ def _objects_by_atlas(read: ReadScene, uv_layer: str) -> dict[str, list[dict]]:
 
 
 def _as_before(known: Record) -> dict:
-    """Return the UV transform of an object's last bake, JSON-ready."""
+    """Return the UV transform of an object's last bake as JSON-ready entries."""
     return {
         "uv_layer": known.uv_layer,
         "scale": float(known.uv_scale),
@@ -99,7 +99,7 @@ def _as_before(known: Record) -> dict:
 
 
 def _placed(place: UvTransform, obj: bpy.types.Object, uv_layer: str) -> dict:
-    """Return the UV layer and UV transform of an object in its atlas, JSON-ready."""
+    """Return the UV layer and UV transform of an object in its atlas as JSON-ready entries."""
     return {
         "uv_layer": lightmap_layer(obj, uv_layer),
         "scale": float(place.scale),

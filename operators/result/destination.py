@@ -93,7 +93,7 @@ def choose_destination(
 
 
 class _Taken:
-    """Names of files in a folder that belong to others.
+    """File names in a folder that other scenes, .blend files or programs use.
 
     of_scenes:  files of other scenes of the .blend, lower case, without extension
     """
@@ -141,7 +141,7 @@ def blend_from(folder: Path, blend: str | None = None) -> str:
 
 
 def try_folder(folder: Path, changes: Rollback) -> None:
-    """Create a folder and write a file into it, as a test; raises OSError."""
+    """Test if files can be written to a folder: create the folder and a file; raises OSError."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     changes.add(lambda: _remove_folders(made))
     folder.mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,7 @@ from ..file_format import PLAIN, FileFormat
 from ..working_space import REC709, from_rec709, is_rec709
 from .files import try_to_write
 
-#: Upper bound of the bytes for each pixel: three channels of 32 bits and a share of the header.
+#: Upper bound of a file's bytes per pixel: three channels of 32 bits, and a share of the header.
 _PIXEL = 16
 
 
@@ -58,7 +58,7 @@ def _set_up(settings: bpy.types.ImageFormatSettings, format: FileFormat) -> None
 
 
 def _tag(settings: bpy.types.ImageFormatSettings, is_colour: bool) -> None:
-    """Let files store linear Rec.709, or unconverted pixels, if the working space is another one."""
+    """Mark the file's colors as linear Rec.709, or as data, if the working space is another one."""
     settings.color_management = "OVERRIDE"
     settings.linear_colorspace_settings.name = REC709 if is_colour else "Non-Color"
 
@@ -69,7 +69,7 @@ def _held(pixels: np.ndarray, format: FileFormat) -> np.ndarray:
 
 
 def _check_end(path: Path) -> None:
-    """Raise the OSError of writing the last bytes of a file, which Blender does not report."""
+    """Append a byte and remove it: raises the OSError of a full disk, which Blender does not report."""
     size = path.stat().st_size
     with path.open("ab", buffering=0) as file:
         file.write(b"\0")

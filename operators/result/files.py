@@ -17,7 +17,7 @@ from ..rollback import Rollback
 #: Name prefix of a folder of unfinished files, and the file in it that its process keeps locked.
 _PREFIX, _LOCK = ".hemibake-", "lock"
 
-#: Zeros that are written at once to find the cause of a write error.
+#: Block of zeros that is written repeatedly to reproduce a write error and find its cause.
 _BLOCK = bytes(1 << 20)
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -36,7 +36,7 @@ def staging_folder(folder: Path) -> Iterator[Path]:
         tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder) as staging,
         (Path(staging) / _LOCK).open("wb") as file,
     ):
-        # Without file locks, abandoned folders remain.
+        # Skip the clean-up of abandoned folders if the file system has no locks.
         with suppress(OSError):
             _lock(file)
         yield Path(staging)
@@ -63,7 +63,7 @@ def replace_all(staged: Sequence[Path], paths: Sequence[Path], backup: Path) -> 
 
 
 def try_to_write(path: Path, size: int) -> None:
-    """Write `size` bytes into a file; raise the OSError that explains why this fails."""
+    """Write `size` bytes into a file to reproduce a write error; raise the OSError that explains it."""
     with path.open("wb") as file:
         for start in range(0, size, len(_BLOCK)):
             file.write(_BLOCK[: size - start])
@@ -96,11 +96,11 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(file: BinaryIO) -> None:
-        """Lock a file until it is closed; raise OSError if another process has locked it."""
+        """Lock a file until it is closed (Windows); raise OSError if another process holds the lock."""
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
 else:
     import fcntl
 
     def _lock(file: BinaryIO) -> None:
-        """Lock a file until it is closed; raise OSError if another process has locked it."""
+        """Lock a file until it is closed (POSIX); raise OSError if another process holds the lock."""
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -89,9 +89,8 @@ def store(
 ) -> list[LightmapFile]:
     """Write the files of lightmaps and light probes, assign shown files to images, return the lightmaps'.
 
-    An image that the user has packed stays packed. Without a folder the images are packed into the .blend,
-    and there are no files. If writing fails, old files stay, the images are packed, and EngineError is
-    raised.
+    Images that the user has packed stay packed. Without a folder the images are packed into the .blend, and
+    there are no files. If writing fails, old files stay, the images are packed, and EngineError is raised.
 
     images:     images that show the lightmaps already
     lightmaps:  (images, h, w, 3) float32, scene-linear, bottom row first
@@ -151,9 +150,9 @@ def write_all(
     states: Mapping[str, dict],
     probes: Sequence[ProbeFile] = (),
 ) -> None:
-    """Write all files and the manifest, or none; the manifest is moved first and lists old and new files.
+    """Write all files and the manifest, or none; raises OSError or RuntimeError.
 
-    Raises OSError or RuntimeError.
+    The manifest is replaced first and lists old and new files.
 
     states:  light states of the scene for the manifest
     probes:  files of light probes
@@ -201,7 +200,7 @@ def _is_packed_by_user(image: bpy.types.Image) -> bool:
 
 
 def _forget(image: bpy.types.Image) -> None:
-    """Drop the pixels and the packed file of an image; changing the source drops the pixels."""
+    """Drop the pixels and the packed file of an image, by changing its source."""
     if image.packed_file:
         image.unpack(method="REMOVE")
     image.source = "GENERATED"
@@ -216,7 +215,7 @@ def _relative(path: str) -> str:
 
 
 def _pack_all(images: list[bpy.types.Image], lightmaps: np.ndarray, destination: Destination) -> None:
-    """Pack the images into the .blend, with the paths that their files would have."""
+    """Pack the images into the .blend under the paths that their files would have."""
     for image, pixels, name in zip(images, lightmaps, destination.names, strict=True):
         image[_PACKED] = not _is_packed_by_user(image)
         image.filepath_raw = f"{destination.packed_as.rstrip('/')}/{name}"
@@ -246,7 +245,7 @@ def _remove(uid: int) -> None:
 
 
 def _restorer(image: bpy.types.Image):
-    """Return a function that restores the current pixels and file of an image."""
+    """Return a function that restores the image's present pixels and file."""
     uid, size, source = image.session_uid, tuple(image.size), image.source
     path, dirty = image.filepath_raw, image.is_dirty
     packed = image.packed_file and image.packed_file.data

@@ -42,7 +42,7 @@ class InstanceUvTransform:
 
 @dataclass(frozen=True)
 class PlaceTable:
-    """Table of all instances of an object: (rows, _WIDTH, 4) float32, and the number of buckets."""
+    """Table of UV transforms of an object's instances: (rows, _WIDTH, 4) float32, and bucket count."""
 
     texels: np.ndarray
     buckets: int
@@ -116,7 +116,7 @@ def place_table(places: Sequence[InstanceUvTransform], images: Sequence[bpy.type
 
 
 def shader_numbers(bits: Sequence[int]) -> np.ndarray:
-    """Return the random numbers as shaders get them, float32 in [0, 1); 1 is rounded down."""
+    """Return random numbers as shaders receive them, float32 in [0, 1); 1 becomes the next smaller number."""
     numbers = np.array(bits, np.uint32).astype(np.float32) * np.float32(1 / 0xFFFFFFFF)
     return np.minimum(numbers, np.float32(1 - 2**-24))
 

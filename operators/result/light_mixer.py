@@ -96,7 +96,7 @@ def set_mixer_mix(tree: bpy.types.NodeTree, mix: Mapping[str, Mix]) -> None:
 
 
 def _is_of_another(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> bool:
-    """Return True if another scene uses the mixer too, as after copying a scene."""
+    """Return True if another scene also uses the mixer, which happens after a scene was copied."""
     return any(other.hemibake.light_mixer == tree for other in bpy.data.scenes if other != scene)
 
 
@@ -151,7 +151,7 @@ def _build(tree: bpy.types.NodeTree, groups: Sequence[str]) -> None:
 def _holder(
     tree: bpy.types.NodeTree, kind: str, name: str, at: tuple[float, float], value: object
 ) -> bpy.types.NodeSocket:
-    """Return the output of the named value node, created if it does not exist."""
+    """Return the output of the value node with this name; create the node if it is missing."""
     node = tree.nodes.get(name)
     if node is None:
         node = tree.nodes.new(kind)

@@ -90,7 +90,7 @@ def _brightest(lightmaps: np.ndarray, outputs: Sequence[str]) -> dict[str, float
 
 
 def _in_words(file: LightmapFile) -> str:
-    """Return a description of the pixel format of a file."""
+    """Describe the pixel format of a file in words, such as "PNG, 8-bit RGBM"."""
     format = file.format
     match format.name:
         case "exr":

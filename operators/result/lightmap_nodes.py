@@ -69,7 +69,7 @@ class LightmapNodes:
         return self._tilted(self.colour, nodes.vector("SUBTRACT", normal, surface))
 
     def _tilted(self, light: Feed, direction: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return light + L1 . direction, clamped to 0."""
+        """Return light + L1 . direction, clamped to at least 0, as nodes."""
         nodes = self._nodes
         axes = nodes.make("ShaderNodeSeparateXYZ", direction).node.outputs
         for l1, along in zip(self._l1, axes, strict=True):
@@ -78,7 +78,7 @@ class LightmapNodes:
 
     @cached_property
     def _l0(self) -> bpy.types.NodeSocket:
-        """L0 of the light."""
+        """Socket of the light L0 of the selected image."""
         return self._in_proportion(self._light(self._lightmap.directional.l0))
 
     @cached_property
@@ -90,7 +90,7 @@ class LightmapNodes:
         return [self._in_proportion(light) for light in l1]
 
     def _in_proportion(self, light: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Scale a part of all light by the ratio of mixed light to all light."""
+        """Scale one part of the light by the ratio of mixed light to all light."""
         if self._lightmap.mixer is None:
             return light
         return self._nodes.vector("MULTIPLY", light, self._proportion)
@@ -106,7 +106,7 @@ class LightmapNodes:
         return self._nodes.make("ShaderNodeGroup", *maps, node_tree=mixer)
 
     def _placed(self, uv: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return the lightmap UV of an object."""
+        """Return the lightmap UV of an object: UV of its layer * scale + offset."""
         lightmap = self._lightmap
         scale, offset = (lightmap.scale, lightmap.scale, 1.0), (*lightmap.offset, 0.0)
         return self._nodes.vector("MULTIPLY_ADD", uv, scale, offset)

@@ -32,7 +32,7 @@ def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, scene: bpy.typ
     """
     known = bake_record(obj, scene)
 
-    # The record of an object that only its instances show has no UV layer.
+    # The record of an object that is visible only through instances has no UV layer.
     layer = known.uv_layer or lightmap_layer(obj, scene.hemibake.uv_layer)
     leaves_out = obj.mode != "OBJECT" and len(obj.modifiers) > 0
     if not known.baked_uvs or leaves_out or layer not in mesh.uv_layers:
@@ -45,7 +45,7 @@ def warn_changed_uvs(objects: Iterable[bpy.types.Object], context: SceneContext)
     shown, scene = Evaluation(context.evaluated_depsgraph_get()), context.scene
     moved = _moved(objects, shown, scene)
     if moved:
-        # The viewport may have other faces than the render.
+        # Repeat the test with the render's meshes, since the viewport may have other faces.
         moved = evaluate(context, lambda evaluation: _moved(moved, evaluation, scene), moved)
     return [object_message(MOVED_CHARTS, [obj.name for obj in moved])] if moved else []
 

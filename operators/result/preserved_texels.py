@@ -87,7 +87,7 @@ class PreservedTexels:
         return others
 
     def _kept(self, atlas: int, others: Sequence[bpy.types.Object]) -> np.ndarray:
-        """Return the preserved texels of an atlas, (h, w) bool: texels of other objects and their margins."""
+        """Return the texels of an atlas to preserve, (h, w) bool: texels of other objects, with margins."""
         resolution = self._settings.resolution
         owner = np.full((resolution, resolution), _NOBODY, np.uint8)
         for mesh in self._read.scene.meshes:
@@ -119,7 +119,7 @@ def _lightmap_uvs(obj: bpy.types.Object, known: Record, evaluation: Evaluation) 
 
 
 def _claim(owner: np.ndarray, uvs: np.ndarray, whose: int) -> None:
-    """Assign the free texels that triangles cover to an owner."""
+    """Mark the free texels that triangles cover as owned by an object."""
     resolution = len(owner)
     texels, _ = covered_texels(uvs, resolution)
     row, column = np.divmod(texels, resolution + 1)
@@ -128,7 +128,7 @@ def _claim(owner: np.ndarray, uvs: np.ndarray, whose: int) -> None:
 
 
 def _grow(owner: np.ndarray) -> None:
-    """Assign free texels to the owner of one of their eight neighbours."""
+    """Extend each owner by one texel in all eight directions, into free texels."""
     padded = np.pad(owner, 1)
     height, width = owner.shape
     for y, x in ((0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)):

@@ -104,7 +104,7 @@ def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Non
 
 
 def switch_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Switch objects from the lightmaps of another scene to this scene's; return True if any changed.
+    """Show this scene's lightmaps on objects that show those of another scene; return True if any changed.
 
     Objects without a lightmap in this scene show their own materials until another scene is shown.
     """
@@ -157,7 +157,7 @@ def _stale_slots(obj: bpy.types.Object, changed: Container[int]) -> list[int]:
 
 
 def _give_back(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None:
-    """Restore an object's own materials in slots that contain a preview or nothing."""
+    """Restore the original materials of slots that hold preview materials or nothing."""
     for index, (slot, own) in enumerate(zip(obj.material_slots, own_slots(obj), strict=True)):
         if index in slots and not is_filled(slot):
             link, slot.link = own.link, "OBJECT"
@@ -165,7 +165,7 @@ def _give_back(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None
 
 
 def _remove_slot(mesh: bpy.types.Mesh) -> None:
-    """Remove the only slot of a mesh and keep the faces' material indices, which Blender would drop."""
+    """Remove the only slot of a mesh; keep the faces' material indices, which Blender would reset."""
     before = read_array(mesh.polygons, "material_index", 1, np.int32)[:, 0]
     stored = "material_index" in mesh.attributes or before.any()
     mesh.materials.clear()
@@ -174,7 +174,7 @@ def _remove_slot(mesh: bpy.types.Mesh) -> None:
 
 
 def _remember(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None:
-    """Store the contents of an object's slots; add a slot if there is none."""
+    """Store the materials of an object's slots before a preview; add a slot if there is none."""
     if not obj.material_slots:
         obj.data.materials.append(None)
         obj.hemibake.slot_added = True

@@ -48,7 +48,7 @@ def _plain_nodes(material: bpy.types.Material) -> None:
 
 
 class _Relighting:
-    """Replacement of the diffuse shaders in a tree and in copies of its groups."""
+    """Replacement of diffuse shaders by lightmap emission, in a tree and in copies of its groups."""
 
     def __init__(self, lightmap: ShownLightmap) -> None:
         self._lightmap = lightmap
@@ -117,7 +117,7 @@ class _LitTree:
         self._tree.nodes.remove(node)
 
     def _light_on(self, node: bpy.types.Node) -> bpy.types.NodeSocket:
-        """Return the socket of E/pi for a shader; directional maps apply its own normal."""
+        """Return the socket of E/pi for a shader; with directional maps, for the shader's own normal."""
         if self._light is None:
             self._light = LightmapNodes(self._tree, self._lightmap)
         normal = feeding_output(node.inputs["Normal"]) if "Normal" in node.inputs else None
@@ -164,9 +164,10 @@ def _principled(lit: _LitTree, node: bpy.types.Node) -> None:
 
 
 def _mirrored(lit: _LitTree, node: bpy.types.Node, shader: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Mix the diffuse part, weight w = (1 - metallic)(1 - transmission), with a Principled BSDF of the rest.
+    """Mix the diffuse part with a Principled BSDF that keeps metal and glass.
 
-    The rest consists of metal and glass; the fraction metallic / (1 - w) is metal.
+    The diffuse part has the weight w = (1 - metallic)(1 - transmission). Of the rest, the fraction metallic /
+    (1 - w) is metal.
     """
     metallic, transmission = node.inputs["Metallic"], node.inputs["Transmission Weight"]
 
@@ -182,7 +183,7 @@ def _mirrored(lit: _LitTree, node: bpy.types.Node, shader: bpy.types.NodeSocket)
 
 
 def _targets(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
-    """Return the inputs that a shader is linked to."""
+    """Return the inputs to which a shader's output is linked."""
     return [link.to_socket for link in node.outputs[0].links if not link.is_muted]
 
 

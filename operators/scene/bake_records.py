@@ -20,7 +20,7 @@ FIELDS = (
 
 @dataclass(frozen=True)
 class NoRecord:
-    """The record of an object that was not baked in a scene; see `HemibakeObjectProperties`."""
+    """Empty record of an object that was never baked in a scene."""
 
     image: None = None
     uv_layer: str = ""
@@ -89,7 +89,7 @@ def claim_bake_id(scene: bpy.types.Scene) -> None:
 
 
 def forget_bakes(obj: bpy.types.Object) -> None:
-    """Remove the records of an object in all scenes."""
+    """Remove an object's bake records of all scenes."""
     for name in ("scene_id", "other_bakes", *FIELDS):
         obj.hemibake.property_unset(name)
 

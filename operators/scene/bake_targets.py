@@ -58,7 +58,7 @@ def changed_uids(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> set
 
 
 def changed_themselves(read: ReadScene, uids: set[int], scene: bpy.types.Scene) -> set[int]:
-    """Return the session uids of objects that changed themselves, or were never baked."""
+    """Return the session uids of objects whose own data changed since their last bake, or without a bake."""
     return _differing(read, uids, scene, own_part)
 
 

@@ -19,10 +19,10 @@ from .uvs.multi_user import multi_user_sources
 from .uvs.uv_modifier import uv_source
 from .uvs.uv_targets import evaluated_mesh
 
-#: Fraction of a lightmap that charts are expected to cover once they are packed (measured: 0.5 to 0.7).
+#: Expected fraction of a lightmap that packed charts cover (measured: 0.5 to 0.7).
 _FILLED = 0.6
 
-#: Widths that a density needs are multiples of this number of texels.
+#: Widths computed from a density are rounded up to a multiple of this number of texels.
 _STEP = 16
 
 #: Texel size, m, chosen for a scene whose surface is that of a cube with an edge of _ROOM m. The texel size
@@ -56,7 +56,7 @@ def expected_areas(
 ) -> Generator[None, None, list[ChartArea]]:
     """Return the areas of each lightmap of objects that may have no lightmap UVs yet, in slices.
 
-    The meshes are the viewport's; hidden objects are measured without modifiers. Hence the result is an
+    The meshes are the viewport's; hidden objects are measured without modifiers. The result is therefore an
     estimate.
     """
     left = [obj.session_uid for obj in objects]

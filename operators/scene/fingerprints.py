@@ -1,4 +1,4 @@
-"""Digests of an object as a bake uses it, which tell whether it has changed since its last bake."""
+"""Fingerprints: digests of an object's data in a bake, compared to detect changes since its last bake."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
 from .uv_transform import UvTransform
 
-#: Decimals of a lamp's position, m, since it is moved to the scene's origin and back.
+#: Decimals of a lamp's position that count, m; moving it to the scene's origin and back rounds the rest.
 _DIGITS = 6
 
 _SIZE = 16
@@ -66,7 +66,7 @@ def combined(fingerprints: Sequence[str]) -> str:
 
 
 def own_part(fingerprint: str) -> str:
-    """Return the digest of the object alone from a fingerprint."""
+    """Return the part of a fingerprint that covers the object alone, without the light sources."""
     return fingerprint[: 2 * _SIZE]
 
 

@@ -20,11 +20,11 @@ from .uvs.uv_faults import covered_texels
 #: Rays per patch of a quick bake, rays per patch and light, and rays for ambient occlusion.
 _RAYS, _LIGHT_RAYS, _AO_RAYS = 64, 16, 64
 
-#: Factor by which the tolerance of a quick bake is smaller than that of a bake, because the error of the
-#: worst texel is some times the mean error.
+#: Ratio of a bake's tolerance to that of a comparison bake. The worst texel's error is several times the mean
+#: error.
 _CLOSER = 64
 
-#: A light group with less than this fraction of all light is treated as if it had that fraction.
+#: Minimum light of a light group in comparisons, as a fraction of all light.
 _FAINTEST = 0.01
 
 #: A value larger than any change.
@@ -57,7 +57,7 @@ def comparison_settings(settings: Settings) -> Settings:
 
 
 def tells_all(settings: Settings, before: Scene, now: Scene) -> bool:
-    """Return whether quick bakes can show all changes of a bake's outputs.
+    """Return True if comparison bakes can show every change of the outputs.
 
     They cannot for shadow masks, which belong to single lamps, and for light groups that are new or renamed.
     """
@@ -76,7 +76,7 @@ def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
 
 
 def _lit_by_others(scene: Scene, other: Scene) -> Scene:
-    """Return a scene with only those lamps as light sources that the other scene does not have."""
+    """Return a scene whose only lights are those that the other scene lacks."""
     lamps = (lamp for lamp in scene.lights if not any(same_values(lamp, known) for known in other.lights))
     dark = map(without_emission, scene.materials)
     world = np.zeros_like(scene.world)
@@ -137,10 +137,10 @@ def _largest_change(quick: QuickBakes, there: tuple, here: tuple) -> float:
 
 
 def _reference(name: str, whole: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the light, (n, 3) float32, to which changes of a map are relative.
+    """Return the light, (n, 3) float32, relative to which changes of a map are measured.
 
-    It is the map itself. For a light group it is at least a fraction of all light. For light weighted for
-    directional maps it is all light.
+    It is the map itself. For a light group it is at least a fraction of all light. For directional maps it is
+    all light, because they are weighted by it.
     """
     if is_of_light_group(name):
         return np.maximum(whole[name], _FAINTEST * whole["combined"])
@@ -158,7 +158,7 @@ def _light_of(lightmap: BakeResult, texels: tuple) -> dict[str, np.ndarray]:
 
 
 def _largest_step(whole: np.ndarray, before: np.ndarray, now: np.ndarray) -> float:
-    """Return the largest change of light, summed over channels, relative to the texel or to the mean.
+    """Return the maximum change of light, summed over channels, relative to the larger of texel and mean.
 
     The larger of both counts. `whole`, `before` and `now` are (n, 3) float32.
     """

@@ -64,7 +64,7 @@ def attribute_in_the_way(uv_layer: str) -> str:
 
 
 class Troubles:
-    """Collects names of objects by the problem that they have."""
+    """Objects by problem, collected while a scene is read."""
 
     def __init__(self) -> None:
         self._names: dict[str, set[str]] = {}
@@ -79,7 +79,7 @@ class Troubles:
         return set().union(*self._names.values())
 
     def tell(self) -> list[str]:
-        """Return a sentence for each kind of problem, with the names of the objects."""
+        """Return one sentence for each kind of problem, with the names of its objects."""
         return [
             object_message(f"{'Objects' if len(names) > 1 else 'Object'} {{}}: {sentence}", sorted(names))
             for sentence, names in self._names.items()

@@ -23,10 +23,10 @@ from .uv_transform import ChartBox, Charted, UvTransform, chart_box
 from .uvs.coverage_grid import LARGEST_GRID, CoverageGrid, find_overlapping, make_footprint
 from .uvs.uv_faults import is_inside
 
-#: Objects may form a group if their densities differ by this factor at most.
+#: Maximum ratio of densities at which objects may form a group.
 _EQUALLY_DENSE = 1.25
 
-#: Largest number of groups that objects may join. More groups do not indicate objects that were packed
+#: Maximum number of groups that objects may still join. Objects that open more groups were hardly packed
 #: together.
 _OPEN_GROUPS = 4
 
@@ -42,7 +42,7 @@ _ROOM_GRID = 128
 
 @dataclass(frozen=True)
 class _Tile:
-    """A place for charts: lower left corner in texels, and scale in texels per metre."""
+    """Tile for charts: lower left corner in texels, and scale in texels per metre."""
 
     x: int
     y: int
@@ -63,7 +63,7 @@ class _Group:
     members: list[int] = field(default_factory=list)
 
     def joins(self, box: ChartBox, footprint: CoverageGrid) -> bool:
-        """Return whether an object has about the same density and does not overlap the group."""
+        """Return True if an object has about the group's density and does not overlap the group."""
         ratio = box.density / self.box.density
         return 1 / _EQUALLY_DENSE < ratio < _EQUALLY_DENSE and not footprint.meets(self.taken)
 
@@ -79,7 +79,7 @@ class _Group:
 def separate_overlaps(
     members: Sequence[Charted], footprints: Sequence[CoverageGrid | None], atlas: str, resolution: int
 ) -> Slices[list[UvTransform | None]]:
-    """Return the place of each object of an atlas such that none overlap; None for objects without room.
+    """Return the UV transform of each object of an atlas such that no charts overlap; None without room.
 
     Yields every few milliseconds.
 
@@ -118,7 +118,7 @@ def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[
 
 
 def _moving(footprints: Sequence[CoverageGrid | None], grid: int) -> Slices[list[bool]]:
-    """Return for each object whether it must move: it overlaps others or reaches out of the atlas."""
+    """Return for each object True if it must move, because it overlaps others or leaves the atlas."""
     known = [footprint for footprint in footprints if footprint is not None]
     inside = iter((yield from find_overlapping(known, grid)))
     return [footprint is None or next(inside) for footprint in footprints]
@@ -147,7 +147,10 @@ def _group(
 
 
 def _cells(footprint: CoverageGrid | None, grid: int) -> int:
-    """Return the number of cells that an object covers; more than all if it reaches out of the atlas."""
+    """Return the number of cells that an object covers.
+
+    For one that leaves the atlas, more than the grid has.
+    """
     return grid**2 + 1 if footprint is None else footprint.cells
 
 
@@ -172,8 +175,7 @@ def _free_room(kept: Sequence[CoverageGrid | None], grid: int, resolution: int) 
 def _fit(sizes: Sequence[np.ndarray], room: Box) -> Slices[list[_Tile] | None]:
     """Return tiles proportional to the sizes, (2,) metres each, as large as the room allows.
 
-    Tiny tiles are enlarged to a few texels. None if the tiles do not fit even at the smallest of
-    _LEAST_SIDES.
+    Tiny tiles are enlarged to a few texels. None if even the smallest of _LEAST_SIDES is too large.
     """
     for least in _LEAST_SIDES:
         fitting = yield from _largest_fit(sizes, room, least, min(GAP, least))

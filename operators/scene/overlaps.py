@@ -11,8 +11,8 @@ from .messages import OVERLAPPING, Troubles
 from .read import ReadScene
 from .uvs.uv_faults import covered_texels
 
-#: Texels that may be covered twice as rounding errors: this many, or this fraction of the object's texels if
-#: that is more.
+#: Number of texels that may be covered twice by rounding errors; or, if it is more, this fraction of the
+#: object's texels.
 _ALLOWED = 2
 _ALLOWED_FRACTION = 0.005
 
@@ -49,7 +49,10 @@ def _overlapping(scene: Scene, resolution: int) -> list[int]:
 
 
 def _clashing(mesh: Mesh, taken: np.ndarray, resolution: int) -> bool:
-    """Return whether charts of a mesh overlap taken texels or each other; if not, mark its texels taken."""
+    """Return True if charts of a mesh overlap taken texels or each other.
+
+    Otherwise mark their texels as taken.
+    """
     texels, count = covered_texels(mesh.uvs, resolution)
     clashing = (count > 1) | taken[texels]
     if clashing.sum() > max(_ALLOWED_FRACTION * len(texels), _ALLOWED):

@@ -20,7 +20,7 @@ from .slice_timer import Slices
 def read_lamps(
     context: SceneContext, scene: Scene, hurried: bool = False
 ) -> Generator[Progress | None, None, Scene]:
-    """Return a scene with its lamps as they are now; notes on them are dropped.
+    """Return the scene with its current lamps, read again; notes about the lamps are dropped.
 
     hurried:  True to accept changes during the reading, see `read_scene`
 
@@ -32,7 +32,7 @@ def read_lamps(
 
 
 def _progress(said: float | str | None) -> Progress:
-    """Return the progress of a step of reading, which is a fraction or an announcement."""
+    """Convert a step of reading, which is a fraction or an announcement, to a Progress."""
     return Progress(said if isinstance(said, str) else "Reading lamps", 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Moves the objects of a scene that was read before to where the viewport shows them now."""
+"""Moves objects of a scene that was read before to their present places in the viewport."""
 
 from __future__ import annotations
 

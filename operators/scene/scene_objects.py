@@ -27,7 +27,7 @@ from .uvs.uv_modifier import uv_source
 
 @dataclass(frozen=True)
 class SharedMesh:
-    """A mesh in object space that all its users share.
+    """Mesh in object space, shared by all objects and instances that use it.
 
     corners:    its triangles
     slots:      (t,) int32, index into `Scene.materials` of each triangle
@@ -75,7 +75,7 @@ class ReadObject:
             return self.shape.box @ self.matrix[:3, :3].T + self.matrix[:3, 3]
 
 
-#: Meshes with more loops are announced before they are read, because this takes long.
+#: Number of loops above which a mesh is announced before it is read, because reading takes long.
 _LARGE = 100_000
 
 #: Largest number of triangles for the hair of one particle system or Curves object.
@@ -240,7 +240,7 @@ class ItemReader:
             yield replace(reading, shape=shape, atlas=None if trouble else reading.atlas)
 
     def _reading(self, item: SceneItem, atlas: str | None) -> ReadObject:
-        """Return an object without its mesh."""
+        """Return the record of an object, to which its mesh is added later."""
         instancer = item.instancer
         return ReadObject(
             name=item.source.name,
@@ -259,7 +259,7 @@ class ItemReader:
         return item.instancer is not None and item.instancer.hemibake.role == "IGNORED"
 
     def _gets_lightmap(self, item: SceneItem) -> bool:
-        """Return whether an object is baked, or an instance of it, which a baked object must make."""
+        """Return True if an object is baked; an instance must also have a baked instancer."""
         if item.source.session_uid not in self._baked:
             return False
         return item.instancer is None or item.instancer.hemibake.role == "BAKED"
@@ -283,7 +283,7 @@ class ItemReader:
 
 
 def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> SharedMesh | str:
-    """Return a mesh with its materials, or the problem because of which it is left out.
+    """Return a mesh with its materials, or a sentence with the problem that excludes it.
 
     uvs:  (l, 2) float32, its lightmap UVs; None without any
     """
@@ -312,5 +312,5 @@ def _box(positions: np.ndarray) -> np.ndarray:
 
 
 def _objects(names: Sequence[str]) -> str:
-    """Return the beginning of a sentence for `object_message`."""
+    """Return the subject of a sentence for `object_message`: "Object" or "Objects", and {}."""
     return "Object {}" if len(names) == 1 else "Objects {}"

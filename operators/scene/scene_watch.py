@@ -16,12 +16,12 @@ from .scene_context import SceneContext
 
 Made = TypeVar("Made")
 
-#: Datablocks whose updates concern only members and settings; whether these matter is checked by what is
-#: visible.
+#: Datablocks whose updates concern only members and settings. The list of visible objects shows whether these
+#: matter.
 _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
 
-#: Datablocks that determine the look of surfaces and light. Objects are tagged as well for each new
-#: datablock.
+#: Datablocks that determine the look of surfaces and light. Blender also tags objects whenever such a
+#: datablock is created.
 _LOOKS = (bpy.types.Material, bpy.types.World, bpy.types.Light, bpy.types.Image, bpy.types.Texture)
 
 
@@ -86,12 +86,12 @@ class SceneWatch:
         return evaluate(self.context, job, only)
 
     def accept(self) -> None:
-        """Accept the present state of the scene, after changes made by Hemibake itself."""
+        """Accept the present state of the scene as unchanged, after Hemibake itself has changed it."""
         self.context.evaluated_depsgraph_get()
         self._changed = self._doubtful = False
 
     def _census(self) -> tuple[frozenset[int], int]:
-        """Return the visible objects' session uids, and the number of objects and instances."""
+        """Return the session uids of the visible objects, and the number of objects and instances."""
         shown = frozenset(obj.session_uid for obj in visible_objects(self.context))
         return shown, len(self.context.view_layer.depsgraph.object_instances)
 

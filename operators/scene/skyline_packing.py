@@ -22,7 +22,7 @@ class Box:
     height: int
 
 
-#: Page and lower left corner (x, y) of each tile.
+#: Page number and lower left corner (x, y) of each tile.
 Corners = list[tuple[int, int, int]]
 
 
@@ -51,7 +51,7 @@ def pack_tiles(
 
 
 class _Skyline:
-    """The skyline of a page: the upper edge of its tiles as steps (x, y, width) from left to right."""
+    """Skyline of a page: the upper edge of its tiles, as steps (x, y, width) from left to right."""
 
     def __init__(self, box: Box) -> None:
         self._box = box
@@ -69,7 +69,7 @@ class _Skyline:
         return x, y
 
     def _rest(self, index: int, width: int) -> int:
-        """Return the lowest y at which a tile can be placed with its left edge at a step."""
+        """Return the lowest y at which a tile of this width can lie with its left edge at a step."""
         end, lowest = self._steps[index][0] + width, self._box.y
         for x, y, _ in islice(self._steps, index, None):
             if x >= end:

@@ -27,7 +27,7 @@ class Slice:
 
     @property
     def over(self) -> bool:
-        """Whether the time of the slice is over."""
+        """True if the slice has used its time."""
         return time.perf_counter() >= self._end
 
 

@@ -1,4 +1,4 @@
-"""Chooses the place of each object's and instance's charts in the atlases.
+"""UV layout: chooses the place of the charts of each object and instance in the atlases.
 
 Objects whose charts overlap no others keep their place, and overlapping ones are moved (see
 `overlap_layout`). Objects or instances that share a mesh get a tile each, in further atlases.
@@ -20,12 +20,12 @@ from .slice_timer import Slices
 from .uv_transform import ChartBox, Charted, UvTransform, chart_box, charted_of
 from .uvs.uv_faults import is_inside
 
-#: Largest number of further atlases with tiles for one atlas, and the factor by which tiles shrink until they
+#: Maximum number of further atlases for the tiles of one atlas, and factor by which tiles shrink until they
 #: fit.
 _MOST_PAGES = 64
 _SHRINK = 0.9
 
-#: The largest tile is not made smaller than this, texels.
+#: Minimum width of the largest tile, texels.
 _SMALLEST = 6
 
 Places = Slices[tuple[list[str], list[UvTransform | None]]]
@@ -95,7 +95,7 @@ def _set(
 
 
 def _tiled(readings: Sequence[ReadObject], several: set[int]) -> np.ndarray:
-    """Return whether each object shares its UVs with other baked objects or instances, (n,) bool."""
+    """Return a mask of objects that share their UVs with other baked objects or instances, (n,) bool."""
     users = Counter((reading.uvs, reading.atlas) for reading in readings)
     return np.array(
         [
@@ -114,7 +114,7 @@ def _tiled(readings: Sequence[ReadObject], several: set[int]) -> np.ndarray:
 def _place_tiles(
     boxes: Sequence[ChartBox], alone: Sequence[ChartBox], atlas: str, resolution: int
 ) -> Slices[Sequence[UvTransform | None]]:
-    """Return a tile for each box, at the median density of unshared objects, else as large as fits one atlas.
+    """Return a tile for each box, at the median density of unshared objects, or as large as fits an atlas.
 
     All are None if they do not fit.
     """
@@ -130,7 +130,7 @@ def _place_tiles(
 
 
 def _free_name(atlas: str, taken: set[str | None]) -> str:
-    """Return a name whose pages are not atlases of the user."""
+    """Return a name for further atlases that differs from the names of the user's atlases."""
     while any(_page_name(atlas, page) in taken for page in range(_MOST_PAGES)):
         atlas += " shared"
     return atlas
@@ -146,7 +146,7 @@ def _page_name(atlas: str, page: int) -> str:
 
 
 def _fit(sizes: Sequence[np.ndarray], wanted: float, resolution: int) -> Slices[tuple[float, Corners] | None]:
-    """Return the texels per metre at which tiles of sizes, (2,) metres each, fit, and their corners.
+    """Return the largest density, texels per metre, at which tiles fit, and the tiles' corners.
 
     Tiles shrink before more atlases than needed are used, but not below a few texels. None if that is not
     enough.

@@ -1,4 +1,4 @@
-"""Places of charts in an atlas, and the texel density of charts."""
+"""UV transforms: places of charts in an atlas; and texel densities of charts."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
 
-#: Smallest width and height of the box around charts, UV units, and smallest fraction of it that they fill.
+#: Minimum width and height of the box around charts in UV units, and minimum fraction of the box that charts
+#: cover.
 _SMALLEST_BOX, _LEAST_FILLED = 1e-4, 0.05
 
 
 @dataclass(frozen=True)
 class UvTransform:
-    """A place in an atlas: lightmap UV = UV of the mesh * scale + offset.
+    """Place of charts in an atlas: lightmap UV = UV of the mesh * scale + offset.
 
     atlas:   name of the atlas
     scale:   factor of the UVs
@@ -34,7 +35,7 @@ class UvTransform:
 
 
 def takes_textures(reading: ReadObject, place: UvTransform) -> bool:
-    """Return whether textures over the object's lightmap UVs use its place in the atlas.
+    """Return True if textures over an object's lightmap UVs use its place in the atlas.
 
     Objects that share a mesh have tiles in other atlases; their textures use the mesh's own UVs.
     """
@@ -43,7 +44,7 @@ def takes_textures(reading: ReadObject, place: UvTransform) -> bool:
 
 @dataclass(frozen=True)
 class ChartBox:
-    """The box around charts.
+    """Bounding box of charts, with their density.
 
     low:      smallest corner, (2,) float64 in UV units
     high:     largest corner, (2,) float64 in UV units
@@ -68,7 +69,7 @@ class ChartBox:
 
 @dataclass(frozen=True, eq=False)
 class Charted:
-    """The charts of an object and the surface that they cover.
+    """Charts of an object, with their areas in UV space and in the world.
 
     uvs:        (t, 3, 2) float32, UVs of the triangles' corners
     low:        smallest UVs, (2,) float64

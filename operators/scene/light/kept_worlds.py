@@ -8,7 +8,7 @@ import numpy as np
 
 from ....engine.scene.model import Light
 
-#: Largest number of cached worlds, such that switching between two does not render again.
+#: Maximum number of cached worlds; with two, switching between two worlds renders neither again.
 _WORLDS = 2
 
 

@@ -13,12 +13,12 @@ from ....engine.scene.profile import Profile
 from ...compat import new_node_tree, plain_lamp
 from .light_node_reader import LightNodes
 
-#: Azimuth and polar angles of the light profile that is measured, and of the coarse grid that tells whether
-#: the light varies with direction.
+#: Azimuth and polar angles of a measured light profile, and of the coarse grid that detects if light varies
+#: with direction.
 _AZIMUTHS, _POLARS = 361, 181
 _FEW = 9, 7
 
-#: Samples per square, and for area lamps, whose light is averaged over their face.
+#: Samples per square for point, spot and sun lamps, and for area lamps, which average over their face.
 _SAMPLES, _FACE_SAMPLES = 1, 256
 
 #: Geometry of the squares. _WIDTH is the width of a square as a fraction of its distance. _DISTANCE is the
@@ -33,7 +33,7 @@ _FLAT = 1e-3
 #: Light counts as equal in all directions if its factors differ by less than this fraction of the largest.
 _EVEN = 1e-3
 
-#: Larger radiances are treated as invalid (see engine.scene.checks.MAX_RADIANCE).
+#: Radiance above which a measurement is invalid (see engine.scene.checks.MAX_RADIANCE).
 _MOST = 1e20
 
 
@@ -67,7 +67,7 @@ def _grid(azimuths: int, polars: int) -> np.ndarray:
 
 
 def _lit(lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return the factors of the nodes along directions in lamp space, (n, 3) -> (n, 3) float64 RGB."""
+    """Measure the factors of a lamp's nodes along directions in lamp space, (n, 3) -> (n, 3) float64 RGB."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.where(scale > 0, scale, 1)
     away = directions / np.where(scale > _FLAT * scale.max(), scale, 1) @ axes.T

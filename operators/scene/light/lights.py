@@ -138,7 +138,7 @@ def _in_rec709(strength: np.ndarray, profile: Profile | None) -> tuple[np.ndarra
 
 
 def _along_axis(nodes: LightNodes) -> LightNodes:
-    """Return a sun's factors: those along its axis, since it shines in one direction from infinity."""
+    """Evaluate a sun's factors along its axis, since a sun shines in one direction."""
     if nodes.falloff is not None and nodes.falloff[0] > 0:
         raise ComplexError
     if nodes.profile is None:

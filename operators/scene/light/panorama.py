@@ -42,7 +42,7 @@ class Zoom:
 
 @dataclass(frozen=True)
 class Part:
-    """A rectangle of pixels in an equirectangular map; rows are counted from below."""
+    """Rectangle of pixels in an equirectangular map; rows count from the bottom."""
 
     rows: slice
     columns: slice

@@ -67,7 +67,7 @@ def _shrunk(picture: np.ndarray, factor: int) -> np.ndarray:
 
 
 def _differing(picture: np.ndarray, other: np.ndarray, least: float, tile: int) -> np.ndarray:
-    """Return for each tile whether its mean differs in any channel, (h / tile, w / tile) bool.
+    """Return a mask of tiles, (h / tile, w / tile) bool, whose mean differs in any channel.
 
     least:  smallest radiance to which a difference is relative, W/(m^2 sr)
     """

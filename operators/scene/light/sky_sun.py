@@ -25,11 +25,11 @@ _TYPES = frozenset({"NISHITA", "SINGLE_SCATTERING", "MULTIPLE_SCATTERING"})
 #: Smallest disc in Cycles, radians (scene/shader_nodes.h, SkyTextureNode::get_sun_size).
 _SMALLEST = 0.0005
 
-#: Zoomed render: width in pixels, field of view in disc widths, and largest field of view, radians.
+#: Zoomed render of a disc: width in pixels, field of view in disc widths, and maximum field of view in
+#: radians.
 _PIXELS, _FIELD, _WIDEST = 64, 3.0, 2.6
 
-#: Fraction of its angular radius by which the rim of a disc may be exceeded: more than half a pixel of a
-#: zoomed render.
+#: Margin around a disc, as a fraction of its angular radius: more than half a pixel of a zoomed render.
 _RIM = 0.1
 
 #: Tolerances for equal discs: angle between their directions, radians, and ratio of their sizes.
@@ -67,7 +67,7 @@ def copied_world(world: bpy.types.World) -> Iterator[bpy.types.World]:
     copy = world.copy()
     groups: dict[bpy.types.NodeTree, bpy.types.NodeTree] = {}
     try:
-        # Without animation data: the temporary scene would evaluate animation at a frame of its own.
+        # Remove animation data, because the temporary scene would evaluate it at another frame.
         copy.animation_data_clear()
         if copy.node_tree is not None:
             _copy_groups(copy.node_tree, groups)

@@ -25,8 +25,8 @@ from .kept_worlds import ReadWorld, kept_worlds
 from .refined_panorama import render_refined
 from .sky_sun import copied_world, take_suns
 
-#: Largest number of rows of the sky's map, so that images up to 8k keep their resolution. Such a map takes
-#: 400 MB, and a bake three times that.
+#: Maximum number of rows of the sky's map: images up to 8k keep their resolution. A map of this size takes
+#: 400 MB, and its bake three times as much.
 _ROWS = 4096
 
 
@@ -99,7 +99,7 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
 
 @contextmanager
 def _seen_by_bounces(world: bpy.types.World) -> Iterator[None]:
-    """Replace the outputs of Light Path nodes in a copied world by their values for diffuse bounces."""
+    """Replace Light Path nodes in a copied world by their values for diffuse bounces."""
     substitution = Substitution(None, BOUNCE)
     try:
         if node_tree(world) is not None:

@@ -38,7 +38,7 @@ class AlphaMeaning:
         return cls(associated, multiplies_by_alpha(image))
 
     def straight(self, pixels: np.ndarray) -> np.ndarray:
-        """Return colours of pixels, (..., 4) -> (..., 3) float32, if Alpha is linked: not multiplied."""
+        """Return colours for a linked Alpha output, not multiplied by alpha: (..., 4) -> (..., 3) float32."""
         colours = pixels[..., :3]
         if self.multiplies or not self.associated:
             return colours
@@ -46,7 +46,7 @@ class AlphaMeaning:
         return colours / np.where(alpha > 0, alpha, 1)
 
     def multiplied(self, pixels: np.ndarray) -> np.ndarray:
-        """Return colours of pixels, (..., 4) -> (..., 3) float32, if Alpha is not linked: times alpha."""
+        """Return colours for an unlinked Alpha output, multiplied by alpha: (..., 4) -> (..., 3) float32."""
         colours = pixels[..., :3]
         return colours * pixels[..., 3:] if self.multiplies and self.associated else colours
 

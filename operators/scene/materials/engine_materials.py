@@ -23,7 +23,7 @@ MAX_SHARED = 1 - 1 / 64
 class Sides:
     """Surfaces for each kind of ray and side.
 
-    None for shadow rays means the same as `bounce`, and None for back sides the same as the front.
+    None for shadow rays means equal to `bounce`; None for back sides means equal to the front.
 
     bounce:       front, for gathered light
     shadow:       front, for shadow rays to lights

@@ -13,7 +13,7 @@ from ..objects.meshes import LIGHTMAP_UVS
 from .evaluated_passes import COVERED, Pass, Pixels
 from .ray_kinds import BOUNCE, RayKind
 
-#: Transmittances count as equal if they differ by less, as Cycles rounds the mean of several samples.
+#: Difference below which transmittances count as equal, because Cycles rounds the mean of several samples.
 _EQUAL = 1e-4
 
 _BACK = RayKind(back=True)

@@ -14,7 +14,7 @@ from .object_nodes import Dependence
 from .ray_kinds import BOUNCE, RayKind
 from .tree_nodes import used_nodes
 
-#: Texels whose opaque fraction is smaller reflect, transmit and emit nothing.
+#: Opaque fraction below which a texel reflects, transmits and emits nothing.
 _SMALLEST_PART = 1e-3
 
 

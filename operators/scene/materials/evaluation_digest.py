@@ -30,12 +30,12 @@ _IGNORED = frozenset({
 #: Nodes that depend on more than the material and the mesh: files, scripts, the scene.
 _UNKNOWN = frozenset({"ShaderNodeScript", "ShaderNodeTexIES", "ShaderNodeTexPointDensity"})
 
-#: Sources of images that do not change by themselves, and largest number of floats of an image that is
-#: digested.
+#: Sources of images that do not change by themselves. Images with more floats than the second value have no
+#: digest.
 _STILL = frozenset({"FILE", "GENERATED"})
 _LARGEST = 1 << 26
 
-#: Value property of an attribute's elements and numbers per element, by attribute type.
+#: Attribute types: property that holds an element's value, and numbers per element.
 _ATTRIBUTES = {
     "FLOAT": ("value", 1), "INT": ("value", 1), "BOOLEAN": ("value", 1), "INT8": ("value", 1),
     "FLOAT_VECTOR": ("vector", 3), "FLOAT2": ("vector", 2), "FLOAT_COLOR": ("color", 4),
@@ -132,7 +132,7 @@ def _feed_struct(digest: hashlib.blake2b, struct: bpy.types.bpy_struct) -> None:
 
 
 def _feed_pointer(digest: hashlib.blake2b, value: bpy.types.bpy_struct) -> None:
-    """Add what a node refers to to a digest; raises UnknownError for unknown datablocks."""
+    """Add the datablock that a node refers to to a digest; raises UnknownError for unknown types."""
     if isinstance(value, bpy.types.Image):
         _feed_image(digest, value)
     elif isinstance(value, bpy.types.NodeTree):

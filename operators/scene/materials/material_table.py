@@ -175,7 +175,7 @@ class MaterialTable:
         return (source.session_uid, instancer, item.persistent_id)
 
     def _depends(self, material: bpy.types.Material | None) -> Dependence:
-        """Return how a material depends on the object that uses it; cached."""
+        """Return which properties of an object a material depends on; cached."""
         if material is None:
             return Dependence()
         if material.session_uid not in self._dependence:
@@ -281,7 +281,9 @@ class MaterialTable:
 
     @contextmanager
     def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[EvaluatedMesh]]]:
-        """Yield a material with its object's values, and copies of the meshes that use it; remove all copies.
+        """Yield a material with an object's values and copies of the meshes that use it.
+
+        Remove them afterwards.
 
         The meshes are those with lightmap UVs. If there are none, all meshes are used with a default UV map.
         """
@@ -331,5 +333,5 @@ class MaterialTable:
 
 
 def _once(names: Sequence[str]) -> list[str]:
-    """Return the names without duplicates, in order."""
+    """Return the names in order without duplicates."""
     return list(dict.fromkeys(names))

@@ -1,4 +1,4 @@
-"""Converts normal maps to the fraction of light that a bumpy surface reflects compared to a flat one."""
+"""Normal maps as a factor of reflectance: light that a bumpy surface reflects compared to a flat one."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ def source_of(output: bpy.types.NodeSocket) -> Source | None:
 
 
 def shown(output: bpy.types.NodeSocket, value: tuple[float, ...]) -> tuple[float, ...]:
-    """Convert a value of four numbers to the type of an output: three numbers, or one."""
+    """Convert four numbers to the type of an output: three numbers for colors and vectors, else one."""
     if output.type != "VALUE":
         return value[:3]
     return (value[3],) if output.name == "Alpha" else (sum(value[:3]) / 3,)

@@ -20,8 +20,8 @@ _SRGB = "sRGB"
 MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
 
 
-#: Images with more floats, and images that are not loaded, are announced before they are read, as this takes
-#: long.
+#: Number of floats above which an image is announced before it is read, as is an image that is not loaded
+#: yet.
 _LARGE = 1 << 22
 
 
@@ -96,7 +96,10 @@ class PixelCache:
         return self._tilts[uid]
 
     def _read_tilts(self, uid: int, state: tuple | None, owner: str, srgb: bool) -> Slices[None]:
-        """Compute a normal map's histogram of tilts; its pixels stay cached only if they were before."""
+        """Compute a normal map's histogram of tilts.
+
+        Its pixels are cached afterwards only if they were before.
+        """
         known = uid in self._images
         if not known:
             yield from self._read(uid, owner)

@@ -60,7 +60,10 @@ def _back(back: BackSide) -> BackSide:
 def _quantity(
     constant: np.ndarray, texture: Texture | None, most: float = np.inf
 ) -> tuple[np.ndarray, Texture | None]:
-    """Convert a scene-linear constant, (3,) float32, times a Rec.709 texture; `most`: largest constant."""
+    """Convert a constant, (3,) float32, times a Rec.709 texture to Rec.709.
+
+    `most`: maximum of the constant.
+    """
     grey = not np.ptp(constant)
     if texture is None or texture.pixels.shape[2] == 1:
         return (constant if grey else np.clip(to_rec709(constant), 0, most)), texture

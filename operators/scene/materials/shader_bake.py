@@ -23,7 +23,7 @@ _SMALLEST, _LARGEST = 512, 4096
 #: Factor by which the textures may be smaller than _SMALLEST if a material has many variants.
 _SHRINKING = 4
 
-#: Samples per texel, and texels of margin around charts.
+#: Samples per texel of an evaluation, and margin around charts in texels.
 _SAMPLES = 4
 _MARGIN = 8
 
@@ -119,7 +119,7 @@ def bake_pass(
 
 
 class _Stage:
-    """A temporary scene with copies of the meshes, which use a copy of one material."""
+    """Temporary scene in which copies of the meshes use a copy of one material."""
 
     def __init__(
         self, scene: bpy.types.Scene, objects: list[bpy.types.Object], worn: bpy.types.Material
@@ -195,7 +195,7 @@ def _dress(
     worn: bpy.types.Material,
     blank: bpy.types.Material,
 ) -> None:
-    """Assign the copied material to the slots that have the original, and a blank material to the others."""
+    """Assign the copied material to slots that have the original, and a blank material to other slots."""
     obj.matrix_world = shape.matrix
     while len(shape.mesh.materials) < len(shape.slots):
         shape.mesh.materials.append(None)

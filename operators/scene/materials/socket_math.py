@@ -84,7 +84,7 @@ class SocketMath:
         if socket.type not in {"VALUE", "BOOLEAN", "INT"}:
             return source
 
-        # A number input takes the luminance of a colour; a Math node converts in the same way.
+        # A number input converts a color to its luminance. A Math node does the same, so it is inserted.
         number = self._tree.nodes.new("ShaderNodeMath")
         number.inputs[1].default_value = 0.0
         self._tree.links.new(source, number.inputs[0])

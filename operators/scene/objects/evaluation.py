@@ -80,7 +80,7 @@ def evaluate(
 
 
 def _chosen(context: SceneContext, depsgraph: bpy.types.Depsgraph) -> Evaluation:
-    """Return the evaluation for the setting Meshes, given the dependency graph of a render."""
+    """Return the evaluated objects for the setting Meshes: of a render or of the viewport."""
     if context.scene.hemibake.meshes == "RENDER":
         return Evaluation(depsgraph)
     hidden = frozenset(obj.session_uid for obj in hidden_in_viewport(context))

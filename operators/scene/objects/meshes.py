@@ -12,7 +12,7 @@ from ....engine.progress import finished
 from ....engine.scene.degenerate import is_degenerate
 from ..slice_timer import Slices, row_slices
 
-#: Name of the UV map of evaluated textures; it holds the lightmap UVs of whichever layer an object uses.
+#: Name of the UV map for evaluated textures: a copy of the object's lightmap UVs from its own layer.
 LIGHTMAP_UVS = "Hemibake lightmap UVs"
 
 
@@ -77,7 +77,7 @@ def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
 
 
 def _read_attribute(mesh: bpy.types.Mesh, name: str, field: str, width: int, dtype) -> np.ndarray:
-    """Return an attribute of a mesh, (n, width); it may be missing if it has no elements."""
+    """Return an attribute of a mesh, (n, width); 0 rows if the mesh has no elements."""
     attribute = mesh.attributes.get(name)
     return (
         np.empty((0, width), dtype) if attribute is None else read_array(attribute.data, field, width, dtype)

@@ -24,7 +24,7 @@ class _Reader(bpy.types.RenderEngine):
 
     It is registered only while it is used, so that the list of render engines does not show it.
 
-    active:  True while the dependency graph is made, used and freed; scene updates are then Hemibake's own
+    active:  True while the dependency graph exists; scene updates in this time come from Hemibake
     job:     the function
     """
 
@@ -48,7 +48,7 @@ class _Reader(bpy.types.RenderEngine):
 
 
 def reads_render() -> bool:
-    """Return True while scene updates come from reading the dependency graph of renders."""
+    """Return True while a dependency graph of renders is read, so that scene updates come from Hemibake."""
     return _Reader.active
 
 
@@ -65,7 +65,7 @@ def in_render(
     errors: list[BaseException] = []
 
     def call(depsgraph: bpy.types.Depsgraph) -> None:
-        # Blender only prints exceptions of a callback.
+        # Catch exceptions of the callback, because Blender only prints them.
         try:
             results.append(job(depsgraph))
         except BaseException as error:  # noqa: BLE001

@@ -124,7 +124,7 @@ class Geometry:
         return self._render.use_simplify
 
     def _asks_for_viewport(self, group: bpy.types.NodeTree | None) -> bool:
-        """Return True if a group or a group in it has an Is Viewport node."""
+        """Return True if a node group, or a group inside it, contains an Is Viewport node."""
         if group is None or UV_GROUP in group:
             return False
         key = group.session_uid

@@ -19,7 +19,7 @@ _LIFT = 0.8
 #: Minimum fraction of a strand that its ribbon covers.
 _LEFT = 0.5
 
-#: Triangles of a ribbon between two points: two on each side.
+#: Triangles of a ribbon per segment between two points: two on each side.
 _TRIANGLES = 4
 
 
@@ -94,7 +94,7 @@ def _lifted(strands: Strands) -> tuple[np.ndarray, np.ndarray]:
     )
     below = length < cut[strand]
 
-    # The points below are the first ones of their strand: the ribbon begins before the next point.
+    # The points below are the first ones of their strand, so the ribbon starts in front of the next point.
     after = first + np.add.reduceat(below, first)[: len(first)] if len(first) else first
     before = np.maximum(after - 1, first)
     part = (cut[filled] - length[before]) / np.maximum(length[after] - length[before], 1e-300)

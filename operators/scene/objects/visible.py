@@ -19,7 +19,7 @@ def in_rendered_collections(context: bpy.types.Context) -> set[int]:
 
 
 def _rendered(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:
-    """Yield the objects of all collections that renders show."""
+    """Yield the objects of a layer collection and its children that renders show."""
     if layer.exclude:
         objects = ()
     elif layer.collection.hide_render:

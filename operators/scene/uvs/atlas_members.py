@@ -20,7 +20,7 @@ from .uv_targets import UnwrapMesh, Users
 
 
 class AtlasMembers:
-    """Finds the objects that had lightmap UVs in an atlas before other objects of the atlas got theirs.
+    """Search for objects whose lightmap UVs were in an atlas before other objects got UVs there.
 
     movable:  session uids of objects whose charts may be repacked if their UVs are still as Hemibake made
               them
@@ -58,7 +58,10 @@ class AtlasMembers:
         return users
 
     def leave_to_them(self, pages: Sequence[PackedPage], changes: Rollback) -> list[str]:
-        """Rename the atlas of each page if other objects or an earlier page use that atlas; return notes."""
+        """Give new objects another atlas if other objects, or an earlier page, use their atlas.
+
+        Return notes.
+        """
         taken = {obj.hemibake.atlas for obj in bpy.data.objects}
         full = {obj.hemibake.atlas for obj in self._without({uid for page in pages for uid in page.uids})}
         notes = []
@@ -83,7 +86,7 @@ class AtlasMembers:
         return [obj for obj in meshes if obj.session_uid not in fresh and has_uvs(obj, self._uv_layer)]
 
     def _may_move(self, obj: bpy.types.Object) -> bool:
-        """Return whether an object's UVs are in its own mesh and unchanged since Hemibake made them."""
+        """Return True if an object's UVs are in its own mesh and unchanged since Hemibake made them."""
         own = obj.data.is_editable and uv_modifier(obj, self._uv_layer) is None
         movable = own and obj.session_uid in self._movable
         return movable and is_made([obj], lightmap_layer(obj, self._uv_layer))

@@ -21,11 +21,12 @@ from .uv_faults import covered_texels
 #: chart, radians.
 _ANGLE = radians(66)
 
-#: Gap between islands, fraction of the map: without it islands may touch in a vertex and count as one (5.3).
+#: Gap between islands as a fraction of the map. Without a gap, islands may touch in a vertex and count as one
+#: (Blender 5.3).
 _MARGIN = 1 / 256
 
-#: Triangles are dropped from a chart if their UV area is less than this fraction of their surface area.
-#: Projection at a grazing angle shrinks them so.
+#: Minimum ratio of UV area to surface area; triangles below it are dropped from their chart. They arise at
+#: grazing angles.
 _LEAST_PART = 0.3
 
 #: Width and height, in cells, of the grid on which a chart is rasterized to find overlapping triangles.
@@ -135,8 +136,8 @@ def _checked(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> tuple[np.
     total = [np.bincount(chart, values, charts) for values in (space, flat, np.abs(flat))]
     uvs = uvs * np.sqrt(total[0] / np.maximum(total[2], 1e-30))[chart][:, None, None]
 
-    # A turned-over triangle overlaps its neighbour. If the signed area of a whole chart is negative, the
-    # chart is mirrored and still usable.
+    # A triangle that is turned over overlaps its neighbour. A chart with negative signed area is mirrored as
+    # a whole and still usable.
     lost = signed_areas(uvs) * np.sign(total[1])[chart] < _LEAST_PART * space
     for bent in _bent_charts(corners, chart):
         members = (chart == bent) & ~lost
@@ -146,7 +147,7 @@ def _checked(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> tuple[np.
 
 
 def _overlap(uvs: np.ndarray) -> bool:
-    """Return whether two triangles, (t, 3, 2) UVs, cover the centre of the same grid cell."""
+    """Return True if two triangles, (t, 3, 2) UVs, cover the centre of the same grid cell."""
     points = uvs.reshape(-1, 2)
     low = points.min(axis=0, initial=np.inf)
     size = float((points - low).max(initial=0.0))

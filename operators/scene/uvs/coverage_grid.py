@@ -41,17 +41,17 @@ class CoverageGrid:
 
     @property
     def overlaps(self) -> bool:
-        """Whether charts of this object overlap each other by more than rounding errors."""
+        """True if charts of this object overlap each other by more than rounding errors."""
         return self.doubled > max(_ALLOWED_FRACTION * self.cells, _ALLOWED)
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """Slices of the rows and columns of the grid that `covered` stands for."""
+        """Slices of the grid's rows and columns that hold `covered`."""
         height, width = self.covered.shape
         return slice(self.row, self.row + height), slice(self.column, self.column + width)
 
     def meets(self, taken: np.ndarray) -> bool:
-        """Return whether the object covers cells set in `taken`, (g, g) bool, beyond rounding errors."""
+        """Return True if the object covers cells set in `taken`, (g, g) bool, beyond rounding errors."""
         allowed = max(_ALLOWED_FRACTION * self.cells, _ALLOWED if self.cells > _MANY else 0)
         return int((taken[self.window] & self.covered).sum()) > allowed
 
@@ -69,7 +69,7 @@ def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Coverage
 
 
 def find_overlapping(footprints: Sequence[CoverageGrid], grid: int) -> Generator[None, None, list[bool]]:
-    """Return for each object whether its charts overlap those of other objects; yields after each object."""
+    """Return for each object True if its charts overlap those of others; yields after each object."""
     count = np.zeros((grid, grid), np.int32)
     for footprint in footprints:
         count[footprint.window] += footprint.covered

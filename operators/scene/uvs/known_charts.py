@@ -39,7 +39,7 @@ def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> MeshCharts | None:
     polygons = len(mesh.starts) - 1
     of_loop = np.repeat(np.arange(polygons), np.diff(mesh.starts))
 
-    # Link all polygons that share a vertex and its UV to the first of them.
+    # Join all polygons that share a vertex and its UV with the first of them.
     place = place.reshape(-1)
     first = np.full(place.max(initial=-1) + 1, polygons)
     np.minimum.at(first, place, of_loop)

@@ -14,8 +14,8 @@ from .uv_faults import is_finite, is_inside, overlap
 #: Lower-case parts of the names that users and other programs give to lightmap UV layers.
 _NAMES = ("light", "bake", "uv2", "uvmap2", "uvmap.001", "uvchannel_2", "texcoord_1", "st1")
 
-#: Limits of the check for overlaps before the list of layers is shown: loops checked in total, and meshes
-#: checked for each layer name.
+#: Limits of the overlap test before the list of layers is displayed: loops in total, and meshes per layer
+#: name.
 _MOST_TRIANGLES, _MOST_MESHES = 20_000, 4
 
 

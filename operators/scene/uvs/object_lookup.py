@@ -27,7 +27,7 @@ class ObjectLookup:
         self._began = time.perf_counter()
 
     def pause(self) -> Generator[None, None, None]:
-        """Yield to Blender's window if the last yield is _SLICE ago, then renew the references."""
+        """Yield to Blender's window if _SLICE has passed since the last yield, then renew the references."""
         if time.perf_counter() - self._began > _SLICE:
             yield None
             self.look_up()

@@ -81,6 +81,6 @@ def _is_tiled(target: UnwrapMesh, objects: ObjectLookup, multi_user: set[int], i
 
 
 def _tile_width(area: float, total: float, resolution: int) -> int:
-    """Return the estimated width of a mesh's tile, texels: the root of its fraction of the atlas's area."""
+    """Return the estimated width of a mesh's tile, texels: square root of its share of the atlas's area."""
     scale = np.sqrt(area / total) if total > 0 else 1.0
     return int(np.clip(resolution * scale, min(_LEAST_TILE, resolution), resolution))

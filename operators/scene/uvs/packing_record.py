@@ -23,7 +23,7 @@ class PackingRecord:
         self._context, self._resolution = context, resolution
 
     def is_current(self, targets: Sequence[UnwrapMesh], digests: dict[str, str]) -> bool:
-        """Return whether the recorded digest of the targets' atlas equals the digest of the targets now.
+        """Return True if the meshes of an atlas are unchanged since the recorded packing, by digest.
 
         targets:  meshes of one atlas, with measured areas
         digests:  digest of the present UVs of each mesh, by the mesh's name

@@ -36,7 +36,7 @@ _ATTEMPTS = 3
 
 
 class UvAction(Enum):
-    """What is done with the lightmap UVs that objects have already.
+    """Treatment of lightmap UVs that objects already have.
 
     NONE:     they stay as they are
     PACKING:  their charts are packed again
@@ -105,7 +105,7 @@ def unwrap_missing(
 
 
 class _Unwrapping:
-    """Unwraps the own meshes of objects, then evaluated meshes of objects where that is not enough."""
+    """Unwrapping of objects' own meshes, then of evaluated meshes whose modifiers make UVs overlap."""
 
     def __init__(
         self,
@@ -144,7 +144,7 @@ class _Unwrapping:
                 return self._made
         pages = yield from self._pack(own)
 
-        # The evaluated meshes are known only once the objects' own meshes have their UV layer.
+        # Modifiers can be evaluated only after the objects' own meshes have got their UV layer.
         trial = Rollback()
         objects = self._prepare(uids, trial)
         self._store(pages, trial)
@@ -208,7 +208,7 @@ class _Unwrapping:
         )
 
     def _leave(self, obj: bpy.types.Object, trouble: str) -> None:
-        """Skip an object, and record the reason."""
+        """Skip an object and record the reason for the user."""
         self._left.append(obj.session_uid)
         self._troubles.add(trouble, obj.name)
 
@@ -283,6 +283,6 @@ def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: E
 
 
 def _without(targets: Sequence[UnwrapMesh], replaced: Sequence[UnwrapMesh]) -> list[UnwrapMesh]:
-    """Return the targets that have an object which is in none of the replacing targets."""
+    """Return the targets, except those whose objects are all among the replacing targets."""
     gone = {uid for target in replaced for uid in target.uids}
     return [target for target in targets if any(uid not in gone for uid in target.uids)]

@@ -77,7 +77,7 @@ def _run(
 def _after(
     part: float, work: Generator[Progress | None, None, Unwrapped]
 ) -> Generator[Progress | None, None, Unwrapped]:
-    """Run work as the rest of a larger task of which the fraction `part` is done; adapts the progress."""
+    """Run the second part of a task whose fraction `part` is done, and adapt its progress."""
 
     def told(progress: Progress | None) -> Progress | None:
         return progress and replace(progress, overall=part + (1 - part) * progress.overall)

@@ -1,4 +1,4 @@
-"""SHA-256 digests of UV layers, which tell whether lightmap UVs have changed."""
+"""Digests of UV layers (SHA-256), compared to detect changed lightmap UVs."""
 
 from __future__ import annotations
 

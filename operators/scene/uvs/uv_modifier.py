@@ -51,12 +51,12 @@ def uv_source(obj: bpy.types.Object, uv_layer: str) -> int:
 
 
 def has_uvs(obj: bpy.types.Object, uv_layer: str) -> bool:
-    """Return whether a mesh object has lightmap UVs, in a layer of its mesh or in a UV modifier."""
+    """Return True if a mesh object has lightmap UVs, in a layer of its mesh or in a UV modifier."""
     return lightmap_layer(obj, uv_layer) in obj.data.uv_layers or uv_modifier(obj, uv_layer) is not None
 
 
 def fits(modifier: bpy.types.Modifier, mesh: bpy.types.Mesh) -> bool:
-    """Return whether a UV modifier is enabled and last, and its UVs fit the topology of an evaluated mesh."""
+    """Return True if a UV modifier is enabled and last, and its UVs fit the topology of an evaluated mesh."""
     used = modifier.show_viewport and modifier.show_render and modifier.id_data.modifiers[-1] == modifier
     return used and topology_of(modifier.node_group) == topology(mesh)
 

@@ -119,7 +119,7 @@ def _expected(same: bpy.types.Node) -> list[bpy.types.NodeSocket]:
 
 
 def is_uv_group(group: bpy.types.NodeTree | None) -> bool:
-    """Return whether a node group is one that stores lightmap UVs."""
+    """Return True if a node group stores lightmap UVs."""
     return group is not None and _LAYER in group
 
 
@@ -178,7 +178,7 @@ def _new_group(carrier: bpy.types.Object, corners: int, uv_layer: str) -> bpy.ty
     group.links.new(group.nodes.new("NodeGroupInput").outputs[0], parts.inputs[0])
     group.links.new(join.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
 
-    # Corner i of the mesh gets the position of vertex i of the carrier.
+    # Sample Index gives corner i of the mesh the position of vertex i of the carrier.
     points, sample = group.nodes.new("GeometryNodeObjectInfo"), group.nodes.new("GeometryNodeSampleIndex")
     points.name, points.inputs["Object"].default_value = NAME, carrier
     sample.data_type, sample.domain = "FLOAT_VECTOR", "POINT"

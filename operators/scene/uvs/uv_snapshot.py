@@ -1,4 +1,4 @@
-"""Records where objects had their lightmap UVs from when a bake began, since an undo may remove these."""
+"""Snapshot of the sources of lightmap UVs when a bake begins, because an undo may remove UVs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .uv_modifier import has_uvs, uv_source
 
 
 class UvSnapshot:
-    """Records the UV source (see `uv_source`) of each object with lightmap UVs when it is constructed."""
+    """UV source (see `uv_source`) of each object with lightmap UVs at the time of construction."""
 
     def __init__(self, objects: Iterable[bpy.types.Object], uv_layer: str) -> None:
         self._uv_layer = uv_layer

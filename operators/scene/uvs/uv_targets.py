@@ -1,4 +1,4 @@
-"""Finds meshes that lack lightmap UVs: own meshes of objects, and evaluated ones (modifiers applied)."""
+"""Search for meshes without usable lightmap UVs: objects' own meshes, and evaluated meshes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .uv_faults import cover, is_finite, is_inside, overlap
 from .uv_layers import MOST_LAYERS
 from .uv_modifier import has_uvs, topology, uv_modifier
 
-#: Called with an object that gets no lightmap UVs, and the reason.
+#: Callback for an object that gets no lightmap UVs, with the reason.
 Leave = Callable[[bpy.types.Object, str], None]
 
 
@@ -132,7 +132,7 @@ def _uids(objects: Sequence[bpy.types.Object]) -> tuple[int, ...]:
 
 
 def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made: set[int]) -> bool:
-    """Return whether an object's evaluated mesh needs UVs that a layer of its own mesh cannot provide."""
+    """Return True if modifiers leave an evaluated mesh without usable UVs, so that it needs its own."""
     if not len(mesh.polygons) or uv_modifier(obj, uv_layer):
         return False
     if uv_layer not in mesh.uv_layers:
@@ -145,7 +145,7 @@ def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made:
 
 
 def is_usable_layer(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
-    """Return whether UVs are finite, within 0-1, free of overlaps, and give nearly all surface texels."""
+    """Return True if UVs are finite, within 0-1, without overlaps, and cover nearly all of the surface."""
     corners = read_corners(mesh, uv_layer, {})
     if not is_finite(corners.uvs) or not is_inside(corners.uvs):
         return False

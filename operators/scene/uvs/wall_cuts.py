@@ -20,8 +20,8 @@ from .uv_targets import own_target
 #: neighbouring samples.
 _ALONG = np.linspace(0.05, 0.95, 9)
 
-#: Distance of the samples above the surface and beside the edge, and largest distance between two edges that
-#: count as one line. As a fraction of the mesh's size.
+#: Distance as a fraction of the mesh's size: of samples above the surface and beside the edge, and at most
+#: between two edges on one line.
 _BESIDE = 1e-4
 
 
@@ -41,7 +41,7 @@ class Wall:
     high: np.ndarray
 
     def holds(self, point: np.ndarray, up: np.ndarray) -> bool:
-        """Return whether a point is inside the object: a ray from it along `up` hits a face from behind."""
+        """Return True if a point is inside the object: a ray from it along `up` hits a back face."""
         if (point < self.low).any() or (point > self.high).any():
             return False
         direction = self.to_local.to_3x3() @ Vector(up)
@@ -139,7 +139,7 @@ def _loop_normals(mesh: PolygonMesh, points: np.ndarray) -> np.ndarray:
 def _is_covered(
     start: np.ndarray, end: np.ndarray, up: np.ndarray, walls: Sequence[Wall], step: float
 ) -> bool:
-    """Return whether two neighbouring samples of an edge are inside walls, on its left or on its right.
+    """Return True if two neighbouring samples of an edge are inside walls, on its left or on its right.
 
     Walls that cross the edge do not count: they cover no two neighbouring samples.
     """
@@ -156,7 +156,7 @@ def _is_covered(
 
 
 def _has_neighbours(flags: Sequence[bool]) -> bool:
-    """Return whether two consecutive flags are set."""
+    """Return True if two consecutive flags are set."""
     return any(one and other for one, other in pairwise(flags))
 
 

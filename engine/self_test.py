@@ -97,7 +97,7 @@ def _checked(lightmap: BakeResult, way: str) -> float:
         return error
     devices = " and ".join(f"'{name}'" for name in lightmap.report.devices.values())
     raise DeviceError(
-        f"The light of a closed room, which is known, comes out wrong by {error:.1%} with {way}, on "
+        f"The light of a closed room differs from its known value by {error:.1%} with {way}, on "
         f"{devices}. Update the driver, or choose another OpenCL device in Hemibake's preferences."
     )
 

@@ -63,7 +63,7 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         if self._window.run.uvs_undone:
             return "Bake cancelled, because undo removed the lightmap UVs of all objects"
         if kept_checkpoint_since(self._began):
-            return "Bake cancelled. The next bake continues from there if scene and settings are the same"
+            return "Bake cancelled. The next bake of the same scene and settings continues from here"
         return "Bake cancelled"
 
     @classmethod

@@ -385,7 +385,7 @@ class BakeRun:
         baked = dict.fromkeys(entry.uid for entry in self._read.objects)
         names = self._uvs.names(uid for uid in baked if uid not in present)
         sentence = (
-            "Deleted during the bake: {}. All else still has their shadows and the light that they reflect. "
+            "Deleted during the bake: {}. Other objects still have their shadows and reflected light. "
             "Bake again."
         )
         return [object_message(sentence, names)] if names else []
@@ -396,7 +396,7 @@ class BakeRun:
         with suppress(SceneError):
             notes += self._deleted()
         if lost:
-            sentence = "These objects lost their lightmap UVs during the bake, as by an undo: {}. Bake again."
+            sentence = "Lightmap UVs lost during the bake, for example by an undo: {}. Bake again."
             notes.append(object_message(sentence, list(lost.values())))
         if self._destination.folder is None:
             notes.append(

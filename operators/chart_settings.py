@@ -29,7 +29,7 @@ def chart_properties() -> dict:
     return {
         "align_charts": BoolProperty(
             name="Align to Texels",
-            description="Move straight chart borders by up to half a texel, onto borders of texels",
+            description="Move straight chart borders to texel borders, by up to half a texel",
             default=True,
         ),
         "chart_crease": FloatProperty(
@@ -42,7 +42,7 @@ def chart_properties() -> dict:
         ),
         "chart_cost": FloatProperty(
             name="Max Cost",
-            description="Grow charts of curved surfaces up to this cost. More gives fewer, distorted charts",
+            description="Grow charts of curved surfaces up to this cost. High values distort charts",
             default=USUAL.largest_cost,
             min=0.01,
             soft_max=16,
@@ -50,7 +50,7 @@ def chart_properties() -> dict:
         ),
         "chart_iterations": IntProperty(
             name="Iterations",
-            description="Grow charts of curved surfaces this number of times. More gives even sizes",
+            description="Grow charts of curved surfaces this number of times. High values give even sizes",
             default=USUAL.iterations,
             min=1,
             soft_max=8,

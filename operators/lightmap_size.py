@@ -111,7 +111,7 @@ def size_properties() -> dict:
         ),
         "planned_width": IntProperty(
             name="Planned Width",
-            description="Width that Density led to when it was set, texels",
+            description="Width computed when Density was set, texels",
             options={"HIDDEN"},
         ),
         "automatic_width": IntProperty(

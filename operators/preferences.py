@@ -71,7 +71,7 @@ class HEMIBAKE_OT_find_devices(bpy.types.Operator):
 
 
 class HEMIBAKE_OT_clear_cache(bpy.types.Operator):
-    """Remove compiled kernels and checkpoints of interrupted bakes; the next bake makes what it needs"""
+    """Remove compiled kernels and checkpoints of interrupted bakes; the next bake compiles kernels again"""
 
     bl_idname = "hemibake.clear_cache"
     bl_label = "Clear Cache"

@@ -37,7 +37,7 @@ def connected(scheduler: str, loop: IOLoop) -> Client:
     except (OSError, ValueError) as error:
         raise DeviceError(
             f"No Dask scheduler answers at '{scheduler}' ({error}). Start one with `dask scheduler`, "
-            "and give its address as tcp://host:8786; one that was started with certificates has tls://host:8786."
+            "and give its address as tcp://host:8786, or as tls://host:8786 if it uses certificates."
         ) from error
 
 

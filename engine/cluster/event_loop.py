@@ -34,6 +34,6 @@ def _started() -> LoopRunner:
             continue
         return runner
     raise DeviceError(
-        "Dask's thread did not start within a minute: the machine is too busy. Bake again once other "
-        "programs have ended, or without a scheduler."
+        "Dask's thread did not start within a minute, because the machine is too busy. Close other programs "
+        "and bake again, or bake without a scheduler."
     )

@@ -42,8 +42,8 @@ def by_other(path: str, function: Callable[..., Any], *arguments: object) -> Any
         if address in results:
             return results[address]
     raise DeviceError(
-        f"Worker '{worker.name}' at {worker.address} has other memory than the machine that the bake was "
-        "begun on, as in a container, and every worker is gone that had the same. Bake again."
+        f"Worker '{worker.name}' at {worker.address} shares no memory with the machine that started "
+        "the bake, as in a container, and no other worker shares it. Bake again."
     )
 
 

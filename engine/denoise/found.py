@@ -21,8 +21,8 @@ _PACKAGES = ("pyoidn", "oidn")
 
 #: Remedy in messages if the library is missing.
 REMEDY = (
-    "Use a Blender from blender.org, which brings it along, or install the Python package 'pyoidn' into "
-    "the Python of this one"
+    "Use a Blender from blender.org, which contains it, or install the Python package 'pyoidn' into the "
+    "Python of this Blender"
 )
 
 

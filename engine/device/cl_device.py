@@ -265,8 +265,8 @@ def _chosen(devices: list[cl.Device], name: str | None) -> list[cl.Device]:
     if not chosen:
         offered = ", ".join(f"'{known}'" for known in dict.fromkeys(map(device_name, devices)))
         raise DeviceError(
-            f"There is no OpenCL device '{name}'. Choose one of {offered}, or none for the best, in "
-            "Hemibake's preferences."
+            f"There is no OpenCL device '{name}'. Choose one of {offered} in Hemibake's preferences, "
+            "or leave the field empty for the best device."
         )
     return chosen
 

@@ -29,8 +29,8 @@ def missing_package(name: str, error: ImportError) -> str:
     """Return the sentences for the user about a package that cannot be imported."""
     return (
         f"The Python package '{name}', which {_PURPOSES[name]}, cannot be imported ({error}). "
-        f"Install the file of Hemibake that is made for this system and Python {_python()}, or into "
-        f"the Python of a checkout '{sys.executable} -m pip install {name}', then bake again."
+        f"Install the Hemibake package for this system and Python {_python()}; in a checkout, run "
+        f"'{sys.executable} -m pip install {name}'. Then bake again."
     )
 
 

@@ -61,7 +61,7 @@ def warn_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
     sentences = {
         "The lightmap UVs of {} are too small to cover a texel: their light is a guess. "
         "Unwrap them again or raise the resolution.": small,
-        "Scaled to nothing, so that no light falls on them: {}. Give them a scale.": list(shrunk),
+        "Scale is 0, so that no light arrives: {}. Set a scale other than 0.": list(shrunk),
     }
     return [object_message(sentence, names) for sentence, names in sentences.items() if names]
 

@@ -84,7 +84,10 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
         return _GROUP_WIDTH, (reason,)
     if job.remote is not None:
         width = shared_width(settings, count)
-        reason = f"Groups of {width} x {width} patches are solved as one: all {count:,} exchange light."
+        reason = (
+            f"Groups of {width} x {width} patches are solved as one: each worker receives the light of all "
+            f"{count:,} patches."
+        )
         return width, (reason,) if width > 1 else ()
     needed = most_samples(settings) * count * sample_bytes(count, job.parts.cutouts.tinted)
     if settings.method != "auto" or needed <= memory_budget(job):

@@ -90,7 +90,9 @@ class SolveJob:
     def opencl(self) -> ComputeDevice:
         """The OpenCL device; raises DeviceError if there is none."""
         if self.compute is None:
-            raise DeviceError("Only what OpenGL can do alone is possible without OpenCL.")
+            raise DeviceError(
+                "This bake needs an OpenCL device, and there is none. Install a driver with OpenCL."
+            )
         return self.compute
 
     @cached_property

@@ -68,7 +68,7 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
     )
     reasons = [f"Patches sampled per second: {summary}."]
     if reason_to_stop and len(tried) < len(makers):
-        reasons.append(f"Nothing else was tried: {reason_to_stop}.")
+        reasons.append(f"No other method was tried: {reason_to_stop}.")
     if "raster" in rates:
         drawing, texels = _drawing_rates(job)
         drawing.learn(len(job.parts.triangles.positions), rates["raster"] * texels)

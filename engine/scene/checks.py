@@ -105,7 +105,7 @@ def check_world(world: np.ndarray) -> None:
     if not world.size:
         raise SceneError("The world's image has no pixels. Choose another image.")
     if not _is_light(world):
-        raise SceneError(f"The world's radiance is {_NO_LIGHT}. Mend its colour and strength.")
+        raise SceneError(f"The world's radiance is {_NO_LIGHT}. Correct its color and strength.")
 
 
 def check_mesh(mesh: Mesh) -> None:
@@ -135,20 +135,21 @@ def check_references(mesh: Mesh, scene: Scene) -> None:
     """Raise SceneError if a mesh refers to an atlas, material or UV map that does not exist."""
     if not (mesh.atlas == NO_LIGHTMAP or 0 <= mesh.atlas < len(scene.atlases)):
         raise SceneError(
-            f"Object '{mesh.name}' names atlas {mesh.atlas} of {len(scene.atlases)}. Give it one of these."
+            f"Object '{mesh.name}' refers to atlas {mesh.atlas}, but the scene has {len(scene.atlases)}. "
+            "Use one of these."
         )
     least, most = (int(end()) if len(mesh.material) else 0 for end in (mesh.material.min, mesh.material.max))
     if len(mesh.material) and not 0 <= least <= most < len(scene.materials):
         raise SceneError(
-            f"Object '{mesh.name}' names materials {least} to {most} of {len(scene.materials)}. "
-            "Give its faces one of them."
+            f"Object '{mesh.name}' refers to materials {least} to {most}, but the scene has "
+            f"{len(scene.materials)}. Assign one of these to its faces."
         )
     for material in (scene.materials[index] for index in np.flatnonzero(np.bincount(mesh.material))):
         for texture in _textures(material):
             if texture.uv_map not in mesh.texture_uvs:
                 raise SceneError(
                     f"Object '{mesh.name}' has no UV map '{texture.uv_map}', which texture '{texture.name}' "
-                    f"of material '{material.name}' names. Add the UV map, or choose another one."
+                    f"of material '{material.name}' uses. Add the UV map, or choose another one."
                 )
 
 
@@ -161,7 +162,7 @@ def check_lightmap_uvs(mesh: Mesh) -> None:
     if len(mesh.uvs) and (mesh.uvs.min() < -UV_TOLERANCE or mesh.uvs.max() > 1 + UV_TOLERANCE):
         raise SceneError(
             f"Object '{mesh.name}' has lightmap UVs outside 0-1. "
-            "Pack its UV islands into the unit square, or delete the lightmap UV layer to have one made."
+            "Pack its UV islands into the unit square, or delete the lightmap UV layer for a new one."
         )
 
 
@@ -181,13 +182,13 @@ def check_material(material: Material) -> None:
     if not all(_is_light(values) for values in emitted):
         raise SceneError(
             f"Material '{material.name}' has an emission that is {_NO_LIGHT}. "
-            "Mend its emission colour and strength."
+            "Correct its emission color and strength."
         )
     for entry in transmittances(material.transmission):
         if not _is_fraction(entry):
             raise SceneError(
                 f"Material '{material.name}' has a transmittance that is not between 0 and 1. "
-                "Mend its alpha, or the color of its Transparent BSDF."
+                "Correct its alpha, or the color of its Transparent BSDF."
             )
 
 
@@ -213,7 +214,7 @@ def check_light(light: Light) -> None:
         light.falloff_smooth,
     )
     if not all(np.isfinite(values).all() for values in numbers):
-        raise SceneError(f"Light '{light.name}' has a position or size that is NaN or infinite. Mend it.")
+        raise SceneError(f"Light '{light.name}' has a position or size that is NaN or infinite. Correct it.")
     if np.abs(light.position).max() > FARTHEST_LIGHT or max(light.radius, *light.size) > LARGEST:
         raise SceneError(
             f"Light '{light.name}' is farther than {FARTHEST_LIGHT:.0e} units or larger than {LARGEST:.0e} "
@@ -222,7 +223,7 @@ def check_light(light: Light) -> None:
     lengths = np.linalg.norm(light.axes, axis=1)[_AXES_NEEDED.get(light.kind, slice(0))]
     if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any() or (np.asarray(light.stretch) <= 0).any():
         raise SceneError(
-            f"Light '{light.name}' has axes that are no unit vectors, or a stretch that is not positive. "
+            f"Light '{light.name}' has axes that are not unit vectors, or a stretch that is not positive. "
             "Give it a scale other than 0."
         )
     if light.profile is not None:
@@ -251,7 +252,7 @@ def _check_tinted_reflectance(material: Material) -> None:
     if not (_is_light(reflectance) and _is_light(pixels) and (largest <= limit + _ROUNDING * limit).all()):
         raise SceneError(
             f"Material '{material.name}' has a reflectance that is not between 0 and 1, or reflects and "
-            "passes more light than it receives. Mend its base colour, or darken the color of its "
+            "passes more light than it receives. Correct its base color, or darken the color of its "
             "Transparent BSDF."
         )
 

@@ -69,9 +69,11 @@ def check_profile(profile: Profile, name: str) -> None:
     ascending = all(len(values) > 1 and (np.diff(values) > 0).all() for values in angles)
     shape = (len(profile.azimuths), len(profile.polars), 3)
     if not ascending or profile.factors.shape != shape:
-        raise SceneError(f"Light '{name}' has a profile whose angles do not ascend. Mend it.")
+        raise SceneError(f"Light '{name}' has a profile whose angles do not ascend. Correct the profile.")
     if not np.isfinite(profile.factors).all() or profile.factors.min() < 0:
-        raise SceneError(f"Light '{name}' has a profile that is NaN, infinite or negative. Mend it.")
+        raise SceneError(
+            f"Light '{name}' has a profile that is NaN, infinite or negative. Correct the profile."
+        )
 
 
 def read_ies(text: str) -> Profile:

@@ -81,7 +81,7 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     linear = np.asarray(matrix, np.float64)[:3, :3]
     turned = float(np.linalg.det(linear))
     if not np.isfinite(turned) or turned == 0:
-        raise SceneError(f"The matrix that moves '{mesh.name}' has no inverse. Scale it by other than 0.")
+        raise SceneError(f"The matrix that moves '{mesh.name}' has no inverse. Use a scale other than 0.")
     positions = mesh.positions @ linear.T + np.asarray(matrix, np.float64)[:3, 3]
     normals = mesh.normals.astype(np.float64) @ np.linalg.inv(linear)
     normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
@@ -106,6 +106,6 @@ def _check_numbers(what: str, numbers: Iterable[int], count: int) -> None:
     unknown = sorted(number for number in numbers if not 0 <= number < count)
     if unknown:
         raise SceneError(
-            f"Changes name number {unknown[0]} of the scene's {what}; there are {count}, from 0 on. "
-            "Bake the scene anew to add any."
+            f"Changes refer to index {unknown[0]} of the scene's {what}, but there are {count}. "
+            "Start a new bake to add some."
         )

@@ -114,7 +114,7 @@ def gather_texel_samples(
     asked, clipper = what.job.settings.texel_samples, what.job.kept.texels.clipper(compute, what.job.parts)
     samples, count = display_samples(clipper, what.job.parts, atlases, known, asked)
     if not len(samples):
-        return _nothing("No texel shows more than its centre.")
+        return _nothing("No texel needs more than one sample.")
     settings = _settings_of_samples(what.job.settings, count)
     radiance, remote = radiance_of(what.solved, solution.settled), what.job.remote
     if what.job.parts.sides is not None:
@@ -182,7 +182,7 @@ def _batches(samples: TexelSamples) -> Iterator[tuple[TexelSamples, tuple[float,
 def _why_centres_only(job: SolveJob, choice: SolverChoice) -> str:
     """Return the reason not to supersample; empty if supersampling is possible."""
     if choice.method == "paper":
-        return "Every texel shows the light at its centre, as the paper's method has it."
+        return "Every texel shows the light at its centre, as in the paper's method."
     return "" if job.compute else "Every texel shows the light at its centre: there is no OpenCL."
 
 
@@ -245,8 +245,8 @@ def _joined(
     parts = what.job.parts
     keys = samples.keys(parts.patches.resolution)
     reason = (
-        f"Light was gathered at {len(keys):,} more points, of {len(run_starts(keys)):,} texels that show "
-        "more than their centre."
+        f"Light was gathered at {len(keys):,} more points in {len(run_starts(keys)):,} texels whose light or "
+        "surface is not uniform."
     )
     light = channel_sum(irradiance)
     inside = in_thin_walls(parts, samples, push_offs, visible, light)

@@ -55,7 +55,7 @@ def _watched(
             heard = time.monotonic()
         elif time.monotonic() - heard > patience:
             raise WorkerError(
-                f"The process hung: it said nothing for {patience:.0f} s. Your scene is untouched. Try "
+                f"The process hung: no message for {patience:.0f} s. Your scene is unchanged. Try "
                 "again; if it happens again, report it together with the mesh."
             )
         yield progress

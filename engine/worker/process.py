@@ -78,7 +78,7 @@ class WorkerProcess:
             self._close()
             raise WorkerError(
                 f"The {job.name} process could not be started: {error}. "
-                f"Check that '{executable}' is a Python that may be run, or install Blender again."
+                f"Check that '{executable}' is an executable Python, or install Blender again."
             ) from error
 
     def _spawn(self, command: list[str], environment: dict[str, str], handle: int) -> subprocess.Popen[bytes]:

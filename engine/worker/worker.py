@@ -94,7 +94,7 @@ class Worker:
     def _run(self, arguments: tuple[object, ...], request: tuple[str, ...]) -> Steps:
         """Send a request with arguments to the child and relay its steps."""
         if self._busy:
-            raise WorkerError("Another bake is running. Wait until it is done, or cancel it.")
+            raise WorkerError("Another bake is running. Wait until it has finished, or cancel it.")
         self._busy = True
         self._updates.clear()
         try:

@@ -60,14 +60,15 @@ def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray])
     return [
         *found(
             WARNING,
-            "The faces of {} look inwards, and nothing is in it: light falls on their backs, which are baked "
-            "black. Recalculate its normals.",
+            "Normals point inward, and nothing is inside: {}. Light falls on back faces, which are baked "
+            "black. Recalculate normals.",
             turned,
             "normals",
         ),
         *found(
             WARNING,
-            "Some faces of {} look inwards, others outwards: backs are baked black. Recalculate its normals.",
+            "Normals point partly inward, partly outward: {}. Back faces are baked black. Recalculate "
+            "normals.",
             mixed,
             "normals",
         ),
@@ -80,7 +81,7 @@ def check_faceless(objects: Sequence[bpy.types.Object], meshes: Sequence[Checked
     faceless = [obj.name for obj in objects if obj.name not in names]
     return found(
         WARNING,
-        "No faces: {}. The bake leaves out what has none. Give it faces, or set its role to Ignored.",
+        "No faces, so not baked: {}. Add faces, or set the role to Ignored.",
         faceless,
     )
 
@@ -88,7 +89,7 @@ def check_faceless(objects: Sequence[bpy.types.Object], meshes: Sequence[Checked
 def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     """Return a finding on meshes whose matrix has a rank below 2, so that they are a line or a point."""
     names = [mesh.name for mesh in meshes if np.linalg.matrix_rank(mesh.matrix[:3, :3]) < 2]
-    return found(WARNING, "Scaled to nothing, so that no light falls on them: {}. Give them a scale.", names)
+    return found(WARNING, "Scale is 0, so that no light arrives: {}. Set a scale other than 0.", names)
 
 
 def check_zero_area(

@@ -110,10 +110,12 @@ def cut_along_walls(
     )
     kept = [obj.name for obj in floors if obj.hemibake.own_uv_layer]
     if kept:
-        sentence = "The UV layers chosen for {} stay as they are. Clear their UV Layer to have them cut."
+        sentence = "{}: a UV layer of their own is chosen, which stays unchanged. Clear UV Layer to cut them."
         raise SceneError(object_message(sentence, kept))
     if not floors:
-        sentence = "No edge runs along {}: cut a loop there into what they stand on, or raise the density."
+        sentence = (
+            "No edge runs along {}. Cut an edge loop there into the surface below, or raise the density."
+        )
         raise SceneError(object_message(sentence, [obj.name for obj in objects]))
     for obj in floors:
         set_property(obj, "cut_along_walls", True, changes)

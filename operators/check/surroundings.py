@@ -38,12 +38,14 @@ def check_differences(context: SceneContext) -> list[Finding]:
     return [
         *found(
             WARNING,
-            "Renders hide what the viewport shows: {} is not baked. Enable it in renders, or ignore it.",
+            "Visible in the viewport but hidden in renders, so not baked: {}. Enable it in renders, or "
+            "ignore this.",
             [obj.name for obj in unrendered if obj.visible_get(view_layer=layer)],
         ),
         *found(
             INFO,
-            "The viewport hides what renders show: {} is baked. Disable it in renders to leave it out.",
+            "Hidden in the viewport but visible in renders, so baked: {}. Disable it in renders to leave "
+            "it out.",
             [obj.name for obj in baked if not obj.visible_get(view_layer=layer)],
         ),
         *_check_geometry([obj.name for obj in differing], context.scene.hemibake.meshes == "RENDER"),
@@ -54,11 +56,11 @@ def _check_geometry(differing: list[str], as_rendered: bool) -> list[Finding]:
     """Return a finding on objects whose modifiers have other settings in renders."""
     if as_rendered:
         sentence = (
-            "Renders use other modifiers, levels or particles than the viewport: {}. Renders' are baked."
+            "Modifiers or particles differ between renders and viewport: {}. The render's mesh is baked."
         )
         return found(INFO, sentence, differing)
     sentence = (
-        "Renders use other modifiers, levels or particles than the viewport: {}. The viewport's are baked. "
+        "Modifiers or particles differ between renders and viewport: {}. The viewport's mesh is baked. "
         "Set Meshes to Render under Advanced, or use the same settings."
     )
     return found(WARNING, sentence, differing)

@@ -83,21 +83,20 @@ def check_kept(meshes: Sequence[CheckedMesh], as_rendered: bool) -> list[Finding
     return [
         *found(
             ERROR,
-            "Linked from another file, and what modifiers make of it has changed since its lightmap UVs were "
-            "made: {}. Unwrap it in that file, override it, or apply its modifiers on a copy.",
+            "Linked from another file, with modifiers whose result has changed since lightmap UVs were made: "
+            "{}. Unwrap it in that file, override it, or apply its modifiers on a copy.",
             [mesh.name for mesh in outdated if not mesh.editable],
             "apply_on_copy",
         ),
         *found(
             INFO,
-            "What modifiers make of {} has changed since its lightmap UVs were made. The bake makes them "
-            "anew.",
+            "The result of modifiers has changed since lightmap UVs were made: {}. The bake makes new ones.",
             [mesh.name for mesh in outdated if mesh.editable],
             "unwrap",
         ),
         *found(
             WARNING,
-            f"Renders use other settings of the modifiers of {{}} than the viewport. {effect} Use the same "
+            f"Modifiers have other settings in renders than in the viewport: {{}}. {effect} Use the same "
             "settings.",
             [mesh.name for mesh in meshes if mesh.unlike and mesh.editable],
             "show_as_rendered",
@@ -146,14 +145,14 @@ def check_overlaps(charts: Sequence[ChartsOf], uv_layer: str) -> Steps:
     return [
         *found(
             ERROR,
-            "Lightmap UVs that lie on each other: {} would get no lightmap. Unwrap it into another UV layer.",
+            "Lightmap UVs overlap: {} would get no lightmap. Unwrap it into another UV layer.",
             folded,
             "unwrap_anew",
         ),
         *found(
             INFO,
-            "Modifiers copy faces, and their lightmap UVs with them: {}. The bake adds a last modifier with "
-            "UVs of what they make.",
+            "Modifiers copy faces with their lightmap UVs: {}. The bake adds a last modifier that stores UVs "
+            "for the result.",
             copied,
             "unwrap",
         ),
@@ -216,20 +215,20 @@ def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
     for atlas in dict.fromkeys(mesh.atlas for mesh in lost):
         members = [one.charted for one in alone if one.mesh.atlas == atlas]
         fitting = max(fitting, (yield from _fitting_resolution(members, atlas, resolution)))
-    remedy = f"{fitting} texels would do" if fitting else "Raise the resolution"
+    remedy = f"Use {fitting} texels" if fitting else "Raise the resolution"
     return [
         *found(
             ERROR,
-            f"No room beside the others in the lightmap: {{}} would get none. {remedy}, or give it "
-            "another atlas.",
+            f"No space left in the lightmap: {{}} would get no light. {remedy}, or assign it to another "
+            "lightmap.",
             [mesh.name for mesh in lost],
             "resolution" if fitting else "",
             fitting,
         ),
         *found(
             INFO,
-            "Lightmap UVs that lie on those of others, or outside 0-1: {}. They are placed side by side; the "
-            "UV layers stay as they are.",
+            "Lightmap UVs overlap others or lie outside 0-1: {}. The bake moves them apart; the UV layers "
+            "stay unchanged.",
             moved,
         ),
     ]
@@ -263,7 +262,7 @@ def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:
         fitting *= 2
     sentence = (
         f"The lightmap is too small for the charts of {{}}: they are {min(narrow.values()):.1f} texels wide "
-        f"on average. {fitting} texels would do."
+        f"on average. Use {fitting} texels."
     )
     return found(WARNING, sentence, list(narrow), "resolution", fitting)
 

@@ -12,8 +12,8 @@ from .signals import Signals
 from .worker import work
 
 _DESCRIPTION = """Bake the lightmaps of the file that is open, or of a .blend, .glb, .gltf or .obj.
-The folder receives an .exr and a .png picture of each lightmap, or what --file-format says. With --json
-the last line on standard output is one JSON object: what the bake did (exit code 0), or {"error": ...}
+The folder receives an .exr and a .png picture of each lightmap, or the format of --file-format. With --json
+the last line on standard output is one JSON object: the report of the bake (exit code 0), or {"error": ...}
 (exit code 1; 130 after Ctrl+C, 143 after SIGTERM)."""
 
 _commands: list = []

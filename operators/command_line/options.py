@@ -80,7 +80,7 @@ def parser(program: str, description: str) -> Parser:
         metavar="FILE",
         help="write the baked scene as .glb or .gltf with lightmaps",
     )
-    made.add_argument("--report", type=Path, metavar="FILE", help="write what the bake did as JSON")
+    made.add_argument("--report", type=Path, metavar="FILE", help="write the report of the bake as JSON")
     made.add_argument("--json", action="store_true", help="end with one JSON object")
     _add_part(made)
     return made

@@ -50,7 +50,7 @@ def _objects_of_lightmap(name: str) -> list[bpy.types.Object]:
 
     found = members(bpy.context.scene, name)
     if not found:
-        raise CommandError(f"No object of this scene has its light in a lightmap '{name}'.")
+        raise CommandError(f"No object of this scene uses a lightmap '{name}'.")
     return found
 
 
@@ -62,7 +62,7 @@ def _select(objects: list[bpy.types.Object], part: str) -> None:
     for obj in layer.objects:
         obj.select_set(obj in objects, view_layer=layer)
     if not any(obj.select_get(view_layer=layer) for obj in layer.objects):
-        raise CommandError(f"Nothing in {part} is shown in this scene: there is nothing to bake.")
+        raise CommandError(f"No object of {part} is visible in this scene, so there is nothing to bake.")
     bpy.context.scene.hemibake.target = "SELECTED"
 
 

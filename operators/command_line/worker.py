@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 from .signals import Signals, Stopped
 
-_DESCRIPTION = """Lend a device to bakes: a worker of a Dask scheduler, until that ends or this is stopped.
+_DESCRIPTION = """Lend a device to bakes: a worker of a Dask scheduler, until either is stopped.
 One worker takes one block of patches at a time on one device; start as many as there are devices.
 Options of `dask worker`, such as --name or --tls-ca-file, go to Dask as they are."""
 

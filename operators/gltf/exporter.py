@@ -34,8 +34,8 @@ _OPTIONS = {
 
 
 _FAILED = (
-    "Blender's glTF exporter failed: {}. Look for values that are NaN in materials and objects, which "
-    "warnings of the last bake name."
+    "Blender's glTF exporter failed: {}. Check materials and objects for NaN values; warnings of the last "
+    "bake name them."
 )
 
 
@@ -46,7 +46,7 @@ def write_gltf(path: Path, hooks: object) -> None:
     """
     if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
         raise EngineError(
-            "Blender's glTF exporter is not there. Enable the add-on 'glTF 2.0 format' in the preferences."
+            "Blender's glTF exporter is missing. Enable the add-on 'glTF 2.0 format' in the preferences."
         )
     kind = "GLB" if path.suffix.lower() == ".glb" else "GLTF_SEPARATE"
     try:

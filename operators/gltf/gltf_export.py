@@ -42,11 +42,11 @@ from .hooks import LightmapHooks
 from .materials import LitMaterials
 from .mesh_differences import note_other_meshes
 
-_NOTHING_BAKED = "No object that is shown has a lightmap, so there is nothing to export. Bake first."
+_NOTHING_BAKED = "No visible object has a lightmap, so there is nothing to export. Bake first."
 _GONE = "UV layers of lightmaps are gone: {}. Bake again."
 _UNREADABLE = "'{}': Godot reads no files with quotation marks or backslashes in their names. Rename it."
 _AXES = "(x, -z, y) of a normal (x, y, z) in the glTF file"
-_NOT_FINITE = "The lightmap '{}' has texels that are NaN or infinite. Bake again, or mend its image."
+_NOT_FINITE = "The lightmap '{}' has texels that are NaN or infinite. Bake again, or correct its image."
 _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
 
 #: Characters that Godot's text files cannot hold in names of files.
@@ -390,7 +390,7 @@ def _missing(image: bpy.types.Image, surfaces: ExportItems) -> str:
         surface for surface in surfaces.all if surface.place is not None and surface.place.image == image
     )
     sentence = (
-        f"The lightmap '{image.name}' of {{}} is missing ({image.filepath}). Bring it back, or bake again."
+        f"The lightmap '{image.name}' of {{}} is missing ({image.filepath}). Restore the file, or bake again."
     )
     return object_message(sentence, names)
 

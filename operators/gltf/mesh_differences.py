@@ -14,8 +14,8 @@ from ..scene.uvs.viewport_uvs import read_pairs
 from .export_items import ExportItem
 
 _OFF = (
-    "Exported as in the viewport, whose mesh differs from that of renders, which was baked: {}. Its light is "
-    "off by more than a texel. Use the same modifier settings for viewport and renders, and bake again."
+    "Exported with the viewport's mesh, which differs from the baked one: {}. Light is displaced by more "
+    "than a texel. Use the same modifier settings for viewport and renders, and bake again."
 )
 
 

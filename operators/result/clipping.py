@@ -45,7 +45,9 @@ def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Itera
     if bright:
         yield _too_bright(file, limits, clipping.bright, bright), clipping.bright
     if dark > _DARK:
-        sentence = f"{dark:.1%} of its texels became black, being darker than {limits.smallest:.2g}, of {{}}"
+        sentence = (
+            f"{dark:.1%} of its texels, of {{}}, are darker than {limits.smallest:.2g} and became black"
+        )
         yield f"'{file.name}': {sentence}. {_remedy_for_dark(file)}.", clipping.dark
 
 
@@ -56,8 +58,8 @@ def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, fractio
     height, width = clipped.shape
     most = float(brightest.max())
     return (
-        f"'{file.name}': {fraction:.1%} of its texels were clipped to {limits.largest:.5g}, "
-        f"of {{}}. The brightest had {most:.5g}, at texel {column}, {row}, UV {(column + 0.5) / width:.3f}, "
+        f"'{file.name}': {fraction:.1%} of its texels, of {{}}, were clipped to {limits.largest:.5g}. "
+        f"The brightest had {most:.5g}, at texel {column}, {row}, UV {(column + 0.5) / width:.3f}, "
         f"{(row + 0.5) / height:.3f}. {_remedy_for_bright(file, most)}."
     )
 

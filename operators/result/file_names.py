@@ -31,7 +31,7 @@ def names_by_template(template: str, images: Sequence[Mapping[str, str]]) -> lis
         same = first.setdefault(name.casefold(), values)
         if same is not values:
             raise SettingsError(
-                f"The name '{template}' makes one file, '{name}', of {_told(same)} and {_told(values)}. "
+                f"The name '{template}' gives the same file, '{name}', to {_told(same)} and {_told(values)}. "
                 f"{_remedy(template, same, values)}."
             )
     return names
@@ -49,7 +49,7 @@ def _parts(template: str) -> list[tuple[str, str]]:
     try:
         parsed = list(string.Formatter().parse(template))
     except ValueError as error:
-        raise SettingsError(f"The name '{template}' has a brace without its other one. {_KNOWN}") from error
+        raise SettingsError(f"The name '{template}' has an unpaired brace. {_KNOWN}") from error
     for text, field, how, conversion in parsed:
         if field is not None and (field not in FIELDS or how or conversion):
             written = "".join(

@@ -17,8 +17,8 @@ from ..scene.uvs.uv_targets import evaluated_mesh
 
 #: Warning for such objects; {} is replaced by their names.
 MOVED_CHARTS = (
-    "Lightmap UVs, or faces, that have changed since they were baked: {}. The lightmap may show wrong light "
-    "there. Bake again."
+    "Lightmap UVs or faces have changed since the bake: {}. The lightmap may show wrong light there. Bake "
+    "again."
 )
 
 

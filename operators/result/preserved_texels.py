@@ -80,8 +80,8 @@ class PreservedTexels:
         ]
         if others and tuple(image.size) != (self._settings.resolution,) * 2:
             sentence = (
-                f"The lightmap '{atlas}' holds {{}}, which are not to be baked, and is {image.size[0]} "
-                "texels wide. Choose that resolution, bake all, or assign the others to another lightmap."
+                f"The lightmap '{atlas}' is {image.size[0]} texels wide and holds objects that are not baked "
+                "now: {}. Choose that resolution, bake all, or assign these to another lightmap."
             )
             raise SceneError(object_message(sentence, [obj.name for obj in others]))
         return others

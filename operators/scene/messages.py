@@ -7,7 +7,7 @@ from ...engine.scene.checks import LARGEST
 
 #: Consequences for the object.
 _LEFT_OUT = "left out of the bake"
-_SEEN = "seen and reflecting, but without a lightmap"
+_SEEN = "blocks and reflects light, but gets no lightmap"
 
 NO_FACES = f"no faces with an area: {_LEFT_OUT}. Add faces, or set the role to Ignored."
 NOT_FINITE = (
@@ -23,25 +23,25 @@ TOO_FAR = (
 )
 NOT_FINITE_UVS = f"NaN or infinite lightmap UVs: {_SEEN}. Unwrap its lightmap UVs again."
 OVERLAPPING = (
-    f"lightmap UVs that lie on each other: {_SEEN}. Unwrap it without overlaps, "
-    "or delete the lightmap UV layer to have one made."
+    f"overlapping lightmap UVs: {_SEEN}. Unwrap it without overlaps, "
+    "or delete the lightmap UV layer for a new one."
 )
 NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers on a copy."
 NO_TILE = (
-    f"more objects and instances have the mesh, or lie on each other in the atlas, than fit into lightmaps "
-    f"of this resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to Occluder."
+    f"too many objects and instances share the mesh, or overlap in the atlas, for lightmaps of this "
+    f"resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to Occluder."
 )
 LINKED = (
     f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make it local or "
     "override it, unwrap it in that file, or apply its modifiers on a copy."
 )
 WITHOUT_XATLAS = (
-    "The package xatlas is not there: Blender's Smart UV Project makes the lightmap UVs. They have more "
-    "charts and fill less of the lightmap; for better ones, unwrap the objects into that UV layer yourself."
+    "The package xatlas is missing, so Blender's Smart UV Project makes the lightmap UVs. They have more "
+    "charts and fill less of the lightmap. For better ones, unwrap the objects into that UV layer yourself."
 )
 XATLAS_FAILED = (
-    "xatlas cannot cut these meshes: {}. Blender's Smart UV Project made their lightmap UVs, of more charts. "
-    "For better ones, mend the meshes with Mesh > Clean Up, or unwrap them into that UV layer yourself."
+    "xatlas cannot cut these meshes: {}. Blender's Smart UV Project made their lightmap UVs, with more "
+    "charts. For better ones, use Mesh > Clean Up, or unwrap them into that UV layer yourself."
 )
 MANY_LAYERS = f"8 UV layers, as many as Blender allows, and none for the lightmap: {_SEEN}. Remove one."
 

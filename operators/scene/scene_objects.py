@@ -82,12 +82,12 @@ _LARGE = 100_000
 _MOST_HAIR = 1 << 20
 
 _THINNED = (
-    "{}: more hair than a bake takes, so that some of the strands, made wider, stand for all. Lower the "
+    "{}: too much hair for a bake, so that fewer and wider strands replace it. Lower the "
     "number of strands or children or their steps, or set the role to Ignored."
 )
 
 _DISPLACED = (
-    "{}: true displacement is not baked, so the light is that of the surface before it. Use a Displace "
+    "{}: true displacement is not baked, so the light is that of the undisplaced surface. Use a Displace "
     "modifier, or set Displacement of the material to Bump Only."
 )
 

@@ -139,11 +139,11 @@ def test_too_many_for_the_lightmap_are_named():
     bpy.context.scene.hemibake.resolution = 8
     for number in range(40):
         square(f"Square {number:02d}", WHOLE)
-    found = finding("No room")
+    found = finding("No space")
     assert found.severity == "ERROR" and len(found.objects) == 40
-    assert found.fix == "resolution" and f"{found.value} texels would do" in found.text
+    assert found.fix == "resolution" and f"Use {found.value} texels" in found.text
     bpy.context.scene.hemibake.resolution = found.value
-    assert finding("No room") is None
+    assert finding("No space") is None
 
 
 def strips(name, count):
@@ -200,12 +200,12 @@ def test_faces_that_look_inwards_are_turned():
     obj = mesh_object("Crate", CUBE, INWARD, np.zeros((24, 2)))
     obj.scale.x = -1
     mesh_object("Box", CUBE, OUTWARD, np.zeros((24, 2)))
-    found = finding("look inwards, and nothing is in it")
+    found = finding("point inward, and nothing is inside")
     assert (found.severity, found.objects) == ("WARNING", ("Crate",))
     assert fix(found) == {"FINISHED"}
     normal, centre = obj.data.polygons[0].normal, obj.data.polygons[0].center
     assert normal.dot(centre) > 0 or normal.z < 0
-    assert finding("look inwards") is None and loop_uvs(obj).shape == (24, 2)
+    assert finding("point inward") is None and loop_uvs(obj).shape == (24, 2)
 
 
 def test_mirrored_object_is_in_order_and_lit_where_blender_shows_its_front():
@@ -268,7 +268,7 @@ def test_some_faces_turned():
     found = finding("others outwards")
     assert found.objects == ("Crate",)
     fix(found)
-    assert finding("look inwards") is None
+    assert finding("point inward") is None
 
 
 @pytest.mark.parametrize("thing", ["LIGHT", "MESH"])
@@ -278,9 +278,9 @@ def test_rooms_look_inwards(light, thing):
         light.location = (0.5, 0.5, 0.5)
     else:
         square("Table").location = (0, 0, 0.5)
-    assert finding("look inwards") is None
+    assert finding("point inward") is None
     room.location.x = 10
-    assert finding("look inwards").objects == ("Room",)
+    assert finding("point inward").objects == ("Room",)
 
 
 def test_backface_culling_is_no_finding():
@@ -313,11 +313,11 @@ def test_objects_that_are_scaled_to_nothing_are_told(scale, shrunk):
 
     square("Even")
     square("Scaled").scale = scale
-    found = [each.objects for each in check().findings if "Scaled to nothing" in each.text]
+    found = [each.objects for each in check().findings if "Scale is 0" in each.text]
     assert found == ([("Scaled",)] if shrunk else [])
     bpy.ops.hemibake.bake()
     warnings = report()["warnings"]
-    assert any("Scaled to nothing" in warning for warning in warnings) == shrunk
+    assert any("Scale is 0" in warning for warning in warnings) == shrunk
     assert not any("too small to cover a texel" in warning for warning in warnings)
 
 
@@ -340,10 +340,10 @@ def test_objects_with_other_geometry_in_renders_are_told():
 
     square("Same").modifiers.new("Subdivision", "SUBSURF").render_levels = 1
     square("Finer").modifiers.new("Subdivision", "SUBSURF").render_levels = 2
-    told = finding("Renders use other modifiers")
+    told = finding("Modifiers or particles differ")
     assert (told.severity, told.objects) == ("INFO", ("Finer",))
     bpy.context.scene.hemibake.meshes = "VIEWPORT"
-    told = finding("Renders use other modifiers")
+    told = finding("Modifiers or particles differ")
     assert (told.severity, told.objects) == ("WARNING", ("Finer",))
 
 
@@ -353,7 +353,9 @@ def test_bakes_without_a_window_print_what_the_check_finds(capfd):
     square("Floor", surface=material("Glow", emission=1.0))
     square("Cutter").hide_render = True
     bpy.ops.hemibake.bake()
-    assert "Check: Renders hide what the viewport shows: 'Cutter'" in "".join(capfd.readouterr())
+    assert "Check: Visible in the viewport but hidden in renders, so not baked: 'Cutter'" in "".join(
+        capfd.readouterr()
+    )
 
 
 def image_material(name, path):
@@ -463,7 +465,7 @@ def test_fix_that_cannot_be_done_changes_nothing():
     obj = square("Folded", FOLDED)
     for number in range(7):
         obj.data.uv_layers.new(name=f"Layer {number}")
-    found, before = finding("lie on each other"), snapshot()
+    found, before = finding("Lightmap UVs overlap:"), snapshot()
     with pytest.raises(RuntimeError, match="8 UV layers"):
         fix(found)
     assert snapshot() == before and obj.hemibake.own_uv_layer == ""

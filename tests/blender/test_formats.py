@@ -296,7 +296,8 @@ def test_light_that_is_clipped_is_told(settings, name, values, words):
     bake()
     (warning,) = report()["warnings"]
     limit = values.get("light_range", 1)
-    assert warning.startswith(f"'house_Lightmap.png': 100.0% of its texels were clipped to {limit}, of 'Fur")
+    clipped = f"100.0% of its texels, of 'Furnace', were clipped to {limit}."
+    assert warning.startswith(f"'house_Lightmap.png': {clipped}")
     assert "texel " in warning and "UV 0." in warning and words in warning
     assert report()["objects_of_warnings"] == [["Furnace"]]
     settings.exposure, settings.light_range = -2.4, 0
@@ -327,7 +328,7 @@ def test_light_that_becomes_black_is_told(settings):
     glow(1e-5)
     bake()
     (warning,) = report()["warnings"]
-    assert "100.0% of its texels became black" in warning and "Raise the Exposure" in warning
+    assert "100.0% of its texels, of" in warning and "Raise the Exposure" in warning
 
 
 def test_half_floats_that_are_clipped_are_told(settings):
@@ -367,9 +368,9 @@ def test_template_names_the_files(settings, tmp_path):
         ("{lightmap.__class__}", "has an unknown field {lightmap.__class__}."),
         ("{lightmap!r}", "has an unknown field {lightmap!r}."),
         ("{resolution:5}", "has an unknown field {resolution:5}."),
-        ("{lightmap", "has a brace without its other one"),
+        ("{lightmap", "has an unpaired brace"),
         ("a/{lightmap}", "names a folder. Choose it under Folder"),
-        ("{lightmap}", "makes one file, 'Lightmap', of 'Lightmap' (combined) and 'Lightmap' (direct). "
+        ("{lightmap}", "gives the same file, 'Lightmap', to 'Lightmap' (combined) and 'Lightmap' (direct). "
          "Add {output} to it."),
         ("fixed", "Add {output} to it."),
     ],

@@ -168,7 +168,7 @@ def test_too_many_strands_are_thinned_out_and_named(monkeypatch):
     assert len(thinned.positions) == 16 * 59
     assert area(thinned) == pytest.approx(area(hair), rel=0.02)
     (note,) = read.notes
-    assert note.startswith("'Lawn': more hair than a bake takes") and note.objects == ("Lawn",)
+    assert note.startswith("'Lawn': too much hair for a bake") and note.objects == ("Lawn",)
 
 
 def test_ribbons_are_as_wide_as_strands_on_the_mean_and_face_both_ways():

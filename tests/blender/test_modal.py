@@ -249,7 +249,7 @@ def test_whoever_cancels_is_told_whether_the_next_bake_goes_on(operator, context
     finally:
         folder.rmdir()
     assert operator.reports[-1][1].startswith("Bake cancelled")
-    assert ("continues from there" in operator.reports[-1][1]) == goes_on
+    assert ("continues from here" in operator.reports[-1][1]) == goes_on
 
 
 def test_objects_that_are_deleted_in_mid_bake_are_named(operator, context, window):

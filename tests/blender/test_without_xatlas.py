@@ -198,7 +198,7 @@ def test_self_test_says_that_xatlas_is_missing():
 
     assert bpy.ops.hemibake.self_test() == {"FINISHED"}
     last = part("operators.self_test").last_test
-    assert last.right and "xatlas is not there" in last.text.splitlines()[1]
+    assert last.right and "xatlas is missing" in last.text.splitlines()[1]
 
 
 def test_layer_of_the_user_is_left_alone_without_a_notice():

@@ -113,7 +113,7 @@ def test_contents_travel_through_those_who_see_them(apart):
         assert not memory.rows[:5003].any() and not memory.rows[10002:].any()
         assert (memory.rows[5003:10002] == 7).all()
         made.kill(0)
-        with pytest.raises(DeviceError, match="has other memory than the machine.*Bake again"):
+        with pytest.raises(DeviceError, match="shares no memory with the machine.*Bake again"):
             on_joined(file_bytes, path)
 
 

@@ -131,7 +131,7 @@ def test_the_faster_visibility_is_chosen_and_both_rates_are_told(paper, monkeypa
 def test_drawing_is_not_tried_where_rays_take_a_moment(paper, monkeypatch):
     monkeypatch.setattr(visibility_trial, "_SHORT", 1e6)
     report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
-    assert report.visibility == "rays" and "Nothing else was tried" in " ".join(report.reasons)
+    assert report.visibility == "rays" and "No other method was tried" in " ".join(report.reasons)
 
 
 def test_drawing_is_not_tried_where_it_cannot_be_as_fast(paper, monkeypatch):

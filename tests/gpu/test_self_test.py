@@ -61,7 +61,7 @@ def test_lightmap_that_is_not_a_number_or_empty_is_wrong(session):
             lightmap.image[:] = value
             return lightmap
 
-        with pytest.raises(DeviceError, match="comes out wrong"):
+        with pytest.raises(DeviceError, match="differs from its known value"):
             finished(run_self_test(bake, Settings()))
 
 

@@ -32,7 +32,7 @@ def test_each_kind_of_change_replaces_its_part():
     "changes", [SceneChanges(materials={99: material("No", 0.5)}), SceneChanges(moves={-1: TURN})]
 )
 def test_numbers_that_nothing_has_are_refused(changes):
-    with pytest.raises(SceneError, match="Changes name number"):
+    with pytest.raises(SceneError, match="Changes refer to index"):
         changes.of(ROOM)
 
 

@@ -42,7 +42,7 @@ def test_uvs_outside():
 )
 def test_materials_that_are_no_light(reflectance, emission):
     bad = Material("Neon", np.full(3, reflectance), np.full(3, emission))
-    with pytest.raises(SceneError, match="Material 'Neon' has .*Mend its"):
+    with pytest.raises(SceneError, match="Material 'Neon' has .*Correct its"):
         check_scene(replace(scene(triangle()), materials=(bad,)))
 
 
@@ -83,13 +83,13 @@ def test_a_texture_on_a_mesh_without_its_uv_map():
 
 @pytest.mark.parametrize("index", [-1, 1, 2**31 - 1])
 def test_a_material_that_is_not_there(index):
-    with pytest.raises(SceneError, match="Object 'Lamp' names materials .* of 1[.] Give"):
+    with pytest.raises(SceneError, match="Object 'Lamp' refers to materials .* has 1[.] Assign"):
         check_scene(scene(triangle(), triangle(material=np.int32([index]))))
 
 
 @pytest.mark.parametrize("index", [-2, 1, 2**31 - 1])
 def test_an_atlas_that_is_not_there(index):
-    with pytest.raises(SceneError, match="Object 'Lamp' names atlas .* of 1[.] Give"):
+    with pytest.raises(SceneError, match="Object 'Lamp' refers to atlas .* has 1[.] Use"):
         check_scene(scene(triangle(), triangle(atlas=index)))
 
 

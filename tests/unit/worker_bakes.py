@@ -56,7 +56,7 @@ def fail(scene, settings):
     """Raise the error that the first mesh is named after."""
     yield Progress("Patches", 0.0)
     errors = {
-        "SceneError": SceneError("Object 'Äpfel' is bad. Mend it."),
+        "SceneError": SceneError("Object 'Äpfel' is bad. Correct it."),
         "SettingsError": SettingsError("hemicube is 3; choose 8."),
         "DeviceError": DeviceError("No device. Install one."),
         "bug": ZeroDivisionError("the deeper cause"),

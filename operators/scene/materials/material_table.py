@@ -237,7 +237,7 @@ class MaterialTable:
             sentence = "Only Cycles can evaluate materials {} of hair: their viewport color is baked."
             self._notes.append(listing(sentence, _once(self._hair_materials)))
         if self._averaged:
-            sentence = "Occluders have no lightmap UVs: a mean colour stands for the materials {}."
+            sentence = "Occluders have no lightmap UVs, so materials {} are baked with their mean color."
             self._notes.append(listing(sentence, _once(self._averaged)))
         self._notes += self._surface_notes.sentences()
         return tuple(

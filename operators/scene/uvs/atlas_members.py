@@ -74,7 +74,7 @@ class AtlasMembers:
                 objects = self._objects.of(page.uids)
                 for obj in objects:
                     set_property(obj, "atlas", fresh, changes)
-                sentence = f"New lightmap UVs were made for {{}}: they have the lightmap '{fresh}'."
+                sentence = f"New lightmap UVs were made for {{}}, in the lightmap '{fresh}'."
                 notes.append(object_message(sentence, [obj.name for obj in objects]))
             elif page.atlas is not None:
                 full.add(page.atlas)

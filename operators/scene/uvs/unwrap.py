@@ -270,7 +270,7 @@ class _Unwrapping:
         kept = sorted(self._objects[uid].name for target in targets if target.topology for uid in target.uids)
         if kept:
             sentence = (
-                f"Modifiers of {{}} copy or make faces: a last modifier '{NAME}' keeps lightmap UVs of these."
+                f"Modifiers of {{}} copy or create faces: a last modifier '{NAME}' stores their lightmap UVs."
             )
             self._made.notes.append(object_message(sentence, kept))
         self._made.notes += self._troubles.tell()

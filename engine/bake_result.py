@@ -15,7 +15,7 @@ class FluxBalance:
 
     emitted:      emission of front faces, and light from lamps, sky and emissive back faces that reaches
                   patches
-    absorbed:     flux absorbed by front faces, and by black back faces that front faces see
+    absorbed:     flux absorbed by front faces, and by black back faces that are visible from front faces
     escaped:      flux that leaves the scene
     not_bounced:  flux that the last iteration reflected and no patch has gathered
     """

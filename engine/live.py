@@ -13,7 +13,7 @@ from .scene.model import Scene
 from .scene.scene_changes import SceneChanges
 from .settings import Settings, check_settings
 
-#: Bakes a validated scene; see `Session.bake`.
+#: Function that bakes a validated scene, such as `Session.bake`.
 Bake = Callable[[Scene, Settings], Generator[Progress, None, BakeResult]]
 
 

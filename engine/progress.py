@@ -26,7 +26,7 @@ _STARTING = 0.2
 #: Minimum time between two reports, s; thousands of shorter steps would cost as much as the work.
 _STEP = 0.004
 
-#: Lower bound of the ratio of actual to guessed time, for work that nobody has measured yet.
+#: Lower bound of the ratio of actual to guessed time, for work that has never been measured.
 _FASTEST = 0.25
 
 #: A guess of remaining time below this fraction of the time spent so far is ignored.
@@ -252,8 +252,8 @@ class Schedule:
     def _slowness(self) -> float:
         """Return the ratio of actual to expected time of the work so far, at least `_FASTEST`.
 
-        Compiling drivers and other programs also slow the stages that rest on guesses; a fast machine speeds
-        them up.
+        The ratio corrects guesses of later stages: compiling drivers and other programs slow them too, a fast
+        machine speeds them up.
         """
         begun = [stage for stage in self._stages[: self._current + 1] if stage.seconds > 0]
         expected = sum(stage.pace * (stage.done or stage.amount) for stage in begun)

@@ -290,12 +290,12 @@ def find_devices(opencl_device: str | None) -> Generator[Progress, None, DeviceS
 
 
 def warm_up(scene: Scene, settings: Settings) -> Generator[Progress, None, BakeResult]:
-    """Prepare the process-wide session; see `Session.warm_up`."""
+    """Prepare the process-wide session for bakes: open devices and build common programs."""
     return (yield from _session.warm_up(scene, settings))
 
 
 def device() -> DeviceKey | None:
-    """Return the OpenCL device of the process-wide session; see `Session.device`."""
+    """Return the OpenCL device of the process-wide session; None without OpenCL."""
     return _session.device
 
 

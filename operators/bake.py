@@ -161,7 +161,7 @@ def brief_paths(files: Sequence[str]) -> str:
 def push_undo(message: str = HEMIBAKE_OT_bake.bl_label) -> None:
     """Push an undo step after changes for which Blender pushes none.
 
-    An undo frees datablocks that no step knows, even those that something else still refers to.
+    An undo frees datablocks that no undo step contains, even if other data still refers to them.
     """
     bpy.ops.ed.undo_push(message=message)
 

@@ -144,7 +144,7 @@ class BakeRun:
         return self._context.scene.hemibake.target
 
     def _unwrap_and_read(self, wanted: dict[int, str], hurried: bool = False) -> Steps:
-        """Read the visible objects, after missing lightmap UVs were made.
+        """Make missing lightmap UVs, then read the visible objects.
 
         wanted:  session uids and names of the objects that get a lightmap
         """

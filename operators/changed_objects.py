@@ -88,7 +88,7 @@ def find_changed_objects(
 def remember_light(
     scene: bpy.types.Scene, read: ReadScene, baked: set[int], changed: ChangedObjects | None
 ) -> None:
-    """Store the scene and changes of light, with which the next bake of changed objects compares.
+    """Store the baked scene and the changes of light, for comparison by the next bake of changed objects.
 
     read     the whole scene
     baked    session uids of the objects that were baked

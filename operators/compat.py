@@ -50,7 +50,7 @@ def light_temperature(lamp: bpy.types.Light) -> np.ndarray:
 
 
 def blackbody(temperature: float) -> np.ndarray | None:
-    """Return the colour of a Blackbody node, (3,) float64; None before 4.5, where only Cycles can tell it."""
+    """Return the colour of a Blackbody node, (3,) float64; None before 4.5, where only Cycles computes it."""
     lamp = bpy.data.lights.new("hemibake", "POINT")
     try:
         if not hasattr(lamp, "temperature_color"):

@@ -28,7 +28,7 @@ FORMATS = {
     "logluv": ("PNG, LogLuv", "Write log luminance and chromaticity, for shaders that decode LogLuv"),
 }
 
-#: Formats that Blender cannot display as light. An OpenEXR file beside them is displayed instead.
+#: Formats that Blender cannot display as light; an OpenEXR file is written too and displayed instead.
 ENCODED = ("png", "rgbm", "rgbd", "logluv")
 
 #: Formats with the settings Range and Gamma.

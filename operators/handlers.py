@@ -23,7 +23,7 @@ class Handlers:
             getattr(bpy.app.handlers, name).append(function)
 
     def end(self) -> None:
-        """Unregister the functions; loading a file has already removed those that are not persistent."""
+        """Unregister the functions. Loading a file has already removed functions that are not persistent."""
         for name, function in self._functions.items():
             handlers = getattr(bpy.app.handlers, name)
             if function in handlers:

@@ -50,7 +50,7 @@ def counts(scene: bpy.types.Scene, atlas: str) -> tuple[int, int]:
 
 
 def _tiled(scene: bpy.types.Scene) -> dict[bpy.types.Object, str]:
-    """Return the lightmap of each object that was baked into a tile, apart from the atlas it names."""
+    """Return the lightmap of each object that was baked into a tile in another lightmap than its own."""
     lightmaps = {entry.image: entry.name for entry in scene.hemibake.lightmaps if entry.image is not None}
     homes = ((obj, lightmaps.get(bake_record(obj, scene).image)) for obj in scene.objects)
     return {obj: name for obj, name in homes if name is not None and is_page(name, obj.hemibake.atlas)}

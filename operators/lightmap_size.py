@@ -162,7 +162,7 @@ def expected_width(context: SceneContext, objects: Sequence[bpy.types.Object]) -
 def settle_width(
     scene: Scene, context: SceneContext, width: int, unwrapped: bool, whole: bool, changes: Rollback
 ) -> SizeChoice:
-    """Return the width of lightmaps for a scene that was read for a width; raises SettingsError.
+    """Return the width of lightmaps after a scene was read for a provisional width; raises SettingsError.
 
     unwrapped  charts have just been packed for that width: it becomes no smaller
     whole      all objects are baked; otherwise an automatic width stays as it is

@@ -30,7 +30,7 @@ from .scene.units import texels_per_unit
 from .scene.uvs.uv_modifier import has_uvs
 from .worker_manager import owner
 
-#: Progress that is shown while the worker is idle.
+#: Progress that the window shows while the worker is idle.
 RESTING = Progress("Live", 1.0, 1.0)
 
 #: Time between two reads of the settings, s, chosen; a read takes 0.3 ms.

@@ -16,6 +16,6 @@ def find(collection: Iterable[bpy.types.ID], uid: int) -> bpy.types.ID | None:
 
 
 def find_all(collection: Iterable[bpy.types.ID], uids: Iterable[int]) -> list[bpy.types.ID]:
-    """Return the datablocks with these session uids, in that order, except those that no longer exist."""
+    """Return the datablocks with these session uids, in this order, without deleted ones."""
     present = {item.session_uid: item for item in collection}
     return [present[uid] for uid in uids if uid in present]

@@ -1,4 +1,4 @@
-"""Presets of bake settings: bundled ones, and those in the user's preset folder of Blender."""
+"""Presets of bake settings: bundled presets, and presets in the user's preset folder of Blender."""
 
 from __future__ import annotations
 

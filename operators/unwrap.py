@@ -42,7 +42,7 @@ class Unwrapping:
         self._work = self._all_work([obj.session_uid for obj in objects])
 
     def _all_work(self, uids: Sequence[int]) -> Generator[Progress | None, None, UnwrapSummary]:
-        """Choose the width of lightmaps for the whole scene, then unwrap the objects with these uids."""
+        """Choose the width of lightmaps for the whole scene, then unwrap objects by session uid."""
         context, changes = self._context, self._changes
         size = yield from choose_width(context, visible_meshes(context), changes)
         objects, movable = find_all(bpy.data.objects, uids), visible_meshes(context)

@@ -1,4 +1,4 @@
-"""Operators on modifiers: remove those that store lightmap UVs, or apply all on a copy."""
+"""Operators on modifiers: remove modifiers that store lightmap UVs, or apply all modifiers on a copy."""
 
 from __future__ import annotations
 

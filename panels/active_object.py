@@ -7,7 +7,7 @@ import bpy
 from ..operators.scene.bake_records import bake_record
 from .sidebar import SubPanel, split_properties
 
-#: Types of objects that a bake reads as geometry, and of those that make instances.
+#: Types of objects that a bake reads as geometry, and types that can make instances.
 _WITH_FACES = {"MESH", "CURVE", "FONT", "SURFACE", "META", "EMPTY"}
 
 

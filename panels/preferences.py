@@ -24,7 +24,7 @@ _NO_DENOISE = (
     "raise Quality instead."
 )
 
-#: Fraction of a row that a path takes, beside a button.
+#: Fraction of a row for a path, next to a button.
 _BESIDE = 0.8
 
 

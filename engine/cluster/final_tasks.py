@@ -64,7 +64,7 @@ def light_at_samples(
     """Gather light at texel samples from all sources.
 
     solved:  table of the sources: patches or patch groups
-    how:     solver choice of the patches, and settings of the samples
+    how:     tuple of the solver choice for the patches and the settings for the samples
     """
     (choice, settings), scene = how, prepared(shipment)
     patches, sources = scene.patches(table), scene.sources(solved)

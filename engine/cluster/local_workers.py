@@ -34,7 +34,7 @@ _HOME = Path(__file__).resolve().parents[2]
 #: Seconds in which a scheduler must answer, and after which a silent worker counts as lost.
 ANSWER, _GONE = 60, 10
 
-#: Seconds in which a worker must answer a request for results; later, the scheduler is asked instead.
+#: Timeout in seconds for a worker's reply to a request for results; after it, the scheduler is asked.
 RESULTS = 3
 
 #: Seconds allowed for workers to start, and to end.

@@ -69,7 +69,7 @@ def file_with(folder: str, data: bytes | memoryview) -> str:
 
 
 def _remove_orphans(memory: Path) -> None:
-    """Remove folders of killed processes; those of other users and of containers stay."""
+    """Remove folders of killed processes; folders of other users and of containers stay."""
     for folder in memory.glob(f"{_NAME}*-{_namespace()}-*"):
         process = folder.name.removeprefix(_NAME).split("-")[0]
         if process.isdecimal() and not _is_alive(int(process)):

@@ -74,8 +74,8 @@ class RadianceExchange:
 class RadianceExchangePair:
     """Two radiance exchanges used in turn.
 
-    After a worker is lost, others may repeat tasks of the last iteration while it still writes. The remaining
-    workers then get new files.
+    A lost worker may still write while other workers repeat its tasks of the last iteration. The remaining
+    workers therefore get new files.
     """
 
     def __init__(self, folder: str) -> None:

@@ -53,7 +53,7 @@ class ScenePayload:
 
 
 def _for_rays(scene: Scene) -> Scene:
-    """Return a scene without textures except those of transparency."""
+    """Return a scene without textures, except textures of transparency."""
     materials = tuple(
         replace(material, reflectance_map=None, emission_map=None, back=None) for material in scene.materials
     )

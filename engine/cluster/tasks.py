@@ -183,7 +183,7 @@ class Tasks:
 
 
 def _wait(tasks: set[Future], until: str) -> list[Future]:
-    """Wait briefly for tasks to finish; return those that have."""
+    """Wait briefly for tasks; return the tasks that have finished."""
     try:
         return list(wait(tasks, timeout=_PAUSE, return_when=until).done)
     except TimeoutError as error:

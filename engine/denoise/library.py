@@ -1,6 +1,6 @@
 """Binding of Open Image Denoise 2 by ctypes: devices, buffers, and the ray tracing filter.
 
-Functions, parameter names and constants are those of its header oidn.h. The process that bakes loads the
+Functions, parameter names and constants are as in its header oidn.h. Only the process that bakes loads the
 library.
 """
 

@@ -36,7 +36,10 @@ class AsyncOpen:
             self.compute().release()
 
     def build_ahead(self, programs: Sequence[PlannedProgram]) -> None:
-        """Set the programs that a GPU builds ahead, for which the thread waits; must be called once."""
+        """Pass the programs to build before the first bake to the thread, which waits for this call.
+
+        Call it once.
+        """
         self._ahead.set_result(programs)
 
     def compute(self) -> ComputeDevice:

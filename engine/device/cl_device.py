@@ -121,8 +121,8 @@ class ComputeDevice:
     def _is_pocl(self) -> bool:
         """True for PoCL, which caches its kernels itself, for each work-group size.
 
-        A request for a program's binary would build all kernels again for any group size. On some CPUs PoCL
-        calls functions that other drivers inline; see kernels/device/pocl_inline.cl.
+        Reading a program's binary would make PoCL build all kernels again, for any group size. On some CPUs
+        PoCL calls functions that other drivers inline; see kernels/device/pocl_inline.cl.
         """
         return bool(self.device.platform.name == "Portable Computing Language")
 
@@ -192,7 +192,7 @@ class ComputeDevice:
         return left
 
     def release(self) -> None:
-        """Stop the builds of programs ahead."""
+        """Stop the builds of programs in other processes."""
         self._programs.stop()
         self._records.leave()
 

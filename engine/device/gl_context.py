@@ -90,7 +90,7 @@ class GraphicsContext:
     def compute_program(
         self, name: str, features: Sequence[str] = (), records: Sequence[DeviceStruct] = ()
     ) -> moderngl.ComputeShader:
-        """Build shaders/<name>.comp, or take one that no one uses; needs `computes`.
+        """Build shaders/<name>.comp, or reuse an unused program; needs `computes`.
 
         records: structs that the shader reads; a name stands for one layout
         """

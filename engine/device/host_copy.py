@@ -37,4 +37,4 @@ class HostCopy:
         return self.buffer
 
     def release(self) -> None:
-        """Do nothing, since OpenCL frees the buffer itself."""
+        """Do nothing, since OpenCL frees the buffer."""

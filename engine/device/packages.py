@@ -1,4 +1,4 @@
-"""The Python packages that a bake needs beside NumPy."""
+"""Python packages that a bake needs in addition to NumPy."""
 
 from __future__ import annotations
 

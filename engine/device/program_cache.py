@@ -22,8 +22,8 @@ from .opencl import cl
 #: Threads that load cached programs, and maximum number of cached programs for each device.
 _THREADS, _MOST = 4, 96
 
-#: Minimum number of GPU programs that justifies builder processes, number of first programs that this process
-#: builds itself, and minimum number of PoCL programs.
+#: Minimum number of GPU programs for which builder processes are started, number of first programs that this
+#: process builds, and the minimum for PoCL.
 _MANY, _OWN, _FEW = 8, 3, 3
 
 #: Size of a program's checksum, bytes.

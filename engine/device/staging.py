@@ -15,7 +15,7 @@ class Staging:
 
         array --host--> | chunk | chunk | chunk | chunk | --card, meanwhile--> buffer
 
-    A driver that is given other memory copies it into chunks of its own, and the host waits for all.
+    From other memory, a driver copies into page-locked chunks of its own, and the host waits for each copy.
 
     queue:  in order
     """

@@ -95,7 +95,7 @@ class SampledTriangles:
 
 
 def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
-    """Choose the triangles to sample: those much brighter than the mean of all emissive triangles."""
+    """Choose triangles that shadow rays sample: those much brighter than the mean of all emissive ones."""
     geometry, surfaces, cutouts = parts.geometry, parts.surfaces, parts.cutouts
     glowing, material = surfaces.shining, parts.triangles.material
     triangle, area = geometry.triangle[glowing], geometry.steps.whole

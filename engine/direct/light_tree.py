@@ -9,7 +9,7 @@ import numpy as np
 from ..device.device_struct import DeviceStruct
 from .emitters import EMITTER, EMITTER_RECORDS, POINT, SKY_MAP, SUN
 
-#: Inner node: joint emission of all emitters below it. The intensity along a unit vector w is alike +
+#: Inner node: total emission of all emitters below it. The intensity along a unit vector w is alike +
 #: directed * (normal . w + sqrt(w . M w)), where M is a symmetric matrix.
 LIGHT_NODE = DeviceStruct(
     "LightNode",

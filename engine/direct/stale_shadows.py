@@ -34,7 +34,7 @@ _WIDE = 0.9
 def find_stale_shadows(
     rays: RayScene, before: cl.Buffer, emitters: np.ndarray, moved: np.ndarray
 ) -> np.ndarray:
-    """Return the patches, (k,) int32 ascending, whose shadow rays may hit something else than before.
+    """Return the patches, (k,) int32 ascending, whose shadow rays may hit other geometry than before.
 
     before:    receivers of the patches at their old positions, see `RayScene.receivers`
     emitters:  (m,) EMITTER, targets of the rays

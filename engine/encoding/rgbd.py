@@ -13,9 +13,9 @@ from .encoding import brightest_channel, rounded
 class Rgbd:
     """RGBD in four channels: light = range / 255 * rgb^gamma / a.
 
-    The divisor is rounded down, so that colours stay at most 1. Light below range / 255 has divisor 1 and
-    looks like a plain image. Babylon.js stores environments this way (`toRGBD` of its shaders: range 255,
-    gamma 2.2).
+    The divisor is rounded down, so that colours stay at most 1. Light below range / 255 has divisor 1, so
+    that its texels are plain colors. Babylon.js stores environments this way (`toRGBD` of its shaders: range
+    255, gamma 2.2).
 
     range:  largest light
     """

@@ -109,7 +109,7 @@ class VisibilityCache:
     def shrink(self, budget: int) -> bool:
         """Free the last rows, so that the cache fits a memory budget, bytes; return False if no row fits.
 
-        The next bake computes the freed rows again. A cache with stale samples fits as a whole or not at all.
+        The next bake computes the freed rows again. A cache with stale samples is kept or freed as a whole.
         """
         row = self.sampling.row_bytes
         fitting = max(0, budget - self.backs.light.size) // row

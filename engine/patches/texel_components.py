@@ -1,4 +1,4 @@
-"""Connected components of texels: charts as they appear in the lightmap."""
+"""Connected components of texels: the charts as areas of the lightmap."""
 
 from __future__ import annotations
 

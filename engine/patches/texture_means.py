@@ -23,8 +23,8 @@ _STRIP = 1 << 26
 class TextureMeans:
     """Multiplication of patch values by texture means over their texels.
 
-    A texel has 4 x 4 sample points, of which those inside the patch's triangle count. Images with finer
-    pixels are first reduced by a box filter.
+    A texel has 4 x 4 sample points; only points inside the patch's triangle count. Images with finer pixels
+    are first reduced by a box filter.
     """
 
     def __init__(self, compute: ComputeDevice, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:

@@ -78,7 +78,7 @@ def _reason_of(cache: VisibilityCache) -> str:
 
 
 def _new_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice]:
-    """Return a gather that computes visibility itself."""
+    """Return a gather that computes new visibility samples."""
     followed, job.kept.samples = job.kept.samples, None
     sampler, reasons, pace = _resumed_sampler(job) or _last_sampler(job, followed) or choose_sampler(job)
     gather, method, reason = _gather_for(job, sampler)

@@ -111,7 +111,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
     emission = groups.mean(job.emission)
     backs = None if job.backs is None else groups.mean(job.backs)
     if job.remote is not None:
-        # Other processes start to compute the visibility of groups while this one prepares the rest.
+        # Other processes start to compute the visibility of groups while this process prepares the solver.
         job.remote.of_groups(groups.leader, groups.texel_to_group, emission if backs is None else backs)
     groups_job = replace(
         job,

@@ -48,7 +48,7 @@ class SolveJob:
     indirect:           (n, 3) float32, E/pi of reflected light at the start of a warm start; None for none
     direct:             (n, 3) float32, E/pi of light before any reflection, if it is unchanged; else None
     front:              (n,) float32, validity, if it is unchanged; else None
-    part_of:            job of all light, if this is a part of it; both start alike
+    part_of:            job of all light, if this job solves a part of it, such as a light group
     near:               contacts of the patches; None if unknown
     backs:              (n, 3) float32, radiance of each patch's back face; None if equal to `emission`
     mapped:             number of patches in lightmaps, which come first; None if unknown

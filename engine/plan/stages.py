@@ -62,7 +62,7 @@ _SHORTEST = 0.02
 #: Duration in seconds at which a stage weighs as much as all earlier bakes.
 _LONG = 1.0
 
-#: Name of the stages that wait for programs, and seconds between polls.
+#: Name of stages that wait for programs to be built, and seconds between two polls.
 PREPARING, _POLL = "Preparing for this device (once)", 0.02
 
 #: Minimum time between two images of Live, s.

@@ -1,4 +1,4 @@
-"""Timed trial of the visibility samplers, rays and raster, on the scene itself."""
+"""Timed trial of the visibility samplers "rays" and "raster" on some patches of the scene."""
 
 from __future__ import annotations
 

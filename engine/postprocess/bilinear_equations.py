@@ -17,7 +17,7 @@ from .lightmap_points import LightmapPoints
 from .texel_stencil import TexelStencil
 
 #: Weights of the seam rows for each texel of seam length, and of the smoothness rows for each pair of
-#: neighbours. A sample that represents a whole texel has weight 1. Both chosen.
+#: neighbours. A sample that represents a whole texel has weight 1. Both values are chosen.
 _SEAM, _SMOOTHNESS = 30.0, 0.01
 
 #: Diagonal of the sample equations above which the samples alone determine a texel. It is a third of the

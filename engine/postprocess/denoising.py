@@ -227,7 +227,7 @@ def _spans(size: int) -> list[tuple[slice, slice]]:
 def _scale(texels: np.ndarray) -> np.float32:
     """Return the exposure that maps the geometric mean luminance of light, (n, 3), to middle grey.
 
-    OIDN would choose the same exposure by itself, but separately for each window.
+    OIDN would choose the same exposure, but separately for each window.
     """
     light = luminance(texels)
     lit = light[light > 0].astype(np.float64)

@@ -123,13 +123,13 @@ class MaxReduction:
         (self._kernel,) = compute.kernels(_SOURCE, "largest_value")
 
     def take(self, values: cl.Buffer, stride: int, channels: int, count: int) -> None:
-        """Include `count` rows of float, `stride` apart."""
+        """Include an array of `count` rows, whose starts are `stride` floats apart, in the maximum."""
         sizes = np.int32(stride), np.int32(channels), np.uint32(count * channels)
         self._compute.run(self._kernel, -(-count * channels // _EACH), values, *sizes, self._found)
 
     @property
     def value(self) -> float:
-        """The largest absolute value; 0 before any value."""
+        """Largest absolute value of all arrays so far; 0 without any."""
         return float(download(self._compute, self._found, (1,))[0])
 
 
@@ -158,7 +158,7 @@ class DevicePatches:
         self._entries = upload(compute, entries)
 
     def texels(self, values: Values) -> DeviceTexels:
-        """Return texels with the values of their patches, (n, c) float32; 0 where there is no patch."""
+        """Scatter patch values, (n, c) float32, into texels on the device; texels without a patch are 0."""
         compute = self._compute
         rows, stride = rows_on_device(compute, values)
         channels = values.channels if isinstance(values, DeviceArray) else values.shape[1]

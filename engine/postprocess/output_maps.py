@@ -78,7 +78,7 @@ class Outputs:
     def _without_direction(
         self, sampled: np.ndarray, gathered: L1, irradiance: np.ndarray, geometry: PatchGeometry
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return both parts of L1, (n, 3, 3) float32, with the direction of translucent points removed.
+        """Remove the direction of translucent points from both parts of L1; return them, (n, 3, 3) float32.
 
         Transmitted light does not depend on the normal. For spherical harmonics it equals a hemisphere of
         constant radiance: the sum along the normal is E / 2.

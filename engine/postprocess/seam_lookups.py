@@ -51,7 +51,7 @@ def borders_without_seam(edges: ChartEdges, pairs: EdgePairs) -> ChartBorders:
 def display_seams(
     triangles: Triangles, atlases: int, resolution: int, neighbours: EdgeNeighbours | None = None
 ) -> Seams:
-    """Return the seams between charts of the first `atlases` lightmaps, with lookups that are separate.
+    """Return the seams of the first `atlases` lightmaps, whose lookups share no texels with other borders.
 
     If two charts are nearer than two texels, lookups at both borders read the same gutter texels. If the
     border of one has no seam, the seam of the other must not determine these texels; see `own_sides`.

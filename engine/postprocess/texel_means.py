@@ -45,7 +45,7 @@ class TexelMeans:
     shape:    (atlases, r, r)
     texels:   (k,) int64, flat indices of texels with valid samples
     hidden:   (h,) int64, flat indices of texels whose samples are all invalid
-    beyond:   (b,) int64, those of `hidden` next to a mostly valid texel
+    beyond:   (b,) int64, texels of `hidden` that are next to a mostly valid texel
     """
 
     def __init__(

@@ -28,7 +28,7 @@ _RATE, _LEAST = 200e6, 1 << 24
 
 
 class Checkpoints:
-    """Checkpoints that a bake writes, and those of interrupted bakes from which it resumes.
+    """Checkpoints that a bake writes, and checkpoints of interrupted bakes from which it resumes.
 
     cache_dir, limit:  see `CheckpointFolder`
     interval:          seconds between two writes, and before the first

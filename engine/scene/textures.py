@@ -32,10 +32,7 @@ def sample(pixels: np.ndarray, uv: np.ndarray, texture: Texture) -> np.ndarray:
 
 
 def _pixel(pixels: np.ndarray, x: np.ndarray, y: np.ndarray, extension: str) -> np.ndarray:
-    """Return pixels at integer coordinates, (m, c) float64.
-
-    The extension mode handles those beyond the edge.
-    """
+    """Return pixels at integer coordinates, (m, c) float64, by the extension mode beyond the edge."""
     height, width = pixels.shape[:2]
     values = pixels[_wrap(y, height, extension), _wrap(x, width, extension)].astype(np.float64)
     if extension == "clip":

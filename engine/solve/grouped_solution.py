@@ -85,7 +85,7 @@ class GroupedSolution:
     def gathered(self) -> np.ndarray:
         """E/pi and the fraction without back faces, (n, 4) float32.
 
-        Before the final gather, those of the groups.
+        Before the final gather, each patch has the values of its group.
         """
         return self.last.gathered if self.done else self._solver.gathered[self.groups.group]
 

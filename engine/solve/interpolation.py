@@ -34,8 +34,8 @@ class Interpolation:
         """Store the group of each patch, (n,) int64, and the width of groups, texels; see `numbered`.
 
         opening:       float32 of each patch, see `openness`; None for no test of nearby geometry
-        beside_backs:  (n,) bool, patches that see back faces with patches of their own. Irradiance varies
-                       quickly there, so no plane is fitted. None if there are none
+        beside_backs:  (n,) bool, patches from which back faces with patches of their own are visible.
+                       Irradiance varies quickly there, so no plane is fitted. None if there are none
         """
         self.leader, self._opening = leader, opening
         self._apart = None if beside_backs is None else beside_backs[leader]
@@ -56,7 +56,7 @@ class Interpolation:
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Fit planes; return the light of each patch, (n, 4) float32 per layer, and a mask of good fits.
 
-        Patches whose openness differs from that of the groups do not fit either.
+        A patch whose openness differs from the openness of the groups does not fit either.
 
         layers:     (m, 4) float32 each, of the groups: E/pi, and fraction of the hemisphere without back
                     faces; the first layer decides the fit

@@ -153,8 +153,8 @@ def group_representatives(
 ) -> np.ndarray:
     """Choose the groups; return the representative of each patch, (n,) uint32.
 
-    Patches of back faces and of objects without lightmap are not grouped, since they are as coarse as groups
-    already, and texels side by side in their atlases may be of strands of hair or leaves far apart.
+    Patches of back faces and of objects without lightmap are not grouped, since they are already as coarse as
+    groups, and adjacent texels of their atlases may belong to distant strands of hair or leaves.
 
     radiance  (n,) float32, radiance before any bounce, sum of the channels
     inside    (n,) bool, patches inside geometry, see `patches_inside`

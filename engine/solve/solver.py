@@ -68,8 +68,9 @@ class Solver:
     substitute:          (n,) int64, patch whose reflected light replaces each patch's own, itself for most;
                          None for no substitutes, and before the first iteration
 
-    A sparse radiosity is first solved by sparse iterations, then by a few full ones. The sparse solution is
-    correct except for noise. A full iteration averages the noise out; the ambient step corrects its mean.
+    Sparse iterations, which read a part of the samples, come first if the radiosity supports them; a few full
+    iterations follow. The sparse solution is correct except for noise. A full iteration averages the noise;
+    the ambient step corrects its mean.
     """
 
     gathers_finally = False
@@ -310,7 +311,7 @@ def _schwarz_quotient(products: np.ndarray, newest: int) -> float:
     """Return the Schwarz quotient (f, f) / (f, g): the reduction from the last defect g to the newest f.
 
     For a symmetric operator these quotients rise towards its largest eigenvalue (Collatz 1949). Patches with
-    converged light hardly contribute, however many they are.
+    converged light hardly contribute, even if they are many.
 
     products: of two or more columns, see `IterationSums`
     """

@@ -100,7 +100,7 @@ class Finishing:
         shown = {name: texels.values(values, lit.values.get(name)) for name, values in self._made.items()}
         normals = texels.values(self._job.parts.geometry.normal, lit.normals)
 
-        # Denoising uses an independent estimate to tell noise from detail.
+        # Denoising uses an independent estimate to separate noise from detail.
         values, part = yield from run_as_fraction(
             0.0, 0.4, gather_independent_estimate(self._texels, self._solution)
         )

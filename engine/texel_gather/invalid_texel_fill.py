@@ -51,7 +51,7 @@ class InvalidTexelFill:
         self._mine, self._beside = number[reached + 1] - 1, number[beside]
         self._visible = ~hidden[chosen - 1]
 
-        # Sender of each numbered patch: the patch itself or its group.
+        # Sender of light for each numbered patch: the patch itself, or its group.
         self._sender, self._groups = chosen - 1, None
         if len(self._hidden) and what.solved is not what.job:
             group = what.solved.parts.texel_to_patch.ravel().take(parts.patches.key)
@@ -71,7 +71,7 @@ class InvalidTexelFill:
         return seen
 
     def replace(self, radiance: cl.Buffer, settled: Values) -> None:
-        """Replace the exitant radiance of invalid senders on the device by the filled one.
+        """Replace the exitant radiance of invalid senders on the device by the filled values.
 
         radiance:  exitant radiance of the senders, see `exitant_radiance`; modified
         settled:   (m, 3) float32, E/pi of the senders

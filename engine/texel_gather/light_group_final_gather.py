@@ -73,7 +73,7 @@ def gather_light_groups(
 def _look(
     groups: Sequence[SolveJob], choice: SolverChoice, receivers: Receivers, settings: Settings
 ) -> LightGroupPass:
-    """Return a gather for groups without emission, which share one set of visibility samples."""
+    """Return a gather for light groups without emission, which share one set of visibility samples."""
     jobs = [receiver_job(group, receivers, settings) for group in groups]
     identity = make_sampler(jobs[0], choice.visibility)
     sampling, first = SampleLayout.of(identity), jobs[0]

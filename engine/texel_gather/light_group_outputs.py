@@ -21,7 +21,7 @@ Maps = dict[str, np.ndarray]
 def light_by_groups(
     what: TexelGatherJob, solution: Solution, lit: TexelSampleLight
 ) -> Generator[float, None, tuple[Maps, Maps]]:
-    """Return the light group maps of patches and of texel samples; the latter are empty without samples.
+    """Return the light group maps of patches, and of texel samples if there are any.
 
     Yields the fraction done.
     """

@@ -73,8 +73,8 @@ def valid_front(what: TexelGatherJob, atlases: int, near: Contacts, solution: So
 def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> np.ndarray:
     """Return a mask of invalid patches, (n,) bool.
 
-    Probe rays decide for doubtful patches, since a patch inside a wall may see the front of a ceiling that
-    the wall ends in.
+    Probe rays decide for doubtful patches, since rays from a patch inside a wall may hit the front of a
+    ceiling in which the wall ends.
 
     front:  (n,) float32, validity from `valid_front`
     """

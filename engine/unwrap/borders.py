@@ -22,7 +22,7 @@ def border_loops(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> np.nd
     order = np.argsort(key, kind="stable")
     key, loop = key[order], used[order]
 
-    # An edge with exactly two polygons gives two equal adjacent entries in the sorted list.
+    # Sort the loops by edge: two equal neighbours in the list are the two polygons of an edge.
     same = np.r_[False, key[1:] == key[:-1], False]
     pair = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])
     first, second = loop[pair], loop[pair + 1]

@@ -30,7 +30,7 @@ def make_charts(mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray) -> MeshCh
     loop_uvs = np.zeros((len(mesh.corners), 2))
     loop_uvs[mesh.triangles.reshape(-1)] = uvs.reshape(-1, 2)
 
-    # Sort triangles by polygon, so that those of each cut polygon are consecutive.
+    # Sort triangles by polygon, so that the triangles of each cut polygon are consecutive.
     order = np.argsort(mesh.polygon, kind="stable")
     first, last = (np.searchsorted(mesh.polygon[order], torn, side) for side in ("left", "right"))
     loops, triangles = np.diff(mesh.starts)[torn], last - first

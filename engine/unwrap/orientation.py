@@ -13,7 +13,7 @@ _WORTH_TURNING = 0.85
 
 
 def lying(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return the clockwise angle, (count,), that gives each chart a small box, wider than high.
+    """Return the clockwise angle, (count,), at which each chart's bounding box is small and wider than high.
 
     uvs:    (n, 2), points of charts; border points suffice
     after:  (n, 2), next point along each point's polygon

@@ -1,7 +1,7 @@
 """Planar charts: smooth parts of a surface that can be projected along their mean normal.
 
-Adjacent polygons form a smooth part up to its creases. A part with little curvature becomes a chart; a curved
-part, or one that overlaps itself, is left to xatlas.
+Adjacent polygons form a smooth part up to its creases. A part with little curvature becomes a chart; xatlas
+cuts curved parts and parts that overlap themselves.
 """
 
 from __future__ import annotations

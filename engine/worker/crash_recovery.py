@@ -18,8 +18,8 @@ def bake_without_crashing_device(
 ) -> Generator[Progress | None, None, BakeResult]:
     """Bake in a worker; if that crashes while it uses an OpenCL device, bake again without the device.
 
-    Later bakes skip the device as well, see `DeviceRecords`; the report says so. A device that the user has
-    chosen is not skipped: the error is raised. So it is if the second bake crashes, which clears the device.
+    Later bakes skip the device as well, see `DeviceRecords`; the report says so. The error is raised if the
+    user has chosen the device, or if the second bake crashes too; the device is then not skipped.
     """
     records = DeviceRecords(settings.cache_dir)
     try:

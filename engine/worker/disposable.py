@@ -1,4 +1,4 @@
-"""Work in a disposable process, which is killed instead of asked to end."""
+"""Work in a disposable process, which is killed at the end or after a timeout."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class Worker:
         return self._child is not None and self._child.alive
 
     def bake(self, scene: Scene, settings: Settings) -> Bake:
-        """Bake in the child, see `run`; return the `BakeResult`."""
+        """Bake in the child process; yield progress, return the `BakeResult`."""
         return (yield from self.run(scene, settings))
 
     def run(self, *arguments: object) -> Generator[Progress | None, None, Any]:
@@ -210,7 +210,7 @@ class Worker:
 
 
 class _Changes:
-    """Changes under way to the child, each in a block until the child has read it; a context manager.
+    """Changes on their way to the child, each in a block until the child has read it; a context manager.
 
     sent:  number of changes so far
     """

@@ -12,9 +12,9 @@
 // distance.
 #define OPENING 0.4f
 
-// A near uniform emitter with an expected sample count between OWN_SAMPLE and 1 gets one sample of its own, instead of
-// one by chance: its irradiance is analytic except for the shadow, and would turn into noise. Such samples are limited
-// to a fraction PART_OF_OWN of the patch's budget.
+// A near uniform emitter with an expected sample count between OWN_SAMPLE and 1 gets exactly one sample instead of a
+// random one. Its irradiance is analytic except for the shadow, and a random sample would turn it into noise. These
+// samples are limited to a fraction PART_OF_OWN of the patch's budget.
 #define OWN_SAMPLE 0.1f
 #define PART_OF_OWN 0.25f
 

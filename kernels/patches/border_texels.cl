@@ -1,8 +1,8 @@
 #include "texel_corners.cl"
 #include "texel_clip.cl"
 
-// Border texels: texels that a triangle touches without covering their centre. Finds the patch that each of them shows,
-// and the centroid of the covered area. WITHIN: see engine/patches/border_texels.py.
+// Border texels: texels that a triangle touches without covering their centre. Finds the patch that each of them
+// displays, and the centroid of the covered area. WITHIN: see engine/patches/border_texels.py.
 
 // Returns the point of a triangle's outline nearest to the origin, as barycentrics. corners: relative to the texel's
 // centre, texels. inside: true if the point lies within the texel.

@@ -4,8 +4,8 @@
 // Builds the least-squares equations of texels whose bilinear interpolation reproduces irradiance at sample points, and
 // is equal on both sides of seams (engine/postprocess/bilinear_equations.py).
 
-// Flags of texels. TOLD: a sample point constrains it. UNKNOWN: it is solved for. RIGHT, UPPER: one look-up reads it
-// together with its right or upper neighbour.
+// Flags of texels. TOLD: a sample point constrains the texel. UNKNOWN: the texel is an unknown of the equations. RIGHT,
+// UPPER: a lookup reads the texel together with its right or upper neighbour.
 #define TOLD 1u
 #define UNKNOWN 2u
 #define RIGHT 4u

@@ -17,9 +17,9 @@ float off_mean(const float before, const float value, const float after, const f
     return fabs(value - 0.5f * (before + after)) / fmax(largest, 1e-30f);
 }
 
-// Computes the deviation `off` of each texel's irradiance along rows and columns, and its marks.
-// entries: patch + 1 of each texel, or 0; a neighbour without a patch counts as equal.
-// marks: ON_EDGE at steps of validity, AT_A_BORDER without a neighbour on one side, AT_AN_END without both.
+// Computes for each texel the deviation `off` of its irradiance from its neighbours, along rows and columns, and its
+// marks. entries: patch + 1 of each texel, or 0; a neighbour without a patch counts as equal. marks: ON_EDGE at steps
+// of validity, AT_A_BORDER without a neighbour on one side, AT_AN_END without both.
 __kernel void find_edges(__global const uint *entries, __global const float *light, __global const float *front,
                          __global const uchar *hidden, const float least, __global float *off,
                          __global uchar *marks, const int width, const int height)

@@ -9,8 +9,9 @@
 #define WAYS 8  // rays in the tangent plane; opposite rays measure the thickness
 #define MARGIN 0.05f  // distance of a moved point from the face, in texel widths
 
-// Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself. Between the
-// sides of a thin wall that ends in another wall, that wall's front is visible too, but it is inside.
+// Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself. From a
+// point between the sides of a thin wall that ends in another wall, rays also hit the other wall's front, which is
+// inside there.
 bool escapes(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals,
              __global const uchar *lit, const float near)
 {

@@ -100,7 +100,7 @@ def check_light(
     world: bpy.types.World | None,
     override: bpy.types.Material | None,
 ) -> list[Finding]:
-    """Return a finding if nothing emits light, as far as unevaluated nodes can tell.
+    """Return a finding if nothing emits light, judged by the nodes without evaluating them.
 
     override:  material of all surfaces, if the view layer has one
     """

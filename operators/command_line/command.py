@@ -132,7 +132,7 @@ def write_states(options: argparse.Namespace, report: dict) -> dict:
 
 
 def export(options: argparse.Namespace, report: dict) -> dict:
-    """Write a glTF file with the lightmaps if an option asks for it; return the report with the file."""
+    """Write a glTF file with the lightmaps if an option requests it; return the report with the file."""
     import bpy
 
     if options.export is None:
@@ -143,7 +143,7 @@ def export(options: argparse.Namespace, report: dict) -> dict:
 
 
 def save(options: argparse.Namespace, report: dict) -> dict:
-    """Save the baked scene and the report if options ask for it; return the report with the file."""
+    """Save the baked scene and the report if options request it; return the report with the file."""
     import bpy
 
     if options.save_blend is not None:

@@ -1,4 +1,4 @@
-"""Command-line options; those for engine settings are generated from the settings' descriptions."""
+"""Command-line options; options of engine settings are generated from the settings' descriptions."""
 
 from __future__ import annotations
 

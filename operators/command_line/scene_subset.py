@@ -1,4 +1,4 @@
-"""Selects the part of a file to bake: a scene, the objects of a collection, or those of a lightmap."""
+"""Selects the part of a file to bake: a scene, the objects of a collection, or the objects of a lightmap."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _AGAIN = 0.02
 
 
 class Stopped(KeyboardInterrupt):
-    """Raised when a signal asks the process to end."""
+    """Raised when a signal requests the end of the process."""
 
     def __init__(self, number: int) -> None:
         super().__init__(f"Interrupted by {signal.Signals(number).name}.")

@@ -275,7 +275,7 @@ class _Export:
 
 @contextmanager
 def _object_mode(context: bpy.types.Context) -> Iterator[None]:
-    """Switch to Object Mode for the duration of the context, then restore mode and selection."""
+    """Switch to Object Mode inside the `with` block; restore mode and selection after it."""
     if context.mode == "OBJECT":
         yield
         return

@@ -104,7 +104,7 @@ def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Non
 
 
 def switch_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Show this scene's lightmaps on objects that show those of another scene; return True if any changed.
+    """Show this scene's lightmaps on objects that show another scene's; return True if any changed.
 
     Objects without a lightmap in this scene show their own materials until another scene is shown.
     """

@@ -60,7 +60,7 @@ def in_the_world(lights: Sequence[Light], origin: np.ndarray) -> tuple[Light, ..
 
 
 def combined(fingerprints: Sequence[str]) -> str:
-    """Return the fingerprint of an object from those of its instances in any order."""
+    """Combine the fingerprints of an object's instances, in any order, to the fingerprint of the object."""
     light = fingerprints[0][2 * _SIZE :]
     return _digest("".join(sorted(map(own_part, fingerprints))).encode()) + light
 

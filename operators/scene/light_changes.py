@@ -34,7 +34,7 @@ ALL_LIGHT = 1e30
 def comparison_settings(settings: Settings) -> Settings:
     """Return settings with the same patches as a bake, but with few rays per patch.
 
-    A change that many texels see by a few rays each is still sampled by some of these rays.
+    A change that affects a few rays of each of many texels is still hit by some of these rays.
     """
     return replace(
         settings,
@@ -66,7 +66,7 @@ def tells_all(settings: Settings, before: Scene, now: Scene) -> bool:
 
 
 def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
-    """Return both scenes with only the lamps that differ as light sources; None if more than lamps differ.
+    """Reduce both scenes to the lamps that differ; return None if other light sources differ as well.
 
     Light is additive, so these lamps give the whole change, without the noise of other lamps.
     """
@@ -85,7 +85,7 @@ def _lit_by_others(scene: Scene, other: Scene) -> Scene:
 
 @dataclass(frozen=True)
 class QuickBakes:
-    """Quick bakes for a comparison.
+    """Comparison bakes: results of low-sample bakes of two versions of a scene.
 
     whole:   the scene as it was, with all light
     before:  the light that may differ, as it was
@@ -121,7 +121,7 @@ def light_changes(read: ReadScene, quick: QuickBakes) -> dict[int, float]:
 
 
 def _largest_change(quick: QuickBakes, there: tuple, here: tuple) -> float:
-    """Return the largest change of texels in any output, see `_largest_step`."""
+    """Return the largest change of the texels of one object in any output."""
     patches = quick.now.has_patch[here]
     if not patches.any() or not np.array_equal(patches, quick.before.has_patch[there]):
         return ALL_LIGHT

@@ -29,7 +29,7 @@ OVERLAPPING = (
 NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers on a copy."
 NO_TILE = (
     f"too many objects and instances share the mesh, or overlap in the atlas, for lightmaps of this "
-    f"resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to Occluder."
+    f"resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to No Lightmap."
 )
 LINKED = (
     f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make it local or "

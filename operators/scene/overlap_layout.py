@@ -129,8 +129,8 @@ def _group(
 ) -> Slices[list[_Group]]:
     """Return the moving objects in groups that keep their layout.
 
-    Objects with few cells are grouped first. Those that were packed for one atlas are thereby grouped before
-    objects that fill an atlas alone open groups of their own.
+    Objects with few cells are grouped first, because they were probably packed together. Objects that fill an
+    atlas alone then open groups of their own.
     """
     groups: list[_Group] = []
     for index in sorted(moving, key=lambda index: _cells(footprints[index], grid)):

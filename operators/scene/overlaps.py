@@ -1,4 +1,4 @@
-"""Turns objects whose lightmap UVs overlap those of others into occluders."""
+"""Turns objects whose lightmap UVs overlap the UVs of others into occluders."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
 
 
 def _overlapping(scene: Scene, resolution: int) -> list[int]:
-    """Return the indices of meshes whose charts overlap themselves or those of earlier meshes."""
+    """Return the indices of meshes whose charts overlap themselves or charts of earlier meshes."""
     taken = np.zeros((len(scene.atlases), resolution * (resolution + 1)), bool)
     return [
         index

@@ -377,12 +377,12 @@ def _mesh(
 
 
 def _nothing_left(seen: set[str], notes: Sequence[str]) -> str:
-    """Return why there is nothing to bake; `seen` are names of objects that are occluders by choice."""
+    """Return the reason why there is nothing to bake; `seen`: names of objects with the role No Lightmap."""
     reasons = " ".join(first_line(note) for note in notes)
     details = [line for note in notes for line in note.splitlines()[1:]]
     if seen:
         sentence = (
-            f"Nothing is left to bake: {{}} {'is' if len(seen) == 1 else 'are'} only seen. "
+            f"Nothing is left to bake: {{}} {'has' if len(seen) == 1 else 'have'} the role No Lightmap. "
             f"Set the role of an object to Baked. {reasons}".strip()
         )
         return "\n".join([object_message(sentence, sorted(seen)), *details])

@@ -129,7 +129,7 @@ def test_objects_that_are_placed_side_by_side_are_named():
     square("First", WHOLE)
     square("Second", WHOLE)
     square("Alone", WHOLE).hemibake.atlas = "Other"
-    found = finding("side by side")
+    found = finding("moves them apart")
     assert (found.severity, found.objects, found.fix) == ("INFO", ("First", "Second"), "")
 
 
@@ -265,7 +265,7 @@ def test_blocking_bake_is_checked_before_it_begins():
 
 def test_some_faces_turned():
     mesh_object("Crate", CUBE, [*OUTWARD[:5], INWARD[5]], np.zeros((24, 2)))
-    found = finding("others outwards")
+    found = finding("partly outward")
     assert found.objects == ("Crate",)
     fix(found)
     assert finding("point inward") is None
@@ -297,7 +297,7 @@ def test_backface_culling_is_no_finding():
 
 def test_open_meshes_and_planes_may_look_anywhere():
     mesh_object("Bowl", CUBE, INWARD[:5], np.zeros((20, 2)))
-    assert finding("inwards") is None
+    assert finding("inward") is None
 
 
 def test_zero_area_faces_are_told():
@@ -330,8 +330,8 @@ def test_objects_hidden_from_one_of_viewport_and_renders_are_told():
     both.hide_viewport = both.hide_render = True
     ignored = square("Ignored")
     ignored.hide_render, ignored.hemibake.role = True, "IGNORED"
-    assert finding("Renders hide").objects == ("Only shown",)
-    hidden = finding("viewport hides")
+    assert finding("hidden in renders, so not baked").objects == ("Only shown",)
+    hidden = finding("Hidden in the viewport")
     assert (hidden.severity, hidden.objects) == ("INFO", ("By eye", "Only rendered"))
 
 
@@ -444,11 +444,11 @@ def test_modifiers_that_copy_useless_uvs_are_told_as_overlaps():
     bpy.context.view_layer.update()
     found = finding("would get no lightmap")
     assert (found.severity, found.objects, found.fix) == ("ERROR", ("Folded twice",), "unwrap_anew")
-    assert finding("a last modifier") is None and finding("side by side") is None
+    assert finding("a last modifier") is None and finding("moves them apart") is None
     fix(found)
     assert finding("would get no lightmap") is None
     bpy.ops.hemibake.bake()
-    assert not any("each other" in warning for warning in report()["warnings"])
+    assert not any("overlapping" in warning for warning in report()["warnings"])
 
 
 def test_earlier_bakes_make_the_estimate_a_measured_one():
@@ -552,19 +552,19 @@ def test_charts_that_were_moved_since_they_were_baked_are_told():
     room, other, new = furnace(), square("Other"), square("New")
     other.location, new.hemibake.role = (5, 0, 0), "NO_LIGHTMAP"
     bpy.ops.hemibake.bake()
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
     uvs = loop_uvs(room)
     shrink_charts(room)
     shrink_charts(new)
-    found = finding("since they were baked")
+    found = finding("changed since the bake")
     assert found.objects == ("Furnace",) and found.severity == "WARNING"
     bpy.ops.hemibake.bake()
     kept = part("operators.checks").last_check(bpy.context.scene).findings
-    assert not any("since they were baked" in one.text for one in kept)
-    assert finding("since they were baked") is None
+    assert not any("changed since the bake" in one.text for one in kept)
+    assert finding("changed since the bake") is None
     room.hemibake.baked_uvs = ""
     room.data.uv_layers["Lightmap"].uv.foreach_set("vector", uvs.reshape(-1))
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
 
 
 def test_a_bake_of_other_objects_mends_no_moved_charts():
@@ -580,7 +580,7 @@ def test_a_bake_of_other_objects_mends_no_moved_charts():
     bpy.context.scene.hemibake.target = "SELECTED"
     bpy.ops.hemibake.bake()
     kept = part("operators.checks").last_check(bpy.context.scene).findings
-    assert [one.objects for one in kept if "since they were baked" in one.text] == [("Second",)]
+    assert [one.objects for one in kept if "changed since the bake" in one.text] == [("Second",)]
 
 
 def test_moved_charts_of_what_only_instances_show_are_told():
@@ -596,9 +596,9 @@ def test_moved_charts_of_what_only_instances_show_are_told():
     instance.location, instance.scale = (0.2, 0.2, 0.3), (0.3, 0.3, 0.3)
     bpy.context.scene.collection.objects.link(instance)
     bpy.ops.hemibake.bake()
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
     shrink_charts(chair)
-    assert finding("since they were baked").objects == ("Chair",)
+    assert finding("changed since the bake").objects == ("Chair",)
 
 
 def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
@@ -628,7 +628,7 @@ def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
     bpy.context.view_layer.update()
     bpy.ops.hemibake.bake()
     assert own.hemibake.instances and own.hemibake.image
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
 
 
 @pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
@@ -641,12 +641,12 @@ def test_charts_of_modifiers_and_of_a_mesh_in_edit_mode_are_compared_as_they_wer
     bpy.context.view_layer.objects.active = edited
     bpy.ops.object.mode_set(mode=mode)
     bpy.ops.hemibake.bake()
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
     copied.modifiers["Array"].count = 2
     bpy.ops.hemibake.unwrap()
-    assert finding("since they were baked").objects == ("Copied",)
+    assert finding("changed since the bake").objects == ("Copied",)
 
 
 def test_instances_within_an_instance_move_no_charts_of_its_object():
@@ -675,7 +675,7 @@ def test_instances_within_an_instance_move_no_charts_of_its_object():
     bpy.context.view_layer.update()
     bpy.ops.hemibake.bake()
     assert len(json.loads(shown.hemibake.instances)) == 2
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
 
 
 def test_a_mode_that_leaves_modifiers_out_moves_no_charts():
@@ -686,11 +686,11 @@ def test_a_mode_that_leaves_modifiers_out_moves_no_charts():
     bpy.ops.hemibake.bake()
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode="EDIT")
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert finding("since they were baked") is None
+    assert finding("changed since the bake") is None
     shrink_charts(obj)
-    assert finding("since they were baked").objects == ("Bent",)
+    assert finding("changed since the bake").objects == ("Bent",)
 
 
 def test_a_cancelled_bake_mends_no_moved_charts():
@@ -706,7 +706,7 @@ def test_a_cancelled_bake_mends_no_moved_charts():
         run.step()
     run.cancel()
     kept = part("operators.checks").last_check(bpy.context.scene).findings
-    assert [one.objects for one in kept if "since they were baked" in one.text] == [("Furnace",)]
+    assert [one.objects for one in kept if "changed since the bake" in one.text] == [("Furnace",)]
 
 
 @pytest.mark.parametrize(

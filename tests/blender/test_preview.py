@@ -290,13 +290,13 @@ def test_charts_that_were_moved_since_the_bake_are_told(baked, capfd):
         instance.location, instance.scale = (0.2, 0.6, 0.3 + 0.3 * number), (0.2, 0.2, 0.2)
     bpy.ops.hemibake.bake()
     bpy.ops.hemibake.preview()
-    assert "since they were baked" not in capfd.readouterr().out
+    assert "changed since the bake" not in capfd.readouterr().out
     for obj in (bare, chair):
         shrink_charts(obj)
     bpy.ops.hemibake.preview()
     assert bpy.ops.hemibake.preview() == {"FINISHED"}
     said = capfd.readouterr().out
-    assert "since they were baked: 'Bare', 'Chair'." in said
+    assert "changed since the bake: 'Bare', 'Chair'." in said
     assert all(obj.hemibake.slots for obj in (room, bare, own, chair))
 
 

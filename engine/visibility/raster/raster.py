@@ -70,7 +70,7 @@ class HemicubeRaster:
         names = available_paths(graphics) if path is None else (path,)
         self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
 
-        # Textures that the shaders read: hemicube matrices, index map, and those of the render target.
+        # Textures that the shaders read: hemicube matrices, index map, and textures of the render target.
         atlases, height, width = texel_to_patch.shape
         size = (width, height, atlases)
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")

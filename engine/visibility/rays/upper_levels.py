@@ -25,7 +25,7 @@ class UpperLevels:
     """Binary tree over clusters of triangles, built level by level by the surface area heuristic.
 
     count:  number of clusters
-    root:   root node; nodes are numbered like those of the clusters
+    root:   index of the root node, in the same arrays as the nodes of the clusters
     """
 
     def __init__(

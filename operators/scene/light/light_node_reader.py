@@ -143,7 +143,7 @@ def _constant_number(socket: bpy.types.NodeSocket) -> float:
 
 
 def _blackbody(node: bpy.types.Node) -> np.ndarray:
-    """Return the colour of a Blackbody node, (3,) float64; raises ComplexError if only Cycles can tell it."""
+    """Return the colour of a Blackbody node, (3,) float64; raises ComplexError if only Cycles computes it."""
     colour = blackbody(_constant_number(node.inputs["Temperature"]))
     if colour is None:
         raise ComplexError

@@ -58,7 +58,7 @@ class SceneLights:
         self._lights.append((_read_light(item), item.source.data.session_uid, item.matrix))
 
     def finish(self, origin: np.ndarray, watch: SceneWatch) -> Slices[tuple[Light, ...]]:
-        """Read the lamps' nodes, return the engine lights, and append notes on lamps that are not exact.
+        """Read the lamps' nodes; return the engine lights; add notes on lamps that are approximated.
 
         origin:  (3,) float64 in world space; positions of the lights are relative to it
         """
@@ -79,7 +79,7 @@ class SceneLights:
         return tuple(replace(light, position=light.position - origin) for light in lights)
 
     def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LightNodes]:
-        """Return the factors of a lamp's nodes: read exactly, else measured by Cycles, else constants."""
+        """Return factors of a lamp's nodes, exact if possible, else measured by Cycles, else constants."""
         watch.depsgraph()
         try:
             return self._read_nodes(find(bpy.data.lights, uid), name)

@@ -12,7 +12,7 @@ from .panorama import Part, render_world
 #: Rows of the successive renders, up to 8k; each map is twice as wide as high.
 _ROWS = (512, 1024, 2048, 4096)
 
-#: Largest number of samples per pixel, and per render: those of the first render, a few seconds on four
+#: Maximum number of samples per pixel and per render; the first render takes them in a few seconds on four
 #: cores.
 _PIXEL_SAMPLES, _PICTURE_SAMPLES = 16, 1 << 23
 

@@ -79,7 +79,7 @@ def _channels(image: bpy.types.Image) -> np.ndarray:
 
 
 def _is_converted(image: bpy.types.Image) -> bool:
-    """Return True if Blender converts the colours of an image file that Cycles reads by itself."""
+    """Return True if Blender converts an image file's colours by alpha mode, while Cycles reads the file."""
     if image.source != "FILE" or image.packed_file is not None or image.is_dirty:
         return False
     mode = "STRAIGHT" if image.is_float else "PREMUL"

@@ -237,7 +237,7 @@ class MaterialTable:
             sentence = "Only Cycles can evaluate materials {} of hair: their viewport color is baked."
             self._notes.append(listing(sentence, _once(self._hair_materials)))
         if self._averaged:
-            sentence = "Occluders have no lightmap UVs, so materials {} are baked with their mean color."
+            sentence = "Materials {} are baked with their mean color: their objects have no lightmap UVs."
             self._notes.append(listing(sentence, _once(self._averaged)))
         self._notes += self._surface_notes.sentences()
         return tuple(
@@ -245,7 +245,7 @@ class MaterialTable:
         )
 
     def _evaluate(self, index: int, name: str, size: int) -> Slices[Material]:
-        """Evaluate a material into textures over lightmap UVs, or into means if no user has lightmap UVs."""
+        """Evaluate a material to textures over lightmap UVs, or to mean values without lightmap UVs."""
         announcement = f"Reading material '{name}' with Cycles"
         yield announcement
         values = self._complex[index].values.items()
@@ -283,9 +283,8 @@ class MaterialTable:
     def _worn(self, index: int) -> Iterator[tuple[bpy.types.Material, list[EvaluatedMesh]]]:
         """Yield a material with an object's values and copies of the meshes that use it.
 
-        Remove them afterwards.
-
-        The meshes are those with lightmap UVs. If there are none, all meshes are used with a default UV map.
+        The copies are removed afterwards. The meshes are those with lightmap UVs. If there are none, all
+        meshes are used with a default UV map.
         """
         self._watch.depsgraph()
         unevaluated = self._complex[index]

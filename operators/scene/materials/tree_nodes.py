@@ -8,7 +8,7 @@ import bpy
 
 
 def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
-    """Yield the unmuted nodes that are connected to a tree's output, including those in groups.
+    """Yield the unmuted nodes that are connected to a tree's output, including nodes of groups.
 
     Nodes of a group that is used several times are yielded several times.
     """
@@ -29,7 +29,7 @@ def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
 
 
 def _outputs(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """Return the output nodes of a tree: of a group, else the active material output for Cycles."""
+    """Return the output nodes of a node tree: group outputs, or the active material output for Cycles."""
     ends = [node for node in tree.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output]
     output = None if ends else tree.get_output_node("CYCLES")
     return ends if output is None else [output]

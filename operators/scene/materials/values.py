@@ -80,7 +80,7 @@ class DiffuseSurface:
         return self.cover.is_zero or (clear and dark)
 
     def scaled(self, factor: float) -> DiffuseSurface:
-        """Return the surface scaled by a factor; the rest is black."""
+        """Return the surface multiplied by a factor, as part of a mix; the other part of the mix is black."""
         return DiffuseSurface(
             self.reflect * factor, self.emit * factor, self.transmit * factor, self.through * factor
         )

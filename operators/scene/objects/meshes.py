@@ -1,4 +1,4 @@
-"""Reads the triangles of an evaluated mesh, with whole-array reads only."""
+"""Reads the triangles of an evaluated mesh, with one read per attribute array."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def in_render(
 
 
 def _update(view_layer: bpy.types.ViewLayer) -> None:
-    """Send pending updates to handlers: those of a view layer, and of all view layers in windows."""
+    """Send pending depsgraph updates of a view layer, and of all view layers in windows, to handlers."""
     view_layer.update()
     for manager in bpy.data.window_managers:
         for window in manager.windows:
@@ -113,7 +113,7 @@ def _store_edits(view_layer: bpy.types.ViewLayer) -> None:
 
 @contextmanager
 def _registered() -> Iterator[None]:
-    """Register the engine for the duration of the context."""
+    """Register the render engine inside the `with` block."""
     bpy.utils.register_class(_Reader)
     try:
         yield
@@ -123,7 +123,7 @@ def _registered() -> Iterator[None]:
 
 @contextmanager
 def _engine(scene: bpy.types.Scene) -> Iterator[None]:
-    """Set the engine of a scene for the duration of the context."""
+    """Set the render engine of a scene inside the `with` block."""
     before = scene.render.engine
     scene.render.engine = _Reader.bl_idname
     try:
@@ -134,7 +134,7 @@ def _engine(scene: bpy.types.Scene) -> Iterator[None]:
 
 @contextmanager
 def _triangle(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    """Link an object that Blender can bake to vertex colors, for the duration of the context."""
+    """Link a triangle, on which Blender can bake vertex colors, inside the `with` block."""
     mesh = bpy.data.meshes.new(_NAME)
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     mesh.color_attributes.new("Color", "FLOAT_COLOR", "CORNER")

@@ -50,7 +50,7 @@ def uses_render(context: SceneContext) -> bool:
 
 
 def reads_viewport(context: SceneContext, objects: Iterable[bpy.types.Object]) -> bool:
-    """Return True if the viewport's meshes of these objects equal those to bake."""
+    """Return True if the viewport's meshes of these objects equal the meshes to bake."""
     layer, geometry = context.view_layer, Geometry(context.scene)
     return all(
         obj.visible_get(view_layer=layer) and not _may_depend(obj) and not geometry.differs(obj)

@@ -16,8 +16,7 @@ from ....engine.unwrap.triangle_spans import triangle_spans
 _GRID = 512
 _CHUNK = 1 << 13
 
-#: Number of UV layers whose result of the overlap test is cached, because each bake asks for all of them
-#: again.
+#: Number of UV layers whose overlap test is cached, because each bake tests all layers again.
 _REMEMBERED = 256
 
 #: Cached results of the overlap test by digest of the UVs, least recently used first.

@@ -1,8 +1,8 @@
 """Stores lightmap UVs of an evaluated mesh in a last Geometry Nodes modifier.
 
 If modifiers copy or make faces, the UVs of the object's own mesh cannot be unique. The last modifier then
-writes UVs to the corners of the mesh that the other modifiers make (see `uv_node_group`). Nothing of the
-user's is changed, and removing the modifier removes the UVs.
+writes UVs to the corners of the mesh that the other modifiers make (see `uv_node_group`). The user's mesh
+stays unchanged, and removing the modifier removes the UVs.
 """
 
 from __future__ import annotations

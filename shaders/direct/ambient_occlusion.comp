@@ -1,6 +1,6 @@
 #version 430
-// The fraction of each patch's hemisphere, weighted by the cosine, in which nothing is nearer than `reach`.
-// As kernels/direct/ambient_occlusion.cl.
+// Computes ambient occlusion: the cosine-weighted fraction of each patch's hemisphere without geometry nearer than
+// `reach` (metres). The same algorithm as kernels/direct/ambient_occlusion.cl.
 #define RECEIVER_ACCESS readonly
 #define STATE_WORDS 4
 #include "bvh_traversal.glsl"

@@ -1,6 +1,6 @@
 #version 430
-// Direct light at every patch: samples of emitters, each with a shadow ray. As kernels/direct/direct.cl without its
-// shafts, which change no light.
+// Computes direct irradiance of patches by sampled shadow rays. The same algorithm as kernels/direct/direct.cl, but
+// without shaft culling, which does not change the result.
 #define RECEIVER_ACCESS readonly
 #define STATE_WORDS 208
 #define WALK_WORDS (4 * 32)  // of the walk, at the end of the state: shaders/direct/light_tree.glsl
@@ -13,38 +13,37 @@
 #include "texel_ray_origins.glsl"
 
 layout(local_size_x = 64) in;
-// Light and unshadowed luminance of each item, then the L1 of each.
+// Irradiance, and its luminance without shadows, of each item; then the L1 of each item.
 layout(std430, binding = 7) writeonly buffer Results { vec4 results[]; };
 uniform int start, end, root, budget, first_l1;
 uniform uint seed;
 
-// Early-out: after this many rays, or this fraction of an emitter's samples if that is more, an emitter that all
-// of them or none has reached counts as seen whole or not at all.
+// Early termination: if the first TRIAL rays to an emitter, or this fraction of its samples if that is more, are all
+// unoccluded or all blocked, the rest are assumed equal and not traced.
 #define TRIAL 24.0
 #define TRIAL_FRACTION 0.375
 
-// Parts of light that differ by less are the same, but for rounding.
+// Tolerance at which visibility values count as equal; covers rounding.
 #define SAME 1e-3
 
-// Rounds of samples of an emitter whose rays bring different parts of its light: a penumbra, or a texel across an edge
-// of a shadow.
+// Number of sampling rounds for an emitter that is partly visible (penumbra, or shadow edge within the texel).
 #define ROUNDS 4
 
-// The golden ratio's fraction of the range of integers, and patches along a curve through the texels that share
-// emitters out among them.
+// GOLDEN: golden ratio - 1 as a fraction of 2^32. Consecutive patches along the Hilbert curve share one stratified
+// distribution of emitters; the second value is their number.
 #define GOLDEN 2654435769u
 #define NEIGHBOURS 64u
 
-// The transmittance of surfaces that counts for an emitter's light. Surfaces and the sky are gathered as well: both
-// parts of their light come through alike.
+// Returns which transmittance applies to an emitter's light. Emissive surfaces and the sky are also gathered as
+// indirect light, so they use BOUNCE, for equal attenuation of both parts.
 int kind_of_rays(const int e)
 {
     int kind = emitters[e].kind;
     return kind == SKY_MAP || (kind == TRIANGLE && emitters[e].triangle >= 0) ? BOUNCE : SHADOW;
 }
 
-// The fraction of a sample's light that reaches a point, on its way from a little above the surface to a
-// little before the light: that may be a surface, too.
+// Returns the transmittance from a point to a light sample. The ray starts just above the surface and ends just before
+// the light, which may be a surface itself.
 Fraction seen(const Receiver r, const vec3 p, const Sample s, const int kind)
 {
     vec3 origin = ray_origin(r, p, s.direction);
@@ -59,8 +58,8 @@ struct Sum {
     L1 l1;             // of the light (irradiance_l1.glsl)
 };
 
-// Consecutive samples of one emitter. If it is of one radiance its light is known but for the shadows: samples
-// only tell the fraction of it that comes through.
+// Accumulates consecutive samples of one emitter. If its radiance is uniform, its unoccluded irradiance is computed
+// analytically, and samples estimate only the visible fraction (ratio estimator).
 struct Run {
     int first, rounds;     // number of its first sample; how often its samples are drawn
     float expected;        // samples of a round
@@ -74,7 +73,7 @@ struct Run {
     Sum sum;               // of an emitter of other radiances
 };
 
-// Points of a texel along u and v where light that changes over it is computed.
+// Points per axis of a grid in the texel, at which irradiance without shadow is averaged if it varies over the texel.
 #define GRID 4
 
 vec3 open_over_texel(const int e, const Receiver r)
@@ -147,7 +146,7 @@ vec2 span;
 Run run;
 Sum sum;
 
-// The state of an item that has paused, at most 79 words.
+// Stores or loads the state of an item, at most 79 words, when it pauses or resumes.
 void exchange_state()
 {
     exchange(index);
@@ -177,10 +176,10 @@ void exchange_state()
     exchange(walk_own);
 }
 
-// E/pi of emitters at each patch. Samples go to emitters by systematic resampling: in proportion to what
-// they may bring, so that many emitters cost little more than one. Neighbours begin at even distances, steps of
-// the golden ratio: together they give each emitter its share, a dim one, too. Go on until all is done or it is time to
-// pause; return whether all is done.
+// Computes direct irradiance (E/pi) of a patch. Samples are allotted to emitters by systematic resampling, in
+// proportion to their estimated irradiance, so that many emitters cost little more than one. Sequences of neighbouring
+// patches are offset by the golden ratio: together they sample weak emitters evenly, too. Returns true if all samples
+// are done, false if the item has paused.
 bool sample_on(const Receiver r)
 {
     uint key = hash(r.rank ^ hash(seed));
@@ -189,12 +188,12 @@ bool sample_on(const Receiver r)
     while (!done && steps < MAX_STEPS) {
         ++steps;
         if (index == budget || float(index) + offset >= span.x) {
-            // Once more, along further points of the sequence, if only part of the rays arrived.
+            // If only some of the rays reached the emitter, sample it again with further points of the sequence.
             if (!is_even(run) && run.rounds < ROUNDS) {
                 ++run.rounds;
                 index = run.first;
             } else {
-                // After the last sample, too, come emitters that have one of their own.
+                // After the last sample of the sequence, emitters with a sample of their own remain.
                 finish_run(run, sum);
                 emitter = next_emitter(r, root, budget, index == budget ? INFINITY : float(index) + offset, span);
                 if (index == budget && emitter < 0) {
@@ -206,7 +205,8 @@ bool sample_on(const Receiver r)
                     run.open = open_over_texel(emitter, r);
             }
         }
-        // A sample of an emitter's own takes none of the line. Of lights too bright for floats the span may be NaN.
+        // A sample that an emitter gets by itself does not advance the common sequence. For lights too bright for
+        // float32 the span may be NaN.
         int number = index;
         if (index < budget && !(float(index) + offset >= span.x))
             ++index;
@@ -214,7 +214,7 @@ bool sample_on(const Receiver r)
             continue;
         bool even = emitters[emitter].uniform_ != 0;
 
-        // Where all rays of a trial met, or none, the others of this emitter are spared.
+        // Skip the remaining rays of an emitter if all rays so far agree (see TRIAL).
         bool spared = run.tried >= max(TRIAL, TRIAL_FRACTION * span.y) && is_even(run);
         if (spared && even)
             continue;
@@ -222,7 +222,7 @@ bool sample_on(const Receiver r)
         vec3 p = jittered_origin(r, u.zw);
         Sample s = sample_emitter(emitter, r, p, u.xy);
 #ifdef TRANSMISSION
-        // Only the part of a surface that stops rays shines.
+        // Only the opaque fraction of a surface emits.
         if (s.surface > 0)
             s.light *= smallest(opacity(s.surface - 1, s.weights, s.shines_front, BOUNCE));
 #endif
@@ -272,7 +272,7 @@ void main()
     run = start_run(0, 0.0);
     sum = no_light();
 
-    // One place in the code for both ways of the state: drivers inline every call.
+    // The same call stores and loads the state, because drivers inline every call.
     for (int turn = 0; turn < 2; ++turn) {
         if (turn == 1 || state == 1u)
             exchange_state();

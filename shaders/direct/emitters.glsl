@@ -3,13 +3,13 @@
 #include "modulation.glsl"
 #include "sample_points.glsl"
 
-// Emitters of direct light: samples of lamps, emissive triangles and bright sky, and how much each may bring.
-// As kernels/direct/emitters.cl.
+// Emitters of direct light: samples on lights, emissive triangles and bright sky, and estimates of their irradiance for
+// light selection. The same algorithms as in kernels/direct/emitters.cl.
 
 layout(std430, binding = 4) readonly buffer Emitters { Emitter emitters[]; };
 
-// Glow: radiance of both sides of patches, texels to patches, UVs of corners; bright sky: its pixels, their cumulative
-// power and their numbers.
+// Buffer offsets of emissive surfaces: radiance of front and back faces of patches, map from texels to patches, UVs of
+// corners. Offsets of bright sky: its pixels, their cumulative luminance, and their indices.
 uniform int first_radiance, first_back_radiance, first_texel_to_patch, first_uvs, resolution;
 uniform int first_sky_pixels, first_cumulative, first_listed, sky_width, sky_height, sky_count;
 uniform float sky_total;
@@ -20,7 +20,7 @@ uniform float sky_total;
 #define TRIANGLE 2
 #define SKY_MAP 3
 
-// Solid angle above which triangles are sampled by direction instead of by area, sr.
+// Solid angle above which triangles are sampled by solid angle instead of by area, sr.
 #define WIDE 0.1
 #define WIDE_UNEVEN 0.01
 
@@ -29,7 +29,7 @@ uniform float sky_total;
 
 float luminance(const vec3 colour) { return dot(colour, vec3(0.2126, 0.7152, 0.0722)); }
 
-// A sample: direction and distance of the light, E/pi without shadow.
+// Light sample: direction and distance from the receiver, and E/pi without shadow.
 struct Sample {
     vec3 direction;
     float distance;
@@ -47,8 +47,8 @@ Sample sample_of(const vec3 direction, const float distance, const vec3 light)
 
 vec3 strength_of(const int e) { return TO_VEC3(emitters[e].strength); }
 
-// The part of a spot's intensity that goes along a direction away from it: the cone is round in the light's own,
-// perhaps unequally scaled space (Cycles, kernel/light/spot.h).
+// Returns the fraction of a spot light's intensity in a direction away from it. The cone is circular in the light's own
+// space, which may be scaled non-uniformly (Cycles, kernel/light/spot.h).
 float in_cone(const int e, const vec3 away, const float cos_half, const float blend)
 {
     vec3 own = vec3(dot(away, TO_VEC3(emitters[e].cone_x)), dot(away, TO_VEC3(emitters[e].cone_y)),
@@ -58,8 +58,8 @@ float in_cone(const int e, const vec3 away, const float cos_half, const float bl
     return t * t * (3.0 - 2.0 * t);
 }
 
-// Inside of a sphere that shines: light of one radiance from everywhere, also of a spot (Cycles,
-// kernel/light/spot.h), by the cosine.
+// Samples a spherical light whose inside contains the receiver: constant radiance from all directions,
+// cosine-distributed, also for spots (Cycles, kernel/light/spot.h).
 Sample sample_around(const int e, const vec3 centre, const vec3 up, const vec2 u)
 {
     vec3 x, y;
@@ -72,7 +72,7 @@ Sample sample_around(const int e, const vec3 centre, const vec3 up, const vec2 u
     return sample_of(direction, along + sqrt(rest), strength_of(e) / (radius * radius * max(cosine, 1e-6)));
 }
 
-// Point and spot: a disk that faces the receiver, a sphere, or a point.
+// Samples a point or spot light: a disk facing the receiver (soft falloff), a sphere, or a point.
 Sample sample_point_light(const int e, const vec3 p, const vec3 up, const vec2 u)
 {
     vec3 centre = TO_VEC3(emitters[e].position) - p;
@@ -109,7 +109,7 @@ Sample sample_point_light(const int e, const vec3 p, const vec3 up, const vec2 u
     return s;
 }
 
-// Sun: a disk in the sky; uniform in solid angle projected along its axis.
+// Samples a sun: a disk in the sky, uniform in solid angle projected along its axis.
 Sample sample_sun(const int e, const vec2 u)
 {
     vec3 x, y, axis = -TO_VEC3(emitters[e].direction);
@@ -119,22 +119,22 @@ Sample sample_sun(const int e, const vec2 u)
     return sample_of(q.x * x + q.y * y + cosine * axis, INFINITY, strength_of(e) / max(cosine, 1e-6));
 }
 
-// A direction into a spherical triangle, uniform in solid angle (Arvo 1995); angle is its solid angle (Van Oosterom
-// and Strackee 1983). Products of edges keep their digits where a triangle is small.
+// Returns a direction in a spherical triangle, uniform in solid angle (Arvo 1995). angle: its solid angle (Van Oosterom
+// and Strackee 1983). Cross products of edges stay accurate for small triangles.
 vec3 in_spherical_triangle(const vec3 a, const vec3 b, const vec3 c, const vec2 u, out float angle)
 {
     vec3 ab = b - a, ac = c - a;
     float volume = abs(dot(a, cross(ab, ac)));
     angle = 2.0 * atan(volume, 1.0 + dot(a, b) + dot(b, c) + dot(c, a));
 
-    // The angle at the first corner: what its two sides' planes have in common is the volume.
+    // The dihedral angle at corner a, from the normals of the two planes; their cross product has the length `volume`.
     float along = dot(cross(a, ab), cross(a, ac));
     float scale = inversesqrt(max(along * along + volume * volume, 1e-36));
     float cos_alpha = scale * along, sin_alpha = scale * volume;
     float turn = u.x * angle, sine = sin(turn), cosine = cos(turn);
     float s = sine * cos_alpha - cosine * sin_alpha, t = cosine * cos_alpha + sine * sin_alpha;
 
-    // The third corner moves along its side until the triangle has the wanted size.
+    // Move corner c along its edge until the partial triangle has the sampled fraction of the area.
     float p = t - cos_alpha, v = s + sin_alpha * dot(a, b);
     float bottom = (v * s + p * t) * sin_alpha;
     float q = clamp(((v * t - p * s) * cos_alpha - v) / (abs(bottom) < 1e-12 ? 1e-12 : bottom), -1.0, 1.0);
@@ -144,7 +144,7 @@ vec3 in_spherical_triangle(const vec3 a, const vec3 b, const vec3 c, const vec2 
     return z * b + sqrt(max(1.0 - z * z, 0.0)) * normalize(end_ - dot(end_, b) * b);
 }
 
-// A number in [0, 1] whose density is linear, a at 0 to b at 1; `density` is multiplied by it.
+// Returns a number in [0, 1] with linear density from a at 0 to b at 1. Multiplies `density` by it.
 float linear_sample(const float u, const float a, const float b, inout float density)
 {
     float x = min(u * (a + b) / (a + sqrt(mix(a * a, b * b, u))), 1.0);
@@ -152,13 +152,13 @@ float linear_sample(const float u, const float a, const float b, inout float den
     return x;
 }
 
-// True if a patch is in front of a triangle, not in its plane: relative to the patch, its corner and normal.
+// Returns true if the receiver is in front of a triangle and not in its plane. corner: relative to the receiver.
 bool shows_front(const Receiver r, const vec3 corner, const vec3 normal)
 {
     return dot(normal, corner) < -r.height * length(normal);
 }
 
-// Radiance of one side of a surface at a point of its triangle; w: weights of its second and third corner.
+// Returns the radiance of one side of an emissive triangle at a point. w: barycentrics of the second and third corner.
 vec3 glow_at(const int e, const vec2 w, const bool front)
 {
     int corner = first_uvs + 6 * emitters[e].triangle;
@@ -171,7 +171,7 @@ vec3 glow_at(const int e, const vec2 w, const bool front)
     return table_vec3((front ? first_radiance : first_back_radiance) + 4 * entry);
 }
 
-// Emissive triangle, or part of an area light: by direction where it is seen wide, else by area.
+// Samples an emissive triangle or a triangle of an area light: by solid angle if it is wide, else by area.
 Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u)
 {
     vec3 a = TO_VEC3(emitters[e].position) - p, edge1 = TO_VEC3(emitters[e].edge1), edge2 = TO_VEC3(emitters[e].edge2);
@@ -186,7 +186,7 @@ Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u
     if (twice * 0.5 > wide * dot(middle, middle) || size > 0.25 * dot(middle, middle)) {
         vec3 first = normalize(a), second = normalize(a + edge1), third = normalize(a + edge2);
 
-        // More samples where the receiver faces them: the cosines of the corners, interpolated (Hart et al. 2020).
+        // Warp the samples by the cosines of the corners, bilinearly interpolated (Hart et al. 2020).
         float at_a = max(dot(first, r.normal), 0.01), at_b = max(dot(second, r.normal), 0.01);
         float at_c = max(dot(third, r.normal), 0.01);
         float density = 1.0;
@@ -209,7 +209,7 @@ Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u
         weight = 0.5 * abs(dot(normal, s.direction)) / (s.distance * s.distance);
     }
 
-    // The front of an area light shines, both sides of surfaces do, each with its own radiance.
+    // Area lights emit from the front. Surfaces emit from both sides, with separate radiance.
     float cosine = -dot(normal, s.direction) / twice;
     s.back = !shows_front(r, a, normal);
     vec3 radiance;
@@ -219,7 +219,7 @@ Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u
         radiance = strength_of(e);
         float spread = emitters[e].spread;
         if (spread < 1.57) {
-            // Spread (numerics of Cycles' area lights, kernel/light/area.h).
+            // Spread angle, the formula of Cycles' area lights (kernel/light/area.h).
             float tangent = tan(spread);
             float slope = sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 1e-6);
             radiance *= max(tangent - slope, 0.0) / (tangent - spread);
@@ -236,7 +236,7 @@ Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u
     return s;
 }
 
-// Bright sky: pixels in proportion to their light.
+// Samples the bright part of the sky: pixels in proportion to luminance times solid angle.
 Sample sample_sky(const vec2 u)
 {
     int low = 0, high = sky_count - 1;
@@ -276,10 +276,10 @@ Sample sample_emitter(const int e, const Receiver r, const vec3 p, const vec2 u)
     return s;
 }
 
-// Clip a convex polygon to what is in front of a plane through the origin (Sutherland and Hodgman 1974);
-// return its number of corners, at most one more. A convex polygon changes sides twice. Where it lies in the
-// plane its heights are but rounding and may change sides more often: the first two changes count.
-// Polygons lie in one array, since drivers copy arrays that are arguments: `from` and `to` are their first corners.
+// Clips a convex polygon to the half-space in front of a plane through the origin (Sutherland and Hodgman 1974).
+// Returns the number of corners, at most one more. A convex polygon crosses the plane twice. If it lies in the plane,
+// rounding may cause more crossings; only the first two count. All polygons share one array, because drivers copy
+// arrays that are arguments; `from` and `to` are the indices of their first corners.
 vec3 polygons[10];
 
 int clip(const int from, const int count, const vec3 normal, const int to)
@@ -304,8 +304,8 @@ int clip(const int from, const int count, const vec3 normal, const int to)
     return kept;
 }
 
-// E/pi at a point from all of a triangle of one radiance, if nothing is in between: the form factor of its
-// part above both horizons, the smooth one and the patch's (Lambert 1760; Arvo 1995).
+// Returns the unoccluded irradiance (E/pi) at a point from a uniform triangle: the analytic form factor of the part
+// above both horizons, of the smooth and the geometric normal (Lambert 1760; Arvo 1995).
 vec3 open_light(const int e, const vec3 p, const Receiver r)
 {
     vec3 a = TO_VEC3(emitters[e].position) - p, edge1 = TO_VEC3(emitters[e].edge1), edge2 = TO_VEC3(emitters[e].edge2);
@@ -337,7 +337,7 @@ vec3 open_light(const int e, const vec3 p, const Receiver r)
     return radiance * (abs(sum) * 0.5 * INVERSE_PI);
 }
 
-// True if the light of a triangle changes little over a texel.
+// Returns true if the irradiance from a triangle hardly varies over a texel.
 bool is_far(const int e, const Receiver r)
 {
     vec3 a = TO_VEC3(emitters[e].position) - r.at, edge1 = TO_VEC3(emitters[e].edge1);
@@ -347,10 +347,11 @@ bool is_far(const int e, const Receiver r)
     return r.size < 0.05 * distance;
 }
 
-// Light nearer than this fraction of a texel's width is spread over the texel.
+// Lights nearer than this fraction of a texel's width are spread over the texel in estimates.
 #define SPREAD 0.1
 
-// The strength of a point or spot in a direction, and a part of its mean: other points of the texel see it from others.
+// Estimates a point or spot light's luminous intensity in a direction. A fraction of the mean intensity is added, since
+// the direction differs across the texel.
 float own_strength(const int e, const vec3 away, const float distance)
 {
     if (emitters[e].modulation == 0)
@@ -359,7 +360,7 @@ float own_strength(const int e, const vec3 away, const float distance)
     return luminance(strength_of(e) * factor) + 0.05 * emitters[e].luminance;
 }
 
-// About how much light a point or spot brings without shadow; see `emitter_weight`.
+// Estimates the unshadowed irradiance from a point or spot light, see `emitter_weight`.
 float point_weight(const int e, const Receiver r)
 {
     vec3 to = TO_VEC3(emitters[e].position) - r.at;
@@ -367,7 +368,7 @@ float point_weight(const int e, const Receiver r)
     if (dot(r.normal, to) < -reach || dot(r.horizon, to) < -reach)
         return 0.0;
 
-    // A spot's cone is wider by what the texel spans.
+    // The spot's cone is widened by the angle that the texel spans.
     float widest = emitters[e].cos_half_angle - 0.05 - r.size / max(d, 1e-20);
     vec3 away = -to / max(d, 1e-20);
     float spot = emitters[e].cos_half_angle >= -1.0 && radius == 0.0 && widest > -1.0
@@ -377,7 +378,7 @@ float point_weight(const int e, const Receiver r)
     return own_strength(e, away, d) * spot * cosine / max(max(d2, near * near), LEAST);
 }
 
-// About how much light a triangle brings without shadow; see `emitter_weight`.
+// Estimates the unshadowed irradiance from a triangle, see `emitter_weight`.
 float triangle_weight(const int e, const Receiver r)
 {
     vec3 edge1 = TO_VEC3(emitters[e].edge1), edge2 = TO_VEC3(emitters[e].edge2), normal = cross(edge1, edge2);
@@ -396,11 +397,12 @@ float triangle_weight(const int e, const Receiver r)
     if (emitters[e].uniform_ == 0)
         return about;
 
-    // Of one radiance: exactly, but what the middle of the texel does not see may be seen beside it.
+    // Uniform radiance: the analytic irradiance, with a lower bound for light that reaches only other points of the
+    // texel.
     return max(luminance(open_light(e, r.at, r)), 0.02 * about);
 }
 
-// About how much light an emitter brings without shadow; 0 only if it brings none.
+// Estimates the unshadowed irradiance from an emitter, for light selection. Returns 0 only if it contributes none.
 float emitter_weight(const int e, const Receiver r)
 {
     int kind = emitters[e].kind;

@@ -2,23 +2,24 @@
 #include "emitters.glsl"
 #include "resumed.glsl"
 
-// A tree over emitters (engine/direct/light_tree.py), and the way of a patch's samples down to emitters.
-// As kernels/direct/light_tree.cl.
+// Light tree: importance sampling of many emitters (engine/direct/light_tree.py builds the tree). The same algorithm as
+// kernels/direct/light_tree.cl.
 
 layout(std430, binding = 5) readonly buffer LightNodes { LightNode light_nodes[]; };
 
 #define TREE_STACK 32  // the tree is balanced: enough for 2^31 emitters
 
-// A node is taken as one light if its radius is less than this part of the distance (Barnes and Hut 1986).
+// Opening criterion of Barnes and Hut 1986: a node counts as one light if its radius is below this fraction of its
+// distance.
 #define OPENING 0.4
 
-// An emitter nearby, of one radiance, that expects at least this many samples but less than one has one of its own, not
-// by lot. These are at most a part of a patch's samples.
+// A near uniform emitter with an expected sample count between OWN_SAMPLE and 1 gets exactly one sample instead of a
+// random one. These samples are limited to a fraction PART_OF_OWN of the patch's budget.
 #define OWN_SAMPLE 0.1
 #define PART_OF_OWN 0.25
 
-// About how much light all emitters of an inner node bring without shadow; 0 only if they bring none.
-// `open` is set if the node is too near to be taken as one light.
+// Estimates the unshadowed irradiance from all emitters of an inner node. Returns 0 only if none of them can
+// contribute. open: set if the node is too near to be one light.
 float node_weight(const int node, const Receiver r, out bool open)
 {
     vec3 to = TO_VEC3(light_nodes[node].centre) - r.at;
@@ -28,7 +29,7 @@ float node_weight(const int node, const Receiver r, out bool open)
     if (height < -extent || dot(r.horizon, to) < -extent)
         return 0.0;
 
-    // Outside of the cone in which they shine, seen from anywhere on the texel?
+    // Cull the node if the texel lies outside the cone of its emission.
     vec3 away = -to / d;
     float sine = min(extent / d, 1.0), cosine = sqrt(1.0 - sine * sine), widest = light_nodes[node].cos_half_angle;
     float rim = widest * cosine - sqrt(max(1.0 - widest * widest, 0.0)) * sine;
@@ -36,7 +37,7 @@ float node_weight(const int node, const Receiver r, out bool open)
         return 0.0;
     open = radius > OPENING * d;
 
-    // The floors stand for what the centre does not see, but a part of the node may.
+    // Use lower bounds where the estimate at the node's centre misses parts of the node.
     vec3 squares = away * away, products = vec3(away.x * away.y, away.x * away.z, away.y * away.z);
     float squared = dot(TO_VEC3(light_nodes[node].squares), squares)
         + 2.0 * dot(TO_VEC3(light_nodes[node].products), products);
@@ -46,7 +47,7 @@ float node_weight(const int node, const Receiver r, out bool open)
         * max(height / d, 0.05 + 0.1 * min(radius / d, 1.0)) / max(d2, SPREAD * SPREAD * r.size * r.size);
 }
 
-// The weight of an inner node or an emitter.
+// Estimates the irradiance from an inner node (code >= 0) or an emitter (~code).
 float weight_of(const int code, const Receiver r, out bool open)
 {
     open = false;
@@ -55,13 +56,13 @@ float weight_of(const int code, const Receiver r, out bool open)
     return node_weight(code, r, open);
 }
 
-// Weights that are kept from one way down the tree to the next, which comes to the same nodes in the same order: -1 of
-// a node that is not taken as one light.
+// Number of weights cached by the first traversal for the next ones, which visit the same nodes in the same order. A
+// cached -1 marks a node to be opened.
 #define WEIGHTS_KEPT 32
 
-// Samples on their way: they lie evenly on a line, on which every emitter has an interval. Nodes wait
-// for their turn with the end and the width of theirs; a negative width is not known yet.
-// Codes, ends and widths are in the item's state, from word `walk_first` on, followed by the weights that are kept.
+// Descent through the light tree. Samples lie at integer steps on a line, on which each emitter owns an interval. The
+// stack holds nodes with the end and width of their intervals; a negative width is not computed yet. Codes, ends and
+// widths are in the item's state from word `walk_first` on, followed by the cached weights.
 int walk_first;
 int walk_depth;
 bool walk_counts;   // on the first way down, which sums weights
@@ -96,10 +97,10 @@ void start_walk(const int root, const int budget)
     walk_own = int(PART_OF_OWN * float(budget));
 }
 
-// The emitter whose interval a sample lies in, with the interval's end and width; -1 if nothing there shines. Before
-// it come those that have a sample of their own: their width is 1, whether or not the sample lies in their interval.
-// The first call finds the total weight; functions `total_weight`, `weight_again` and this one of
-// kernels/direct/light_tree.cl are one here, so that weights are computed in one place: drivers inline every call.
+// Returns the emitter whose interval contains a sample, with end and width of the interval; -1 if none. Emitters with a
+// sample of their own are returned before it, with width 1. The first call computes the total weight. This function
+// combines `total_weight`, `weight_again` and `next_emitter` of kernels/direct/light_tree.cl, so that weights are
+// computed at one place of the code: drivers inline every call.
 int next_emitter(const Receiver r, const int root, const int budget, const float sample_, out vec2 span)
 {
     for (;;) {
@@ -122,7 +123,8 @@ int next_emitter(const Receiver r, const int root, const int budget, const float
                 return ~code;
         }
 
-        // The weight of a new one, else those of both halves: their intervals are in proportion to what they may bring.
+        // Compute the weight of a new node. Two children divide their parent's interval in proportion to their
+        // estimated irradiance.
         bool open = false, is_kept = false;
         vec2 weights = vec2(0.0);
         int visit = walk_visits;

@@ -1,7 +1,8 @@
 #pragma once
 #include "bvh_traversal.glsl"
 
-// Nodes of lamps: a profile over directions and a falloff over distance. As kernels/direct/modulation.cl.
+// Modulation of lights by their shader nodes: an angular profile (IES or baked) and a distance falloff. The same
+// algorithm as kernels/direct/modulation.cl.
 
 // Tables of the light's samples, see engine/direct/shader_shadow_rays.py.
 layout(std430, binding = 6) readonly buffer LightTables { uint light_tables[]; };
@@ -10,13 +11,13 @@ uniform int first_modulations, first_profiles;
 float table_float(const int i) { return uintBitsToFloat(light_tables[i]); }
 vec3 table_vec3(const int i) { return vec3(table_float(i), table_float(i + 1), table_float(i + 2)); }
 
-// Words of a record `Modulation`, and where its last fields are.
+// Number of 32-bit words of a record `Modulation`, and offsets of its last fields.
 #define MODULATION_WORDS 12
 #define MODULATION_PROFILE 9
 #define MODULATION_POWER 10
 #define MODULATION_SMOOTH 11
 
-// The interval of ascending angles, from word `angles` on, that a value lies in.
+// Returns the interval of ascending angles that contains a value (binary search). angles: word of the first angle.
 int interval_of(const int angles, const int count, const float value)
 {
     int low = 0, high = count - 1;
@@ -30,14 +31,15 @@ int interval_of(const int angles, const int count, const float value)
     return low;
 }
 
-// Weights of four neighbours at t between the middle two (Catmull and Rom 1974).
+// Returns cubic interpolation weights of four neighbours at t between the middle two (Catmull and Rom 1974).
 vec4 cubic_weights(const float t)
 {
     return vec4(t * (t * (1.0 - 0.5 * t) - 0.5), 1.0 + t * t * (1.5 * t - 2.5), t * (0.5 + t * (2.0 - 1.5 * t)),
                 0.5 * t * t * (t - 1.0));
 }
 
-// The factor of a profile, from a word on, along a direction in the lamp's space, 0 beyond its angles.
+// Returns a profile's factor, rgb, along a direction in the light's space; 0 outside its angles. profile: its first
+// word.
 vec3 profile_factor(const int profile, const vec3 direction)
 {
     int azimuths = int(table_float(profile)), polars = int(table_float(profile + 1));
@@ -60,7 +62,7 @@ vec3 profile_factor(const int profile, const vec3 direction)
     return max(sum, 0.0);
 }
 
-// The factor of a lamp's strength along a direction away from it, at a distance.
+// Returns the factor of a light's strength along a direction away from it, at a distance in metres.
 vec3 modulation(const int number, const vec3 away, const float distance)
 {
     int lamp = first_modulations + MODULATION_WORDS * number;

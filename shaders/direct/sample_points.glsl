@@ -1,14 +1,14 @@
 #pragma once
 #include "receiver.glsl"
 
-// Low-discrepancy points of samples. As in kernels/direct/emitters.cl.
+// Low-discrepancy sequences for light samples. The same sequences as in kernels/direct/emitters.cl.
 
 float unit_float(const uint bits) { return float(bits >> 8) * (1.0 / 16777216.0); }
 
 uint reversed_bits(const uint x) { return bitfieldReverse(x); }
 
-// Points shifted for each patch: in xy the R2 sequence (Roberts 2018), in zw the van der Corput sequence and multiples
-// of the golden ratio.
+// Returns sample i of two 2D low-discrepancy sequences, randomly shifted per patch (Cranley-Patterson rotation): R2
+// (Roberts 2018) in xy, van der Corput and golden ratio in zw.
 vec4 sample_point(const uint index, const uint seed)
 {
     uvec4 shift = uvec4(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u), hash(seed + 0xdaa66d2bu));

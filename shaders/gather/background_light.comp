@@ -1,8 +1,8 @@
 #version 430
-// Identity hemicubes: each texel names the patch that is seen, plus 1 (0: none), with the highest bit set
-// for its back; or the surroundings. This sums the static light, which no bounce changes: rgb of the
-// surroundings and of the backs' emission, and in a the fraction of the hemisphere that is no back. In
-// `cache` only the fronts are left; everything else becomes 0, no patch.
+// Computes background light, constant over all iterations, from hemicube item buffers. An item-buffer texel holds the
+// index of the visible patch plus 1 (0: none), with the highest bit set for its back face; or the value for the
+// background. The sum has the background's radiance and the emission of back faces in rgb, and the fraction of the
+// hemisphere without back faces in a. `cache` keeps only front faces; all other texels become 0, no patch.
 #include "hemicube.glsl"
 const uint BACK = 0x80000000u, SURROUNDINGS = 0x7FFFFFFFu;
 uniform usampler2DArray hemicubes;

@@ -1,6 +1,6 @@
 #version 430
-// Background light, which no bounce changes, of kept samples: that of the surroundings and of backs; one item a patch.
-// As kernels/gather/background_light.cl.
+// Computes background light, constant over all iterations, of cached visibility samples: sky radiance, plus emission of
+// back faces. One work item per patch. The same algorithm as kernels/gather/background_light.cl.
 #define RECEIVER_ACCESS readonly
 #include "bvh_traversal.glsl"
 #include "receiver.glsl"
@@ -12,7 +12,7 @@
 layout(local_size_x = 64) in;
 layout(std430, binding = 5) readonly buffer Rows { uint rows[]; };
 layout(std430, binding = 6) readonly buffer BackEmission { vec4 back_emission[]; };
-// Light and the fraction of the view that no back takes, of each patch; then the L1 of each.
+// Background light, and fraction of the hemisphere without back faces, of each patch; then the L1 of each patch.
 layout(std430, binding = 7) writeonly buffer Results { vec4 results[]; };
 uniform int start, end, first_patch, first_l1;
 

@@ -1,5 +1,6 @@
 #version 430
-// One iteration over kept identity hemicubes: the fronts' radiance, weighted and added to the static light.
+// One gather iteration over cached hemicube item buffers: sums the weighted radiance of the visible front faces and
+// adds the background light.
 #include "hemicube.glsl"
 layout(std430, binding = 2) writeonly buffer Irradiance { vec4 irradiance[]; };
 layout(std430, binding = 3) readonly buffer Cache { uint cache[]; };

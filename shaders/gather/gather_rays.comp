@@ -1,6 +1,6 @@
 #version 430
-// Light that patches gather from the fronts of others, of kept samples, or its L1; one item a patch. As
-// kernels/gather/gather.cl and kernels/gather/gather_l1.cl.
+// Gathers irradiance of patches, or its L1, from the front faces in cached visibility samples. One work item per patch.
+// The same algorithms as kernels/gather/gather.cl and kernels/gather/gather_l1.cl.
 #define RECEIVER_ACCESS readonly
 #include "bvh_traversal.glsl"
 #include "receiver.glsl"
@@ -11,7 +11,7 @@
 layout(local_size_x = 64) in;
 layout(std430, binding = 5) readonly buffer Rows { uint rows[]; };
 layout(std430, binding = 6) readonly buffer Radiance { vec4 radiance[]; };
-// DIRECTIONAL: three of each patch, else one.
+// With DIRECTIONAL three vectors per patch, else one.
 layout(std430, binding = 7) writeonly buffer Results { vec4 results[]; };
 uniform int start, end, first_patch;
 

@@ -1,7 +1,7 @@
 #version 430
-// One group a hemicube: the sum of its texels' radiance times the multiplier, read where it was drawn
-// (paper, IV.C, in one step). rgb is radiance, a is 1 for the front of a surface. Where depth is as it was
-// cleared the surroundings are seen: colour is not cleared. No light comes from below the horizon.
+// Integrates one rasterised hemicube per work group: sums its texels' radiance times the multiplier map (paper, IV.C,
+// in one step). rgb is radiance; a is 1 for front faces. Texels with the cleared depth show the background; the colour
+// texture is not cleared. Texels below the geometric horizon contribute nothing.
 #include "hemicube.glsl"
 #ifdef REVERSED_DEPTH
 const float FARTHEST = 0.0;

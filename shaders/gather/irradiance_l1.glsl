@@ -1,14 +1,14 @@
 #pragma once
-// The L1 of light for tilted normals: E(n')/pi = E(n)/pi + l1 . (n' - n), a vector l1 for each channel.
-// As kernels/gather/irradiance_l1.cl, where the polynomials are explained.
+// L1 of irradiance: a vector l1 per channel with E(n')/pi = E(n)/pi + l1 . (n' - n) for normals n' near n (normal
+// maps). kernels/gather/irradiance_l1.cl explains the polynomials.
 
-// rgb of each axis of the world; stays 0 unless DIRECTIONAL is defined.
+// L1 of a patch: rgb for each world axis; stays 0 without DIRECTIONAL.
 struct L1 {
     vec3 x, y, z;
 };
 
 #ifdef PROJECTED
-// Spherical harmonics of light that grazes the surface are bounded, so that it adds no noise.
+// Grazing light is damped in spherical harmonics, because it would add noise.
 #define LEAST_COSINE 0.015625
 vec2 l1_factors(const float c) { return vec2(0.5, 0.25) / max(c, LEAST_COSINE); }
 #else
@@ -20,7 +20,7 @@ vec2 l1_factors(const float c)
 }
 #endif
 
-// The l1 of light from a direction, of any length.
+// Returns l1 of light from a direction of any length.
 vec3 l1_of_direction(const vec3 direction, const vec3 normal)
 {
 #ifdef DIRECTIONAL
@@ -33,7 +33,7 @@ vec3 l1_of_direction(const vec3 direction, const vec3 normal)
 #endif
 }
 
-// Add light, E(n)/pi, with its `l1_of_direction`.
+// Adds light, E(n)/pi, with its `l1_of_direction`.
 void add_l1(inout L1 l1, const vec3 light, const vec3 tilt)
 {
 #ifdef DIRECTIONAL

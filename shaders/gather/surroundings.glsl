@@ -1,22 +1,22 @@
 #pragma once
 #include "view_samples.glsl"
 
-// Light of the surroundings, and of the whole sky if nothing hides it. As `surroundings` of
+// Background light, and the ratio estimator for sky light. The same algorithms as in
 // kernels/visibility/hemicube_directions.cl and kernels/visibility/unoccluded_sky.cl.
 
 uniform int first_sky, sky_width, sky_height, has_open_sky, first_open_sky;
 
-// Rows and columns of the table (engine/visibility/unoccluded_sky.py).
+// Rows and columns of the table of unoccluded irradiance, by normal direction (engine/visibility/unoccluded_sky.py).
 #define OPEN_ROWS 49
 #define OPEN_COLUMNS 96
 
-// The part of a view from which on the table pays: of little sky most noise is that of what hides it.
+// Minimum visible sky fraction for the ratio estimator. Below it, occlusion causes most of the noise (chosen).
 #define LEAST_OPEN 0.125
 
-// Largest factor between what samples of the whole sky bring and what it brings.
+// Limit of the ratio between the sky's unoccluded irradiance and its estimate from the samples.
 #define MOST_OFF 2.0
 
-// A pixel of a map between four of its entries; first: word of the first entry, width: entries of a row.
+// Interpolates four pixels of a map bilinearly. first: word of the map's first pixel. width: pixels per row.
 vec3 mixed(const int first, const int width, const ivec4 at, const vec2 f)
 {
     vec3 below = mix(view_vec3(first + 4 * (at.z * width + at.x)), view_vec3(first + 4 * (at.z * width + at.y)), f.x);
@@ -24,8 +24,8 @@ vec3 mixed(const int first, const int width, const ivec4 at, const vec2 f)
     return mix(below, above, f.y);
 }
 
-// The surroundings in a direction in world space, from an equirectangular map, row 0 below
-// (Cycles, kernel/camera/projection.h): the four pixels around it, interpolated.
+// Returns the background radiance in a world-space direction: bilinear look-up in an equirectangular map whose row 0 is
+// at the bottom (Cycles, kernel/camera/projection.h).
 vec3 surroundings(const vec3 direction)
 {
     if (sky_width * sky_height == 1)
@@ -39,7 +39,7 @@ vec3 surroundings(const vec3 direction)
     return mixed(first_sky, sky_width, ivec4(x, (x + 1) % sky_width, y), pixel - low);
 }
 
-// E/pi at a surface from which nothing hides the sky.
+// Returns E/pi of the unoccluded sky for a normal: bilinear look-up in the table.
 vec3 unoccluded_irradiance(const vec3 normal)
 {
     float azimuth = atan(normal.y, normal.x) * 0.318309886183791;
@@ -50,8 +50,8 @@ vec3 unoccluded_irradiance(const vec3 normal)
                  at - low);
 }
 
-// The factor of the light of a sky that a view's samples meet: what the whole sky brings over what all samples would
-// sum up if nothing hid it (a ratio estimator; Heitz, Hill and McGuire 2018). part: of the view that the sky takes
+// Returns the factor for the visible sky light of a view: the exact unoccluded irradiance divided by its estimate from
+// the same samples (ratio estimator; Heitz, Hill and McGuire 2018). part: visible fraction of the sky.
 vec3 factor_of_sky(const View view, const float part)
 {
     if (has_open_sky == 0 || part < LEAST_OPEN)

@@ -1,13 +1,13 @@
 #version 410
-// Keeps the texels that a triangle touches; of several triangles the nearest to the centre wins.
+// Keeps the texels that a triangle touches. If several triangles touch a texel, the one nearest to its centre wins.
 flat in vec2 a, b, c;
 flat in uint triangle;
 layout(location = 0) out uint out_triangle;
 
-// A little more than half a texel: look-ups on a border may be rounded to either side.
+// Slightly more than half a texel, because texture look-ups on a texel's border may be rounded to either side.
 const float HALF_TEXEL = 0.501;
 
-// True if the line through p and q separates the texel square around `centre` from `other`.
+// Returns true if the line through p and q separates the texel square around `centre` from `other`.
 bool separates(vec2 p, vec2 q, vec2 other, vec2 centre)
 {
     vec2 normal = vec2(p.y - q.y, q.x - p.x);

@@ -1,6 +1,6 @@
 #version 410
-// Every texel a triangle touches, not only those whose centre it covers: the triangle's box,
-// one texel larger on each side, is drawn and the fragment shader tests each texel exactly.
+// Conservative rasterisation: covers every texel that a triangle touches, not only texels whose centre it covers. Draws
+// the triangle's bounding box, one texel larger on each side; the fragment shader tests each texel exactly.
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 4) out;
 in vec2 corner[];

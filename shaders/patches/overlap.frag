@@ -1,5 +1,5 @@
 #version 410
-// Added up by blending: the number of triangles that cover a texel's centre, in steps of an 8-bit target.
+// Counts the triangles that cover a texel's centre, by additive blending in steps of an 8-bit target.
 layout(location = 0) out vec4 out_count;
 
 void main()

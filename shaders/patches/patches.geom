@@ -1,12 +1,12 @@
 #version 410
-// Moves the lightmap UVs of each triangle to borders of texels, by half a texel at most, so that its texels are
-// covered whole or not at all (paper, VI.B). A triangle that would vanish or turn over stays where it is.
+// Moves the lightmap UVs of each triangle to texel borders, by at most half a texel, so that texels are covered fully
+// or not at all (paper, VI.B). A triangle that would become empty or turn over is not moved.
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 3) out;
 uniform float resolution;
 out vec2 barycentric;
 
-// Twice the area of a triangle, texels; positive counter-clockwise.
+// Returns twice the area of a triangle, in texels; positive if counter-clockwise.
 float area(vec2 a, vec2 b, vec2 c) { return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x); }
 
 void main()

@@ -1,5 +1,5 @@
 #version 410
-// Lays a mesh out flat: lightmap UVs become positions (paper, IV.A).
+// Draws a mesh in lightmap space: its lightmap UVs become positions (paper, IV.A).
 in vec2 in_uv;
 out vec2 barycentric;
 

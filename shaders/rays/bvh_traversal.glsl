@@ -1,9 +1,9 @@
 #pragma once
 #include "image_borders.glsl"
 
-// Rays through a binary hierarchy of triangles (engine/visibility/rays/shaders/host_bvh.py), as
-// kernels/rays/bvh_traversal.cl. STACK is the depth of the hierarchy. TRANSMISSION is defined for scenes with
-// see-through surfaces, TINTED if these change the colour of light.
+// Ray traversal of a binary BVH (engine/visibility/rays/shaders/host_bvh.py). The same algorithm as
+// kernels/rays/bvh_traversal.cl. STACK is the depth of the BVH. TRANSMISSION is defined for scenes with transparent
+// surfaces, TINTED if some of them colour the light that passes.
 
 #define INFINITY uintBitsToFloat(0x7f800000u)
 #define PI 3.14159265358979
@@ -14,12 +14,12 @@
 layout(std430, binding = 0) readonly buffer Nodes { uvec4 nodes[]; };
 layout(std430, binding = 1) readonly buffer TriangleRecords { uvec4 triangle_records[]; };
 
-// Transmittance of surfaces: for shadow rays to lights, and for all other rays; plus BACK_SIDE of their backs.
+// Kinds of transmittance: for shadow rays to lights, and for all other rays. BACK_SIDE is added for back faces.
 #define SHADOW 0
 #define BOUNCE 1
 #define BACK_SIDE 2
 
-// A fraction of light: of each channel if surfaces change its colour.
+// Fraction of light that passes or is stopped: three channels if surfaces colour light (TINTED), else one.
 #ifdef TINTED
 #define Fraction vec3
 float largest(const vec3 f) { return max(f.x, max(f.y, f.z)); }
@@ -41,12 +41,12 @@ struct Hit {
 };
 
 #ifdef TRANSMISSION
-// Records of surfaces, four of each material; pixels of all maps, two a word; UVs of corners on the maps, layer by
-// layer; materials of triangles; tints (engine/visibility/rays/shaders/shader_tracer.py).
+// Buffer with the records of surfaces, four per material; pixels of all maps, two per word; UVs of corners on the maps,
+// layer by layer; materials of triangles; tints (engine/visibility/rays/shaders/shader_tracer.py).
 layout(std430, binding = 2) readonly buffer TransmissionTables { uint transmission_tables[]; };
 uniform int first_pixels, first_map_uvs, first_materials, first_tints;
 
-// Words of a record `Transmittance`, and where its fields are.
+// Number of 32-bit words of a record `Transmittance`, and offsets of its fields.
 #define SURFACE_WORDS 16
 #define SURFACE_BASE 0
 #define SURFACE_THRESHOLD 3
@@ -96,7 +96,7 @@ Fraction map_value(const vec2 uv, const int surface)
 {
     vec2 size = vec2(transmission_int(surface + SURFACE_WIDTH), transmission_int(surface + SURFACE_HEIGHT));
     vec2 pixel = near_image(uv, transmission_int(surface + SURFACE_EXTENSION)) * size;
-    // One place in the code for four pixels: drivers inline every call.
+    // All four pixels are read at one place of the code, because drivers inline every call.
     bool nearest = transmission_int(surface + SURFACE_NEAREST) != 0;
     vec2 low = nearest ? floor(pixel) : floor(pixel - 0.5), f = nearest ? vec2(0.0) : pixel - 0.5 - low;
     Fraction sum = Fraction(0.0);
@@ -116,8 +116,8 @@ Fraction of_channels(const int first)
 #endif
 }
 
-// The fraction of light that a surface stops at a point of a triangle; w: weights of its second and third corner.
-// kind: SHADOW or BOUNCE
+// Returns the opacity of a surface at a point of a triangle. w: barycentrics of the second and third corner. kind:
+// SHADOW or BOUNCE.
 Fraction opacity(const int triangle, const vec2 w, const bool front, const int kind)
 {
     int material = transmission_int(first_materials + triangle);
@@ -134,8 +134,8 @@ Fraction opacity(const int triangle, const vec2 w, const bool front, const int k
     return clamp(stopped, 0.0, 1.0);
 }
 
-// What is more transparent than this is passed. DITHERED: partial opacity stops that fraction of the rays,
-// chosen by a hash of where they hit; else half of it is as good as all.
+// Returns the smallest opacity that stops a ray at this hit. With DITHERED it is a pseudo-random number from a hash of
+// the hit point, so that partial opacity stops that fraction of all rays. Without, it is 1/2.
 float least_opacity(const Hit hit)
 {
 #ifdef DITHERED
@@ -150,16 +150,17 @@ float least_opacity(const Hit hit)
 }
 #endif
 
-// What a descent looks for: everything in the way, the nearest surface, or back, or the tints of what is passed.
+// Search modes of a traversal: product of transmittances up to a distance (ALL), nearest opaque hit, nearest opaque
+// back-face hit, or tint of the surfaces passed.
 #define ALL 0
 #define NEAREST_SURFACE 1
 #define NEAREST_BACK 2
 #define TINTS 4
 
-// Beyond all surfaces, and before infinity.
+// Maximum ray length, beyond all surfaces; not infinite.
 #define FARTHEST 1e38
 
-// A back loses against a front that lies on it: it counts as this part farther.
+// Relative distance added to back-face hits, so that a coplanar front face wins.
 #define BACK_FARTHER 1e-5
 
 struct Search {
@@ -171,8 +172,8 @@ struct Search {
     bool tinted;       // something was passed that changes the colour of light
 };
 
-// Whether a ray meets a box, and the distance at which it enters it (Kay and Kajiya 1986), with room for rounding
-// (Ize 2013). The inverse of the direction is finite, so nothing is NaN.
+// Slab test (Kay and Kajiya 1986): returns true if a ray hits a box, and in `begin` the distance at which it enters.
+// Boxes are enlarged for rounding (Ize 2013). The inverse direction is finite, so no value is NaN.
 bool meets_box(const Search search, const vec3 low, const vec3 high, out float begin)
 {
     vec3 a = (low - search.origin) * search.inverse, b = (high - search.origin) * search.inverse;
@@ -182,8 +183,8 @@ bool meets_box(const Search search, const vec3 low, const vec3 high, out float b
     return begin <= min(min(leave.x, leave.y), min(leave.z, search.reach)) * 1.0000004;
 }
 
-// What is met at a triangle counts; false if nothing more can. Moeller and Trumbore 1997; edges are a little wider than
-// they are, so that nothing slips between.
+// Merges the hit of a triangle into the search; returns false once the search is complete. Ray-triangle intersection by
+// Moeller and Trumbore 1997. Triangles are enlarged slightly, so that rays cannot slip between neighbours.
 bool take_triangle(const int index, inout Search search)
 {
     uvec4 record = triangle_records[3 * index];
@@ -236,7 +237,7 @@ bool take_triangle(const int index, inout Search search)
     return true;
 }
 
-// What is met in a leaf counts; false if nothing more can.
+// Tests all triangles of a leaf; returns false once the search is complete.
 bool take_leaf(const int code, inout Search search)
 {
     int first = code >> LEAF_BITS, count = code & ((1 << LEAF_BITS) - 1);
@@ -246,11 +247,11 @@ bool take_leaf(const int code, inout Search search)
     return true;
 }
 
-// Steps of all descents of an invocation so far: Mesa's llvmpipe ends loops after 65,535 steps in all, so that shaders
-// with many rays pause (resumed.glsl).
+// Number of traversal steps of this invocation so far. Mesa's llvmpipe ends loops after 65,535 steps in total, so
+// shaders that trace many rays pause (resumed.glsl).
 int steps = 0;
 
-// Visit what a ray may meet, near before far (Aila and Laine 2009, while-while).
+// Traverses the BVH, near children first (while-while loop of Aila and Laine 2009).
 void descend(inout Search search)
 {
     int stack[STACK];
@@ -294,8 +295,8 @@ Search search_for(const int sought, const int kind, const vec3 origin, const vec
                   false);
 }
 
-// The fraction of light that comes through along a ray up to a distance: 1 if nothing is in its way.
-// kind: SHADOW or BOUNCE, the transmittance of surfaces that counts
+// Returns the transmittance along a ray up to a distance: 1 if unoccluded, 0 if blocked. kind: SHADOW or BOUNCE,
+// selects the transmittance of surfaces.
 Fraction transmittance(const int kind, const vec3 origin, const vec3 direction, const float distance)
 {
     Search search = search_for(ALL, kind, origin, direction, distance);
@@ -303,7 +304,8 @@ Fraction transmittance(const int kind, const vec3 origin, const vec3 direction, 
     return search.through;
 }
 
-// The nearest surface along a ray, or the nearest back; holes are passed.
+// Returns the nearest opaque hit along a ray, or the nearest opaque back-face hit if `backs`. Transparent points are
+// passed.
 Hit nearest_hit(const vec3 origin, const vec3 direction, const bool backs)
 {
     Search search = search_for(backs ? NEAREST_BACK : NEAREST_SURFACE, BOUNCE, origin, direction, FARTHEST);
@@ -313,8 +315,9 @@ Hit nearest_hit(const vec3 origin, const vec3 direction, const bool backs)
 }
 
 #ifdef TINTED
-// The tint of the light that comes from a hit, or from the sky: what is nearer was passed by lot, with the probability
-// of the largest channel of its transmittance. What is left of the transmittance is the tint.
+// Returns the tint, rgb, of light that arrives along a ray from a hit or the sky. The ray passed each transparent
+// surface with a probability equal to the largest channel of its transmittance; the tint is the product of the
+// remaining factors transmittance / largest channel.
 vec3 tint_of_way(const vec3 origin, const vec3 direction, const Hit hit)
 {
     Search search = search_for(TINTS, BOUNCE, origin, direction, min(hit.distance, FARTHEST));

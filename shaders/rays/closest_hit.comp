@@ -1,6 +1,6 @@
 #version 430
-// Nearest triangle along each ray, or the nearest that shows its back: number (-1 for none), 1 for its front, and its
-// distance. kind: SHADOW or BOUNCE. As kernels/rays/closest_hit.cl.
+// Traces rays and stores the nearest opaque hit, or the nearest back-face hit: triangle index (-1 for none), 1 for a
+// front face, and the distance. kind: SHADOW or BOUNCE. The same algorithm as kernels/rays/closest_hit.cl.
 #include "bvh_traversal.glsl"
 
 layout(local_size_x = 64) in;

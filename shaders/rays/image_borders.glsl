@@ -1,8 +1,8 @@
 #pragma once
-// Images beyond their borders: 0 repeated, 1 mirrored, 2 extended by their border, 3 zeros
-// (EXTENSIONS in engine/scene/cutouts.py). As kernels/device/image_borders.cl.
+// Coordinates outside images, by extension mode: 0 repeat, 1 mirror, 2 extend the border pixels, 3 zeros (EXTENSIONS in
+// engine/scene/cutouts.py). The same algorithm as kernels/device/image_borders.cl.
 
-// A point of an image that shows what another one far beyond its borders does: near enough for int.
+// Returns equivalent coordinates near the image for a point far outside, so that they fit an int.
 vec2 near_image(const vec2 uv, const int extension)
 {
     if (extension == 0)
@@ -10,7 +10,7 @@ vec2 near_image(const vec2 uv, const int extension)
     return extension == 1 ? uv - 2.0 * floor(0.5 * uv) : clamp(uv, -1.0, 2.0);
 }
 
-// The remainder of a division by a positive number, 0 or more.
+// Returns the non-negative remainder of a division by a positive number.
 int remainder_of(const int i, const int size)
 {
     int rest = i - i / size * size;

@@ -1,20 +1,21 @@
 #pragma once
 #include "bvh_traversal.glsl"
 
-// Work of an item in several dispatches: it pauses after MAX_STEPS steps, and its state waits in a buffer
-// (engine/visibility/rays/shaders/shader_tracer.py). Dispatches stay short, too.
+// Splits the work of an item over several dispatches: an item pauses after MAX_STEPS traversal steps, and its state
+// waits in a buffer (engine/visibility/rays/shaders/shader_tracer.py). This also keeps dispatches short.
 
-// 1 if any item has paused; then STATE_WORDS of each item of the slice, of which the first one is 0 for a new item, 1 for
-// one that has paused and 2 for one that is done.
+// 1 if any item has paused; then STATE_WORDS words for each item of the slice. The first word of an item is 0 if it is
+// new, 1 if it has paused, and 2 if it is done.
 layout(std430, binding = 8) buffer States { uint states[]; };
 
-// Eight lanes of llvmpipe share the limit of 65,535 steps, and each ends its last sample.
+// Eight lanes of llvmpipe share its limit of 65,535 steps, and each lane finishes its last sample after the pause is
+// due.
 #define MAX_STEPS 2048
 
 int state_cursor;   // the next word of the item's state
 bool state_saves;   // true while the state is stored, false while it is loaded
 
-// To the state of an item of the slice; return its first word.
+// Moves to the state of an item of the slice; returns its first word.
 uint begin_state(const int item, const bool saves)
 {
     state_cursor = 1 + STATE_WORDS * item;
@@ -29,7 +30,7 @@ void end_state(const int item, const bool done)
         states[0] = 1u;
 }
 
-// Store or load a value: one list of them serves both.
+// Stores or loads one value of the state, so that one list of values serves both directions.
 void exchange(inout float x)
 {
     if (state_saves)

@@ -1,6 +1,6 @@
 #version 430
-// Fraction of light that comes through along each ray, up to the distance in its direction's w: of each channel.
-// kind: SHADOW or BOUNCE. As kernels/rays/through_surface.cl.
+// Stores the transmittance, rgb, along each ray from its origin up to the distance in w of its direction. kind: SHADOW
+// or BOUNCE. The same algorithm as kernels/rays/through_surface.cl.
 #include "bvh_traversal.glsl"
 
 layout(local_size_x = 64) in;

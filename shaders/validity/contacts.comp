@@ -1,7 +1,7 @@
 #version 430
-// Patches that a touching face covers. A short ray along the negative normal, from `above` to `below` the surface (in
-// heights of the ray origin), tests for a back face there. As kernels/direct/contacts.cl. x of a result: 0 for none,
-// 1 for covered, 2 for two faces back to back, both sides of which are open.
+// Detects patches covered by a touching face. A short ray along the negative normal, from `above` to `below` the
+// surface (in ray-origin heights), tests for a back face there. x of a result: 0 for none, 1 for covered, 2 for two
+// coincident faces whose other sides are both open. The same algorithm as kernels/direct/contacts.cl.
 #define RECEIVER_ACCESS readonly
 #include "bvh_traversal.glsl"
 #include "receiver.glsl"

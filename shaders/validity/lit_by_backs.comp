@@ -11,7 +11,7 @@ layout(local_size_x = 64) in;
 layout(std430, binding = 7) writeonly buffer Results { vec4 results[]; };
 uniform int start, end, first_planes, plane_count;
 
-// Whether a point is behind one of the planes, normal and distance from the origin. Without planes it may be.
+// Returns true if a point is behind one of the planes (normal, distance from the origin), or if there are no planes.
 bool is_behind_any(const vec3 point)
 {
     bool behind = plane_count == 0;

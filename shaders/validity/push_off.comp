@@ -1,9 +1,8 @@
 #version 430
-// Points inside geometry: what they see are back faces, and fronts that are inside, too. Rays in the plane of the surface
-// search the nearest back face; of points that see nothing but back faces the way out ends just outside of it.
-// As kernels/validity/push_off.cl. Two results a point, the first one floats: xyz the way out, m, 0 for none, and w the thickness of the thing
-// that the point is in, m; then, as integers, a triangle of it, the two between which the thickness is measured, and 1
-// for points inside.
+// Push-off: moves sample points inside geometry to the nearest outside. The same algorithm as
+// kernels/validity/push_off.cl. Each point has two results. As floats: xyz the displacement, metres, 0 for none; w the
+// thickness of the object around the point, metres. As integers: a triangle of the object, the two triangles between
+// which thickness is measured, and 1 for points inside.
 #define RECEIVER_ACCESS readonly
 #define STATE_WORDS 5
 #include "bvh_traversal.glsl"
@@ -19,7 +18,7 @@ uniform float reach;
 #define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
 #define MARGIN 0.05  // how far outside a point is moved, in widths of its texel
 
-// Whether a probe leads out: it meets nothing, or a front that itself sees more than back faces.
+// Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself.
 bool escapes(const Hit hit, const vec3 at, const float height, const float near)
 {
     if (hit.triangle < 0 || !hit.front)

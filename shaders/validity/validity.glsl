@@ -1,10 +1,10 @@
 #pragma once
 #include "probe_rays.glsl"
 
-// Tests of points for the inside of geometry, by what probe rays from them meet. As kernels/validity/validity.cl; the
-// thresholds are defined by engine/validity/thresholds.py.
+// Validity tests: decide from a few probe rays if a point is inside geometry. The same algorithms as in
+// kernels/validity/validity.cl; engine/validity/thresholds.py defines the thresholds.
 
-// Normals of the triangles; whether the back face of each sends out light.
+// Normals of the triangles, and for each triangle 1 if its back face emits light.
 layout(std430, binding = 6) readonly buffer ValidityTables { uint validity_tables[]; };
 uniform int has_lit, first_normals, first_lit;
 
@@ -18,7 +18,7 @@ vec3 normal_of(const int triangle)
 
 bool is_back(const Hit hit) { return hit.triangle >= 0 && !hit.front; }
 
-// True if a ray of unit direction meets a back face that is dark, or nearer than `near`.
+// Returns true if a hit of a ray of unit direction is a back face that is dark or nearer than `near`.
 bool meets_dark_back(const Hit hit, const float near)
 {
     return is_back(hit) && !(has_lit != 0 && is_flagged(hit.triangle) && hit.distance > near);

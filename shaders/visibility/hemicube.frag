@@ -1,10 +1,10 @@
 #version 410
-// With IDENTITY defined: which patch is seen, plus 1, and the highest bit for its back. Without: what
-// that patch sends out. The radiosity texture holds two values a patch: the front,
-// a = 1, in its lower half; emission alone, which leaves the back too, a = 0, in its upper half.
-// BACK_TO_BACK is defined for scenes with faces that lie on one another and look apart: of these the front is
-// seen. BACKS is defined for scenes with back faces that are triangles of their own: the atlas of these and of their
-// fronts is stored as -1 - atlas, and only the front of either is drawn. REVERSED_DEPTH tells that the farthest depth is 0.
+// With IDENTITY: stores the index of the visible patch plus 1, with the highest bit set for its back face. Without:
+// stores the radiance of that patch. The radiosity texture holds two values per patch: radiance of the front face, with
+// a = 1, in its lower half; emission only, which is the radiance of the back face, with a = 0, in its upper half.
+// BACK_TO_BACK is defined for scenes with coincident faces of different radiance: the front face of the two is visible.
+// BACKS is defined for scenes whose back faces are triangles of their own: the atlas of these and of their front faces
+// is stored as -1 - atlas, and only front faces of either are drawn. REVERSED_DEPTH: the farthest depth is 0.
 in vec3 lightmap_uv;
 uniform usampler2DArray texel_to_patch;
 #ifndef IDENTITY
@@ -21,9 +21,10 @@ in vec2 cutout_back;
 #endif
 
 #ifdef BACK_TO_BACK
-// The inverse distance of a back that may lie on a front, moved away by more than drivers let two triangles of one
-// plane differ: their corners are snapped to a grid of at least 1/16 pixel (OpenGL 4.1, 3.4), so depth is off by
-// the slope over 1/32 pixel in each, and it is interpolated in float32. Never moved beyond infinity, which is 0.
+// Moves a back face that may coincide with a front face away, and returns its inverse distance. The shift exceeds the
+// depth difference that drivers produce for two triangles of one plane: corners are snapped to a grid of at least 1/16
+// pixel (OpenGL 4.1, 3.4), so depth deviates by the slope over 1/32 pixel in each, and it is interpolated in float32.
+// The result is at least 0, which is infinity.
 float moved_away(float inverse, float slope)
 {
     return inverse * inverse / (inverse * (1.0 + 1e-4) + 0.125 * slope);

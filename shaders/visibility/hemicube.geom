@@ -1,5 +1,6 @@
 #version 410
-// One invocation a hemicube face; the item tells the hemicube and which faces see the triangle.
+// Draws each triangle to the five hemicube faces, one invocation per face. The item holds the hemicube and the faces
+// from which the triangle is visible.
 layout(triangles, invocations = 5) in;
 layout(triangle_strip, max_vertices = 3) out;
 #include "project.glsl"
@@ -16,7 +17,7 @@ out vec3 cutout;
 out vec2 cutout_back;
 #endif
 
-// True if all three corners lie beyond one of the planes of the face's frustum.
+// Returns true if all three corners lie outside one of the planes of the face's frustum.
 bool culled(vec4 p, vec4 q, vec4 r)
 {
     vec3 x = vec3(p.x, q.x, r.x), y = vec3(p.y, q.y, r.y), w = vec3(p.w, q.w, r.w);

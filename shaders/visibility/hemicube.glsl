@@ -1,4 +1,4 @@
-// Where hemicubes are in a texture array, directions of their texels, and how a group adds up.
+// Layout of hemicubes in a texture array, directions of their texels, and sums over a work group.
 layout(local_size_x = 256) in;
 const uint GROUP = 256u;
 const float PI = 3.14159265358979;
@@ -13,20 +13,20 @@ uniform int log_n;
 uniform int columns;
 uniform int tiles_per_layer;
 
-// Texel (0, 0) of a hemicube in the texture array.
+// Returns texel (0, 0) of a hemicube in the texture array.
 ivec3 origin(int slot)
 {
     int tile = slot % tiles_per_layer;
     return ivec3(tile % columns * n, tile / columns * 3 * n, slot / tiles_per_layer);
 }
 
-// Where the i-th texel of a hemicube is, row by row.
+// Returns the position of the i-th texel of a hemicube, row by row.
 ivec2 texel_at(int i)
 {
     return ivec2(i & (n - 1), i >> log_n);
 }
 
-// The direction of a texel of the stacked layout, along right, up and normal; any length.
+// Returns the direction of a texel of an unfolded hemicube along right, up and normal. Not normalised.
 vec3 texel_direction(ivec2 at)
 {
     int x = at.x, y = at.y;
@@ -42,8 +42,8 @@ vec3 texel_direction(ivec2 at)
 #ifdef SKY
 uniform sampler2D sky;
 
-// The surroundings in a direction in world space, from an equirectangular map, row 0 below
-// (Cycles, kernel/camera/projection.h): the four pixels around it, interpolated.
+// Returns the background radiance in a world-space direction: bilinear look-up in an equirectangular map whose row 0 is
+// at the bottom (Cycles, kernel/camera/projection.h).
 vec3 surroundings(Frame frame, vec3 along)
 {
     vec3 direction = along.x * frame.right.xyz + along.y * frame.up.xyz + along.z * frame.normal.xyz;
@@ -62,7 +62,8 @@ vec3 surroundings(Frame frame, vec3 along)
 
 shared vec4 partial_sums[GROUP];
 
-// The sum of all invocations' values, always added in the same order; valid in the first one.
+// Returns the sum over all invocations of the work group, always added in the same order; valid in the first
+// invocation.
 vec4 sum_of_group(vec4 value)
 {
     uint item = gl_LocalInvocationIndex;

@@ -1,8 +1,8 @@
 #version 410
-// Every instance has an item: 32 x the slot of a hemicube, its tile in the texture array layer by layer
-// and in each layer tile by tile (paper, IV.B), plus a face; with GEOMETRY defined plus the bits of faces,
-// and the geometry shader projects the triangle. With VIEWPORTS defined a face chooses its viewport.
-// TRANSMISSION is defined for scenes with see-through surfaces.
+// Draws one instance per item. An item is 32 x the slot of a hemicube, plus a face; a slot numbers the tiles of the
+// texture array, layer by layer and in each layer tile by tile (paper, IV.B). With GEOMETRY the bits of faces are
+// added, and the geometry shader projects the triangle. With VIEWPORTS the face selects its viewport. TRANSMISSION is
+// defined for scenes with transparent surfaces.
 #ifndef GEOMETRY
 #extension GL_ARB_shader_viewport_layer_array : enable
 #extension GL_AMD_vertex_shader_layer : enable

@@ -2,7 +2,8 @@
 #include "bvh_traversal.glsl"
 #include "receiver.glsl"
 
-// Probe rays around a receiver's normal, distributed by the cosine. As kernels/visibility/probe_rays.cl.
+// Probe rays: a few cosine-distributed directions around a receiver's normal. The same as
+// kernels/visibility/probe_rays.cl.
 
 #define LOOKS 16
 

@@ -1,4 +1,4 @@
-// The matrices of hemicubes: four rows a face, one hemicube a row of texels.
+// Projection matrices of hemicubes: four texels per face, one hemicube per row of texels.
 uniform sampler2D matrices;
 
 vec4 matrix_row(int slot, int index)
@@ -6,7 +6,7 @@ vec4 matrix_row(int slot, int index)
     return texelFetch(matrices, ivec2(index, slot), 0);
 }
 
-// The clip position on a face; `precise` so that every stage and driver path gives the same bits.
+// Returns the clip position on a face; `precise`, so that every stage and driver path gives the same bits.
 vec4 project(int slot, int face, vec3 position)
 {
     precise vec4 clip;

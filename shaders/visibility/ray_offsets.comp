@@ -1,5 +1,6 @@
 #version 430
-// Offsets of ray origins on smooth surfaces, and whether a face crosses the texel. As kernels/visibility/ray_offsets.cl.
+// Limits the offset of ray origins to the smooth surface, and tests whether a face crosses the texel. The same
+// algorithm as kernels/visibility/ray_offsets.cl.
 #define RECEIVER_ACCESS
 #include "bvh_traversal.glsl"
 #include "receiver.glsl"
@@ -8,11 +9,11 @@
 layout(local_size_x = 64) in;
 uniform int start, end;
 
-// Points of a texel from which a lift is tried, in texels from its centre.
+// Test points of a texel for the offset, in texels from its centre.
 const vec2 TRIED[5] = vec2[](vec2(0.0), vec2(-0.4, -0.4), vec2(0.4, -0.4), vec2(-0.4, 0.4), vec2(0.4, 0.4));
 
-// No lift where the surface is flat, hollow or inside out, and at most half of the way to what is above it, so that no
-// ray starts beyond another face.
+// The offset is 0 where the surface is flat, concave or inverted; else at most half of the distance to the geometry
+// above, so that ray origins stay on this side of it.
 void main()
 {
     int patch_ = start + int(gl_GlobalInvocationID.x);

@@ -1,9 +1,10 @@
 #pragma once
-// Receivers of light: a patch, the start of its rays, directions around its normal. As kernels/visibility/receiver.cl.
+// Receivers of light: the geometry of a patch, the origins of its rays, and sample directions around its normal. The
+// same as kernels/visibility/receiver.cl.
 
 #define TO_VEC3(a) vec3((a)[0], (a)[1], (a)[2])
 
-// A record (engine/visibility/rays/receiver_records.py), and what follows from it.
+// Receiver as unpacked from its record (engine/visibility/rays/receiver_records.py), with derived values.
 struct Receiver {
     vec3 at, normal, geometric, edge_u, edge_v;  // world space, metres; steps of a texel
     vec3 corner, edge1, edge2;                   // its triangle
@@ -40,15 +41,17 @@ Receiver load_receiver(const int i)
     return r;
 }
 
-// Cosines between the normals of a face and of its corners: beyond the first the surface counts as not smooth.
+// Cosines between face normal and vertex normal. Below the first the vertex gives no offset, above the second the full
+// one (chosen).
 #define LEANS_MUCH 0.64
 #define LEANS_LITTLE 0.82
 
-// The smooth surface is above its triangle from this fraction of the longest edge on: less comes from rounding.
+// Minimum height of the smooth surface above its triangle, as a fraction of the longest edge. Smaller heights are
+// rounding errors.
 #define FLAT 1e-4
 
-// How far outside of its flat triangle the smooth surface is at a point: the point is projected on the planes
-// of the three vertices, outwards only (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II 2021).
+// Returns the offset from a point of the flat triangle to the smooth surface: the point is projected onto the tangent
+// planes of the three vertices, outwards only (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021).
 vec3 smooth_offset(const Receiver r, const vec3 p)
 {
     vec3 q = p - r.corner, face = cross(r.edge1, r.edge2);
@@ -65,14 +68,14 @@ vec3 smooth_offset(const Receiver r, const vec3 p)
     return amount.x * r.normal1 + amount.y * r.normal2 + amount.z * r.normal3;
 }
 
-// Rays that leave at less than this (the sine of their angle) above the flat or the smooth surface start at
-// the smooth one, others on their triangle: as Cycles (kernel/light/sample.h, shadow_ray_offset).
+// Sine of the elevation below which rays start on the smooth surface instead of the triangle; Cycles uses the same
+// value (kernel/light/sample.h, shadow_ray_offset).
 #define GRAZING 0.1
 
-// Normal of the plane beyond which a patch sees no lamp, or no back of a surface.
+// Returns the normal of the horizon plane: emitters below it contribute nothing. Back faces use the geometric normal.
 vec3 horizon_of(const Receiver r, const bool back) { return back ? r.geometric : r.horizon; }
 
-// From a point of the patch to where its ray in a direction starts.
+// Returns the vector from a point of the patch to the origin of its ray in a direction.
 vec3 ray_origin(const Receiver r, const vec3 p, const vec3 direction)
 {
     vec3 start = r.height * r.geometric;
@@ -90,7 +93,8 @@ bool in_triangle(const Receiver r, const vec3 p)
     return u >= 0.0 && v >= 0.0 && u + v <= dot(normal, normal);
 }
 
-// A point of the patch's texel that lies in the patch's triangle: this one, the one opposite, or the centre.
+// Returns a point of the texel that lies in the patch's triangle: the given one, the one mirrored at the centre, or the
+// centre.
 vec3 point_of_texel(const Receiver r, const vec2 at)
 {
     vec3 offset = (at.x - 0.5) * r.edge_u + (at.y - 0.5) * r.edge_v;
@@ -115,7 +119,7 @@ void basis(const vec3 z, out vec3 x, out vec3 y)
     y = vec3(b, side + z.y * z.y * a, -z.y);
 }
 
-// A point of the unit disk from one of the unit square, by area. Sine and cosine are the polynomials of
+// Maps the unit square to the unit disk, uniform in area. Sine and cosine are the polynomials of
 // kernels/visibility/receiver.cl, so that both place samples alike.
 vec2 disk(const vec2 u)
 {
@@ -127,7 +131,7 @@ vec2 disk(const vec2 u)
     return radius * ((turn & 1) != 0 ? vec2(-sine, cosine) : vec2(cosine, sine));
 }
 
-// A direction around z, by the cosine, from a point of the unit square.
+// Returns a cosine-distributed direction around z for a point of the unit square.
 vec3 cosine_direction(const vec2 u, const vec3 x, const vec3 y, const vec3 z)
 {
     vec2 q = disk(u);

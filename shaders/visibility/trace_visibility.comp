@@ -1,6 +1,7 @@
 #version 430
-// Visibility samples found with rays: one item a ray, the samples of a patch one after another. As
-// kernels/visibility/trace_visibility.cl, which sums the light of backs at once.
+// Traces visibility samples: finds which patch each hemisphere sample of a patch hits. One work item per ray; the
+// samples of a patch are consecutive. The same algorithm as kernels/visibility/trace_visibility.cl, which also sums the
+// light of back faces.
 #define RECEIVER_ACCESS readonly
 #define DITHERED
 #include "bvh_traversal.glsl"
@@ -14,10 +15,11 @@ layout(std430, binding = 7) writeonly buffer Rows { uint rows[]; };
 uniform int start, end, first_patch;
 uniform int first_uvs, first_atlases, first_texel_to_patch, resolution, has_backs, first_backs;
 
-// Places of a texel that a face crosses: each costs rays of its own, so consecutive samples start together.
+// Number of distinct origins in a texel that a face crosses. Each costs rays of its own, so consecutive samples share
+// one.
 #define PLACES_IF_CROSSED 32
 
-// The origin of a sample's ray: all over the texel, of which a patch has the mean light.
+// Jitters the ray origin over the texel: a patch stores the mean irradiance of its texel.
 vec3 origin_of(const View view, const Receiver r, const int i)
 {
     int place = r.crossed ? i * PLACES_IF_CROSSED / samples : i;
@@ -26,7 +28,8 @@ vec3 origin_of(const View view, const Receiver r, const int i)
 }
 
 #ifdef TINTED
-// The index of a tint; of one that no palette holds that of a corner of the lattice, by lot, so that the mean is right.
+// Returns the palette index of a tint. Tints that are not in the palette are dithered to a corner of their lattice
+// cell, so that the mean is exact.
 int index_of_tint(const vec3 tint, const uint key)
 {
     int count = int(transmission_float(first_tints + 3));
@@ -48,7 +51,8 @@ int entry_of(const Hit hit)
 {
     if (hit.triangle < 0)
         return outside;
-    // The back of a face may be a triangle of its own, whose corners are in the opposite order.
+    // If back faces of this triangle have patches, the hit is replaced by a front-face hit of the twin triangle, whose
+    // corners are in opposite order.
     int triangle = hit.triangle, back = -1;
     if (!hit.front && has_backs != 0)
         back = int(view_tables[first_backs + triangle]);

@@ -1,20 +1,20 @@
-// Whether a fragment is a hole: light passes through it. Partial opacity keeps that fraction of the fragments, chosen by
-// a hash of their lightmap UV. Of tinted surfaces the channel counts that passes most.
+// Tests whether a fragment is a hole, through which light passes. Partial opacity keeps that fraction of the fragments,
+// chosen by a hash of their lightmap UV. For tinted surfaces the channel with the largest transmittance counts.
 uniform usampler2DArray cutout_pixels;
 uniform isampler2DArray cutout_maps;
 uniform sampler2DArray cutout_constants;
 
 const int REPEAT = 0, MIRROR = 1, CLIP = 3;
 
-// Where a list's entry is in its texture (engine/visibility/table.py).
+// Returns the texel of entry i of a list in its texture (engine/visibility/raster/list_texture.py).
 ivec3 in_table(int i, int height)
 {
     int row = i / 4096;
     return ivec3(i % 4096, row % height, row / height);
 }
 
-// Pixels begin at -1, see near_image: GLSL leaves remainders of negative numbers open. Integers, since a card's
-// quotient of two equal floats may be a little less than 1.
+// Coordinates of pixels start at -1, see `near_image`, because GLSL does not define remainders of negative numbers.
+// Integers are used because a GPU's quotient of two equal floats may be slightly less than 1.
 int wrapped(int i, int size, int extension)
 {
     if (extension == REPEAT)
@@ -26,7 +26,7 @@ int wrapped(int i, int size, int extension)
     return clamp(i, 0, size - 1);
 }
 
-// One pixel of a map, of 1 or 3 values (bit 3 of w).
+// Returns one pixel of a map with 1 or 3 channels (bit 3 of w).
 vec3 map_pixel(ivec2 p, ivec4 map)
 {
     ivec2 size = map.yz;
@@ -42,7 +42,7 @@ vec3 map_pixel(ivec2 p, ivec4 map)
     return values;
 }
 
-// The same point on the image or beside it, where int can count the pixels.
+// Returns equivalent coordinates on the image or beside it, where they fit an int.
 vec2 near_image(vec2 uv, int extension)
 {
     if (extension == REPEAT)

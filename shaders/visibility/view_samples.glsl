@@ -1,7 +1,7 @@
 #pragma once
 #include "receiver.glsl"
 
-// Views of patches: origin, directions and weights of their samples, distributed by the cosine. As
+// Sample patterns over the hemisphere of a patch: viewpoint, cosine-distributed directions, and weights. The same as
 // kernels/visibility/view_samples.cl with COSINE.
 
 // Tables of the samples, see engine/gather/shader_gather.py.
@@ -18,11 +18,11 @@ struct View {
     uvec2 shift;
 };
 
-// Steps of the R2 sequence (engine/visibility/views/directions.py).
+// Increments of the R2 low-discrepancy sequence as fractions of 2^32 (engine/visibility/views/directions.py).
 #define R2 uvec2(3242174889u, 2447445414u)
 
-// The view of a patch. Its samples go on in the sequence where those of the patch before it along a curve
-// through the texels end (Ahmed and Wonka 2020).
+// Returns the view of a patch. Each patch continues the sample sequence where its predecessor along the Hilbert curve
+// ended (Ahmed and Wonka 2020).
 View view_of(const Receiver r)
 {
     vec3 x, y;
@@ -31,7 +31,7 @@ View view_of(const Receiver r)
     return View(r.at + r.height * r.geometric, x, y, r.normal, r.geometric, rotate != 0 ? shift : uvec2(0u));
 }
 
-// The direction of a sample in world space.
+// Returns the world-space direction of sample i.
 vec3 sample_direction(const View view, const int i)
 {
     uvec2 point = uvec2(view_tables[first_pattern + 2 * i], view_tables[first_pattern + 2 * i + 1]);

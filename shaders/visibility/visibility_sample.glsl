@@ -1,19 +1,19 @@
 #pragma once
-// Kept samples of views: an entry in the bits below ENTRY_BITS and the index of a tint above. Entries are 0 for nothing,
-// patch + 1 for the front of a patch, `outside` for the surroundings, then outside + 1 + patch + 1 for the back of a
-// patch (outside + 1: a back without a patch).
+// Encoding of cached visibility samples: an entry in the bits below ENTRY_BITS and the palette index of a tint above.
+// Entries are 0 for nothing, patch + 1 for the front face of a patch, `outside` for the background, and outside + 1 +
+// patch + 1 for the back face of a patch (outside + 1: a back face without a patch).
 
 #define ENTRY_BITS 26
 #define ENTRY(kept) int((kept) & ((1u << ENTRY_BITS) - 1u))
 #define TINT_INDEX(kept) int((kept) >> ENTRY_BITS)
 
-// A sample below the horizon, of which the view has no part.
+// Sample below the geometric horizon, which does not contribute.
 #define BELOW_HORIZON 0xffffffffu
 
 uniform int outside;
 
 #ifdef TINTED
-// Values of a channel in the lattice of tints, and where that begins; tints that differ by less are the same
+// Values per channel in the lattice of tints, its first index, and the tolerance at which tints are equal
 // (engine/scene/tints.py).
 #define LEVELS 3
 #define EXACT (64 - LEVELS * LEVELS * LEVELS)

@@ -257,7 +257,7 @@ class Settings:
     denoise_device: str = described(
         "cpu",
         "Denoise Device",
-        "Device of Open Image Denoise. The CPU replaces a missing one",
+        "Device of Open Image Denoise. The CPU is used if the device is missing",
         OneOf(_DENOISE_DEVICES),
         PREFERENCES,
         invalidates=(),

@@ -198,7 +198,8 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         default=1.0,
     )
     baked_scene: StringProperty(
-        description="Key of the scene of the last bake in the memory of this session", options={"HIDDEN"}
+        description="Key under which this session keeps the scene of the last bake in memory",
+        options={"HIDDEN"},
     )
     bake_id: StringProperty(
         name="Bake ID",

@@ -68,7 +68,7 @@ class GlslCachedIntegrator:
     def keep(self, frames: np.ndarray) -> None:
         """Store the item buffers of the last draw and sum their background light.
 
-        Frames: (m, 4, 3) float32.
+        frames: (m, 4, 3) float32, see `Viewpoints.frames`
         """
         self._tables.set_frames(frames)
         textures = {"hemicubes": self._texture, "sky": self._sky}

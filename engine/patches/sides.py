@@ -28,10 +28,7 @@ class Sides:
     own: np.ndarray
 
     def blend(self, light: np.ndarray) -> np.ndarray:
-        """Blend E/pi of points, (n, 3) float32, with E/pi of the other sides by transmittance.
-
-        Return (n, 3) float32.
-        """
+        """Return E/pi of points, (n, 3) float32, blended with E/pi of the other sides by transmittance."""
         blended = light.copy()
         both = light[self.pairs]
         blended[self.pairs] = self.own * both + (1 - self.own) * both[:, ::-1]
@@ -44,10 +41,7 @@ class Sides:
 
 
 def both_sides(sides: Sides | None, light: np.ndarray) -> np.ndarray:
-    """Blend E/pi of patches, (n, 3) float32, with E/pi of the other sides.
-
-    Unchanged if there are no pairs.
-    """
+    """Return E/pi of patches, (n, 3) float32, blended with E/pi of the other sides if there are any."""
     return light if sides is None else sides.blend(light)
 
 

@@ -60,12 +60,12 @@ def _read(path: Path) -> dict:
         report = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise CommandError(
-            f"Part '{path.parent.name}' was not baked, there is no report of it: {error}"
+            f"Part '{path.parent.name}' has no report; bake that part first: {error}"
         ) from error
     except ValueError as error:
-        raise CommandError(f"'{path}' is no report of a bake: {error}. Bake that part again.") from error
+        raise CommandError(f"'{path}' is not a bake report: {error}. Bake that part again.") from error
     if not isinstance(report, dict) or not report.keys() >= _TOTALS:
-        raise CommandError(f"'{path}' is no report of a bake. Bake that part again.")
+        raise CommandError(f"'{path}' is not a bake report. Bake that part again.")
     return report
 
 

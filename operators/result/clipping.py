@@ -70,13 +70,15 @@ def _remedy_for_bright(file: LightmapFile, most: float) -> str:
         return f"Choose an Exposure of {np.floor(-10 * np.log2(most)) / 10:g}, or another format"
     if file.format.name in RANGED:
         return f"Choose a Range of {1.001 * most:.4g} or more, or 0"
-    return "Choose OpenEXR with full floats"
+    return "Choose OpenEXR with 32-bit floats"
 
 
 def _remedy_for_dark(file: LightmapFile) -> str:
     if isinstance(file.encoding, Srgb):
         return "Raise the Exposure, or choose another format"
-    return "Choose a higher Gamma, or another format" if file.format.name in RANGED else "Choose full floats"
+    return (
+        "Choose a higher Gamma, or another format" if file.format.name in RANGED else "Choose 32-bit floats"
+    )
 
 
 def _objects_at(read: ReadScene, atlas: int, texels: np.ndarray) -> list[str]:

@@ -59,9 +59,11 @@ def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tupl
     shown, notes = 0, []
     for obj in dict.fromkeys([*baked, *instances]):
         if not obj.is_editable:
-            notes.append(f"Object '{obj.name}' is linked from another file: it has no preview.")
+            notes.append(f"Object '{obj.name}' is linked from another file, so it cannot show a preview.")
         elif not obj.material_slots and not obj.data.is_editable:
-            notes.append(f"Object '{obj.name}' has no material slot and a linked mesh: it has no preview.")
+            notes.append(
+                f"Object '{obj.name}' has no material slot and a linked mesh, so it cannot show a preview."
+            )
         else:
             shown += 1
             _remember(obj)

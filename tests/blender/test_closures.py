@@ -367,7 +367,7 @@ def test_nodes_that_bakes_evaluate_differently_are_named():
         collected.add(surface)
     assert collected.sentences() == [
         "The tint of the coat of materials 'Lacquer' is not baked.",
-        "Materials 'Fading' depend on Ray Length, which bakes take as 1. Replace that node.",
+        "Materials 'Fading' depend on Ray Length. A bake uses the length 1. Replace that node.",
         "Materials 'Dirty': bakes evaluate their Ambient Occlusion nodes without other objects. Bake the "
         "node into an image.",
     ]

@@ -336,7 +336,7 @@ def test_half_floats_that_are_clipped_are_told(settings):
     glow(1e5)
     bake()
     (warning,) = report()["warnings"]
-    assert "clipped to 65504" in warning and "Choose OpenEXR with full floats" in warning
+    assert "clipped to 65504" in warning and "Choose OpenEXR with 32-bit floats" in warning
 
 
 # Names.

@@ -117,7 +117,7 @@ def test_a_part_that_was_not_baked_is_named(shell, two_rooms, tmp_path, capfd):
         shell.merge.merge_parts,
     )
     assert shell.command.execute(*merge) == 1
-    assert "Part 'Yard' was not baked" in capfd.readouterr().err
+    assert "Part 'Yard' has no report" in capfd.readouterr().err
     assert not (tmp_path / "report.json").exists()
 
 
@@ -129,7 +129,7 @@ def test_a_broken_report_is_named(shell, tmp_path, capfd, text):
         shell.command.execute([str(tmp_path)], shell.merge.merge_parser("merge"), shell.merge.merge_parts)
         == 1
     )
-    assert "is no report of a bake" in capfd.readouterr().err
+    assert "is not a bake report" in capfd.readouterr().err
 
 
 def test_a_folder_without_parts_is_refused_with_the_remedy(shell, tmp_path, capfd):

@@ -67,7 +67,7 @@ class SurfaceNotes:
         if self._coats:
             notes.append(listing("The tint of the coat of materials {} is not baked.", sorted(self._coats)))
         if self._lengths:
-            sentence = "Materials {} depend on Ray Length, which bakes take as 1. Replace that node."
+            sentence = "Materials {} depend on Ray Length. A bake uses the length 1. Replace that node."
             notes.append(listing(sentence, sorted(self._lengths)))
         if self._occlusions:
             sentence = (

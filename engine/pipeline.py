@@ -101,7 +101,8 @@ def _bake(
     atlases, scene = scene.atlases, kept.with_places(graphics, compute, scene, settings)
     check_limits(graphics, compute, scene, settings)
 
-    # Other processes build their ray tracing structures meanwhile.
+    # Send the scene to the other processes, which build their ray tracing structures while this process
+    # continues.
     shipped = ship and ship(scene)
 
     # Patch list: lightmap texels on surfaces, and their geometry (III.A, IV.A).

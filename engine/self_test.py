@@ -73,7 +73,7 @@ def run_self_test(bake: Bake, settings: Settings) -> Generator[Progress | None, 
 
 
 def furnace_settings(settings: Settings) -> Settings:
-    """Return the settings of the self-test's bakes on the machine of the given settings."""
+    """Return the self-test's settings, with devices, memory limits and folders of the given settings."""
     return replace(
         _SETTINGS,
         opencl_device=settings.opencl_device,

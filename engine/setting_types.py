@@ -117,7 +117,7 @@ class Address:
     """Network address of a program, or empty."""
 
     def demand(self, value: Any) -> str | None:
-        """Return None: the connection is tested on use."""
+        """Accept any text, because only a connection can test an address."""
         return None
 
 

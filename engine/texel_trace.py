@@ -14,7 +14,7 @@ from .progress import finished
 from .scene.model import Scene, shining_lights
 from .validity.invalid import is_invalid
 
-#: Light groups of the trace for emitters that are no lights.
+#: Names that the trace uses, instead of a light group, for emissive faces and the bright sky.
 _FACES, _WORLD = "(emissive faces)", "(bright sky)"
 
 

@@ -102,7 +102,7 @@ class HEMIBAKE_OT_fix(bpy.types.Operator):
         name="Names", description="Names of the objects, as a JSON list", default="[]", options={"SKIP_SAVE"}
     )
     value: bpy.props.IntProperty(
-        name="Value", description="A number that the fix takes", options={"SKIP_SAVE"}
+        name="Value", description="Number that the fix uses, such as a resolution", options={"SKIP_SAVE"}
     )
 
     @classmethod

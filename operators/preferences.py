@@ -19,7 +19,7 @@ from .worker_manager import poll_idle
 
 
 class HemibakePreferences:
-    """The settings of the machine; `panels` derives Blender's class from it, which draws them."""
+    """Properties of the settings in Blender's Preferences; the class in `panels` inherits and draws them."""
 
     bl_idname = EXTENSION
     __annotations__ = setting_properties(shown_in(PREFERENCES), Settings())

@@ -129,7 +129,8 @@ class ClusterDevices:
         self._solved = ShippedPatches(self._tasks, self._parts.patches.part(leader), table, self._folder)
         self._find()
 
-        # Dask schedules tasks well only if they depend on few values, so both tables form one value.
+        # Both tables are combined to one value, because Dask schedules tasks slowly if they depend on many
+        # values.
         tables = self._patches.table, self._solved.table
         (self._both,) = self._tasks.begin(final_tasks.both, [tables])
 

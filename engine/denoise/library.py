@@ -26,7 +26,7 @@ _FLOAT3 = 3
 #: Major version of the interface.
 _MAJOR = 2
 
-#: Memory limit of a filter besides its image, MiB; the filter then works in tiles.
+#: Memory limit of a filter in MiB, without its images; if it needs more, it processes the image in tiles.
 _MEMORY = 1024
 
 #: Result and argument types of each function used.

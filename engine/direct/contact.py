@@ -16,7 +16,7 @@ from ..visibility.rays.receiver_records import RECEIVER
 #: Ends of the test ray above and below the surface, as multiples of the height of ray origins.
 ABOVE, BELOW = 2.0, 1.0
 
-#: Maximum number of emissive planes for the early-out test of the kernel.
+#: Maximum number of emissive triangles for which the kernel tests if a patch lies in front of all planes.
 _PLANES = 64
 
 #: Distance by which the planes lie in front of their triangles, as a fraction of the largest coordinate.

@@ -206,7 +206,7 @@ class DirectLighting:
         return bool(self._lamps) or len(self._bright.triangles) > 0 or self._sky.bright is not None
 
     def _no_l1(self) -> np.ndarray:
-        """Return an L1 of zero for all patches, (n, 3, 3) float32; (0, 3, 3) without directional maps."""
+        """Return L1 vectors of 0 for all patches, (n, 3, 3) float32; (0, 3, 3) without directional maps."""
         return np.zeros((self._ray_scene.count if self._settings.directional else 0, 3, 3), np.float32)
 
     def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays | ShaderShadowRays:

@@ -129,7 +129,7 @@ class ShadowRays:
     def _all_light(
         self, lists: list[np.ndarray], chosen: np.ndarray | None = None
     ) -> Generator[float, None, cl.Buffer]:
-        """Return E/pi and unshadowed luminance of all emitters in the lists, float4 of n patches."""
+        """Return direct light of each patch, (n,) float4: E/pi in rgb, its luminance without shadows in a."""
         joined = joined_emitters(lists, self._settings.light_samples)
         if joined is None:
             return zeros(self._compute, 16 * self._count)

@@ -18,7 +18,7 @@ from ..visibility.sample_counts import ray_count
 from .texel_sample_points import TexelGatherJob
 from .valid_patches import radiance_of
 
-#: Rays of each patch, and shadow rays to each light.
+#: Number of visibility rays per patch, and of shadow rays per light and patch.
 _RAYS, _LIGHT_RAYS = 32, 16
 
 #: Bits that change the seed, so that the noise is uncorrelated with the bake's.

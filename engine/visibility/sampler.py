@@ -141,10 +141,11 @@ def upload_background(
     sky: np.ndarray,
     whole: Callable[[np.ndarray], np.ndarray | None] = open_sky,
 ) -> Background:
-    """Upload the radiance of everything except fronts of patches: emission of backs, (n, 3) float32, and sky.
+    """Upload the light of visibility samples that hit no front face: emission of back faces, and the sky.
 
-    sky:    (h, w, 3) float32, radiance, equirectangular
-    whole:  computes the table of the unoccluded sky, see `unoccluded_sky.open_sky`
+    emission:  (n, 3) float32, radiance of the back face of each patch
+    sky:       (h, w, 3) float32, radiance, equirectangular
+    whole:     computes the table of the unoccluded sky, see `unoccluded_sky.open_sky`
     """
     backs = upload_float4_once(compute, emission, first=1)
     pixels = upload_float4(compute, sky.reshape(-1, 3))

@@ -32,7 +32,7 @@ def has_moved_charts(obj: bpy.types.Object, mesh: bpy.types.Mesh, scene: bpy.typ
     """
     known = bake_record(obj, scene)
 
-    # The record of an object that is visible only through instances has no UV layer.
+    # An object that is visible only through instances has no UV layer in its record.
     layer = known.uv_layer or lightmap_layer(obj, scene.hemibake.uv_layer)
     leaves_out = obj.mode != "OBJECT" and len(obj.modifiers) > 0
     if not known.baked_uvs or leaves_out or layer not in mesh.uv_layers:

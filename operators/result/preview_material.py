@@ -85,7 +85,7 @@ def _is_diffuse(node: bpy.types.Node) -> bool:
 
 
 class _LitTree:
-    """Node tree whose shaders are being replaced."""
+    """Node tree whose diffuse shaders are being replaced by emission shaders that show the lightmap."""
 
     def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
         self._tree, self._lightmap = tree, lightmap

@@ -148,9 +148,9 @@ def _reference(name: str, whole: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def _light_of(lightmap: BakeResult, texels: tuple) -> dict[str, np.ndarray]:
-    """Return the values of texels, (n, 3) float32 by map: light, fractions, and encoded directional maps.
+    """Return the values of chosen texels, (n, 3) float32, for each map of a bake.
 
-    Directional maps change with the light that they are weighted by, and are compared to all of it.
+    Directional maps are encoded to light, because their changes matter in proportion to the light.
     """
     maps = {name: image[texels] for name, image in lightmap.passes.items()}
     light = {name: image for name, image in maps.items() if name not in SIGNED_MAPS}

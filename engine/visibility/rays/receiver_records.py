@@ -83,7 +83,8 @@ def _step_records(steps: TexelSteps) -> np.ndarray:
 
 def points_of_texels(patches: PatchList) -> int:
     """Return the number of patches per texel: 1, or more for sample points of texels."""
-    # The last texel of one lightmap and the first of the next may have the same index.
+    # A run of equal texels ends where the lightmap changes too: the last texel of one lightmap and the first
+    # of the next may have the same index.
     starts = (patches.texel[1:] != patches.texel[:-1]) | (patches.atlas[1:] != patches.atlas[:-1])
     runs = 1 + np.count_nonzero(starts)
     return math.ceil(len(patches) / runs)

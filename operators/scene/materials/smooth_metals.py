@@ -11,8 +11,8 @@ from .sockets import feeding_socket
 #: Roughness below which light beside a sunlit metal differs from Cycles by more than 7 % (measured).
 _SMOOTH = 0.7
 
-#: Smallest relevant fraction of a surface's light. Beside a sunlit surface that mirrors this fraction, the
-#: light of a wall changes by 5 % (measured).
+#: Smallest fraction of smooth metal in a surface for which the report warns. A sunlit surface with this
+#: fraction changes the light of an adjacent wall by 5 % (measured).
 _RELEVANT = 0.3
 
 #: Mix factors that are small where a surface is not viewed at a grazing angle.

@@ -23,7 +23,7 @@ def multi_user_sources(uv_layer: str) -> set[int]:
 
 
 def instanced_objects() -> set[int]:
-    """Return the session uids of objects that are in no scene, or in a collection that is instanced."""
+    """Return session uids of objects of instanced collections, and of objects that are in no scene."""
     shown = {obj.session_uid for scene in bpy.data.scenes for obj in scene.objects}
     collections = {obj.instance_collection for obj in bpy.data.objects if obj.instance_collection}
     members = {obj.session_uid for collection in collections for obj in collection.all_objects}

@@ -40,7 +40,7 @@ class ShaderScene:
 
     @cached_property
     def receivers(self) -> moderngl.Buffer:
-        """The records of all patches, RECEIVER; no ray starts beyond another face."""
+        """Receiver records of all patches, with ray origins on this side of all other faces."""
         records = receivers_on_host(self._parts.patches, self._parts.geometry)
         buffer = storage_buffer(self.graphics, records)
         run = self.tracer.run("ray_offsets", self.count, {RECORDS: buffer}, {}, records=(RECEIVER,))

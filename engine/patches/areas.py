@@ -1,4 +1,4 @@
-"""How much of a surface each patch stands for."""
+"""Surface area that each patch represents."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from .geometry import PatchGeometry
 from .patch_list import PatchList
 from .texel_components import connected_texels
 
-#: Keys are numbered by a table unless it would be so many times as long as they are many.
+#: Keys are numbered by a lookup table if the largest key is less than this multiple of the number of keys,
+#: else by a sort.
 _SPARSE = 4
 
 
@@ -48,7 +49,10 @@ def surface_areas(triangles: Triangles, patches: PatchList, geometry: PatchGeome
 def _parts_of_charts(
     surface: np.ndarray, patches: PatchList, geometry: PatchGeometry
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of the chart, or part of one, that is of one surface, of triangles with patches.
+    """Return the chart part of each triangle that has patches: triangles of one chart and one surface.
+
+    surface:  (t,) int64, number of the mesh and material of each triangle. Returns (k,) int64, number of the
+              part, and (k,) int64, indices of the triangles, ascending.
 
     surface: (t,) int64. Returns (k,) int64, and which triangles these are, (k,) int64, ascending.
     """
@@ -67,7 +71,10 @@ def _parts_of_charts(
 
 
 def _numbered(keys: np.ndarray) -> np.ndarray:
-    """Return 0, 1, ... for keys, (k,) int64 from 0 on, in their order; equal ones have the same number."""
+    """Replace keys, (k,) int64 >= 0, by consecutive numbers in the order of the keys.
+
+    Equal keys get equal numbers.
+    """
     if keys.max(initial=0) > _SPARSE * len(keys):
         return np.unique(keys, return_inverse=True)[1].reshape(-1)
     there = np.zeros(keys.max(initial=0) + 1, bool)
@@ -77,6 +84,9 @@ def _numbered(keys: np.ndarray) -> np.ndarray:
 
 
 def _ratios(part: np.ndarray, whole: np.ndarray, listed: np.ndarray) -> np.ndarray:
-    """Return the ratio of the sums of two areas over each part, at its triangles, (k,) float64; 1 over 0."""
+    """Return the ratio of the sums of two areas over each part, (k,) float64 by triangle.
+
+    1 where the second sum is 0.
+    """
     wholes, listings = np.bincount(part, whole), np.bincount(part, listed)
     return np.divide(wholes, listings, out=np.ones_like(wholes), where=listings > 0)[part]

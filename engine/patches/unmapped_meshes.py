@@ -1,7 +1,7 @@
-"""Places for surfaces without a lightmap: they reflect and emit, so they need patches, at low density.
+"""Lightmap UVs for surfaces without a lightmap, which reflect and emit light and therefore need patches.
 
-They lie in atlases of the engine's own, mostly one. A triangle larger than a texel's world size gets a square
-block of texels; smaller ones of like position, direction and material have a single texel.
+They lie in additional atlases, mostly one, at low density. A triangle larger than a texel's world size gets a
+square block of texels; smaller ones of like position, direction and material share a single texel.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def bake(
     ship:     sends the scene to other processes; None to use only the given devices
     inspect:  called with the intermediate results before they are released
     """
-    # A device that is used for the first time builds the kernels of direct light, and the others after it.
+    # On the first use of a device, wait for the programs of direct light. Other programs are built meanwhile.
     yield from stages.prepare(devices.compute, early=True)
     return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect)))
 
@@ -130,7 +130,7 @@ def _bake(
     # Background threads. They start late, since they would delay the first image of a warm start.
     areas, seams = kept.texels.begin(compute, patch_scene, len(atlases), settings)
 
-    # Contacts: patches covered by a touching face are black, and faces may lie back to back.
+    # Contacts: patches covered by a touching face become black. `back_to_back` is set if two faces coincide.
     yield stages.begin(stages.choosing)
     contacts = kept.emitters.contacts(lighting)
     patch_scene = replace(

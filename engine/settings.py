@@ -249,7 +249,7 @@ class Settings:
     scheduler: str = described(
         "",
         "Scheduler",
-        "Address of a Dask scheduler, as tcp://host:8786. 'all' uses each local device, empty a single one",
+        "Address of a Dask scheduler, such as tcp://host:8786. 'all' uses all local devices, empty uses one",
         Address(),
         PREFERENCES,
         invalidates=(),

@@ -128,7 +128,7 @@ def size_properties() -> dict:
 
 
 def fix_size(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Set the resolution to a fixed width after a script or a user has set one; update callback."""
+    """Update callback of the resolution: a width that a user or script sets replaces the automatic one."""
     settings.size_mode = "SIZE"
 
 

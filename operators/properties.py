@@ -57,7 +57,7 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
     )
     companion_of: StringProperty(
         name="Companion Of",
-        description="Lightmap that this map of another output belongs to; empty for a lightmap",
+        description="Lightmap to which this map of another output belongs; empty for lightmaps",
         options={"HIDDEN"},
     )
     packing: StringProperty(
@@ -128,7 +128,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
 
     uv_layer: StringProperty(
         name="UV Layer",
-        description="Name of the UV layer of lightmap UVs. Objects without one get one",
+        description="Name of the UV layer of lightmap UVs. Objects without this layer get it",
         default="Lightmap",
         search=_layers_of_scene,
     )

@@ -75,7 +75,10 @@ def _launch(context: cl.Context, program: cl.Program, launches: list | None) -> 
 
 
 def _type(code: str) -> np.dtype | None:
-    """Return the type of an argument, None for memory; see `planned_program.argument_code`."""
+    """Return the NumPy type of an argument from its code; None for buffers and local memory.
+
+    See `planned_program.argument_code`.
+    """
     if code[0] in "bl":
         return None
     return np.dtype((np.void, int(code[1:]))) if code[0] == "v" else np.dtype(code)

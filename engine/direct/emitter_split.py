@@ -15,7 +15,7 @@ from .sky import Sky, split_sky, unsampled_sky
 
 @dataclass(frozen=True)
 class EmitterSplit:
-    """Small bright surfaces and both parts of the sky. Light objects are not part of the split."""
+    """Bright surfaces that shadow rays sample, and both parts of the sky; without light objects."""
 
     bright: SampledTriangles
     sky: Sky

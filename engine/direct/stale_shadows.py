@@ -74,7 +74,7 @@ def _balls(emitters: np.ndarray) -> np.ndarray:
 
 
 def _balls_at_hand(emitters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centres, (k, 3) float64, and radii, (k,), of balls around points, spots and triangles."""
+    """Return bounding balls of emitters at finite distance: centres, (k, 3) float64, and radii, (k,)."""
     position, edges = emitters["position"].astype(np.float64), [emitters["edge1"], emitters["edge2"]]
     corners = np.stack([0 * position, *edges], axis=1)
     point = emitters["kind"] == POINT

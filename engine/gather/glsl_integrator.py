@@ -39,7 +39,10 @@ class GlslIntegrator:
             self._textures["sky"] = sky_texture(graphics, sky)
 
     def integrate(self, frames: np.ndarray) -> np.ndarray:
-        """Return E/pi and the fraction of front faces for the first m slots, (m, 4) float32."""
+        """Sum the hemicubes in the first m slots.
+
+        Return E/pi and the fraction of front faces, (m, 4) float32.
+        """
         self._tables.set_frames(frames)
         self._shader.run(len(frames), {2: self._tables.sums}, self._textures, self._uniforms)
         return self._tables.read_sums(len(frames))

@@ -54,7 +54,7 @@ def ball_around(triangles: np.ndarray) -> np.ndarray:
 
 
 def _same_patches(before: PatchScene, after: PatchScene) -> bool:
-    """Return True if both versions have the same patches on the same texels."""
+    """Return True if both versions of a scene have the same patches on the same texels."""
     one, other = before.patches, after.patches
     return (
         one.resolution == other.resolution

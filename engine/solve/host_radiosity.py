@@ -130,7 +130,7 @@ class HostRadiosity:
         self._irradiance = state["irradiance"].copy()
 
     def iterate(self, column: int) -> np.ndarray:
-        """Return a copy of E/pi and the fraction without back faces of a column, (n, 4) float32."""
+        """Return the light gathered in a column, (n, 4) float32: E/pi, and fraction without back faces."""
         return self._gathered[column].copy()
 
     def mixed(self, column: int) -> np.ndarray:

@@ -115,7 +115,7 @@ class AtlasBitmap:
             start, count = start + count, 2 * count
 
     def _rows_among(self, shape: ChartBitmap, start: int, count: int) -> list[int]:
-        """Return the rows, of `count` rows from `start` on, whose free runs are long enough for the chart."""
+        """Return the rows where the chart fits into free runs, among `count` rows from `start` on."""
         runs = self._runs[start : start + count + shape.height]
         room = np.ones(count, bool)
         for row, length in shape.longest:

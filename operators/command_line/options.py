@@ -165,7 +165,10 @@ def colour(text: str) -> tuple[float, float, float]:
 
 
 def _choices(description: Description) -> str:
-    """Return the choices of a setting for the end of its help; empty for other settings."""
+    """Return the list of a setting's valid choices, to be appended to its help.
+
+    Empty for other types of settings.
+    """
     match description.values:
         case OneOf(options) | SomeOf(options):
             return f": {', '.join(map(str, options))}"

@@ -20,8 +20,8 @@ from .uvs.uv_faults import covered_texels
 #: Rays per patch of a quick bake, rays per patch and light, and rays for ambient occlusion.
 _RAYS, _LIGHT_RAYS, _AO_RAYS = 64, 16, 64
 
-#: Ratio of a bake's tolerance to that of a comparison bake. The worst texel's error is several times the mean
-#: error.
+#: Divisor of a bake's error tolerance for comparison bakes, because the worst texel's error is several times
+#: the mean error.
 _CLOSER = 64
 
 #: Minimum light of a light group in comparisons, as a fraction of all light.

@@ -57,7 +57,7 @@ class KeptTilts:
         return self._counts.get(state)
 
     def keep(self, state: tuple | None, counts: np.ndarray) -> None:
-        """Store a histogram; it is not stored for an unknown state."""
+        """Store the histogram of an image's state; do nothing if the state is unknown."""
         if state is not None:
             self._counts[state] = counts
             while len(self._counts) > _KEPT:

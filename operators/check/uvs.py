@@ -219,8 +219,8 @@ def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
     return [
         *found(
             ERROR,
-            f"No space left in the lightmap: {{}} would get no light. {remedy}, or assign it to another "
-            "lightmap.",
+            f"No space left in the lightmap: {{}} would get no lightmap. {remedy}, or assign it to "
+            "another lightmap.",
             [mesh.name for mesh in lost],
             "resolution" if fitting else "",
             fitting,

@@ -22,7 +22,7 @@ from benchmarks.options import ROOT
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a call.
+    """Result of a call in a process of its own.
 
     value:         what the function returned, None if it failed
     error:         a sentence, None if it did not fail

@@ -33,7 +33,7 @@ def best_of_two(scene: Scene, settings: Settings) -> tuple[float, BakeResult]:
 
 
 def facts(lightmap: BakeResult) -> dict[str, Any]:
-    """Return what a bake tells about itself, JSON-ready; the engine's own count of device memory if any."""
+    """Return the figures of a bake's report, ready for JSON, with the engine's own count of device memory."""
     report = lightmap.report
     return {
         "patches": int(report.patches),

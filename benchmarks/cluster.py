@@ -42,7 +42,7 @@ from engine.progress import Progress
 from engine.scene.model import Scene
 from engine.session import Session
 
-#: Of the bake that builds programs, and of the one that is told.
+#: Seeds of the first bake, which builds programs, and of the measured bake.
 _SEEDS = (1, 0)
 
 #: Seconds between two looks at the memory of cards.
@@ -54,7 +54,7 @@ _MOMENT = 5e-4
 
 @dataclass(frozen=True)
 class _Size:
-    """How large a bake is: texels of a side, rays of a patch, width of the squares that are solved."""
+    """Size of a bake: texels per side, rays per patch, and width of the patch groups."""
 
     resolution: int
     samples: int
@@ -67,7 +67,7 @@ class _Size:
 
 
 def main() -> None:
-    """Bake with each number of workers; print and keep what was measured."""
+    """Bake with each number of workers; print and store the measurements."""
     options = _parser().parse_args()
     keep_freed_memory()
     for size in options.bakes:
@@ -152,7 +152,7 @@ def _second(scene: Scene, settings: Settings) -> tuple[BakeResult, list[_Span], 
 
 
 def _by_workers(scene: Scene, settings: Settings, count: int, threads: int | None) -> dict[str, Any]:
-    """Bake with workers that run already; return what tasks took, too."""
+    """Bake with workers that are running; return the measurements, including those of the tasks."""
     environments = local_environments()
     if threads:
         environments = [{"POCL_MAX_PTHREAD_COUNT": str(threads)}] * count
@@ -172,7 +172,7 @@ def _by_workers(scene: Scene, settings: Settings, count: int, threads: int | Non
 
 
 def _bake(lightmap: BakeResult, spans: Sequence[_Span], by_stage: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what every bake tells."""
+    """Return the measurements that are common to all bakes."""
     report = lightmap.report
     return {
         "patches": report.patches,
@@ -187,7 +187,7 @@ def _bake(lightmap: BakeResult, spans: Sequence[_Span], by_stage: Mapping[str, A
 
 
 def _points(reason: str) -> int:
-    """Return at how many points of texels light was gathered if a reason of a report tells it, else 0."""
+    """Return the number of sample points per texel from a reason of the report; 0 without one."""
     told = re.search(r"gathered at ([\d,]+) more points", reason)
     return int(told[1].replace(",", "")) if told else 0
 
@@ -205,7 +205,7 @@ def _busy(done: Sequence[Mapping[str, Any]]) -> dict[str, Intervals]:
 
 
 def _by_stage(spans: Sequence[_Span], busy: Mapping[str, Intervals]) -> dict[str, dict[str, Any]]:
-    """Return of each stage the seconds of the client, of each worker, and those in which none was busy."""
+    """Return the busy seconds of client and workers in each stage, and the seconds in which none was busy."""
     stages: dict[str, dict[str, Any]] = {}
     every = sorted(interval for intervals in busy.values() for interval in intervals)
     for span in spans:
@@ -237,7 +237,7 @@ def _covered(span: _Span, intervals: Intervals) -> float:
 
 
 def _print_stages(stages: Mapping[str, Mapping[str, Any]]) -> None:
-    """Print a table of what `_by_stage` has returned."""
+    """Print the table of `_by_stage`."""
     for name, stage in stages.items():
         workers = "".join(f"{seconds:9.3f}" for seconds in stage["workers"])
         print(f"{name:20}{stage['client']:9.3f} s, no worker busy{stage['nobody']:9.3f}, busy{workers}")
@@ -273,7 +273,7 @@ def _host_bytes() -> int:
 
 
 class _Held:
-    """Looks, while it is open, what memory is used of each graphics card of NVIDIA's.
+    """Measures the used memory of each NVIDIA card while it is open.
 
     most:  bytes; empty without NVIDIA's tool
     """

@@ -34,12 +34,12 @@ def configurations() -> list[dict[str, Any]]:
 
 
 def finest() -> dict[str, Any]:
-    """Return values whose error is far below that of all others."""
+    """Return settings with an error far below that of all other configurations."""
     return {"visibility": "rays", "samples": 16384, "light_samples": 2048, "tolerance": 1e-4, "seed": 99}
 
 
 def fine() -> dict[str, Any]:
-    """Return values whose error is below that of most others, for lightmaps that take too long otherwise."""
+    """Return settings with an error below most other configurations, for slow lightmaps."""
     return {**finest(), "samples": 8192, "light_samples": 1024}
 
 

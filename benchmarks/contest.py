@@ -22,7 +22,7 @@ from tools.verification.areas import bake_areas
 from tools.verification.cycles import RealisedScene
 from tools.verification.difference import Difference, compare, weight_of
 
-#: Seeds of the two halves of the reference, and of what is measured against them.
+#: Seeds of the two halves of the reference, and of the measured bakes.
 _HALVES, _SEED = (1, 2), 3
 
 #: A bake faster than this is timed a second time, s.
@@ -94,7 +94,7 @@ class Reference:
 def _reference(
     context: bpy.types.Context, cycles: RealisedScene, read, settings, samples: int
 ) -> dict[str, Any]:
-    """Return what a `Reference` keeps, by name."""
+    """Return the arrays that a `Reference` stores, by name."""
     began = time.perf_counter()
     with quiet_stdout():
         centres = [cycles.bake(samples, seed) for seed in _HALVES]
@@ -197,7 +197,7 @@ def _errors(figures: Difference) -> dict[str, float | None]:
 
 
 def _digest(scene, samples: int) -> str:
-    """Return a digest of what a reference depends on: the whole scene, samples and Blender's version."""
+    """Return a digest of all that determines a reference: the scene, the samples, Blender's version."""
     key = f"{bpy.app.version_string} {samples} {_plain(scene)!r}"
     return hashlib.sha256(key.encode()).hexdigest()[:12]
 

@@ -43,7 +43,7 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Size:
-    """How large a bake is.
+    """Size of a bake.
 
     patches:  that show light
     solved:   patches, or groups of them, that bounces are solved for
@@ -82,7 +82,7 @@ class Size:
 
 
 def _blocks(size: Size) -> list[Span]:
-    """Return the blocks of what is solved."""
+    """Return the blocks into which the solved patches are divided."""
     return cut(int(np.ceil(size.solved)))
 
 
@@ -98,7 +98,7 @@ def _point_blocks(size: Size) -> list[Span]:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a bake's time.
+    """Part of a bake's time.
 
     seconds:  that a record tells of it
     terms:    numbers that it grows with, by what they are
@@ -119,7 +119,7 @@ def _task(kind: str) -> Callable[[Record], float]:
 
 
 def _rest(stage: str, *kinds: str) -> Callable[[Record], float]:
-    """Return what a stage takes beside its tasks, which workers do at the same time."""
+    """Return a function of a record: the seconds of a stage without its tasks, which workers share."""
     return lambda record: (
         record["stages"][stage] - sum(_task(kind)(record) for kind in kinds) / record["workers"]
     )
@@ -203,7 +203,7 @@ def network_seconds(size: Size, bandwidth: float) -> float:
 
 
 def traffic(size: Size) -> dict[str, float]:
-    """Return bytes: what travels in a sweep, and what each worker has of patches and of what they see."""
+    """Return the bytes sent in each iteration, and the bytes of patches and visibility on each worker."""
     return {
         "to each worker in a sweep": SENT * size.solved,
         "to the client in a sweep": RETURNED * size.solved,
@@ -213,7 +213,7 @@ def traffic(size: Size) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print constants, what they say of measured bakes, and of one that is asked for."""
+    """Print the model's constants, its times of measured bakes, and the time of a requested bake."""
     options = _parser().parse_args()
     records = [
         record for record in json.loads(options.results.read_text()) if record["devices"] == options.devices
@@ -237,7 +237,7 @@ def main() -> None:
 
 
 def _foretell(model: CostModel, options: argparse.Namespace) -> None:
-    """Print what a bake costs that was not made."""
+    """Print the predicted time of a bake."""
     solved, points = options.patches / options.groups**2, min(options.patches, _MOST_POINTS)
     size = Size(
         options.patches, solved, points, options.triangles, options.samples, options.sweeps, options.workers

@@ -13,7 +13,7 @@ _NVIDIA = ("--query-gpu=memory.used", "--format=csv,noheader,nounits", "-lms", "
 
 
 class DeviceMemory:
-    """Watches the first card while it is entered.
+    """Measures the memory of the first card inside a `with` block.
 
     peak:  bytes above what was in use at first, None if no driver tells
     """

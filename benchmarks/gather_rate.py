@@ -11,7 +11,7 @@ from benchmarks.rooms import cornell_box
 from benchmarks.solving import solving
 from engine.visibility.sample_counts import sample_bytes
 
-#: Name of the kernel that sums what patches see.
+#: Name of the kernel that sums the visibility samples of patches.
 _KERNEL = "gather"
 
 _REPEATS = 5

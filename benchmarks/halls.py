@@ -69,7 +69,7 @@ def _column(x: float, y: float, fine: int) -> Surface:
 
 
 def _arch(x: float, y: float, fine: int) -> list[Surface]:
-    """Return what is above the opening of a bay: the arch from below, and both sides of the wall on it."""
+    """Return the surfaces above the opening of a bay: the arch from below, and both sides of the wall."""
     angle = np.linspace(0, np.pi, fine + 1)
     along = y + 0.5 * _BAY * (1 - np.cos(angle))
     above = _COLUMN + 0.45 * _BAY * np.sin(angle)
@@ -106,7 +106,7 @@ def _gable(y: float, fine: int) -> Surface:
 
 
 def _walls() -> list[Surface]:
-    """Return what is flat: walls with windows, roofs of the aisles, the nave above them, both ends."""
+    """Return the flat surfaces: walls with windows, roofs of the aisles, the nave above them, both ends."""
     x, y, z = np.diag([_WIDTH, _LENGTH, 1.0])
     rise, top, end = (_WALL - _ARCADE) * z, _ARCADE * z, (_WALL - _BELOW - _ARCADE) * z
     left, right = _ROWS[0] + _THICK / 2, _ROWS[1] - _THICK / 2

@@ -80,7 +80,7 @@ def logged(
 
 
 def report(log: DeviceLog, listed: bool) -> str:
-    """Return tables by stage, by kernel, and with `listed` by what asked for each command."""
+    """Return tables by stage, by kernel, and with `listed` by caller of each command."""
     launches = sum(entry.kind == LAUNCH for entry in log.entries)
     parts = [f"{sum(log.seconds.values()):.3f} s, {launches:,} launches"]
     parts += [by_stage(log.entries, log.seconds), by_kernel(log.entries)]
@@ -161,7 +161,7 @@ def _bake(session: Session, scene: Scene, settings: Settings) -> None:
 
 
 def _relit(scene: Scene) -> Scene:
-    """Return a scene whose first lamp shines otherwise; emissive surfaces alone do where it has none."""
+    """Return a scene whose first lamp, or without lamps whose emissive surfaces, have another strength."""
     if scene.lights:
         first = replace(scene.lights[0], strength=scene.lights[0].strength * 1.25)
         return replace(scene, lights=(first, *scene.lights[1:]))

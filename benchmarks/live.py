@@ -26,7 +26,7 @@ from .rooms import cornell_box, hilly_room, with_small_box
 #: Edits of each kind.
 _EDITS = 9
 
-#: What is timed of each edit, from its beginning on.
+#: Measured times of each edit, from its start.
 _TIMES = ("first image", "settled", "finished")
 
 
@@ -37,7 +37,7 @@ def lamp(step: int) -> Light:
 
 
 def brightened(scene: Scene, step: int) -> SceneChanges:
-    """Change what the light of the ceiling emits."""
+    """Change the emission of the ceiling light."""
     number, light = next((i, paint) for i, paint in enumerate(scene.materials) if paint.emission.any())
     return SceneChanges(materials={number: replace(light, emission=light.emission * np.float32(0.9))})
 

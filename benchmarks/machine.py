@@ -1,4 +1,4 @@
-"""Description of the machine and of what was measured."""
+"""Description of the machine for stored measurements."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _version(package: str) -> str | None:
 
 
 def _said(*command: str) -> str | None:
-    """Return what a command prints, None if there is none or it fails."""
+    """Return the output of a command; None if it is missing or fails."""
     try:
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):

@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True)
 class Options:
-    """The same for every suite.
+    """Options that all suites share.
 
     gpu:      True chooses sizes for a graphics card
     full:     True measures everything, False what takes minutes

@@ -19,7 +19,7 @@ from engine.plan.stages import BakeStages, Extent
 
 
 class ProfiledCompute(ComputeDevice):
-    """A Compute whose queue takes the time of every kernel.
+    """Compute device whose queue measures the time of every kernel.
 
     events:             (name, event) of every kernel that was started
     processor_seconds:  what kernels took of this process's processors, s, by name; only where a processor

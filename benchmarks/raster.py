@@ -95,7 +95,7 @@ class Case:
         self.frames = np.concatenate([self.frame, horizon], axis=1).astype(np.float32)
 
     def raster(self, path: str | None = None, culling: bool = True) -> HemicubeRaster:
-        """Return what draws the scene."""
+        """Return the hemicube raster of the scene, with a rendering path and optional culling."""
         texel_to_patch = np.arange(LIGHTMAP**2, dtype=np.uint32).reshape(1, LIGHTMAP, LIGHTMAP)
         cutouts = read_cutouts(self.scene)
         return HemicubeRaster(
@@ -139,7 +139,7 @@ def drawing(graphics: GraphicsContext, n: int, scene: Scene, seconds: float) -> 
 def integrating(
     graphics: GraphicsContext, compute: ComputeDevice | None, n: int, scene: Scene, seconds: float
 ) -> None:
-    """Print what an iteration of the method `paper` takes with every integrator."""
+    """Print the times of an iteration of the method `paper` with each integrator."""
     names = [*(["glsl"] if graphics.computes else []), *(["opencl"] if compute else [])]
     for name in names:
         case = Case(graphics, n, scene, RADIANCE_BYTES if name == "glsl" else COPIED_RADIANCE_BYTES)

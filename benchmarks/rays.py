@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def room(count: int) -> np.ndarray:
-    """Return about so many triangles, (t, 3, 3) float32: a room of 4 m with a box of 1 m in it."""
+    """Return the triangles of a room of 4 m with a box of 1 m, (t, 3, 3) float32; about `count` of them."""
     cells = max(round((count / 24) ** 0.5), 1)
     random = np.random.default_rng(1)
     outer, inner = _box(cells, random)[:, ::-1] * 4, _box(cells, random) + np.array([1.3, 1.2, 0.01])
@@ -93,7 +93,7 @@ def incoherent(positions: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarra
 
 
 def _rays(compute: ComputeDevice, positions: np.ndarray) -> tuple[float, RayTracer]:
-    """Return the seconds that building takes, upload included, and what was built."""
+    """Build a ray tracer; return the seconds, with the upload, and the tracer."""
     count = len(positions)
     zeros = np.zeros(count, np.int32)
     triangles = Triangles(positions, positions, positions[..., :2], zeros, zeros, zeros)

@@ -37,7 +37,7 @@ SUITES = {
 
 
 def main() -> None:
-    """Run the suites, print their tables and store what they found."""
+    """Run the suites, print their tables, and store the results."""
     arguments = _parse()
     folders = {"scenes": str(arguments.scenes.resolve()), "results": str(arguments.out.resolve())}
     only = tuple(arguments.scene)
@@ -65,7 +65,7 @@ def _machine_text(machine: dict[str, Any]) -> str:
 
 
 def run_suite(name: str, options: Options, gpu: bool) -> dict[str, Any]:
-    """Return the records of a suite, or why there are none."""
+    """Run a suite; return its records, or the reason why there are none."""
     outcome = run_apart("benchmarks.run:records", {"name": name, "options": asdict(options)})
     if outcome.error:
         return {"failed": outcome.error}
@@ -126,7 +126,7 @@ def _write(path: Path, stored: dict[str, Any]) -> None:
 
 
 def _finite(value: Any) -> Any:
-    """Return a value with null for what JSON does not know."""
+    """Return a value in which null replaces values that JSON cannot store."""
     if isinstance(value, dict):
         return {name: _finite(item) for name, item in value.items()}
     if isinstance(value, list):

@@ -25,14 +25,14 @@ _WARM_UP = 1.0
 
 @contextmanager
 def solving(scene: Scene, settings: Settings, compute: ComputeDevice | None = None) -> Iterator[tuple]:
-    """Give a Solver, what was chosen for it and the number of patches; they see all that emits."""
+    """Yield a solver, its choice, and the number of patches; all emitters are visible to the patches."""
     with solve_job(scene, settings, compute) as job:
         yield *choose_solver(job)[:2], job.count
 
 
 @contextmanager
 def solve_job(scene: Scene, settings: Settings, compute: ComputeDevice | None = None) -> Iterator[SolveJob]:
-    """Give what a Solver is made for; patches see all that emits."""
+    """Yield a job for a solver; all emitters are visible to the patches."""
     graphics = GraphicsContext()
     try:
         compute = compute or ComputeDevice()
@@ -47,7 +47,7 @@ def solve_job(scene: Scene, settings: Settings, compute: ComputeDevice | None = 
 
 @dataclass(frozen=True)
 class Timing:
-    """How long an iteration takes.
+    """Time of an iteration.
 
     seconds:     mean of the iterations
     iterations:  how many were timed

@@ -83,7 +83,7 @@ def tuned(
 
 @contextmanager
 def kernel_timer(compute: ProfiledCompute, resolution: int) -> Iterator[Timer]:
-    """Give what times the kernels of a Cornell box and of random hemicubes."""
+    """Yield a function that times the kernels on a Cornell box and on random hemicubes."""
     chosen = settings({"method": "cached", "visibility": "rays", "samples": _RAYS}, resolution=resolution)
     with ExitStack() as stack:
         job = stack.enter_context(solve_job(cornell_box(resolution), chosen, compute))
@@ -102,7 +102,7 @@ def kernel_timer(compute: ProfiledCompute, resolution: int) -> Iterator[Timer]:
 
 
 def _seconds(compute: ProfiledCompute, name: str, work: Callable[[], None]) -> float:
-    """Return what a kernel takes of some work."""
+    """Return the time of a kernel during some work, s."""
     compute.queue.finish()
     compute.events.clear()
     compute.processor_seconds.clear()
@@ -111,7 +111,7 @@ def _seconds(compute: ProfiledCompute, name: str, work: Callable[[], None]) -> f
 
 
 def _looks(job: SolveJob) -> Callable[[], None]:
-    """Return what finds by rays what all patches see."""
+    """Return a function that traces the visibility samples of all patches."""
     compute = job.opencl
     identity = RaySampler(compute, job.rays, job.parts, job.background, job.settings)
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * job.count)
@@ -125,7 +125,7 @@ def _looks(job: SolveJob) -> Callable[[], None]:
 
 
 def _gathers(job: SolveJob) -> Callable[[], None]:
-    """Return what gathers once from what patches have kept."""
+    """Return a function that gathers once from cached visibility."""
     solver = choose_solver(job)[0]
 
     def work() -> None:
@@ -137,7 +137,7 @@ def _gathers(job: SolveJob) -> Callable[[], None]:
 
 
 def _integrates(compute: ComputeDevice) -> Callable[[], None]:
-    """Return what sums an array of random hemicubes."""
+    """Return a function that integrates an array of random hemicubes."""
     rows = _ARRAY // (3 * _HEMICUBE)
     tiles = Tiles(_HEMICUBE, _ARRAY // _HEMICUBE, rows, 1 if compute.processor else 8)
     random = np.random.default_rng(5)

@@ -25,7 +25,7 @@ from tests.analytic.drive import Prepared, drive, irradiance, prepare
 
 RESOLUTION, WIDTHS = 72, (32, 64, 128)
 
-#: Polygons of the room: what is shown, and what is no wall.
+#: Polygons of the room: the displayed floor, and the polygons that are not walls.
 FLOOR, BACK, LIGHT = 0, 4, 14
 
 
@@ -87,7 +87,7 @@ def spectrum(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _truth(prepared: Prepared) -> np.ndarray:
-    """Return what is nearly the light of each patch, E/pi, mean of the channels, (n,) float32."""
+    """Return nearly exact light of each patch, (n,) float32: E/pi, mean of the channels."""
     settings = Settings(
         resolution=RESOLUTION, visibility="rays", samples=8192, seed=1, texel_samples=1, max_bounces=30,
         tolerance=1e-4, intermediates=False,
@@ -96,7 +96,10 @@ def _truth(prepared: Prepared) -> np.ndarray:
 
 
 def _bake(prepared: Prepared, hemicube: int, rotate: bool) -> np.ndarray:
-    """Return E/pi of each patch with drawn hemicubes, which see all light, (n,) float32."""
+    """Return E/pi of each patch with rasterised hemicubes, (n,) float32.
+
+    All emitters are in the hemicubes.
+    """
     settings = Settings(
         resolution=RESOLUTION, hemicube=hemicube, rotate=rotate, method="cached", visibility="raster",
         sample_emission=False, texel_samples=1, max_bounces=30, tolerance=1e-4, intermediates=False,

@@ -53,7 +53,7 @@ def run(given: argparse.Namespace, heard: signals.Signals) -> dict:
 
 
 def allow_network() -> None:
-    """Let this Blender, which runs nothing but this command, use the scheduler that its options name."""
+    """Allow network access in this process, for the scheduler that the options name."""
     import bpy
 
     bpy.context.preferences.system.use_online_access = True

@@ -84,7 +84,7 @@ class _RecordedKernel(Kernel):
 
 
 class _Card(_Recorder):
-    """The same device, taken for a GPU: it needs no launches, since a GPU's programs are kept as binaries."""
+    """The same device, treated as a GPU: without launches, since GPU programs are stored as binaries."""
 
     processor = False
 

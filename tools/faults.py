@@ -57,7 +57,7 @@ _NEEDED = ("benchmarks", "engine", "kernels", "shaders", "tests/analytic", "test
 
 @dataclass
 class Trial:
-    """A bake.
+    """Measurements of a bake.
 
     seconds:   that it took
     lengths:   s of its stages, by name
@@ -87,7 +87,7 @@ class Room:
         )  # fmt: skip
 
     def bake(self, stage: str = "", delay: float = 0.0) -> Trial:
-        """Bake; kill the last worker so many seconds after a stage has begun, then start another one."""
+        """Bake; kill the last worker `delay` seconds after a stage has begun, then start a new one."""
         there, moment = self._addresses(), Moment(stage, delay, self._kill)
         began = time.time()
         lightmap, lengths = moment.watch(Session().bake(self._scene, self._settings))
@@ -104,7 +104,7 @@ class Room:
         return Trial(lightmap, seconds, lengths, found, held, moment.in_stage)
 
     def _kill(self) -> None:
-        """Kill the last worker; note what blocks every one has."""
+        """Kill the last worker; record the blocks of every worker."""
         had = self._client.has_what()
         self._held = {worker: sum(key.startswith("find-") for key in had[worker]) for worker in had}
         self._workers.kill(-1)
@@ -115,7 +115,7 @@ class Room:
 
 
 class Moment:
-    """A moment of a bake: so many seconds after a stage has begun, or at its end if that is earlier.
+    """Moment at which a worker is killed: some seconds after a stage has begun, at the latest at its end.
 
     in_stage:  whether the moment came before the end
     """

@@ -38,7 +38,7 @@ _BEGIN, _END = "<!-- table of tools/formats.py -->\n", "<!-- end of the table --
 #: Brightest channel of the first and of the last column.
 DARKEST, BRIGHTEST = 1e-3, 16.0
 
-#: Formats that need no Blender: name in the table, what encodes it, and the bytes of its file.
+#: Formats that need no Blender: name in the table, encoding, and function that writes the file.
 ENCODINGS: dict[str, tuple[Encoding, Callable[[np.ndarray], bytes]]] = {
     "Radiance HDR": (Rgbe(), radiance_bytes),
     "PNG, sRGB, Exposure −4": (Srgb(-4.0), lambda texels: png_bytes(texels, srgb=True)),
@@ -85,7 +85,7 @@ def light() -> np.ndarray:
 
 
 def loss(before: np.ndarray, after: np.ndarray, size: int) -> Loss:
-    """Return what light has lost, in a file of so many bytes."""
+    """Return the loss of light by encoding, for a file of `size` bytes."""
     difference = np.linalg.norm(after.astype(float) - before, axis=-1)
     error = difference / np.linalg.norm(before.astype(float), axis=-1)
     dark = before.max(axis=-1) < 10 * DARKEST
@@ -94,7 +94,7 @@ def loss(before: np.ndarray, after: np.ndarray, size: int) -> Loss:
 
 
 def losses_of_encodings() -> dict[str, Loss]:
-    """Return what light loses in the formats that need no Blender."""
+    """Return the losses of the formats that need no Blender."""
     before, found = light(), {}
     for name, (encoding, file) in ENCODINGS.items():
         texels = encoding.encode(before)
@@ -103,7 +103,7 @@ def losses_of_encodings() -> dict[str, Loss]:
 
 
 def losses_of_openexr(exr, file_format) -> Iterator[tuple[str, Loss]]:
-    """Yield what light loses in OpenEXR files, by modules of the extension; Blender runs."""
+    """Yield the losses of OpenEXR files, which Blender writes."""
     import bpy
 
     before = light()
@@ -128,7 +128,7 @@ def table(losses: dict[str, Loss]) -> str:
 
 
 def told() -> dict[str, list[float]]:
-    """Return the errors that the page tells, by the names of the formats."""
+    """Return the errors in the documentation's table, by format."""
     text = PAGE.read_text(encoding="utf-8").partition(_BEGIN)[2].partition(_END)[0]
     rows = [[cell.strip() for cell in line.strip("|\n ").split("|")] for line in text.splitlines()[2:]]
     return {row[0]: [float(cell.split()[0]) / 100 for cell in row[1:4]] for row in rows}

@@ -26,7 +26,7 @@ from engine.device.opencl import cl
 from engine.device.raw_gl import TEXTURE_2D_ARRAY
 from engine.errors import DeviceError
 
-#: What each rung asks of OpenCL and of OpenGL, from the top down.
+#: OpenCL and OpenGL extensions that each way requires, from the best way to the simplest.
 RUNGS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "texture": (("cl_khr_gl_sharing",), ()),
     "buffer": (("cl_khr_gl_sharing",), ()),
@@ -51,7 +51,7 @@ _READ_ONLY = 1 << 2
 
 
 def missing_extensions(rung: str, opencl: Collection[str], opengl: Collection[str]) -> tuple[str, ...]:
-    """Return what a rung needs and is not listed by OpenCL or by OpenGL."""
+    """Return the extensions that a way requires and that OpenCL or OpenGL does not list."""
     of_opencl, of_opengl = RUNGS[rung]
     lacks = [name for name in of_opencl if name not in opencl and _APPLE.get(name) not in opencl]
     return (*lacks, *(name for name in of_opengl if name not in opengl))
@@ -111,12 +111,12 @@ def _address(library: Any, name: str) -> int:
 
 
 class Handover(Protocol):
-    """How OpenGL and OpenCL wait for each other."""
+    """Synchronisation of OpenGL and OpenCL."""
 
     name: str
 
     def to_opencl(self) -> list[cl.Event]:
-        """Have OpenCL wait for what OpenGL was told; return the events to wait for."""
+        """Make OpenCL wait for the commands of OpenGL; return the events to wait for."""
 
     def to_opengl(self, released: int) -> None:
         """Have OpenGL wait for the event of a release."""
@@ -245,14 +245,17 @@ class BufferShare:
         self._shared = SharedMemory(compute, library, handover, memory, _GL_CALLS)
 
     def update(self) -> cl.Buffer:
-        """Have OpenGL copy the texture array; return the buffer, which OpenCL has until the next update."""
+        """Let OpenGL copy the texture array.
+
+        Return the buffer, which OpenCL may use until the next update.
+        """
         self._shared.release()
         self._texture.read_into(self._pixels)
         self._shared.acquire()
         return self.buffer
 
     def release(self) -> None:
-        """Give the buffer back: a driver may wait for ever for what is deleted while OpenCL has it."""
+        """Return the buffer to OpenGL before it is deleted, since some drivers wait endlessly otherwise."""
         self._shared.release()
 
 
@@ -286,7 +289,10 @@ class ExternalShare:
         self._shared = SharedMemory(compute, library, handover, memory, _EXTERNAL_CALLS)
 
     def update(self) -> cl.Buffer:
-        """Have OpenGL copy the texture array; return the buffer, which OpenCL has until the next update."""
+        """Let OpenGL copy the texture array.
+
+        Return the buffer, which OpenCL may use until the next update.
+        """
         self._shared.release()
         self._raw.read_texture_array(self._texture.glo, self._texture.dtype == "u4", self._pixels)
         self._shared.acquire()

@@ -19,7 +19,7 @@ MODULE = "bl_ext.user_default.hemibake"
 #: Name of the checkout as a package, apart from the extension that Blender enables.
 _CHECKOUT = "hemibake"
 
-#: What the extension is made of: what Blender loads, without tests and tools.
+#: Files of the extension: everything that Blender loads, without tests and tools.
 PARTS = (
     "__init__.py", "blender_manifest.toml", "engine", "operators", "panels", "kernels", "shaders", "presets",
 )  # fmt: skip

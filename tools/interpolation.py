@@ -41,13 +41,13 @@ SCENES: dict[str, tuple[Callable[[], Scene], int]] = {
     "hills": (lambda: hilly_room(80, 800), 80),
 }
 
-#: What is interpolated, and the settings that give it.
+#: Kinds of light that are interpolated, and the settings that produce them.
 LIGHTS: dict[str, dict] = {
     "all light, seen by hemicubes": {"sample_emission": False},
     "indirect light": {"outputs": ("indirect",)},
 }
 
-#: Samples of a patch in the bake that is interpolated, in cheaper ones, and in the one that is nearly true.
+#: Samples per patch in the interpolated bake, in cheaper bakes, and in the reference.
 FULL, FEWER, TRUE = 1024, (512, 256, 128, 64), 6144
 
 #: Differences of the corners of a square that are interpolated over, as a fraction of their mean.
@@ -85,7 +85,7 @@ def main() -> None:
 
 
 def interpolated(image: np.ndarray, known: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the image that Elias' interpolation makes of a chart, and which texels have a hemicube.
+    """Interpolate a chart by the method of Elias; return the image, and a mask of texels with a hemicube.
 
     image:      (h, w) float, what a hemicube of each texel gathers; 0 where `known` is False
     known:      (h, w) bool, texels of the chart

@@ -15,7 +15,7 @@ from tools.packages.wheels import wheels_in
 
 
 def main() -> None:
-    """Replace what is in the folder."""
+    """Replace the contents of the folder."""
     options = parse()
     for old in options.out.glob("*.zip"):
         old.unlink()

@@ -13,7 +13,7 @@ def table_row(*cells: str) -> str:
 
 
 def replace_table(page: Path, marks: tuple[str, str], titles: Sequence[str], rows: Sequence[str]) -> None:
-    """Replace what is between the two marks of a page by a table, and say when it was measured."""
+    """Replace the text between two marks of a page by a table, with the date of the measurement."""
     _replace(page, marks, f"{_table(titles, rows)}\n\nMeasured on {time.strftime('%Y-%m-%d')}.")
 
 
@@ -39,7 +39,7 @@ def _table(titles: Sequence[str], rows: Sequence[str]) -> str:
 
 
 def _replace(page: Path, marks: tuple[str, str], content: str) -> None:
-    """Replace what is between the two marks of a page."""
+    """Replace the text between two marks of a page."""
     begin, end = marks
     before, rest = page.read_text(encoding="utf-8").split(begin)
     _, after = rest.split(end)

@@ -44,7 +44,7 @@ class Times:
         return self._record(kind, hemicube, layers, "paper")["ms"]
 
     def kept(self, kind: str, hemicube: int) -> tuple[float, float]:
-        """Return ours of the first iteration and of those after it if visibility is kept."""
+        """Return our times of the first iteration and of later ones, with cached visibility."""
         record = self._record(kind, hemicube, None, "cached")
         return record["first_ms"], record["ms"]
 

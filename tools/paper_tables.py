@@ -20,7 +20,7 @@ _PAGE, _RESULTS = ROOT / "docs" / "design" / "paper.md", ROOT / "benchmarks" / "
 
 
 def main() -> None:
-    """Replace what is between the marks of each table."""
+    """Replace the text between the marks of each table."""
     text = _PAGE.read_text(encoding="utf-8")
     text = between(text, "work sizes", work_sizes_table(stored("work_sizes")))
     text = between(text, "frameworks", frameworks_table(stored("frameworks")))
@@ -33,7 +33,7 @@ def stored(name: str) -> list[dict[str, Any]]:
 
 
 def between(text: str, mark: str, table: str) -> str:
-    """Return a page with a table in place of what is between its two marks."""
+    """Return a page with a table in place of the text between its two marks."""
     begin, end = f"<!-- {mark} -->", f"<!-- end of {mark} -->"
     before, rest = text.split(begin)
     _, after = rest.split(end)

@@ -54,7 +54,7 @@ _WORDS = ("gl_", "GL_ARB_cl_event", "external", "memory_object", "EXT_semaphore"
 
 
 def main() -> None:
-    """Print the lists of extensions, the rungs, and what an iteration spends on handing over."""
+    """Print the lists of extensions, the ways, and the time of an iteration for sharing."""
     options = _options()
     if options.rung:
         _alone(*options.rung, options)
@@ -165,7 +165,7 @@ def _share(
 
 
 def _hands_over(share: Any, compute: ComputeDevice, texture: moderngl.TextureArray) -> bool:
-    """Return whether OpenCL sees what was drawn, twice."""
+    """Return True if OpenCL reads the drawn image correctly, twice."""
     random = np.random.default_rng(5)
     for _ in range(2):
         drawn = random.random(gl_interop.texture_bytes(texture) // 4, np.float32)
@@ -190,7 +190,7 @@ def _time(work: Callable[[], object]) -> float:
 def iteration(
     graphics: GraphicsContext, compute: ComputeDevice, hemicube: int
 ) -> list[tuple[str, float, str]]:
-    """Return what the parts of an iteration take: in OpenGL alone, and with a copy to OpenCL."""
+    """Return the times of the parts of an iteration: in OpenGL alone, and with a copy to OpenCL."""
     scene, settings = nine_quad_room(), Settings(resolution=128, hemicube=hemicube, sample_emission=False)
     parts = make_patch_scene(graphics, compute, scene, settings)
     tiles = plan_tiles(settings, len(parts.patches), COPIED_RADIANCE_BYTES)

@@ -54,7 +54,7 @@ class Curve:
 
 
 class Room:
-    """The room, what its patches see of each other, and its light, nearly true."""
+    """Room with the form factors of its patches, and nearly exact light."""
 
     def __init__(self, graphics: GraphicsContext, compute: ComputeDevice, settings: Settings) -> None:
         self.graphics, self.compute, self.settings = graphics, compute, settings
@@ -65,7 +65,7 @@ class Room:
         self._truth = irradiance(drive(self.scene, _truth_settings(settings.resolution)))
 
     def error(self, light: np.ndarray) -> float:
-        """Return how far E/pi is from what is nearly true; see `Curve`."""
+        """Return the error of E/pi relative to the nearly exact light; see `Curve`."""
         return float(np.abs(light - self._truth).mean() / self._truth.mean())
 
     def job(self, settings: Settings) -> SolveJob:
@@ -77,7 +77,7 @@ class Room:
         )
 
     def seen(self) -> np.ndarray:
-        """Return which patch + 1 every texel of every patch's hemicube shows, (n, 3 N N)."""
+        """Return the patch + 1 in every texel of every patch's hemicube, (n, 3 N N)."""
         job, count = self.job(self.settings), len(self.parts.patches)
         identity = RaySampler(self.compute, self.rays, self.parts, job.background, self.settings)
         cache, light, part = (
@@ -134,7 +134,7 @@ def _truth_settings(resolution: int) -> Settings:
 
 
 def _gathered(room: Room, name: str, settings: Settings) -> Curve:
-    """Iterate; the first iteration finds what patches see."""
+    """Iterate; the first iteration computes visibility."""
     solution, *_ = choose_solver(room.job(settings))
     curve, watch = Curve(name), Stopwatch()
     while not solution.done:
@@ -149,7 +149,7 @@ def _gathered(room: Room, name: str, settings: Settings) -> Curve:
 
 
 def _shot(room: Room) -> list[Curve]:
-    """Shoot until what is left is 0.01 % of the light, without and with the ambient term."""
+    """Shoot until 0.01 % of the light is left, without and with the ambient term."""
     watch, surfaces, geometry = Stopwatch(), room.parts.surfaces, room.parts.geometry
     with watch:
         seen, points = room.seen(), viewpoints(room.parts.triangles, geometry, room.settings)
@@ -201,7 +201,7 @@ class Stopwatch:
         self.seconds += time.perf_counter() - self._started
 
     def each(self, steps: Iterator) -> Iterator:
-        """Yield what an iterator does, and count what that takes."""
+        """Yield the items of an iterator, and measure the time."""
         while True:
             with self:
                 step = next(steps, None)

@@ -27,7 +27,7 @@ _TITLES = (
     "scene", "borders (m)", "mean", "median", "p90", "max", "mean falls", "changed elsewhere", "s",
 )  # fmt: skip
 
-#: Size of a picture, what surfaces reflect in it, and its exposure.
+#: Size of a picture, albedo of its surfaces, and exposure.
 _SIZE, _ALBEDO, _EXPOSURE = (300, 250), 0.6, -0.3
 
 

@@ -95,7 +95,7 @@ class Stalls:
         return "\n".join(lines)
 
     def _evenness(self) -> list[str]:
-        """Return what was shown at each quarter of the time."""
+        """Return the displayed progress at each quarter of the time."""
         shown = []
         for quarter in (0.1, 0.25, 0.5, 0.75, 0.9):
             past = [overall for at, overall, _ in self._seen if at <= quarter * self.total]

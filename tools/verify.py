@@ -130,7 +130,7 @@ def row(name: str, found, resolution: int, samples: int, good: bool) -> str:
 
 
 def write_table(path: Path, rows: list[str], order: list[str], version: str) -> None:
-    """Put rows in the table between the marks, scenes in an order; those of other scenes stay."""
+    """Write rows into the table between the marks, scenes in a given order; rows of other scenes stay."""
     text = path.read_text(encoding="utf-8")
     head, _, rest = text.partition(_MARKS[0])
     old, _, tail = rest.partition(_MARKS[1])

@@ -50,7 +50,7 @@ def least_error(face: float) -> float:
 
 
 def least_leak(face: float) -> float:
-    """Return the least light at a centimetre behind the wall, where the lit side keeps its limit."""
+    """Return the least light one centimetre behind the wall for which the lit side keeps its limit."""
     return _least(face, lambda lit, near, far: np.where(lit <= _LIT, near, np.inf))
 
 

@@ -39,7 +39,7 @@ _TOLERANCE = 1e-5
 
 @dataclass(frozen=True)
 class Case:
-    """A kernel, its inputs, and what it has to find.
+    """Kernel, its inputs, and its expected result.
 
     groups:  hemicubes or patches
     count:   numbers that each adds up
@@ -71,7 +71,7 @@ def gathering(patches: int) -> Case:
 
 
 def measured(framework: Framework, cases: tuple[Case, ...]) -> dict[str, Any]:
-    """Return what a framework takes, s; raises RuntimeError if it does not find what NumPy does."""
+    """Return the times of a framework, s; raises RuntimeError if a result differs from NumPy's."""
     result = framework.upload(np.zeros((1, 4), np.float32))
     nothing = framework.build(NOTHING, 1)
 
@@ -99,7 +99,7 @@ def measured(framework: Framework, cases: tuple[Case, ...]) -> dict[str, Any]:
 
 
 def summed(framework: Framework, case: Case) -> dict[str, Any]:
-    """Return what a case takes, s: copies of its first input and of the result, and its kernel."""
+    """Return the times of a case, s: copies of its first input and of the result, and its kernel."""
     inputs = tuple(framework.upload(values) for values in case.inputs)
     result = framework.upload(np.zeros((case.groups, 4), np.float32))
     by_items, worst = {}, 0.0
@@ -141,7 +141,7 @@ def least(work: Callable[[], Any], after: Callable[[], Any] = lambda: None) -> f
 
 
 def main() -> None:
-    """Print and store what each framework takes."""
+    """Print and store the times of each framework."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--hemicubes", type=int, default=80)
     parser.add_argument("--patches", type=int, default=10_700)

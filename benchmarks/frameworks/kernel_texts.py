@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class KernelText:
-    """A kernel whose groups write a float4 each.
+    """Source of a kernel whose work groups write one float4 each.
 
     inputs:  type and name of each array, in the words of OpenCL
     count:   what an array has of numbers that each group adds up
@@ -20,7 +20,7 @@ class KernelText:
     body: str
 
 
-#: A group does nothing but to write: what is left is the cost of starting it.
+#: Kernel that only writes: its time is the cost of a launch.
 NOTHING = KernelText("nothing", (), "none", "")
 
 #: Hemicubes to irradiance: each group weighs the texels of one (paper, IV.C).
@@ -32,7 +32,8 @@ INTEGRATE = KernelText(
     "        sum += multiplier[i] * hemicubes[group * texels + i];",
 )
 
-#: Kept patch numbers to irradiance: each group looks up what one patch sees.
+#: Kernel that gathers irradiance from cached patch numbers: each work group sums the radiance of one patch's
+#: samples.
 GATHER = KernelText(
     "gather",
     (("uint", "seen"), ("float4", "radiance"), ("float", "multiplier")),

@@ -1,4 +1,4 @@
-"""Compares the bandwidth of the gather kernel with that of a device copy."""
+"""Compares the memory bandwidth of the gather kernel with the bandwidth of a copy on the device."""
 
 from __future__ import annotations
 

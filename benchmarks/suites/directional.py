@@ -23,7 +23,7 @@ from engine.session import Session
 
 _SCENES: dict[str, Callable[[int], Scene]] = {"box": cornell_box, "furnished room": furnished_room}
 
-#: Maps that are baked beside all light; the first line is what the others are compared with.
+#: Sets of directional maps to bake; the first, without maps, is the baseline.
 _MAPS = ((), ("directional",), ("dominant_direction",), ("spherical_harmonics",))
 
 _QUALITIES = ("preview", "high")
@@ -50,7 +50,7 @@ def run(options: Options) -> list[dict[str, Any]]:
 
 
 def tables(records: list[dict[str, Any]], options: Options) -> str:
-    """Return the times, what is more than without maps, and stages and kernels of each."""
+    """Return tables of times, of the difference to bakes without maps, and of stages and kernels."""
     stages = list(dict.fromkeys(stage for record in records for stage in record["stages"]))
     rows = [
         (*_named(record), record["seconds"], percent(_more(record, records, "seconds")),
@@ -77,7 +77,7 @@ def _settings(quality: str, resolution: int, maps: tuple[str, ...], kernels: str
 
 
 def _in_turns(scene: Scene, several: list[Settings]) -> list[dict[str, Any]]:
-    """Return what warm bakes of a scene take with each of some settings."""
+    """Return the measurements of alternating warm bakes of a scene with several settings."""
     taken: list[list[dict[str, Any]]] = [[] for _ in several]
     session = Session()
     try:
@@ -112,7 +112,7 @@ def _timed(session: Session, scene: Scene, chosen: Settings) -> dict[str, Any]:
 
 
 def _middle(records: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the medians of what some bakes took."""
+    """Return the medians of the measurements of several bakes."""
     stages = {stage for record in records for stage in record["stages"]}
     middle: dict[str, Any] = {
         name: statistics.median(record[name] for record in records)
@@ -126,7 +126,7 @@ def _middle(records: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _more(record: dict[str, Any], records: list[dict[str, Any]], name: str) -> float | None:
-    """Return what a record has more than the one without maps, a fraction; None of that itself."""
+    """Return a measurement's relative difference to the bake without maps; None for that bake."""
     if not record["maps"]:
         return None
     same = ("scene", "resolution", "quality")

@@ -22,7 +22,7 @@ _COVERED = 0.75
 #: What is baked: 256 rays a patch.
 _VALUES = {"visibility": "rays", "samples": 256, "light_samples": 16, "tolerance": 0.01, "max_bounces": 8}
 
-#: Device memory for what patches see where it is short, bytes.
+#: Device memory for visibility in the cases with little memory, bytes.
 _BUDGET = 1 << 30
 
 #: Width of the smaller room's lightmap, texels: it has more patches than 16 bits have numbers for; and a

@@ -42,7 +42,7 @@ _SCENES: dict[str, Callable[[int], Scene]] = {
 #: Warm bakes, and bakes after a change of light; an odd number, since the median counts.
 _WARM = 5
 
-#: Folders where drivers keep what they have built, by the variables that name them.
+#: Environment variables of drivers' program caches, in folders of their own for first bakes.
 _CACHES = ("CUDA_CACHE_PATH", "POCL_CACHE_DIR", "XDG_CACHE_HOME")
 
 #: Width of the lightmap of the first bake of a process, texels.
@@ -51,7 +51,7 @@ _COLD = 120
 
 @dataclass(frozen=True)
 class _Case:
-    """A scene, the width of its lightmap, texels, and its settings: a quality's, or those of 256 rays."""
+    """Scene, width of its lightmap in texels, and its settings: a quality preset, or 256 rays."""
 
     scene: str
     resolution: int
@@ -82,7 +82,7 @@ def run(options: Options) -> list[dict[str, Any]]:
 
 
 def tables(records: list[dict[str, Any]], options: Options) -> str:
-    """Return first bakes, warm ones, and what they are made of."""
+    """Return tables of first bakes, warm bakes, and their stages."""
     cold = [record for record in records if record["kind"] == "cold"]
     warm = [record for record in records if record["kind"] == "arrays"]
     operator = [record for record in records if record["kind"] == "operator"]
@@ -106,7 +106,7 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
 
 
 def cold(resolution: int, folder: str) -> dict[str, float]:
-    """Bake for the first time in this process; return what that took, s."""
+    """Bake for the first time in this process; return the times, s."""
     began = time.perf_counter()
     chosen = settings({}, resolution=resolution, cache_dir=folder)
     finished(Session().bake(cornell_box(resolution), chosen))
@@ -140,7 +140,7 @@ def _cold_records() -> list[dict[str, Any]]:
 
 
 def _cases(options: Options) -> tuple[_Case, ...]:
-    """Return what is baked; on a processor, the demo-like scenes in small lightmaps unless all is wanted."""
+    """Return the cases; on a CPU the demo-like scenes have small lightmaps unless `full` is set."""
     if options.gpu:
         return _CARD
     resolution = 512 if options.full else 128
@@ -191,7 +191,7 @@ def _error_off_edges(session: Session, scene: Scene, chosen: Settings) -> float:
 
 
 def _timed(session: Session, scene: Scene, chosen: Settings) -> dict[str, Any]:
-    """Bake; return what it took."""
+    """Bake; return the times."""
     faults, worked, began = _page_faults(), time.process_time(), time.perf_counter()
     lightmap = finished(session.bake(scene, chosen))
     seconds, worked = time.perf_counter() - began, time.process_time() - worked

@@ -36,7 +36,7 @@ _ROW, _PIXEL = 256, 8
 
 
 def missing() -> str:
-    """Return what is not there that a render takes, and how to install it; "" if all is."""
+    """Return the missing requirements of a render, and how to install them; empty if all are installed."""
     if shutil.which("cargo") is None:
         return "cargo is not installed, which builds Bevy 0.18 with Rust 1.89 or newer"
     try:
@@ -64,7 +64,7 @@ def install() -> None:
 def render(
     path: Path, width: int, height: int, hide: tuple[str, ...] = (), directional: bool = False
 ) -> np.ndarray:
-    """Return what Bevy shows through a file's camera, (h, w, 3) float32, linear, bottom row first.
+    """Render a file through its camera with Bevy; return (h, w, 3) float32, linear, bottom row first.
 
     path:         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it
     hide:         names of nodes that are not shown

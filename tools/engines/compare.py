@@ -17,7 +17,7 @@ from tools.headless import blender, load
 #: Width of each picture, pixels, factor on their difference, and pixels between two.
 _WIDTH, _FACTOR, _GAP = 360, 20, 8
 
-#: Lightmaps in the file, or beside it: what they are called, the option, and whether files are used.
+#: Kinds of exports: name, format of the lightmaps in the file, and whether three.js uses separate files.
 _KINDS = (
     ("Radiance HDR in the file", "HDR", False),
     ("OpenEXR beside it", "HDR", True),
@@ -94,12 +94,12 @@ _ENGINES = {
 
 
 def export(folder: Path, kind: str, files: bool) -> np.ndarray:
-    """Return what three.js shows of an export."""
+    """Export, then render with three.js; return the image."""
     return three.render(cornell.export(folder, kind), _WIDTH, _WIDTH, cornell.HIDDEN, files)
 
 
 def give_gloss() -> None:
-    """Give all materials the gloss that Blender's own new ones have; the box has none."""
+    """Give all materials the gloss of Blender's new materials; the box has none."""
     import bpy
 
     for material in bpy.data.materials:

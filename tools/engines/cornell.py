@@ -62,7 +62,7 @@ def _emboss() -> None:
 
 
 def _bumps() -> bpy.types.Image:
-    """Return a normal map of few texels, all of which are seen enlarged, with slopes up to 0.4."""
+    """Return a normal map of a few texels, enlarged by interpolation, with slopes up to 0.4."""
     import bpy
 
     slopes = np.random.default_rng(7).uniform(-0.4, 0.4, (_BUMPS, _BUMPS, 2))

@@ -16,7 +16,7 @@ def exported_maps(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def glb_json(path: Path) -> dict:
-    """Return the first part of a .glb file, which tells what is in it (glTF 2.0, section 4.4)."""
+    """Return the JSON chunk of a .glb file (glTF 2.0, section 4.4)."""
     data = path.read_bytes()
     head: dict = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     return head

@@ -66,7 +66,7 @@ def render(
     bicubic: bool = False,
     **options: object,
 ) -> np.ndarray:
-    """Return what Godot shows through a scene's camera, (h, w, 3) float32, linear, bottom row first.
+    """Render a scene through its camera with Godot; return (h, w, 3) float32, linear, bottom row first.
 
     path:     a .tscn, .glb or .gltf file; all files of its folder are imported
     hide:     names of nodes that are not shown

@@ -18,7 +18,7 @@ def ask(
     directional: bool,
     **own: object,
 ) -> None:
-    """Put what a render takes into a folder: an exported file, its maps, a program's source, and show.json.
+    """Write the input of a render to a folder: exported file, its maps, program source, and show.json.
 
     program:      copied beside them
     path:         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it

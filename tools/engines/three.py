@@ -36,7 +36,7 @@ _PATIENCE = 180
 
 
 def missing() -> str:
-    """Return what is not there that a render takes, and how to install it; "" if all is."""
+    """Return the missing requirements of a render, and how to install them; empty if all are installed."""
     if _browser() is None:
         return "Chromium is not installed (Debian: apt install chromium)"
     if not (MODULES / "node_modules" / "three").is_dir() and shutil.which("npm") is None:
@@ -57,7 +57,7 @@ def install() -> None:
 def render(
     path: Path, width: int, height: int, hide: tuple[str, ...] = (), files: bool = False
 ) -> np.ndarray:
-    """Return what three.js shows through a file's camera, (h, w, 3) float32, linear, bottom row first.
+    """Render a file through its camera with three.js; return (h, w, 3) float32, linear, bottom row first.
 
     hide:   names of nodes that are not shown
     files:  show the OpenEXR lightmaps beside the file instead of those in it

@@ -66,7 +66,7 @@ def answer_questions():
 
 
 def show_tab():
-    """Show Hemibake's tab, which has to be drawn once before it can be chosen."""
+    """Select Hemibake's tab of the sidebar; it must be drawn once before it can be selected."""
     ui = next(region for region in view3d()["area"].regions if region.type == "UI")
     try:
         ui.active_panel_category = "Hemibake"

@@ -38,7 +38,7 @@ with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
     bpy.ops.hemibake.live("INVOKE_DEFAULT")
 """
 
-#: What is done to the room, one after the other.
+#: Changes of the room, one after the other.
 CHANGES = (
     "bpy.data.objects['Lamp'].location = (0.6, -0.5, 1.0)",
     "bpy.data.lights['Lamp'].color = (0.25, 0.4, 1.0)",
@@ -52,7 +52,7 @@ RUNNING = "__import__('sys').modules[f'{MODULE}.operators.worker_manager'].owner
 #: Opposite corners of the front of the room, world space, metres.
 _CORNERS = ((-1.0, -1.0, 2.0), (1.0, -1.0, 0.0))
 
-#: Side of a frame, and what lies between two, pixels.
+#: Width of a frame, and of the gap between two frames, pixels.
 _SIDE, _GAP = 260, 6
 
 

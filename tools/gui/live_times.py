@@ -58,7 +58,7 @@ _TIMES = (
 #: Longer than any change takes to begin, s.
 _PAUSE = 2.0
 
-#: What takes the changes back, one after the other.
+#: Python statements that undo the changes, one after the other.
 _BACK = (
     "bpy.data.objects['Lamp'].location = (-0.6, -0.6, 1.5)",
     "bpy.data.lights['Lamp'].color = (1.0, 1.0, 1.0)",

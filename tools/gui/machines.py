@@ -19,7 +19,7 @@ _PACKAGES = (
     "libegl1", "libgl1-mesa-dri", "libglx-mesa0", "pocl-opencl-icd",
 )  # fmt: skip
 
-#: How often debootstrap tries: it keeps what it has, and gives up at the first download that fails.
+#: Maximum number of runs of debootstrap, which stops at a failed download and keeps the earlier ones.
 _TRIES = 3
 
 #: Runs a command in a folder with a system's own file systems; they go with the command's mount namespace.
@@ -33,7 +33,7 @@ exec chroot "$root" "$@"
 
 
 class MissingError(Exception):
-    """What a window needs is not there."""
+    """Raised if a requirement of the window is missing."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Machine:
     root: Path
 
     def command(self, *arguments: str) -> list[str]:
-        """Return what starts a program in it."""
+        """Return the command that starts a program in the machine."""
         if self.root == Path("/"):
             return list(arguments)
         enter = ("unshare", "--mount", "--propagation", "private", "sh", "-c", _ENTER, "sh", str(self.root))

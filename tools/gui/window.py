@@ -84,7 +84,7 @@ class Window:
 
     @property
     def folder(self) -> Path:
-        """A folder for files, as Blender sees it."""
+        """Path of the folder for files, as seen by Blender."""
         return self._folder
 
     @property
@@ -98,7 +98,7 @@ class Window:
         return cpu_seconds(self._programs[-1].pid)
 
     def run(self, code: str) -> Any:
-        """Run Python in Blender between two events; return what it calls `answer`, as JSON takes it."""
+        """Run Python code in Blender between two events; return the argument of its call of `answer`."""
         reply = self._outside / "answer.json"
         reply.unlink(missing_ok=True)
         question = self._outside / "question.tmp"
@@ -123,7 +123,7 @@ class Window:
         self._run("xdotool", "mousemove", str(round(x)), str(round(y)))
 
     def click(self, x: float, y: float) -> None:
-        """Click a pixel; Blender first has to see that the pointer is there."""
+        """Click a pixel, after Blender has noticed the pointer there."""
         self.move(x, y)
         self._settle()
         self._run("xdotool", "click", "1")
@@ -133,7 +133,7 @@ class Window:
         self._run("xdotool", "key", keys)
 
     def picture(self) -> np.ndarray:
-        """Return what the screen shows once all is drawn, (h, w, 3) uint8, the top row first."""
+        """Return a screenshot after everything is drawn, (h, w, 3) uint8, top row first."""
         self.run("redraw()")
         self._settle()
         return self.screen()
@@ -143,7 +143,7 @@ class Window:
         return read_screen(self._outside / "Xvfb_screen0")
 
     def still_picture(self) -> np.ndarray:
-        """Return what the screen shows once nothing changes any more: renders are done."""
+        """Return a screenshot after nothing changes any more, so that renders are finished."""
         before, same = self.picture(), 0
         while same < 5:
             now = self.picture()
@@ -171,7 +171,7 @@ class Window:
         return (left + self.ask("rectangle('UI')[0]")) / 2, (top + bottom) / 2
 
     def console(self) -> str:
-        """Return what Blender has printed."""
+        """Return the output of Blender."""
         return (self._outside / "console.txt").read_text(errors="replace")
 
     def _settle(self) -> None:
@@ -189,7 +189,7 @@ class Window:
             raise RuntimeError(f"{' '.join(command)}:\n{ended.stdout}{ended.stderr}")
 
     def _start_screen(self) -> int:
-        """Start an X server and return its number, which it chooses itself."""
+        """Start an X server; return the display number that it chose."""
         size = f"{WIDTH}x{HEIGHT}x24"
         picture = ("-fbdir", str(self._folder))
         command = ("Xvfb", "-displayfd", "1", "-screen", "0", size, "-nolisten", "tcp", *picture)

@@ -50,7 +50,7 @@ def build(wheels: Sequence[Wheel], folder: Path, version: str | None = None) -> 
 
 
 def _stage(wheels: Sequence[Wheel], folder: Path, version: str | None) -> None:
-    """Copy what a package holds into a folder, with a manifest that names wheels and platforms."""
+    """Copy the files of a package into a folder, with a manifest that lists wheels and platforms."""
     folder.mkdir()
     for part in (*PARTS, *_DOCUMENTS):
         if (ROOT / part).is_dir():
@@ -93,7 +93,7 @@ def _toml_list(key: str, items: Sequence[str]) -> list[str]:
 
 
 def _normalised(package: Path, target: Path) -> Path:
-    """Write a package again with sorted names and without what differs from build to build: times, modes."""
+    """Rewrite a package with sorted names and without times and modes, which differ from build to build."""
     moment = time.gmtime(max(_FIRST_DAY, int(os.environ.get("SOURCE_DATE_EPOCH", _FIRST_DAY))))
     with ZipFile(package) as old, ZipFile(target, "w") as new:
         for name in sorted(old.namelist()):

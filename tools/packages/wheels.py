@@ -105,7 +105,7 @@ def _download(lock: Path, folder: Path, platform: Platform, python: str) -> None
 
 
 def main() -> None:
-    """Download what the command line names."""
+    """Download the wheels that the command line names."""
     parser = argparse.ArgumentParser(prog="tools.packages.wheels", description=__doc__.splitlines()[0])
     parser.add_argument("lock", type=Path, help="requirements with hashes")
     parser.add_argument("folder", type=Path, help="where the wheels go")

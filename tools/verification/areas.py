@@ -19,7 +19,7 @@ from tools.verification.doubled import doubled_texels
 #: Width of a texel, in those that Cycles bakes of it.
 FINER = 4
 
-#: Rays from which the fine texels know whether they are inside of something.
+#: Number of rays by which fine texels are tested for the inside of geometry.
 _LOOKS = 64
 
 

@@ -40,7 +40,7 @@ _RAY_VISIBILITY = (
 
 
 class RealisedScene:
-    """Copies of what a bake saw, which Cycles can bake without touching the user's objects.
+    """Copies of a bake's scene, which Cycles can bake without changing the user's objects.
 
     seconds:  wall time of Blender's bake operator in the last bake, s
     """
@@ -127,7 +127,7 @@ class RealisedScene:
         return covered
 
     def bake_mesh(self, mesh: bpy.types.Mesh, image: bpy.types.Image, samples: int, seed: int) -> np.ndarray:
-        """Return E/pi on a further mesh that no other object sees, (h, w, 4) float32, by its lightmap UVs."""
+        """Return E/pi on an additional mesh, (h, w, 4) float32, by its lightmap UVs; others do not see it."""
         remove_bias(self._scene, samples, seed)
         obj = bpy.data.objects.new(mesh.name, mesh)
         for name in _RAY_VISIBILITY:
@@ -147,7 +147,7 @@ class RealisedScene:
             bpy.data.materials.remove(material)
 
     def colour(self) -> np.ndarray:
-        """Return what the surfaces reflect, (atlases, h, w, 3); Cycles tells no light where it is 0."""
+        """Return the reflectance of the surfaces, (atlases, h, w, 3); Cycles gives no light where it is 0."""
         remove_bias(self._scene, 4, 1)
         members = zip(self._images, self._members, strict=True)
         return np.stack([self._bake_atlas(image, objects, {"COLOR"})[..., :3] for image, objects in members])
@@ -279,7 +279,7 @@ def _collection_of(data: bpy.types.ID) -> bpy.types.bpy_prop_collection:
 
 
 def _grey() -> bpy.types.Material:
-    """Return what Cycles shows where there is no material."""
+    """Return the material that Cycles displays where there is no material."""
     material = bpy.data.materials.new("Grey")
     if material.node_tree is None:
         material.use_nodes = True
@@ -288,7 +288,7 @@ def _grey() -> bpy.types.Material:
 
 
 def _make_dull(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """Switch off what is shiny."""
+    """Switch off glossy reflection."""
     for name in _SHINY:
         socket = node.inputs.get(name)
         if socket is not None:

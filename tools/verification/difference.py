@@ -9,7 +9,7 @@ import numpy as np
 #: A texel is on an edge of light if its 3 x 3 neighbourhood spans more than this fraction of the mean.
 _EDGE = 0.5
 
-#: Reflectance below which Cycles tells nothing.
+#: Reflectance below which Cycles' bake gives no light.
 BLACK = 0.01
 
 

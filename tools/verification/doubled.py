@@ -11,7 +11,7 @@ _NEAR, _WITHIN = 1e-6, 1e-3
 #: Least cosine between the normals of faces that lie on one another, whichever way they look.
 _PARALLEL = 0.999
 
-#: Pairs that are tested at once: what a processor's caches hold.
+#: Number of pairs that are tested at once, so that they fit the CPU's caches.
 _PAIRS = 1 << 19
 
 
@@ -79,7 +79,7 @@ class _Surfaces:
         return triangle + rows.start, other
 
     def meet(self, points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-        """Return which points, (k, 3), lie within triangles, (k,), as (k,) bool."""
+        """Return which points, (k, 3), lie within triangles, (k,), as a mask, (k,) bool."""
         local = points.astype(np.float64)
         near = np.abs((local * self._normal[triangle]).sum(axis=1) - self._distance[triangle]) < self._near
         near[near] = self._inside(local[near], triangle[near])

@@ -18,7 +18,7 @@ from tools.verification.originals import original_mean
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a comparison gives.
+    """Result of a comparison with Cycles.
 
     figures:          against what Cycles bakes, which is the face at each texel's centre
     areas:            against the mean of what Cycles bakes within each texel
@@ -76,7 +76,7 @@ def known_texels(lightmap, scene, settings) -> np.ndarray:
 
 
 def read_for_bake(context):
-    """Return what a bake of the context's scene reads, and its settings; missing lightmap UVs are made."""
+    """Make missing lightmap UVs; return the scene that a bake of the context would read, and its settings."""
     scene = importlib.import_module(f"{MODULE}.operators.scene")
     unwrap = importlib.import_module(f"{MODULE}.operators.scene.uvs.unwrap")
     changes = importlib.import_module(f"{MODULE}.operators.rollback").Rollback()

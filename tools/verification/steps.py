@@ -49,7 +49,7 @@ class Border:
 
 
 def shown(images: np.ndarray, atlas: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """Return what a renderer shows of lightmaps at some UVs, (p, 3)."""
+    """Return lightmap values at UVs, (p, 3), as a renderer displays them: bilinear interpolation."""
     height, width = images.shape[1:3]
     place = uv * (width, height) - 0.5
     low = np.floor(place).astype(int)

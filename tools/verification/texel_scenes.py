@@ -14,7 +14,7 @@ from tools.verification.scenes import lamp, material, open_glb, world
 
 @dataclass(frozen=True)
 class View:
-    """How a scene is baked and looked at.
+    """Settings of a scene's bake and picture.
 
     resolution:  of the lightmap, texels
     exposure:    of the picture, stops

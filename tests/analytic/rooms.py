@@ -83,7 +83,7 @@ def floor_points(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def shown(lightmap: BakeResult, uvs: np.ndarray) -> np.ndarray:
-    """Return what a viewer sees at UVs, (n, 2), of the first lightmap, (n,): bilinear interpolation."""
+    """Return values of the first lightmap at UVs, (n, 2), as displayed by bilinear interpolation, (n,)."""
     image = lightmap.display[0].mean(axis=-1)
     at = uvs * image.shape[0] - 0.5
     corner = np.floor(at).astype(int)

@@ -85,7 +85,7 @@ def test_translucent_sheet_between_two_half_spaces(up):
 
 
 def test_light_through_a_curtain_does_not_depend_on_its_normals():
-    """Sun on a cloth above a floor; what leaves its lower side is tau times the sun."""
+    """A sun lights a cloth above a floor; the radiosity of its lower side is tau times the irradiance."""
     sun = Light("Sun", "sun", np.zeros(3), np.eye(3), np.full(3, np.pi, np.float32), half_angle=0.01)
     floors, cloths, groups = [], [], []
     for edges in ((X, Y), (Y, X)):
@@ -106,7 +106,7 @@ def test_light_through_a_curtain_does_not_depend_on_its_normals():
 
 
 def test_a_back_may_emit_and_reflect_otherwise_than_its_front():
-    """Only the lower side of a panel shines: the floor beneath has its light, a ceiling above it none."""
+    """Only the lower side of a panel emits: it lights the floor below, but not a ceiling above."""
     back = BackSide(np.zeros(3, np.float32), np.full(3, 2, np.float32))
     panel = replace(material("Panel", 0.5), back=back)
     meshes = (

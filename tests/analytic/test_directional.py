@@ -60,7 +60,7 @@ def scene_of(mesh, lights=(), world=NIGHT):
 
 
 def sun_from(direction, strength=(5.0, 3, 1)):
-    """Return a sun in a direction, which brings E = strength to what faces it."""
+    """Return a sun in a direction; a surface that faces it has the irradiance E = strength."""
     z = np.asarray(direction) / np.linalg.norm(direction)
     x = np.cross(z, [0.3, 0.5, 0.8])
     x /= np.linalg.norm(x)

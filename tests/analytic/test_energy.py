@@ -14,7 +14,7 @@ from tests.rows import long
 
 
 def flux(scene):
-    """Return what the fronts of all surfaces emit, W, mean of the channels."""
+    """Return the flux that the front faces of all surfaces emit, W, mean of the channels."""
     total = 0.0
     for mesh in scene.meshes:
         edges = mesh.positions[:, 1:] - mesh.positions[:, :1]
@@ -92,7 +92,7 @@ def test_hardly_any_light_is_missing_at_any_size_of_texels(width):
 @pytest.mark.long
 @pytest.mark.parametrize("width", [160, 256])
 def test_squares_of_adaptive_bakes_lose_little(width):
-    """They see from their leaders; on a processor alone."""
+    """Groups gather at their representative patches; used on CPUs only."""
     found = energy(cornell_box(width), resolution=width, samples=256, adaptive=True, tolerance=5e-3)
     assert abs(found.missing) < 4e-3
 
@@ -118,7 +118,7 @@ def test_light_that_meets_nothing_escapes():
 
 
 def test_backs_absorb_what_fronts_send_them():
-    """The upper square shows its back to the lower one, which shines."""
+    """The back face of the upper square faces the lower square, which emits."""
     scene = scenes.facing_squares(perpendicular=False, side=16)
     mesh = scene.meshes[0]
     turned = mesh.positions.copy()

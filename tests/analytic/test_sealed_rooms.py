@@ -127,7 +127,7 @@ def rooms_side_by_side(low, high):
 
 
 def room_around(low, high):
-    """Return a lit room of 0.8 m inside of a solid block, which stands in a dark hall."""
+    """Return a lit room of 0.8 m inside a solid block that stands in a dark hall."""
     atlas = Atlas(SETTINGS.resolution)
     lit = room(atlas, (0, 0, 0), (0.8, 0.8, 0.8), "Lit")
     shell = occluder(box_faces((-0.1, -0.1, -0.1), (0.9, 0.9, 0.9))[:, ::-1], "Shell")

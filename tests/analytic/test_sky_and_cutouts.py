@@ -68,7 +68,7 @@ def test_a_linear_sky_lights_by_its_slope(edges):
 @pytest.mark.parametrize("method", ["cached", "stream"])
 @pytest.mark.parametrize("groups", [1, 2])
 def test_few_rays_know_a_sky_that_nothing_hides(method, groups):
-    """Samples tell what part of the sky comes through: of an open one all of it, without noise."""
+    """Samples estimate the visible fraction of the sky; without occlusion it is exactly 1, without noise."""
     slope = np.array([0.3, -0.2, 0.8])
     world = sky(64, lambda direction: 1 + direction @ slope)
     scene = Scene((tilted_square(),), (opaque(),), world=world)

@@ -85,7 +85,7 @@ def test_textures_tint_by_their_mean():
 
 
 def test_a_tinted_sheet_that_absorbs_nothing_leaves_a_furnace_even():
-    """What the sheet does not pass it reflects: the part that stops rays reflects 8 times of blue."""
+    """The sheet reflects all light that it does not transmit: its opaque part has a blue reflectance of 8."""
     passed = np.float32([0.9, 0.5, 0.2])
     both = Transmittance(passed)
     sheet = Material(
@@ -110,7 +110,7 @@ def test_more_light_than_comes_in_is_an_error(passed, reflectance):
 
 
 def test_a_tint_that_nothing_wears_changes_nothing():
-    """Kernels with tints find what those without find, to the last bits of sums."""
+    """Kernels compiled with tints give the same light as kernels without, except for rounding of sums."""
     walls = quads(room_walls(1, 1, 1), [(1 + 6 * i, 1, 5, 5) for i in range(5)] + [(1, 7, 5, 5)], [0] * 6, 32)
     pictures = [
         drive(Scene((walls,), (material("Wall", 0.5, 0.5), *more), lights=(sun(1, 1, 1),)), SETTINGS).image

@@ -36,7 +36,7 @@ class GltfFile:
         return self.json["meshes"][node["mesh"]]["primitives"]
 
     def values(self, number: int) -> np.ndarray:
-        """Return what an accessor has, (n, width)."""
+        """Return the values of an accessor, (n, width)."""
         accessor = self.json["accessors"][number]
         dtype, width = _DTYPES[accessor["componentType"]], _WIDTHS[accessor["type"]]
         data = self._view(accessor["bufferView"])

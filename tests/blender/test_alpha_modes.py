@@ -52,7 +52,7 @@ def texture(surface, image, alpha_linked):
 
 
 def emitted(obj):
-    """Return what Cycles bakes of an object's emission, (4, 3) float32."""
+    """Bake an object's emission with Cycles; return it, (4, 3) float32."""
     import bpy
 
     tree = obj.active_material.node_tree

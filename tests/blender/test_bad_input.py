@@ -201,7 +201,7 @@ def test_folder_that_cannot_be_written_is_told(tmp_path):
 
 
 def linked_square(folder) -> Callable[[], None]:
-    """Return what links a square without UVs from another file."""
+    """Return a function that links a square without UVs from another file."""
 
     def make():
         import bpy

@@ -99,7 +99,7 @@ def test_single_iteration_cannot_tell_the_residual():
 
 
 def test_a_report_is_json_also_of_light_beyond_float32():
-    """A furnace of 9e8 m that sends out 9e29 W per m^2 and sr: float32 does not hold its flux."""
+    """A furnace of 9e8 m that emits 9e29 W/(m^2 sr) has a flux beyond float32."""
     import bpy
 
     obj = furnace()

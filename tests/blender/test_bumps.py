@@ -104,7 +104,7 @@ def test_other_normal_maps_leave_the_reflectance(space):
 
 
 def test_flat_and_broken_normal_maps():
-    """A flat one changes nothing; what points into the surface counts as along it."""
+    """A flat map changes nothing; normals that point into the surface count as tangential."""
     pixels = np.zeros((_HEIGHT, _WIDTH, 4), np.float32)
     pixels[...] = (0.5, 0.5, 1.0, 1.0)
     surface, image = embossed(pixels)

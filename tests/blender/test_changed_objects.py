@@ -75,7 +75,7 @@ def nothing_has_changed():
 
 
 def texels(obj):
-    """Return the bits of what an object's lightmap shows inside its charts."""
+    """Return the bits of an object's texels inside its charts."""
     cover = part("operators.scene.uvs.uv_faults").covered_texels
     image = pixels(obj.hemibake.image)
     uvs = part("operators.scene.uvs.lightmap_layer").layer_triangles(obj.data, "Lightmap")

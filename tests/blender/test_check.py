@@ -147,7 +147,7 @@ def test_too_many_for_the_lightmap_are_named():
 
 
 def strips(name, count):
-    """Return a square of so many strips, each a chart that fills 0.8 of a column of the lightmap."""
+    """Return a square of `count` strips; each is a chart that fills 0.8 of a column of the lightmap."""
     left = np.arange(count) / count
     points = [(x + dx / count, y, 0) for x in left for dx, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
     uvs = [(x + dx / count, y) for x in left for dx, y in ((0.1, 0), (0.9, 0), (0.9, 1), (0.1, 1))]
@@ -169,7 +169,7 @@ def test_lightmap_that_is_too_small_for_the_charts_is_enlarged(count, fitting):
 
 
 def test_width_of_charts():
-    """Of a square of n x n faces in one chart: half its side, however many faces it has."""
+    """The mean width of a square chart of n x n faces is half its side for any n."""
     import bpy
 
     uvs = part("operators.check.uvs")
@@ -308,7 +308,7 @@ def test_zero_area_faces_are_told():
 
 @pytest.mark.parametrize(("scale", "shrunk"), [((0, 0, 0), True), ((2, 0, 0), True), ((1, 1, 0), False)])
 def test_objects_that_are_scaled_to_nothing_are_told(scale, shrunk):
-    """A square that is flat anyway has the area that it had."""
+    """Scale 0 along its normal does not change the area of a flat square."""
     import bpy
 
     square("Even")
@@ -546,7 +546,7 @@ def test_check_in_slices_ends_with_its_scene():
 
 
 def test_charts_that_were_moved_since_they_were_baked_are_told():
-    """Not by the check of the bake that mends it, nor of objects that were baked earlier or not at all."""
+    """A bake that includes the object does not report it, nor objects that were never baked."""
     import bpy
 
     room, other, new = furnace(), square("Other"), square("New")
@@ -602,7 +602,7 @@ def test_moved_charts_of_what_only_instances_show_are_told():
 
 
 def test_instances_of_an_objects_own_geometry_have_charts_of_their_own():
-    """Geometry Nodes show one part of a mesh as an instance: its UVs are none of the object's."""
+    """Geometry Nodes display a part of a mesh as an instance, whose UVs are not the object's."""
     import bpy
 
     bpy.context.scene.hemibake.resolution = 257

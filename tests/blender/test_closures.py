@@ -61,7 +61,7 @@ def added(first, second):
 
 
 def grouped(inner):
-    """Return a builder of a node group around a shader, which a reroute leads out of."""
+    """Return a function that builds a node group around a shader, with a reroute before the output."""
 
     def build(tree):
         import bpy
@@ -94,7 +94,7 @@ def constants(result):
 
 
 def read(surface, glass=True):
-    """Return what the readers make of a material."""
+    """Return the surface that the readers get from a material."""
     tree_of = part("operators.scene.materials.object_nodes").dependence(surface.node_tree)
     cache = part("operators.scene.materials.pixels").PixelCache([])
     reader = part("operators.scene.materials.materials").read_material
@@ -102,7 +102,7 @@ def read(surface, glass=True):
 
 
 def evaluated(surface, glass=True):
-    """Return what Cycles makes of a material on a square."""
+    """Return the surface that Cycles evaluates for a material on a square."""
     import bpy
 
     baker = part("operators.scene.materials.shader_bake")

@@ -39,7 +39,7 @@ def bake():
 
 
 def warnings() -> list[str]:
-    """Return what a bake warned of, but that its file is not saved."""
+    """Return the warnings of a bake, except the one on the unsaved file."""
     return [text for text in report()["warnings"] if "not saved yet" not in text]
 
 
@@ -48,7 +48,7 @@ def denoises() -> bool:
 
 
 def libraries_in_this_process() -> int:
-    """Return how many device libraries of Open Image Denoise this process has loaded."""
+    """Return the number of device libraries of Open Image Denoise that this process has loaded."""
     maps = Path("/proc/self/maps")
     return maps.read_text().count("OpenImageDenoise_device") if maps.exists() else 0
 

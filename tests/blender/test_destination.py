@@ -401,7 +401,7 @@ def test_full_disk_is_told_as_such_and_the_old_lightmap_stays(small_disk):
 
 @pytest.mark.one_version
 def test_limit_of_file_sizes_is_told_as_such(tmp_path):
-    """The limit is met at once, half-way, or by the last bytes."""
+    """The limit is reached at the start, half-way, or at the last bytes."""
     import bpy
 
     resource = pytest.importorskip("resource")

@@ -56,7 +56,7 @@ def glow(strength: float):
 
 
 def loaded(path: Path, colours: str = "Non-Color") -> np.ndarray:
-    """Return what Blender reads from a file, (h, w, 4)."""
+    """Return the pixels that Blender reads from a file, (h, w, 4)."""
     import bpy
 
     image = bpy.data.images.load(str(path), check_existing=False)

@@ -21,7 +21,7 @@ def lit_room():
 
 
 def bakes_from_kept() -> bool:
-    """Bake; return whether the report tells that visibility was kept."""
+    """Bake; return True if the report says that visibility was kept."""
     import bpy
 
     assert bpy.ops.hemibake.bake() == {"FINISHED"}

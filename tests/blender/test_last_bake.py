@@ -62,7 +62,7 @@ def test_nothing_is_selected_in_edit_mode():
 
 
 def copied():
-    """Return what the operator writes: without a window Blender has no clipboard."""
+    """Return the operator's text for the clipboard, which Blender does not have without a window."""
     import bpy
 
     assert bpy.ops.hemibake.copy_report() == {"FINISHED"}

@@ -33,7 +33,7 @@ def lit(stage):
 
 
 def group_nodes(scene) -> dict:
-    """Return what holds colour and strength of each group in the mixer, by the group's name."""
+    """Return the mixer's node with the colour and strength of each group, by group."""
     mixer = part("operators.result.light_mixer")
     return {name: holders for name, *holders in mixer.mixed_groups(scene.hemibake.light_mixer)}
 
@@ -61,7 +61,7 @@ def test_groups_of_the_view_layer_become_images_and_files(lit, tmp_path):
 
 @pytest.mark.parametrize("what", ["lamp", "group", long("world"), long("object")])
 def test_light_that_changes_its_group_is_baked_again(lit, what):
-    """The card faces what lights it: light that reaches no texel may change its group unseen."""
+    """The card faces its light, because a light that reaches no texel may change its group without effect."""
     import bpy
 
     if what == "object":
@@ -80,7 +80,7 @@ def test_light_that_changes_its_group_is_baked_again(lit, what):
 
 
 def test_the_mixer_shows_changed_lamps_at_once(lit, tmp_path):
-    """As Cycles renders them, and as a new bake has them."""
+    """The mixed preview equals a render by Cycles and a new bake."""
     import bpy
 
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
@@ -111,7 +111,7 @@ def test_the_mixer_shows_changed_lamps_at_once(lit, tmp_path):
 
 
 def off(first, second) -> float:
-    """Return what two pictures differ by: RMS, of the mean of the second."""
+    """Return the RMS difference of two pictures, relative to the mean of the second."""
     return float(np.sqrt(((first - second) ** 2).mean()) / second.mean())
 
 

@@ -21,7 +21,7 @@ from tests.blender.things import CUBE, INWARD, furnace, material, mesh_object, p
 
 @pytest.fixture(autouse=True)
 def quick(empty_scene):
-    """Bake what takes no time."""
+    """Set up a scene that bakes within a moment."""
     import bpy
 
     bpy.context.scene.hemibake.resolution = 24
@@ -69,7 +69,7 @@ def start(operator, context) -> None:  # noqa: F811
 
 
 def settle(operator, context) -> np.ndarray:  # noqa: F811
-    """Wait until what has changed shows, and return the lightmap."""
+    """Wait until the lightmap shows the changes, and return it."""
     import bpy
 
     bpy.context.view_layer.update()
@@ -172,7 +172,7 @@ def test_escape_later_is_for_whatever_else_happens_and_cancel_ends_live(operator
 
 
 def test_nothing_happens_while_nothing_changes(operator, context, window, monkeypatch):  # noqa: F811
-    """Pixels of lightmaps, and what is of no concern to light, are no changes."""
+    """Changed pixels of lightmaps, and changes without effect on light, start no bake."""
     import bpy
 
     room, _ = lit_room()
@@ -274,7 +274,7 @@ def test_undo_in_between_is_followed(operator, context, window):  # noqa: F811
 
 
 def test_an_undo_of_its_beginning_ends_it(operator, context, window):  # noqa: F811
-    """What objects showed is undone with it; the lightmaps of before stay."""
+    """The undo restores the materials of objects; the earlier lightmaps stay."""
     import bpy
 
     lit_room()
@@ -340,7 +340,7 @@ def test_light_shows_however_fast_changes_follow_each_other(operator, context, w
 
 
 def test_large_scenes_are_not_read_while_the_timeline_plays(operator, context, window, monkeypatch):  # noqa: F811
-    """But for lamps; what else has changed shows once it rests."""
+    """Lamps are read; other changes follow when the timeline stops."""
     import bpy
 
     room, lamp = lit_room()
@@ -366,7 +366,7 @@ def test_large_scenes_are_not_read_while_the_timeline_plays(operator, context, w
 
 
 def test_readings_of_large_scenes_are_given_up_for_playback(operator, context, window, monkeypatch):  # noqa: F811
-    """They would begin anew in each frame, and end in one piece. The button ends Live without another one."""
+    """Reading would start again in each frame. The button ends Live without reading again."""
     import bpy
 
     room, lamp = lit_room()
@@ -438,7 +438,7 @@ def test_lightmaps_or_groups_that_are_added_start_it_anew(operator, context, win
 
 
 def shown_colours(obj) -> list[tuple[float, ...]]:
-    """Return what the preview material of an object's first slot multiplies its lightmap by, or emits."""
+    """Return the colors by which an object's preview material multiplies its lightmap, or which it emits."""
     nodes = obj.material_slots[0].material.node_tree.nodes
     return [
         tuple(round(value, 4) for value in node.inputs[0].default_value[:3])
@@ -518,7 +518,7 @@ def test_a_file_that_is_saved_has_the_light_that_is_shown(operator, context, win
 
 
 def test_a_mesh_in_edit_mode_is_followed_and_settles(operator, context, window):  # noqa: F811
-    """Reading it stores what was edited, which Blender tells of as of a change."""
+    """Reading stores the edited mesh, which Blender reports as a change."""
     import bmesh
     import bpy
 

@@ -35,7 +35,7 @@ def slow_bake(empty_scene):
 
 
 class Workspace:
-    """What is drawn into the status bar is kept here."""
+    """Records the texts of the status bar."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -59,7 +59,7 @@ class Workspace:
 
 
 class Window:
-    """What the operator does to its window is kept here."""
+    """Records the operator's calls on its window."""
 
     def __init__(self) -> None:
         self.workspaces = [Workspace(), Workspace()]
@@ -323,7 +323,7 @@ def test_cancel_button_is_there_while_a_bake_runs_and_leaves_nothing_behind(oper
 
 
 def bake_button() -> list[str]:
-    """Return what stands where the bake button is."""
+    """Return the texts in place of the bake button."""
     shown: list[str] = []
     part("panels.progress").draw_bake_button(Layout(shown))
     return shown

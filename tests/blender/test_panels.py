@@ -187,7 +187,7 @@ def test_preferences_show_what_the_last_test_told(devices, monkeypatch, right):
 
 
 def in_menu(menu):
-    """Return what Hemibake adds to a menu of Blender."""
+    """Return the entries that Hemibake adds to a menu of Blender."""
     import bpy
 
     drawn = getattr(bpy.types, menu).draw._draw_funcs

@@ -203,7 +203,7 @@ def render(scene, folder, samples) -> np.ndarray:
 
 
 def preview_differs(scene, folder, samples=32) -> float:
-    """Return how far the preview without lamps is from the original in its light: RMS, of the mean."""
+    """Return the RMS difference of the preview without lamps to the lit original, relative to the mean."""
     import bpy
 
     original = render(scene, folder, samples)
@@ -296,7 +296,7 @@ def fill(image, colour):
 
 
 def errors_of_shading(scene, folder) -> list[float]:
-    """Return how far previews with and without directional maps are from the original: RMS, of the mean."""
+    """Return RMS errors of previews with and without directional maps, relative to the original's mean."""
     import bpy
 
     original = render(scene, folder, 128)

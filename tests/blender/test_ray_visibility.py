@@ -14,7 +14,7 @@ def shown_material(name):
 
 
 def passed(surface):
-    """Return what passes a material straight: shadow rays, gathered light."""
+    """Return the straight transmittance of a material for shadow rays and for gathered light."""
     return surface.transmission.shadow.offset.mean(), surface.transmission.bounce.offset.mean()
 
 

@@ -9,7 +9,7 @@ from tests.blender.things import furnace, mesh_object, part, report, square
 
 
 class Told:
-    """Keeps what an operator reports."""
+    """Records the reports of an operator."""
 
     def __init__(self):
         self.reports = []

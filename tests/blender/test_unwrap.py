@@ -30,7 +30,7 @@ def resolution():
 
 
 def coverage(obj, size: int) -> np.ndarray:
-    """Return how many triangles of the UV layer cover each texel centre of a size x size grid."""
+    """Return the number of triangles of the UV layer over each texel centre of a size x size grid."""
     obj.data.calc_loop_triangles()
     triangles = np.array([list(triangle.loops) for triangle in obj.data.loop_triangles])
     return covering(loop_uvs(obj)[triangles], size)

@@ -1,4 +1,4 @@
-"""Objects whose lightmap UVs lie on each other are placed side by side; the others stay where they are."""
+"""Objects with overlapping lightmap UVs are moved apart; other objects stay where they are."""
 
 import numpy as np
 import pytest

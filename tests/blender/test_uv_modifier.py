@@ -55,7 +55,7 @@ def copied(kind="ARRAY", name="Chair", **settings):
 
 
 def coverage(*objects, size=256) -> np.ndarray:
-    """Return how many triangles cover each texel centre of a grid over the lightmap."""
+    """Return the number of triangles over each texel centre of a grid over the lightmap."""
     meshes = read_scene().scene.meshes
     return covering(np.concatenate([mesh.uvs for mesh in meshes if mesh.name in objects]), size)
 

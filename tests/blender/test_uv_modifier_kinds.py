@@ -104,7 +104,7 @@ def equal(uvs, others):
 
 
 def check():
-    """Return what a check finds about what modifiers make."""
+    """Return the check's findings on results of modifiers."""
     import bpy
 
     bpy.ops.hemibake.check()
@@ -119,7 +119,7 @@ def fix(found):
 
 
 def texels_of(meshes) -> np.ndarray:
-    """Return how many triangles have each point of a grid over the lightmap inside."""
+    """Return the number of triangles over each point of a grid over the lightmap."""
     return covering(np.concatenate([mesh.uvs for mesh in meshes]), 512)
 
 
@@ -138,7 +138,7 @@ def test_each_has_a_modifier_and_a_place_of_its_own_in_the_lightmap(row):
 
 @pytest.mark.parametrize("engine", ["CYCLES", long("EEVEE")])
 def test_renders_have_the_uvs_of_each(row, tmp_path, engine):
-    """What is drawn is the coordinate itself; expected is that of the face which a ray of the pixel meets."""
+    """The picture shows UVs as colours; each pixel must have the UV of the face that its ray hits."""
     import bpy
 
     scene = bpy.context.scene
@@ -322,7 +322,7 @@ def test_copies_with_applied_modifiers_keep_the_uvs(row):
 
 
 def test_bevelled_edges_follow_the_uvs_of_the_mesh():
-    """Whatever their segments: Blender cuts each new face out of a place of its own."""
+    """This holds for any number of segments: each new face gets a UV area of its own."""
     import bpy
 
     obj = mesh_object("Box", CUBE, INWARD)

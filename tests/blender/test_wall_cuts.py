@@ -35,7 +35,7 @@ def cut(names=("Wall",)):
 
 
 def gap(obj, x):
-    """Return how far the UVs of faces on both sides of a line at some x are apart, texels, at least."""
+    """Return the smallest distance between UVs of faces on both sides of a line at x, texels."""
     import bpy
 
     size = bpy.context.scene.hemibake.resolution

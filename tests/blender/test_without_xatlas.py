@@ -35,7 +35,7 @@ def without_xatlas(empty_scene, monkeypatch):
 
 
 def coverage(obj, size) -> np.ndarray:
-    """Return how many triangles of the UV layer cover each texel centre of a size x size grid."""
+    """Return the number of triangles of the UV layer over each texel centre of a size x size grid."""
     obj.data.calc_loop_triangles()
     triangles = np.array([list(triangle.loops) for triangle in obj.data.loop_triangles])
     covered = part("operators.scene.uvs.uv_faults").covered_texels

@@ -1,4 +1,4 @@
-"""The surroundings: constant, an image, or what Blender makes of other nodes."""
+"""World radiance: a constant, an image, or a render of other nodes by Blender."""
 
 import numpy as np
 import pytest
@@ -284,7 +284,7 @@ def test_an_animated_world_is_read_in_the_current_frame(small_pictures):
 
 
 def fake_world(radiance):
-    """Return what renders a world, of radiance at rows and columns of a picture of 64 rows; and its calls."""
+    """Return a function that renders a fake world, from radiance at pixels of 64 rows, and its calls."""
     calls = []
 
     def render(_, rows, samples, part=None):

@@ -68,7 +68,7 @@ def furnace(name="Furnace"):
 
 
 def read_scene():
-    """Return what the add-on reads from the scene."""
+    """Read the scene as the add-on does; return the result."""
     import bpy
 
     scene = part("operators.scene")
@@ -77,7 +77,7 @@ def read_scene():
 
 
 def unwrap_missing(objects, resolution, changes):
-    """Return what was done for objects that lack lightmap UVs."""
+    """Unwrap objects that lack lightmap UVs; return the summary."""
     import bpy
 
     context = part("operators.scene").SceneContext(bpy.context)
@@ -86,7 +86,7 @@ def unwrap_missing(objects, resolution, changes):
 
 
 def finished(work):
-    """Return what work in slices makes."""
+    """Run work in slices to its end; return the result."""
     return part("engine.progress").finished(work)
 
 
@@ -129,7 +129,7 @@ def cross(a, b) -> np.ndarray:
 
 
 def covering(triangles, size) -> np.ndarray:
-    """Return how many triangles of UVs, (t, 3, 2), cover each texel centre of a lightmap, (size, size)."""
+    """Return the number of UV triangles, (t, 3, 2), over each texel centre of a lightmap, (size, size)."""
     centre = (np.arange(size) + 0.5) / size
     count = np.zeros((size, size), int)
     for triangle in np.asarray(triangles, np.float64):

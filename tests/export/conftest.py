@@ -10,7 +10,7 @@ from tools.headless import blender
 
 @pytest.fixture(scope="session")
 def engine():
-    """Return what renders exported files with three.js."""
+    """Return a renderer of exported files with three.js."""
     missing = three.missing()
     if missing:
         pytest.skip(f"{missing}: exports are not shown with three.js")

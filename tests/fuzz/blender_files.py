@@ -284,7 +284,7 @@ def _emission(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket) -> None:
 
 
 def _combined(kind: str, inputs: tuple[int, int]) -> Callable:
-    """Return what lets a shader combine two others."""
+    """Return a function that adds a shader which combines two others."""
 
     def feed(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket) -> None:
         node = _feed(tree, kind, 0, socket)

@@ -299,7 +299,7 @@ def _world(sky: Sky) -> np.ndarray:
 
 
 def _extent(case: Case, meshes: list[Mesh], lights: tuple[Light, ...]) -> float:
-    """Return how far meshes and lamps reach from the middle of a case, along any axis."""
+    """Return the largest distance of meshes and lamps from the middle of a case, along any axis."""
     middle = case.away * case.scale
     reach = [np.abs(mesh.positions - middle).max(initial=0) for mesh in meshes]
     reach += [

@@ -106,7 +106,7 @@ class FakeLibrary:
 
 
 def buffer_bytes(buffer, size):
-    """Return what an OpenGL buffer holds."""
+    """Return the contents of an OpenGL buffer."""
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetProcAddress.restype = ctypes.c_void_p
     read = ctypes.CFUNCTYPE(None, ctypes.c_uint, ctypes.c_ssize_t, ctypes.c_ssize_t, ctypes.c_void_p)

@@ -119,7 +119,7 @@ def test_pixels_of_8_and_16_bits_are_kept_exactly():
 @WAYS
 @pytest.mark.parametrize("threshold", [0.1, 0.3, 0.5, 1.0])
 def test_alpha_as_high_as_the_threshold_is_opaque(changes, threshold):
-    """Whatever such a number is rounded to."""
+    """This holds for any rounding of the threshold."""
     level = np.full((5, 7, 1), threshold, np.float32)
     materials = [see_through(pixels, threshold=threshold) for pixels in (level, level - 1e-4)]
     assert lights(materials, **changes) == pytest.approx([0, 1], abs=0.01)

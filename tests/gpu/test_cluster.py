@@ -263,7 +263,7 @@ def test_images_are_made_and_saved_without_workers_and_scheduler(tmp_path, by_tw
 
 
 def test_light_goes_on_by_another_scheduler(tmp_path, by_two):
-    """What was found until the first one was gone is in a checkpoint."""
+    """Results from before the end of the first scheduler are in a checkpoint."""
     cache, settings = tmp_path / "cache", replace(SETTINGS, checkpoint_interval=0)
     settings = replace(settings, cache_dir=str(cache))
     with running_scheduler(tmp_path) as (address, process):
@@ -354,7 +354,7 @@ def test_triangles_stay_on_workers_when_only_light_changes(two, by_two):
 
 
 def kept_triangles():
-    """Return which array holds the triangles of this worker."""
+    """Return the array that holds the triangles of this worker."""
     return id(prepared_scene._kept._last[1].triangles.positions)
 
 

@@ -43,7 +43,7 @@ SETTINGS = Settings(
 
 @pytest.fixture
 def apart(monkeypatch, tmp_path):
-    """Return what starts a worker of a cluster that has other memory, and waits for it."""
+    """Return a function that starts a cluster worker with separate memory, and waits for it."""
     command = tmp_path / "python"
     words = " ".join(f"'{word}'" for word in (*APART, sys.executable))
     command.write_text(f'#!/bin/sh\nexec {words} "$@"\n')

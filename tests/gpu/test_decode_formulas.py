@@ -43,7 +43,7 @@ void main() {{
 
 
 def decoded(graphics, texels: np.ndarray, intensity: float, decode: str, functions: str = "") -> np.ndarray:
-    """Return what a decoder makes of texels, (n, channels) uint8 or uint16, as (n, 3) float32."""
+    """Decode texels, (n, channels) uint8 or uint16, by a GLSL decoder; return (n, 3) float32."""
     context = graphics.context
     inputs = np.ones((len(texels), 4), np.float32)
     inputs[:, : texels.shape[1]] = texels / np.iinfo(texels.dtype).max

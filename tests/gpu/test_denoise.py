@@ -41,7 +41,7 @@ def test_denoised_light_is_nearer_to_the_exact_one_and_masks_keep_their_bits():
 
 
 def off_identity(lightmap) -> np.ndarray:
-    """Return how far L0 + L1 . n is from the light, (atlases, r, r), for the axis n that suits best."""
+    """Return the difference of L0 + L1 . n from the light, (atlases, r, r), for the best axis n."""
     passes = lightmap.passes
     along = passes["combined"] - passes["L0"]
     off = [np.abs(along - sign * passes[f"L1 {axis}"]).max(axis=-1) for axis in "xyz" for sign in (1, -1)]

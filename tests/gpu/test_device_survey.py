@@ -44,7 +44,7 @@ class Platform:
 
 
 class Device:
-    """A device of a machine that this is not."""
+    """Fake device of another machine."""
 
     def __init__(self, platform, name, kind, works=True):
         self.platform, self.name, self.type, self.works = platform, name, kind, works

@@ -31,7 +31,7 @@ __kernel void clipped(__global const float4 *quads, __global const float4 *norma
 
 
 def clipped(compute, quads, normals):
-    """Return how many corners are left of each quad, (n,), and which, (n, 8, 3), NaN for the others."""
+    """Return the number of corners of each clipped quad, (n,), and the corners, (n, 8, 3), NaN beyond."""
     source = _SOURCE + CLIPPING
     kernel = cl.Kernel(cl.Program(compute.context, source).build(), "clipped")
     padded = [np.zeros((*array.shape[:-1], 4), np.float32) for array in (quads, normals)]

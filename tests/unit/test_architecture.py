@@ -56,7 +56,7 @@ def modules(package: str) -> dict[str, Path]:
 
 
 def imports(package: str) -> set[tuple[str, str]]:
-    """Return which module of a package imports which other one of it."""
+    """Return pairs of modules of a package of which the first imports the second."""
     known = modules(package)
     found = set()
     for name, path in known.items():

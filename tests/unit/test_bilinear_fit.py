@@ -34,13 +34,13 @@ def centres(mask):
 
 
 def shown(images, atlas, position):
-    """Return what a bilinear look-up shows, (p, c)."""
+    """Return the values of bilinear lookups, (p, c)."""
     texels, weights = footprints(np.broadcast_to(atlas, len(position)), position, images.shape[1])
     return np.einsum("pk,pkc->pc", weights, images.reshape(-1, images.shape[3])[texels])
 
 
 def covered(triangles, atlases):
-    """Return which texels' centres lie on triangles, (atlases, R, R) bool, and their places in the world."""
+    """Return a mask of texels with centres on triangles, (atlases, R, R), and their world positions."""
     mask = np.ones((atlases, R, R), bool)
     every = centres(mask)
     world = np.full((len(every), 3), np.nan)

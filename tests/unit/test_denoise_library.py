@@ -1,4 +1,4 @@
-"""The wrapper of Open Image Denoise: what it says of libraries that fail, and the real one."""
+"""The wrapper of Open Image Denoise, with fake libraries that fail and with the real library."""
 
 import ctypes
 import sys

@@ -19,7 +19,7 @@ def known_texels(resolution=53, atlases=2):
 
 
 class FakeDevice:
-    """A filter that adds 1, and remembers what it was given."""
+    """Fake filter that adds 1 and records its input."""
 
     name = "Fake"
 

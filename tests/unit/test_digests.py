@@ -123,7 +123,7 @@ def test_light_is_neither(edit):
 
 
 def test_arrays_count_by_what_they_hold():
-    """Not by where they lie: a worker has new ones in each bake, a script may change its own in place."""
+    """Addresses do not count: workers create new arrays in each bake, scripts may change theirs in place."""
     copied = with_mesh(**{name: getattr(SCENE.meshes[1], name).copy() for name in ("positions", "uvs")})
     assert geometry_digest(copied) == geometry_digest(SCENE)
     before = geometry_digest(copied)

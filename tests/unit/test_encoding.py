@@ -225,7 +225,7 @@ def test_radiance_picture_holds_the_texels(width):
 
 
 def test_table_of_the_documentation_holds(monkeypatch):
-    """What docs/reference/formats.md tells of formats that need no Blender is what they lose now."""
+    """The errors in docs/reference/formats.md equal the present errors of formats that need no Blender."""
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import formats
 

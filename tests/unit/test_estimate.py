@@ -46,7 +46,7 @@ def test_estimate_without_bounces_needs_no_samples():
 
 
 def test_triangles_count_before_and_after_direct_light():
-    """They take most of a bake with millions of them, in listing patches and in choosing a method."""
+    """Millions of triangles take most of a bake: in the patch list, and in the choice of a method."""
     stages = BakeStages(Extent(1, 12_800_000, 1), SETTINGS, {})
     few = BakeStages(Extent(1, 100, 1), SETTINGS, {})
     for name in ("patches", "choosing"):

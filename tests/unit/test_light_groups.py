@@ -1,4 +1,4 @@
-"""Which light belongs to which light group, and maps of groups that sum up to that of all light."""
+"""Membership of lights in light groups, and maps of groups that sum to the map of all light."""
 
 from dataclasses import replace
 

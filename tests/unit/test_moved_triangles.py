@@ -1,4 +1,4 @@
-"""Which triangles have moved between two states of a scene."""
+"""Detection of triangles that moved between two states of a scene."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""Which triangles belong to open surfaces, and the back faces that these get."""
+"""Detection of triangles of open surfaces, and the back faces that they get."""
 
 from collections import defaultdict
 from dataclasses import replace

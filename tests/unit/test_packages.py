@@ -16,7 +16,7 @@ REQUIRED = ["moderngl", "glcontext"]
 
 
 def python(code: str, *search_path: Path) -> str:
-    """Return what a new Python prints that finds modules in `search_path` first."""
+    """Return the output of a new Python that searches modules in `search_path` first."""
     path = [str(folder) for folder in (*search_path, ROOT)]
     command = [sys.executable, "-c", f"import sys; sys.path[:0] = {path!r}\n{code}"]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()

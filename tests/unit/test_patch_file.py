@@ -48,12 +48,12 @@ def column(body, name):
 
 
 def body_of(path):
-    """Return what follows the header of a file, (8 n,) int32."""
+    """Return the data after the header of a file, (8 n,) int32."""
     return np.frombuffer(path.read_bytes()[HEADER:], np.int32).copy()
 
 
 def write_body(path, body):
-    """Replace what follows the header, and its checksum."""
+    """Replace the data after the header, and its checksum."""
     header = path.read_bytes()[: HEADER - 4]
     path.write_bytes(header + zlib.crc32(body.tobytes()).to_bytes(4, "little") + body.tobytes())
 

@@ -37,7 +37,7 @@ def sources() -> list[Path]:
 
 
 def posix_only(tree: ast.Module) -> list[ast.AST]:
-    """Return what a module does that one system alone can, outside any branch on `sys.platform`."""
+    """Return nodes of a module that need one operating system, outside of branches on `sys.platform`."""
     guarded = {id(inner) for node in ast.walk(tree) for part in branches(node) for inner in ast.walk(part)}
     return [node for node in ast.walk(tree) if id(node) not in guarded and is_posix_only(node)]
 
@@ -64,7 +64,7 @@ def after_early_return(body: list[ast.stmt]) -> list[ast.stmt]:
 
 
 def is_posix_only(node: ast.AST) -> bool:
-    """Return whether a node imports, names or opens what not every platform has."""
+    """Return True if a node imports, names or opens something that some platforms lack."""
     if isinstance(node, ast.Import):
         return any(alias.name in POSIX_MODULES for alias in node.names)
     if isinstance(node, ast.ImportFrom):

@@ -184,7 +184,7 @@ def test_paces_of_a_bake_serve_the_next_one(clock):
 
 
 def test_short_first_bake_does_not_foretell_minutes_for_a_long_one(clock):
-    """Half a second around next to no work says little of what two thousand times the work will take."""
+    """Half a second for hardly any work says little about the time of 2,000 times the work."""
     paces = {}
     stages = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
     stages.texels.amount = 1e4

@@ -1,4 +1,4 @@
-"""Random light in random formats: what comes back is the light within the limits that are told."""
+"""Random light in random formats: the decoded light is within the documented limits."""
 
 import zlib
 
@@ -60,7 +60,7 @@ def lights(low=0.0, high=_MOST):
 @_FUZZ
 @given(_ENCODINGS, lights())
 def test_any_light_in_any_format(encoding, light):
-    """What is clipped is as bright as can be, what is dark may become black, all else comes back."""
+    """Clipped light has the maximum, dark light may become black, and all other light is restored."""
     with np.errstate(over="ignore"):
         texels = encode_in_bands(encoding, light)
         decoded = encoding.decode(texels).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Charts of lightmaps: which texels are one, the level of their light, and what is dark."""
+"""Charts of lightmaps: connected texels, the level of their light, and dark charts."""
 
 import numpy as np
 import pytest

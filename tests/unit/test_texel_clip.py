@@ -1,4 +1,4 @@
-"""The middle of what a triangle covers of a texel."""
+"""Centroid of the part of a texel that a triangle covers."""
 
 import numpy as np
 import pytest

@@ -80,7 +80,7 @@ def pieces(count, seed):
 
 
 def touched(mesh, charts, uvs, resolution):
-    """Return which chart touches each texel, -1 for none; two on one texel fail."""
+    """Return the chart that touches each texel, -1 for none; fail if two touch one texel."""
     owner = np.full((resolution, resolution), -1)
     corners = uvs[mesh.triangles].astype(np.float64) * resolution
     rise = np.full((len(np.unique(charts.chart)), 2), resolution)

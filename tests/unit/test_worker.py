@@ -510,7 +510,7 @@ def test_changes_reach_a_bake_that_follows_at_work_and_at_rest(start):
     job.close()
     assert worker.alive
 
-    # It bakes as ever afterwards, in the same process.
+    # The same process then bakes normally.
     _, lightmap = _finish(worker.bake(_scene(), SETTINGS))
     assert lightmap.report.devices == worker_process and lightmap.report.reasons == ("Asked for.",)
 

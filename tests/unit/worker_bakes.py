@@ -12,7 +12,7 @@ from engine.device.device_records import DeviceKey, DeviceRecords
 from engine.errors import DeviceError, SceneError, SettingsError
 from engine.progress import Progress
 
-#: How often `chatter` yields, far more than a socket's buffer would hold.
+#: Number of times that `chatter` yields, far more than a socket's buffer can hold.
 CHATTER = 20_000
 
 
@@ -47,7 +47,7 @@ def echo(scene, settings):
 
 
 def return_scene(scene, settings):
-    """Return what arrived instead of a lightmap."""
+    """Return the received input instead of a lightmap."""
     yield Progress("Images", 1.0)
     return scene, settings
 
@@ -141,7 +141,7 @@ def follow(scene, settings):
 
 
 def follow_slowly(scene, settings):
-    """As `follow`, but deaf while a lightmap is finished."""
+    """Like `follow`, but ignore changes while a lightmap is finished."""
     known = []
     while True:
         known += (yield Progress("Images", 0.5)) or []

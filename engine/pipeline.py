@@ -47,8 +47,8 @@ from .texel_gather.texel_sample_points import TexelGatherJob
 from .texel_gather.valid_patches import valid_front
 from .visibility.rays.ray_scene import RayScene
 
-#: Sends a scene to other processes, and returns a function that sends them the patches and returns their
-#: devices. Objects without lightmap have their charts by then; the sampled triangles are lights.
+#: Function that sends a scene to other processes. It returns a function that sends them the patches and
+#: returns their devices. The scene has lightmap UVs for all objects; the sampled triangles count as lights.
 Ship = Callable[[Scene], Callable[[PatchScene, RayScene, SampledTriangles], RemoteDevices]]
 
 

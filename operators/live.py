@@ -22,7 +22,7 @@ from .worker_manager import owner
 class WindowLive(WindowBake):
     """Live in a window. After the first bake, an end request waits until the light has converged.
 
-    began_anew  True if this run replaces a Live run after a change of settings; Esc then cancels nothing
+    began_anew  True if this run replaces a Live run after a change of settings; Esc then does not end it
     """
 
     run: LiveRun

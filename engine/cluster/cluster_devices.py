@@ -85,7 +85,8 @@ class ClusterDevices:
         """Return E/pi of light from shadow rays, (n, 3) float32, and its L1; yield progress 0..1."""
         tasks = self._tasks_of_patches(shadow_tasks.sampled)
 
-        # Workers that finish early start on visibility, unless patch groups depend on this light.
+        # Workers that finish early start on visibility. With patch groups they wait, since the groups depend
+        # on this light.
         if shared_width(self._settings, self._patches.count) == 1:
             self._find()
         yield 0.0

@@ -50,13 +50,16 @@ class PreparedScene:
         self._display: TexelGatherJob | None = None
 
     def patches(self, table: SceneTable) -> ScenePatches:
-        """Return the patches of a table; the last ones are cached."""
+        """Return the patches of a table on the device; those of the last table are cached."""
         if self._patches is None or self._patches.name != table.name:
             self._patches = ScenePatches(*self._common, table, self.scene)
         return self._patches
 
     def sources(self, table: PatchTable) -> SourcePatches:
-        """Return the sources of a table, patches or patch groups; the last ones are cached."""
+        """Return the sources of light of a table, patches or patch groups.
+
+        Those of the last table are cached.
+        """
         if isinstance(table, SceneTable):
             return self.patches(table)
         if self._groups is None or self._groups.name != table.name:

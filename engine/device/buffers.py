@@ -122,7 +122,7 @@ def upload_float4_once(compute: ComputeDevice, values: np.ndarray, first: int = 
 
 
 def _float4_form(first: int) -> str:
-    """Return the key of float4 rows after zero rows in `SharedBuffers`."""
+    """Return the key of `SharedBuffers` for a float4 copy of an array after `first` rows of zeros."""
     return f"float4 from {first}"
 
 

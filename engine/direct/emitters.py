@@ -139,7 +139,7 @@ def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
 
 
 def no_bright_triangles(parts: PatchScene) -> SampledTriangles:
-    """Choose no triangle: the gather handles all emission."""
+    """Choose no triangle for shadow rays, so that the gather handles the emission of all surfaces."""
     none, surfaces = np.zeros((0, 3), np.float32), parts.surfaces
     chosen = np.zeros(0, int), none, none, np.zeros(0, bool)
     return SampledTriangles(*chosen, surfaces.emission, surfaces.emission_of_backs, _shining(parts))

@@ -26,8 +26,8 @@ from .uvs.uv_faults import is_inside
 #: Maximum ratio of densities at which objects may form a group.
 _EQUALLY_DENSE = 1.25
 
-#: Maximum number of groups that objects may still join. Objects that open more groups were hardly packed
-#: together.
+#: Number of groups, from the first on, that objects may join. Objects that need more groups were hardly
+#: packed together.
 _OPEN_GROUPS = 4
 
 #: Smallest tile sides that are tried, texels; the first one at which all tiles fit is used.

@@ -9,7 +9,11 @@ from engine.postprocess.device_fill import DeviceFill
 
 
 def filled(compute, monkeypatch, shape, small, known_part):
-    """Return filled images of three outputs, (3, *shape, 4) float32; small: see `_SMALL`."""
+    """Return filled images of three outputs, (3, *shape, 4) float32.
+
+    small:  see `_SMALL`; None for a CPU, which has a kernel for each scale
+    """
+    monkeypatch.setattr(type(compute), "processor", small is None)
     monkeypatch.setattr(device_fill, "_SMALL", small)
     random = np.random.default_rng(shape[1])
     known = random.random(shape) < known_part
@@ -27,6 +31,6 @@ def filled(compute, monkeypatch, shape, small, known_part):
 )
 @pytest.mark.parametrize("known_part", [0.0, 0.03, 0.5])
 def test_small_images_are_filled_at_once(compute, monkeypatch, shape, known_part):
-    single = filled(compute, monkeypatch, shape, 1, known_part)
-    for small in (5, 32, 200):
+    single = filled(compute, monkeypatch, shape, None, known_part)
+    for small in (1, 5, 32, 200):
         assert np.array_equal(filled(compute, monkeypatch, shape, small, known_part), single)

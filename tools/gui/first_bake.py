@@ -203,8 +203,10 @@ def _bake(window: Window, record: _Record) -> list[float]:
     window.run("shown = __import__('sys').modules[f'{MODULE}.operators.result.progress_images']\n"
                "shown.ProgressImages.stall = [0.0, 0.0]")  # fmt: skip
     record.keep("Before the click", window.run(_STATE)["stage"])
-    while not window.run(_STATE)["runs"]:
-        window.click(*button)
+    window.click(*button)
+    time.sleep(_REACTION)
+    while not window.run(_STATE)["runs"]:  # the panel has moved its button meanwhile
+        window.click(*_find_button(window))
         time.sleep(_REACTION)
     record.keep("Click")
     stages, images, state = set[str](), 0, window.run(_STATE)

@@ -718,3 +718,52 @@ def test_memory_is_told_in_a_unit_that_people_count_it_in(size, text):
 
     told = part("panels.check").estimate_text(Estimate(5, size, 200.0, True))
     assert told == f"5 texels, up to {text} of visibility data, about 3 min on this device"
+
+
+def _living_room(light):
+    """Make a closed room with its faces inwards around a lamp, and a table, as in a render of a room."""
+    room = mesh_object("Room", CUBE, INWARD)
+    room.scale = (4, 5, 3)
+    light.location = (2, 2, 2.5)
+    table = mesh_object("Table", CUBE, OUTWARD)
+    table.location = (1, 1, 0.01)
+    return ("Room", "Table")
+
+
+def _house(light):
+    """Make a closed body whose faces are two meshes, one for each material, as glTF stores it."""
+    mesh_object("House", CUBE, OUTWARD[:4], surface=material("Wall"))
+    mesh_object("House2", CUBE, OUTWARD[4:], surface=material("Roof"))
+    return ("House", "House2")
+
+
+def _mesh_instances(light):
+    """Make objects that share a mesh: with a material of its own, with a bevel, with an armature."""
+    import bpy
+
+    original = mesh_object("original", CUBE, OUTWARD, surface=material("Common"))
+    names = ["original"]
+    for place, name in enumerate(("other", "with_object_material", "modifier_1", "skinned_1"), 1):
+        obj = bpy.data.objects.new(name, original.data)
+        obj.location.x = 2 * place
+        bpy.context.scene.collection.objects.link(obj)
+        names.append(name)
+    bpy.data.objects["with_object_material"].material_slots[0].link = "OBJECT"
+    bpy.data.objects["with_object_material"].material_slots[0].material = material("Own")
+    bpy.data.objects["modifier_1"].modifiers.new("Bevel", "BEVEL")
+    skeleton = bpy.data.objects.new("Skeleton", bpy.data.armatures.new("Skeleton"))
+    bpy.context.scene.collection.objects.link(skeleton)
+    bpy.data.objects["skinned_1"].modifiers.new("Armature", "ARMATURE").object = skeleton
+    return tuple(sorted(names))
+
+
+@pytest.mark.parametrize("build", [_living_room, _house, _mesh_instances])
+def test_usual_scenes_have_no_false_findings(light, build):
+    import bpy
+
+    names = build(light)
+    bpy.context.view_layer.update()
+    (found,) = check().findings
+    assert (found.severity, found.objects) == ("INFO", names) and "No lightmap UVs yet" in found.text
+    assert fix(found) == {"FINISHED"}
+    assert check().findings == ()

@@ -18,6 +18,7 @@ from .window import Window
 #: Bakes the room with two outputs and a light group, and checks it.
 _BAKE = """
 scene = bpy.context.scene
+scene.hemibake.show_when_done = False
 scene.hemibake.outputs = {"combined", "ambient_occlusion", "light_groups"}
 bpy.context.view_layer.lightgroups.add(name="Ceiling")
 bpy.data.objects["Light"].lightgroup = "Ceiling"
@@ -63,8 +64,11 @@ except TypeError:
     answer = False
 """
 
-#: Shows the material tab while the lightmap is shown.
+#: Shows the material tab while the lightmap is shown, in Solid shading: software draws materials in minutes.
 _SHOW_MATERIAL = """
+with bpy.context.temp_override(**view3d()):
+    bpy.ops.hemibake.preview()
+view3d()["area"].spaces.active.shading.type = "SOLID"
 area = next(area for area in view3d()["screen"].areas if area.type == "PROPERTIES")
 bpy.context.view_layer.objects.active = bpy.data.objects["Tall Box"]
 area.spaces.active.context = "MATERIAL"

@@ -117,6 +117,13 @@ _BAKE_BUTTON = (
 )
 
 
+#: Starts to bake if the click has missed.
+_START = """
+with bpy.context.temp_override(**view3d()):
+    bpy.ops.hemibake.bake("INVOKE_DEFAULT")
+"""
+
+
 class _Record:
     """Pictures in a folder, and a row of the table for each."""
 
@@ -205,9 +212,8 @@ def _bake(window: Window, record: _Record) -> list[float]:
     record.keep("Before the click", window.run(_STATE)["stage"])
     window.click(*button)
     time.sleep(_REACTION)
-    while not window.run(_STATE)["runs"]:  # the panel has moved its button meanwhile
-        window.click(*_find_button(window))
-        time.sleep(_REACTION)
+    if not window.run(_STATE)["runs"]:  # the panel has moved its button meanwhile
+        window.run(_START)
     record.keep("Click")
     stages, images, state = set[str](), 0, window.run(_STATE)
     while state["runs"] or not state["report"]:

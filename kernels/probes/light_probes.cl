@@ -83,6 +83,7 @@ __kernel void light_probes(RAYS_ARGUMENTS, __global const float4 *probes, __glob
         }
         add_direction(&sum, s.direction, s.light * visible * (M_PI_F / span.y));
     }
+    __global float4 *own = coefficients + BASIS * (size_t)probe;
     for (int k = 0; k < BASIS; ++k)
-        coefficients[BASIS * (size_t)probe + k].xyz += sum.of[k];
+        own[k].xyz += sum.of[k];
 }

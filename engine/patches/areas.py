@@ -17,17 +17,18 @@ _SPARSE = 4
 
 
 def surface_areas(triangles: Triangles, patches: PatchList, geometry: PatchGeometry) -> np.ndarray:
-    """Return the area that each patch stands for, (n,) float32, m^2.
+    """Return the surface area that each patch represents, (n,) float32, m^2.
 
-    That is the area of its texel, times what makes all patches of a chart together as large as their
-    triangles: borders of charts cut texels. Triangles without a patch are shared out among all patches of
-    their mesh and material. Back faces have exact areas, see `back_areas`.
+    The texel area is multiplied by a factor per chart, so that the patches of a chart together have the area
+    of its triangles, although chart borders cut texels. The area of triangles without a patch is distributed
+    over all patches of their mesh and material. Back faces have exact areas, see `back_areas`.
     """
     kinds = int(triangles.material.max(initial=0)) + 1
     surface = triangles.mesh.astype(np.int64) * kinds + triangles.material
     part, listed = _parts_of_charts(surface, patches, geometry)
 
-    # A triangle's texels are of one size: as many as its chart is large, and those that are patches.
+    # All texels of a triangle have one size. Compare the triangle's area with the area of its texels that are
+    # patches.
     (u1, v1), (u2, v2) = ((triangles.uvs[:, k] - triangles.uvs[:, 0]).T * patches.resolution for k in (1, 2))
     texel = geometry.steps.area.astype(np.float64)
     whole = texel * np.abs(u1 * v2 - u2 * v1) / 2
@@ -51,10 +52,8 @@ def _parts_of_charts(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the chart part of each triangle that has patches: triangles of one chart and one surface.
 
-    surface:  (t,) int64, number of the mesh and material of each triangle. Returns (k,) int64, number of the
-              part, and (k,) int64, indices of the triangles, ascending.
-
-    surface: (t,) int64. Returns (k,) int64, and which triangles these are, (k,) int64, ascending.
+    surface: (t,) int64, number of the mesh and material of each triangle
+    Returns (k,) int64, number of the part, and (k,) int64, indices of the triangles, ascending.
     """
     shape = int(patches.atlas.max(initial=0)) + 1, patches.resolution, patches.resolution
     known = np.zeros(shape, bool)
@@ -71,10 +70,7 @@ def _parts_of_charts(
 
 
 def _numbered(keys: np.ndarray) -> np.ndarray:
-    """Replace keys, (k,) int64 >= 0, by consecutive numbers in the order of the keys.
-
-    Equal keys get equal numbers.
-    """
+    """Replace keys, (k,) int64 >= 0, by consecutive numbers in ascending order of the keys."""
     if keys.max(initial=0) > _SPARSE * len(keys):
         return np.unique(keys, return_inverse=True)[1].reshape(-1)
     there = np.zeros(keys.max(initial=0) + 1, bool)

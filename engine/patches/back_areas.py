@@ -1,4 +1,4 @@
-"""Exact areas of the patches of back faces, which are coarse: of all points that show their texel."""
+"""Exact areas of the patches of back faces, whose coarse texels are cut or shared by triangles."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def back_areas(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the patches in blocks of back faces, (k,) int64, and the area of each, (k,) float32, m^2.
 
-    The diagonal of a block cuts texels, and all small triangles of a cluster show one texel; see
+    The diagonal of a block cuts texels, and all small triangles of a cluster share one texel; see
     `unmapped_meshes`.
 
-    backs: (s,) int32, as `Triangles.backs`
+    backs:  (s,) int32, as `Triangles.backs`
     """
     blocks = _blocks_of(triangles, backs)
     corners = triangles.uvs[blocks] * np.float32(patches.resolution)
@@ -51,7 +51,7 @@ def back_areas(
 
 
 def _blocks_of(triangles: Triangles, backs: np.ndarray) -> np.ndarray:
-    """Return the back faces that have blocks, (b,) int64; others mirror the chart of their front."""
+    """Return the back faces that have blocks, (b,) int64; all others mirror the chart of their front face."""
     front = np.flatnonzero(backs >= 0)
     back = backs[front]
     is_mirrored = (triangles.uvs[back] == triangles.uvs[front][:, [0, 2, 1]]).all(axis=(1, 2))
@@ -60,7 +60,7 @@ def _blocks_of(triangles: Triangles, backs: np.ndarray) -> np.ndarray:
 
 
 def _share(x: np.ndarray, y: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Return the area that the triangle of a block covers of texels, (n,) float64, texels.
+    """Return the area of each texel that the triangle of its block covers, (n,) float64, texels.
 
     x, y: (n,) int, column and row in the block; width: (n,) of the block, texels
     """
@@ -68,7 +68,7 @@ def _share(x: np.ndarray, y: np.ndarray, width: np.ndarray) -> np.ndarray:
     end = width - BACKS.high + BACKS.low
 
     def beyond(column: np.ndarray, row: np.ndarray) -> np.ndarray:
-        """Return the area above and to the right of a point, (n,) float64, texels."""
+        """Return the covered area above and to the right of a point of the block, (n,) float64, texels."""
         area: np.ndarray = np.maximum(end - column - row, 0) ** 2 / 2
         return area
 

@@ -1,7 +1,7 @@
-"""Back faces of open surfaces as triangles with patches of their own: they reflect and emit like fronts.
+"""Back faces of open surfaces as triangles with patches of their own: they reflect and emit like front faces.
 
-Backs of opaque surfaces lie in atlases of the engine's own. Backs of translucent surfaces mirror the atlas of
-their fronts texel by texel, so that each patch has a partner on the other side.
+Back faces of opaque surfaces lie in additional atlases. Back faces of translucent surfaces mirror the atlas
+of their front faces texel by texel, so that each patch has a partner on the other side.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
 from .unmapped_meshes import BACKS, place_meshes, place_unmapped, texel_size
 
-#: Returns which of some triangles of a scene, (t,) bool, have a visible back, (t,) bool.
+#: Function of a scene and a mask of its triangles, (t,) bool. It returns the mask of those with a visible
+#: back face.
 FindVisible = Callable[[Scene, np.ndarray], np.ndarray]
 
 #: Order of a triangle's corners seen from its back.
@@ -29,10 +30,10 @@ def with_places(
     surfaces: OpenSurfaces | None = None,
     find_visible: FindVisible | None = None,
 ) -> Scene:
-    """Return the scene with lightmap UVs for what has none: occluders, and back faces of open surfaces.
+    """Return the scene with lightmap UVs for surfaces without: occluders, and back faces of open surfaces.
 
-    surfaces:     of the scene before, if there was one
-    find_visible: chooses the backs that something sees; None to take all
+    surfaces:      open surfaces of the previous scene; None without one
+    find_visible:  chooses the back faces that are visible from a surface; None to use all
     """
     texel, surfaces = texel_size(scene, resolution), surfaces or OpenSurfaces()
     placed = place_unmapped(scene, resolution)
@@ -43,10 +44,11 @@ def with_places(
 
 
 def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: float) -> Scene:
-    """Return the scene with a mesh for the chosen and the translucent back faces of each mesh that has any.
+    """Return the scene with an additional mesh for the chosen and the translucent back faces of each mesh.
 
-    scene: its occluders have places already; is_chosen: (t,) bool, opaque triangles of open surfaces
-    texel: mean world size of a lightmap texel, m
+    scene:      occluders must have lightmap UVs already
+    is_chosen:  (t,) bool, opaque triangles of open surfaces whose back faces get patches
+    texel:      mean world size of a lightmap texel, m
     """
     translucent = np.array([material.translucent for material in scene.materials], bool)
     materials, numbers = _materials_of_backs(scene.materials)
@@ -74,7 +76,7 @@ def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: flo
 
 
 def _is_opaque(scene: Scene) -> np.ndarray:
-    """Return which triangles let no light through diffusely, nor all light straight, (t,) bool."""
+    """Return a mask of triangles without diffuse or full straight transmission, (t,) bool."""
     opaque = [not (material.translucent or _has_clear_back(material)) for material in scene.materials]
     materials = [mesh.material for mesh in scene.meshes]
     return np.array(opaque, bool)[np.concatenate([np.zeros(0, np.int32), *materials])]
@@ -87,7 +89,7 @@ def _has_clear_back(material: Material) -> bool:
 
 
 def _materials_of_backs(materials: tuple[Material, ...]) -> tuple[tuple[Material, ...], np.ndarray]:
-    """Return all materials with those of backs that differ, and the number of each one's back, (m,) int32."""
+    """Return materials, with additional ones for back faces, and the back material of each, (m,) int32."""
     joined, numbers = list(materials), np.arange(len(materials), dtype=np.int32)
     for index, material in enumerate(materials):
         passed = material.transmission
@@ -114,7 +116,8 @@ def _turned(passed: Transmission) -> Transmission:
 def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray) -> Mesh:
     """Return the back faces of a mesh.
 
-    index: (t,) int32, of its triangles among all; materials: (m,) int32, the back's of each material
+    index:      (t,) int32, indices of the mesh's triangles in the scene
+    materials:  (m,) int32, material of the back face for each material
     """
     return replace(
         mesh,

@@ -16,29 +16,30 @@ from ..scene.model import NO_LIGHTMAP, Mesh, Scene
 #: World size of a texel of an occluder, in texels of the lightmaps.
 COARSENESS = 4.0
 
-#: Growth of that size while the places do not fit into the atlases.
+#: Factor by which texels grow until all blocks fit into the atlases.
 _STEP = 1.25
 
-#: Texels of the atlases for each cluster that remains however large a texel is: the rest is left to detail.
+#: Number of texels that the atlases have for each cluster of the coarsest clustering, so that finer blocks
+#: fit too.
 _LEAST_TEXELS = 2
 
-#: The block of a back face is as wide as this fraction of its longest edge, or as the root of its area: light
-#: that backs reflect needs less detail (chosen).
+#: Minimum width of a back face's block as a fraction of its longest edge, since reflected light of back faces
+#: needs less detail (chosen).
 _OF_LONGEST = 1 / 8
 
-#: Back faces have finer texels while these are at most this fraction of the lightmaps' texels: light varies
-#: much in the gap between a lamp and a ceiling (chosen: they cost little).
+#: Maximum share of fine back-face texels in the number of lightmap texels. Below it, back faces get finer
+#: texels, since light varies much in narrow gaps such as between a lamp and a ceiling (chosen).
 _FINE_BACKS = 0.02
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """Layout of the blocks of triangles.
+    """Layout of the texel blocks in which triangles are placed.
 
     low, high: corners of a triangle in its block of k texels: `low`, and k minus `high`. They cover the
                centres of all texels below the diagonal and touch no texel of another block
-    is_back:   True for back faces: blocks have as many texels as triangles have area, and finer ones where
-               these are few. False for blocks as wide as the longest edge
+    is_back:   True for back faces: the number of texels of a block follows the triangle's area, and texels
+               are finer if few are needed. False: a block is as wide as the triangle's longest edge
     """
 
     low: float
@@ -46,14 +47,14 @@ class Blocks:
     is_back: bool
 
 
-#: Rays do not start at points of a texel that lie outside of its triangle: blocks of backs have few of them.
-#: A centre nearer to the diagonal than 0.02 texels would be moved, see `edge_patch_points`.
+#: Blocks of back faces waste few texels, since no rays start at points of a texel outside of its triangle. A
+#: centre nearer to the diagonal than 0.02 texels would be moved, see `edge_patch_points`.
 OCCLUDERS, BACKS = Blocks(0.1, 0.05, False), Blocks(0.05, 0.015, True)
 
 
 @dataclass(frozen=True)
 class _Places:
-    """Where triangles go, (t,) each.
+    """Blocks of triangles, arrays of (t,).
 
     block   number of each triangle's block; triangles of one cluster have one block of one texel
     chosen  True for the triangle that the block's patches lie on
@@ -68,18 +69,18 @@ class _Places:
 
 
 def place_unmapped(scene: Scene, resolution: int) -> Scene:
-    """Return the scene with lightmap UVs for its occluders in further atlases, if it has any.
+    """Return the scene with lightmap UVs for its occluders in additional atlases, if it has occluders.
 
-    An occluder that lies in several of these becomes a mesh in each.
+    An occluder whose triangles lie in several atlases becomes one mesh in each.
     """
     return place_meshes(scene, resolution, "(occluders)", texel_size(scene, resolution), OCCLUDERS)
 
 
 def place_meshes(scene: Scene, resolution: int, name: str, texel: float, blocks: Blocks) -> Scene:
-    """Return the scene with lightmap UVs for its meshes of atlas NO_LIGHTMAP in further atlases of a name.
+    """Return the scene with lightmap UVs in additional atlases for the meshes of atlas NO_LIGHTMAP.
 
     texel: mean world size of a lightmap texel, m; 0 if nothing has a lightmap
-    blocks: of the triangles
+    blocks: layout of the blocks
     """
     meshes = [mesh for mesh in scene.meshes if mesh.atlas == NO_LIGHTMAP and len(mesh.positions)]
     if not meshes:
@@ -105,7 +106,7 @@ def place_meshes(scene: Scene, resolution: int, name: str, texel: float, blocks:
 
 
 def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
-    """Return a mesh with its triangles' atlases, (t,), and UVs, (t, 3, 2): one part for each atlas."""
+    """Split a mesh by the atlas of its triangles, (t,), with UVs, (t, 3, 2): return one mesh per atlas."""
     mesh = replace(mesh, uvs=uvs)
     return [replace(mesh.part(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
 
@@ -117,7 +118,7 @@ def _largest_extent(meshes: list[Mesh]) -> float:
 
 
 def _widths(meshes: list[Mesh], blocks: Blocks) -> np.ndarray:
-    """Return the width that the block of each triangle has at least, (t,) float64, m.
+    """Return the minimum width of the block of each triangle, (t,) float64, m.
 
     A block that is as wide as the root of its triangle's area has as many texels as the triangle has area.
     """
@@ -130,7 +131,7 @@ def _widths(meshes: list[Mesh], blocks: Blocks) -> np.ndarray:
 
 
 def _fine_size(widths: np.ndarray, coarsest: float, texels: float) -> float:
-    """Return the least size of a block's texel, from a lightmap's on, at which blocks hold so many, m."""
+    """Return the smallest texel size of fine back faces at which blocks have at most `texels` texels, m."""
     for size in coarsest / COARSENESS * np.sqrt(COARSENESS) ** np.arange(0, 2, 0.5):
         levels = _levels(widths, size)
         if (4.0 ** levels[levels > 0]).sum() / 2 <= texels:
@@ -139,15 +140,15 @@ def _fine_size(widths: np.ndarray, coarsest: float, texels: float) -> float:
 
 
 def _levels(widths: np.ndarray, size: float) -> np.ndarray:
-    """Return the levels of blocks, (t,) int64, whose texels are `size` metres wide; see `_Places`."""
+    """Return the level of each triangle's block, (t,) int64, for texels `size` metres wide; see `_Places`."""
     return np.minimum(np.ceil(np.log2(np.maximum(widths / size, 1.0))).astype(np.int64), 13)
 
 
 def _fitting_places(meshes: list[Mesh], widths: np.ndarray, capacity: int, size: float) -> _Places:
-    """Return places for all triangles, coarser and coarser from texels of `size` metres on until they fit.
+    """Return blocks for all triangles; texels grow from `size` metres until all blocks fit.
 
-    They fit into as few atlases, of `capacity` texels each, as hold _LEAST_TEXELS for every cluster that
-    remains however coarse they are.
+    The number of atlases, of `capacity` texels each, is the smallest that holds _LEAST_TEXELS for each
+    cluster of the coarsest clustering.
     """
     positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
     kinds = _kinds(meshes, positions)
@@ -172,12 +173,12 @@ def texel_size(scene: Scene, resolution: int) -> float:
 
 
 def _chart_texels(scene: Scene, resolution: int) -> float:
-    """Return the texels of all charts."""
+    """Return the total area of all charts, texels."""
     return _doubled_charts(scene) * resolution**2 / 2
 
 
 def _doubled_charts(scene: Scene) -> float:
-    """Return twice the area of all charts, of a lightmap's."""
+    """Return twice the total area of all charts, as a fraction of a lightmap's area."""
     charts = 0.0
     for mesh in scene.meshes:
         if mesh.atlas != NO_LIGHTMAP:
@@ -194,7 +195,7 @@ def _areas(positions: np.ndarray) -> np.ndarray:
 
 
 def _dominant_axis(positions: np.ndarray) -> np.ndarray:
-    """Return which of the six directions along the axes each triangle faces most, (t,) int."""
+    """Return the axis direction, 0 to 5, that each triangle faces most, (t,) int."""
     normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
     axis = np.abs(normal).argmax(axis=1)
     facing: np.ndarray = 2 * axis + (normal[np.arange(len(normal)), axis] < 0)
@@ -202,11 +203,12 @@ def _dominant_axis(positions: np.ndarray) -> np.ndarray:
 
 
 def clusters(meshes: Sequence[Mesh], size: float) -> np.ndarray:
-    """Return the number of the cluster of each triangle, (t,) int, of all meshes one after another.
+    """Return the number of the cluster of each triangle, (t,) int, for the meshes one after another.
 
-    Triangles of one mesh and material that look the same way, in one cell of a grid, are a cluster.
+    A cluster contains the triangles of one mesh, material and direction whose centres lie in one cell of a
+    grid.
 
-    size: of a cell, m
+    size:  width of a cell, m
     """
     positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
     centers = positions.mean(axis=1)
@@ -214,7 +216,7 @@ def clusters(meshes: Sequence[Mesh], size: float) -> np.ndarray:
 
 
 def _kinds(meshes: Sequence[Mesh], positions: np.ndarray) -> np.ndarray:
-    """Return mesh, material and direction of triangles, (t, 3) int."""
+    """Return mesh, material and axis direction of each triangle, (t, 3) int."""
     return np.stack(
         [
             np.repeat(np.arange(len(meshes)), [len(mesh.positions) for mesh in meshes]),
@@ -226,7 +228,7 @@ def _kinds(meshes: Sequence[Mesh], positions: np.ndarray) -> np.ndarray:
 
 
 def _cells(centers: np.ndarray, size: float) -> np.ndarray:
-    """Return the cell of a grid that each point, (t, 3) float64, lies in, (t, 3) int64."""
+    """Return the grid cell that contains each point, (t, 3) float64, as (t, 3) int64."""
     cells: np.ndarray = np.floor((centers - centers.min(axis=0)) / size).astype(np.int64)
     return cells
 
@@ -234,13 +236,14 @@ def _cells(centers: np.ndarray, size: float) -> np.ndarray:
 def _places_at(
     centers: np.ndarray, width: np.ndarray, area: np.ndarray, kinds: np.ndarray, size: float
 ) -> _Places:
-    """Return the places of triangles if a texel is `size` metres wide.
+    """Return the blocks of triangles for texels `size` metres wide.
 
-    width: of their blocks, (t,), m; area: (t,), in any unit
+    width:  (t,), minimum width of each block, m
+    area:   (t,), area of each triangle in any unit
     """
     level = _levels(width, size)
 
-    # Small triangles are one cluster where kind and cell of a grid are the same.
+    # Small triangles of equal kind and grid cell form one cluster.
     keys = np.column_stack([np.where(level > 0, np.arange(len(level)) + 1, 0), kinds, _cells(centers, size)])
     keys[level > 0, 1:] = 0
     block = _unique_rows(keys)
@@ -256,7 +259,7 @@ def _places_at(
 
 
 def _unique_rows(keys: np.ndarray) -> np.ndarray:
-    """Return the number of the distinct row that each row equals, (t,) int."""
+    """Number the distinct rows; return the number of each row, (t,) int."""
     order = np.lexsort(keys.T)
     ordered = keys[order]
     new = np.r_[False, (ordered[1:] != ordered[:-1]).any(axis=1)]
@@ -266,10 +269,10 @@ def _unique_rows(keys: np.ndarray) -> np.ndarray:
 
 
 def _pack(places: _Places, side: int, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
-    """Return each triangle's atlas, (t,) int64 from 0 on, and its corners' texels there, (t, 3, 2) float32.
+    """Return the atlas of each triangle, (t,) int64 from 0, and its corners in texels, (t, 3, 2) float32.
 
-    Blocks whose sides are powers of two, the largest first along a Z-order curve, leave no gaps
-    (Morton 1966), and none lies across the end of an atlas.
+    Blocks with sides that are powers of two, sorted by size along a Z-order curve, leave no gaps (Morton
+    1966), and no block crosses the end of an atlas.
     """
     chosen = np.flatnonzero(places.chosen)
     chosen = chosen[np.argsort(-places.level[chosen], kind="stable")]
@@ -279,7 +282,8 @@ def _pack(places: _Places, side: int, blocks: Blocks) -> tuple[np.ndarray, np.nd
     atlas, code = np.divmod(start[places.block], side * side)
     origin = np.stack([_even_bits(code), _even_bits(code >> 1)], axis=1).astype(np.float32)
 
-    # Chosen triangles span their block; the others of a cluster meet in the centre of its texel.
+    # A chosen triangle spans its block; the corners of the other triangles of a cluster lie at the centre of
+    # its texel.
     high = (2.0**places.level - blocks.high).astype(np.float32)
     corners = np.full((len(code), 3, 2), blocks.low, np.float32)
     corners[:, 1, 0] = corners[:, 2, 1] = high
@@ -288,7 +292,7 @@ def _pack(places: _Places, side: int, blocks: Blocks) -> tuple[np.ndarray, np.nd
 
 
 def _even_bits(code: np.ndarray) -> np.ndarray:
-    """Return the number made of the even bits of a code."""
+    """Return the number that consists of the even bits of a code."""
     bits = code & 0x5555555555555555
     for shift, mask in (
         (1, 0x3333333333333333),

@@ -1,4 +1,4 @@
-"""Test rays that start all over triangles and follow the cosine; see `visible_backs`."""
+"""Test rays with origins all over triangles and cosine-distributed directions; see `visible_backs`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class BackRays:
     """Test rays of one round.
 
     positions:  (t, 3, 3) float32, m, corners of all triangles
-    ends:       (t,) uint32, number of the first ray after a triangle's own ones
+    ends:       (t,) uint32, end of each triangle's range of rays
     side:       1 for rays from fronts, -1 from backs
     height:     of ray origins above the surface, m
     count:      number of rays
@@ -28,7 +28,10 @@ class BackRays:
     def of(
         cls, positions: np.ndarray, weight: np.ndarray, count: int, side: float, height: float
     ) -> BackRays:
-        """Return rays in proportion to weights, (t,) float64, not all 0 if there are rays."""
+        """Create rays, whose number per triangle is proportional to its weight, (t,) float64.
+
+        Not all weights may be 0, unless `count` is 0.
+        """
         total = np.cumsum(weight)
         ends = np.floor(total * (count / max(total[-1], 1e-300))).clip(max=count).astype(np.uint32)
         return cls(positions, ends, side, height, count)

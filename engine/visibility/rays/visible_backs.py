@@ -1,9 +1,10 @@
-"""Back faces in view: rays from all surfaces find the ones whose light reaches something.
+"""Visible back faces: test rays from all surfaces find the back faces whose light reaches a surface.
 
-Backs that no ray meets, as the outer sides of a room's walls, need no patches. Nor do backs that are visible
-only from points inside of something, as the inner sides of a bottomless box on a floor. A ray follows the
-cosine from a random point, as visibility samples do. What N rays miss takes at most 3 / N of all views with a
-probability of 95 % (rule of three, Hanley and Lippman-Hand 1983).
+Back faces that no ray hits, such as the outer sides of a room's walls, need no patches. Nor do back faces
+that are visible only from points inside geometry, such as the inner sides of a bottomless box on a floor.
+Rays have random origins and cosine-distributed directions, like visibility samples. Back faces missed by all
+N rays cover at most 3 / N of all views with a probability of 95 % (rule of three, Hanley and Lippman-Hand
+1983).
 """
 
 from __future__ import annotations
@@ -28,35 +29,36 @@ from .shaders.host_bvh import HostBvh
 from .shaders.shader_back_rays import backs_met_by_shader
 from .shaders.shader_tracer import ShaderTracer
 
-#: Makes the ray tracer of triangles on the device of a bake.
+#: Function that creates the ray tracer of triangles on the device of a bake.
 MakeTracer = Callable[[Triangles, Cutouts], RayTracer | ShaderTracer]
 
 #: BVH on a device with or without OpenCL.
 Hierarchy = TypeVar("Hierarchy", Bvh, HostBvh)
 
-#: Rays from each texel of a lightmap, and from each coarse one of a back face. What four miss takes less than
-#: the view of one texel, see above.
+#: Rays per texel of a lightmap, and per coarse texel of a back face. Back faces missed by four rays cover
+#: less than the view of one texel, see above.
 _RAYS = 4
 
-#: Rays of one round, at least and at most: of more texels each has fewer. Rounds do not grow.
+#: Minimum and maximum number of rays of one round. With more texels each one gets fewer rays. A round has at
+#: most as many rays as the round before.
 _MIN_RAYS, _MAX_RAYS = 1 << 11, 1 << 22
 
-#: Rounds of rays, at most: from fronts, from the backs that these meet, and so on. Each shows more of the
-#: inside of a vase; light that is reflected between backs so often is little.
+#: Maximum number of rounds: rays from front faces, then from the back faces that they hit, and so on. Each
+#: round finds more of the inside of a vase; light reflected so often between back faces is negligible.
 _ROUNDS = 8
 
-#: Small triangles that look the same way within so many texels are visible if one of them is.
+#: Width of a cluster of small triangles of one direction, texels: all are visible if one of them is.
 _CLUSTER = 4.0
 
 
 class VisibleBacks:
-    """Visible back faces of successive scenes; the choice for a geometry that stays is kept."""
+    """Visible back faces of successive scenes; the choice is cached while the geometry stays."""
 
     def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
-        """Drop everything."""
+        """Drop the cached choice."""
         self._key: tuple = ()
         self._shape: tuple = ()
         self._visible = np.zeros(0, bool)
@@ -71,9 +73,9 @@ class VisibleBacks:
         resolution: int,
         is_moving: bool = False,
     ) -> np.ndarray:
-        """Return which candidates have a visible back, (t,) bool.
+        """Return a mask of the candidates with a visible back face, (t,) bool.
 
-        scene:       its occluders have places already
+        scene:       occluders must have lightmap UVs already
         candidates:  (t,) bool, of all triangles
         is_moving:   True to keep the last choice while meshes move, so that patches stay; see `refresh`
         """
@@ -95,7 +97,7 @@ class VisibleBacks:
         return self._visible
 
     def refresh(self, make_tracer: MakeTracer) -> bool:
-        """Choose again if the last choice was kept while meshes moved; return True if it changes."""
+        """Repeat the choice if the last one was kept while meshes moved; return True if it changes."""
         if self._unchecked is None:
             return False
         scene, candidates, resolution = self._unchecked
@@ -103,7 +105,7 @@ class VisibleBacks:
         return not np.array_equal(self.of(make_tracer, scene, candidates, resolution), used)
 
     def bvh_of(self, triangles: Triangles, kind: type[Hierarchy]) -> Hierarchy | None:
-        """Return the BVH of triangles if the last choice was made with one of this kind, else None."""
+        """Return the BVH of the last choice if it has the same triangles and is of this kind; else None."""
         if self._hierarchy is None:
             return None
         positions, bvh = self._hierarchy
@@ -112,7 +114,7 @@ class VisibleBacks:
 
 
 def _key_of(scene: Scene) -> tuple:
-    """Return all that decides which backs of a scene are visible."""
+    """Return a key of everything that determines which back faces of a scene are visible."""
     meshes = tuple(
         (mesh.positions, mesh.uvs, mesh.material, mesh.atlas, mesh.texture_uvs) for mesh in scene.meshes
     )
@@ -120,7 +122,7 @@ def _key_of(scene: Scene) -> tuple:
 
 
 def _stays(scene: Scene) -> np.ndarray:
-    """Return which materials always have patches at their back, (m,) bool."""
+    """Return a mask of materials whose back faces always have patches, (m,) bool."""
     return np.array([material.translucent for material in scene.materials], bool)
 
 
@@ -131,7 +133,7 @@ def _visible(
     resolution: int,
     candidates: np.ndarray,
 ) -> np.ndarray:
-    """Return what `VisibleBacks.of` does; tracer: of the triangles."""
+    """Return the result of `VisibleBacks.of`. tracer: ray tracer of the triangles."""
     texel = texel_size(scene, resolution) or triangles.diagonal / resolution
     height = max(
         min(OF_TEXEL * texel, OF_DIAGONAL * triangles.diagonal),
@@ -156,7 +158,7 @@ def _visible(
 
 
 def _backs_met(tracer: RayTracer | ShaderTracer, rays: BackRays) -> np.ndarray:
-    """Return which triangles show their backs to some rays, (t,) bool."""
+    """Return a mask of triangles whose back face some ray hits, (t,) bool."""
     triangles = len(rays.ends)
     if not rays.count:
         return np.zeros(triangles, bool)

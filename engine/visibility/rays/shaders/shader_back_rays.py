@@ -14,7 +14,7 @@ _CORNERS, _ENDS = 4, 5
 
 
 def backs_met_by_shader(tracer: ShaderTracer, rays: BackRays) -> np.ndarray:
-    """Return which triangles show their backs to some rays, (t,) bool."""
+    """Return a mask of triangles whose back face some ray hits, (t,) bool."""
     size = 4 * len(rays.ends)
     marks = reserve_storage(tracer.graphics, size, bytes(size))
     buffers = {

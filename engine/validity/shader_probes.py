@@ -23,7 +23,7 @@ _FEATURES = tuple(option.removeprefix("-D").replace("=", " ") for option in KERN
 
 
 def contact_codes(scene: ShaderScene, above: float, below: float) -> np.ndarray:
-    """Return 0 for none, 1 for covered and 2 for back-to-back patches, (n,) float32.
+    """Return the contact of each patch, (n,) float32: 0 for none, 1 for covered, 2 for back-to-back.
 
     above, below: extent of the rays above and below the surface, in heights of the ray origins
     """
@@ -32,7 +32,7 @@ def contact_codes(scene: ShaderScene, above: float, below: float) -> np.ndarray:
 
 
 def lit_by_back_faces(scene: ShaderScene, shines: np.ndarray, planes: np.ndarray) -> np.ndarray:
-    """Return which patches see an emissive back face and little else but back faces, (n,) bool.
+    """Return a mask of patches that back faces light, (n,) bool; see kernels/validity/lit_by_backs.cl.
 
     shines: (t,) bool, emissive triangles; planes: (k, 4) float32, see `contact.patches_lit_by_backs`
     """
@@ -69,7 +69,7 @@ def _probe(
     rows: int,
     state_words: int = 0,
 ) -> np.ndarray:
-    """Return what a shader finds at all points, `rows` rows of each, (rows n, 4) float32."""
+    """Run a shader of probe rays; return `rows` rows of results per point, (rows n, 4) float32."""
     words, size = ShaderTables(scene.graphics, tables), rows * scene.count
     results = reserve_storage(scene.graphics, 16 * size)
     buffers = {RECORDS: scene.receivers, _TABLES: words.buffer, RESULTS: results}

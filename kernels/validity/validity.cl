@@ -6,7 +6,7 @@
 // Validity tests: decide from a few probe rays if a point is inside geometry. Thresholds are build options
 // (engine/validity/thresholds.py).
 
-// Numbers of a point's probe rays by what they hit.
+// Counts of the hits of a point's probe rays.
 typedef struct {
     int backs;   // dark back faces, see meets_dark_back
     int others;  // misses, front faces, and lit back faces at a distance

@@ -1,4 +1,4 @@
-"""The manifest beside lightmap files: what made each of them, and which objects show it.
+"""The manifest in a folder of lightmaps: origin, encoding and objects of each file.
 
 A folder of lightmaps holds one `hemibake.json`; docs/reference/report_and_manifest.md explains it:
 
@@ -37,7 +37,8 @@ NAME = "hemibake.json"
 #: Of the layout of the manifest.
 VERSION = 2
 
-#: Keys that no entry of a file determines: a writer replaces its own and keeps the others.
+#: Top-level keys of the manifest that do not describe files: a writer replaces its own keys and keeps the
+#: others.
 SECTIONS = ("states", "probes", "reflections")
 
 
@@ -70,7 +71,7 @@ def write_manifest(
     facts: Sequence[dict],
     sections: Mapping[str, dict | list] | None = None,
 ) -> None:
-    """Write the manifest of a folder for the time after the staged files are renamed; raises OSError.
+    """Write the manifest that a folder has once the staged files are renamed into it; raises OSError.
 
     facts:     entry of each file: "blend", "atlas", "output", "objects", its encoding, and "decode" if a
                formula is needed to use it

@@ -1,7 +1,6 @@
 #version 430
-// Patches whose probe rays hit an emissive back face (the flags of validity.glsl) before more than MAX_OTHERS_BACKLIT
-// others.
-// As kernels/validity/lit_by_backs.cl. x of a result: 1 for such a patch.
+// Detects patches whose probe rays hit an emissive back face (flags of validity.glsl) before more than
+// MAX_OTHERS_BACKLIT others. x of a result: 1 for such a patch. The same algorithm as kernels/validity/lit_by_backs.cl.
 #define RECEIVER_ACCESS readonly
 #include "bvh_traversal.glsl"
 #include "receiver.glsl"

@@ -27,7 +27,8 @@ bool escapes(const Hit hit, const vec3 at, const float height, const float near)
     return hits_few_backfaces(at + height * normal, normal, near, MAX_BACKS_OUTSIDE);
 }
 
-// The probes of a point so far. The first round only tells whether any back face is near; the second one counts all.
+// State of the probe rays of a point. The first round only tests for a near back face; the second round counts all
+// hits.
 struct Progress {
     int next, backs, escaped, fronts;
 };
@@ -40,7 +41,7 @@ void exchange(inout Progress probes)
     exchange(probes.fronts);
 }
 
-// Go on with the probes of a point; return true once they are decided.
+// Continues with the probe rays of a point; returns true once the result is certain.
 bool probe_on(const Receiver r, const vec3 origin, const vec3 x, const vec3 y, inout Progress probes)
 {
     float near = LIT_FROM * r.size;

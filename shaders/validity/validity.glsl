@@ -24,7 +24,7 @@ bool meets_dark_back(const Hit hit, const float near)
     return is_back(hit) && !(has_lit != 0 && is_flagged(hit.triangle) && hit.distance > near);
 }
 
-// Numbers of a point's probe rays by what they hit: dark back faces, everything else, and all flagged back faces.
+// Counts of a point's probe rays by their hit: dark back faces, everything else, and all flagged back faces.
 struct Probes {
     int backs, others, lit;
 };
@@ -47,7 +47,7 @@ Probes probe(const vec3 origin, const vec3 normal, const float near, const int c
     return probes;
 }
 
-// True if at most `most` of the LOOKS probe rays meet dark back faces. Stops as soon as the result is certain.
+// Returns true if at most `most` of the LOOKS probe rays hit dark back faces. Stops as soon as the result is certain.
 bool hits_few_backfaces(const vec3 origin, const vec3 normal, const float near, const int most)
 {
     return probe(origin, normal, near, LOOKS, Probes(most, LOOKS - most - 1, LOOKS)).backs <= most;

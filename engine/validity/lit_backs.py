@@ -81,7 +81,7 @@ def lit_backs_on_host(sources: PatchScene, radiance: np.ndarray) -> np.ndarray |
 
 
 def _points_of_triangles() -> np.ndarray:
-    """Return points of a triangle, (POINTS, 2) barycentrics of two corners, as in kernels/validity/lit_backs.cl."""
+    """Return points of a triangle as barycentrics of two corners, (POINTS, 2), see lit_backs.cl."""
     index = np.arange(_POINTS, dtype=np.uint64)[:, None]
     bits = (index * np.array([3242174889, 2447445414], np.uint64)) & np.uint64(0xFFFFFFFF)
     weights = (bits >> np.uint64(8)).astype(np.float64) / 2**24

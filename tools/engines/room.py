@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import sys
+from types import ModuleType
 
 from .cornell import ROOT
 
@@ -38,9 +40,7 @@ def build() -> None:
     """Build the Cornell box in an empty file with two boxes of one mesh, and instances of a third one."""
     import bpy
 
-    sys.path.insert(0, str(ROOT / "examples"))
-    import cornell_box
-
+    cornell_box = _box_module()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     cornell_box.build()
     short, tall = bpy.data.objects["Short Box"], bpy.data.objects["Tall Box"]
@@ -57,8 +57,8 @@ def build() -> None:
 def _add_instances() -> None:
     """Add a small box, and two empties that show its collection, one of them turned."""
     import bpy
-    import cornell_box
 
+    cornell_box = _box_module()
     red = bpy.data.materials["Red"]
     source = cornell_box.box("Stool", red, (0.2, 0.2, 0.3), (0.75, 0.5), math.radians(10))
     collection = bpy.data.collections.new("Stools")
@@ -75,14 +75,16 @@ def _add_instances() -> None:
 def bake_terrace(outputs: set[str]) -> dict:
     """Bake a floor with a box under a sun in an empty file; return the sun for show.gd, y up."""
     import bpy
-    import cornell_box
     from mathutils import Euler, Vector
 
+    cornell_box = _box_module()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     grey = cornell_box.material("Grey", (0.5, 0.4, 0.3))
     cornell_box.wall("Floor", grey, (0, 0, 0), (0, 0, 0))
     cornell_box.box("Box", grey, (0.5, 0.5, 0.5), (0.2, 0.1), 0.3)
     cornell_box.camera()
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y
     bpy.context.scene.camera.location = (0, -3, 2.5)
     bpy.context.scene.camera.rotation_euler = (math.radians(50), 0, 0)
     data = bpy.data.lights.new("Sun", "SUN")
@@ -95,3 +97,10 @@ def bake_terrace(outputs: set[str]) -> dict:
     bpy.ops.hemibake.bake()
     x, y, z = Euler(light.rotation_euler).to_matrix() @ Vector((0, 0, -1))
     return {"energy": data.energy / math.pi, "direction": [x, z, -y]}
+
+
+def _box_module() -> ModuleType:
+    """Return the example that builds the Cornell box."""
+    if (examples := str(ROOT / "examples")) not in sys.path:
+        sys.path.insert(0, examples)
+    return importlib.import_module("cornell_box")

@@ -6,12 +6,13 @@ import os
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from ..engine.errors import EngineError
 from ..engine.object_message import counted
-from .export_engines import ENGINES, engine_items
+from .export_engines import ENGINES, Engine, engine_items
+from .export_options import ExportOptions, PictureOptions
 from .report_message import report_message
 from .worker_manager import poll_idle
 
@@ -61,9 +62,34 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
         default=True,
     )
 
+    picture_format: EnumProperty(
+        name="Pictures",
+        description="Choose the format of pictures of light and color",
+        items=[("PNG", "PNG", "Write pictures without loss"), ("JPEG", "JPEG", "Write small pictures")],
+    )
+    picture_size: EnumProperty(
+        name="Size",
+        description="Choose the width of pictures of light and color",
+        items=[
+            ("0", "Lightmap", "Use the width of each lightmap"),
+            ("512", "512", "Write 512 texels, for small objects and old phones"),
+            ("1024", "1024", "Write 1024 texels, for Second Life and phones"),
+            ("2048", "2048", "Write 2048 texels, for Second Life regions that allow them"),
+            ("4096", "4096", "Write 4096 texels, the limit of Roblox"),
+        ],
+    )
+    picture_exposure: FloatProperty(
+        name="Exposure",
+        description="Brighten pictures by this number of stops. White clips",
+        soft_min=-10.0,
+        soft_max=10.0,
+        min=-60.0,
+        max=60.0,
+    )
+
     def check(self, context: bpy.types.Context) -> bool:
         """Set the ending of the file name to the format; return True if the name changed."""
-        wanted = self.file_format if ENGINES[self.engine].has_options else ".glb"
+        wanted = self.file_format if "file_format" in ENGINES[self.engine].options else ".glb"
         folder, name = os.path.split(self.filepath)
         stem, ending = os.path.splitext(name)
         stem = stem if ending.lower() in (".glb", ".gltf") else name
@@ -92,12 +118,10 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
         from .gltf.gltf_export import export_for_engine
 
         engine, path = ENGINES[self.engine], Path(bpy.path.abspath(self.filepath))
-        lightmaps = self.lightmaps if engine.has_options else engine.lightmaps
-        use_files = self.use_files if engine.has_options else engine.use_files
         if self.properties.is_property_set("engine"):
             context.scene.hemibake.export_engine = self.engine
         try:
-            made = export_for_engine(context, path, _KINDS[lightmaps], use_files, engine.for_godot)
+            made = export_for_engine(context, path, self._options(engine))
         except EngineError as error:
             report_message(self, "ERROR", str(error))
             return {"CANCELLED"}
@@ -105,6 +129,17 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
             report_message(self, "WARNING", note)
         self.report({"INFO"}, f"{counted(made.lit, 'object')} with lightmaps exported to '{path.name}'")
         return {"FINISHED"}
+
+    def _options(self, engine: Engine) -> ExportOptions:
+        """Return what an export for an engine writes."""
+        pictures = None
+        if engine.is_unlit:
+            pictures = PictureOptions(
+                f"image/{self.picture_format.lower()}", int(self.picture_size), self.picture_exposure
+            )
+        lightmaps = self.lightmaps if engine.is_custom else engine.lightmaps
+        use_files = self.use_files if engine.is_custom else engine.use_files
+        return ExportOptions(_KINDS[lightmaps], use_files, engine.for_godot, pictures)
 
 
 CLASSES = (HEMIBAKE_OT_export_for_engine,)

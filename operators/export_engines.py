@@ -20,6 +20,8 @@ class Engine:
     lightmaps:    how the glTF file holds lightmaps: "HDR", "PNG" or "NONE"
     use_files:    True to write OpenEXR files and the manifest
     for_godot:    True to write Godot's own files
+    is_unlit:     True to write complete maps, albedo x light + emission, instead of lightmaps
+    options:      properties of the operator that are shown
     """
 
     label: str
@@ -30,11 +32,13 @@ class Engine:
     lightmaps: str = "NONE"
     use_files: bool = True
     for_godot: bool = False
+    is_unlit: bool = False
+    options: tuple[str, ...] = ()
 
     @property
-    def has_options(self) -> bool:
-        """True if the operator's own options choose the files."""
-        return not self.page
+    def is_custom(self) -> bool:
+        """True if the operator's own options choose lightmaps and files."""
+        return "use_files" in self.options
 
     @property
     def folder(self) -> Path | None:
@@ -67,7 +71,15 @@ ENGINES = {
         "Unreal", "Write a .glb and OpenEXR lightmaps for Unreal Engine",
         "A material function shows the lightmaps", "unreal.md", "unreal",
     ),
-    "FILES": Engine("Files", "Choose the format and the files"),
+    "UNLIT": Engine(
+        "Unlit", "Write pictures of all light and color, for Second Life, Roblox, phones and any viewer",
+        "Every reader of glTF shows the file, without an add-on", "unlit.md",
+        use_files=False, is_unlit=True,
+        options=("file_format", "picture_format", "picture_size", "picture_exposure"),
+    ),
+    "FILES": Engine(
+        "Files", "Choose the format and the files", options=("file_format", "lightmaps", "use_files")
+    ),
 }  # fmt: skip
 
 

@@ -30,11 +30,10 @@ class HEMIBAKE_PT_export(bpy.types.Panel):
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(operator, "engine")
         engine = ENGINES[operator.engine]
-        if engine.has_options:
-            for name in ("file_format", "lightmaps", "use_files"):
-                layout.prop(operator, name)
-            return
-        draw_text(layout, f"{engine.help}. Steps: docs/engines/{engine.page}", line_width(context))
+        for name in engine.options:
+            layout.prop(operator, name)
+        if engine.page:
+            draw_text(layout, f"{engine.help}. Steps: docs/engines/{engine.page}", line_width(context))
         if engine.folder is not None:
             button = layout.operator("wm.path_open", text="Open Add-on Folder", icon="FILE_FOLDER")
             button.filepath = str(engine.folder)

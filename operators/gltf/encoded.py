@@ -37,11 +37,11 @@ class EncodedLightmap:
     @property
     def suffix(self) -> str:
         """Suffix of the file name."""
-        return ".hdr" if self.kind == RADIANCE else ".png"
+        return {RADIANCE: ".hdr", JPEG: ".jpg"}.get(self.kind, ".png")
 
 
-#: MIME types: Radiance RGBE with a shared exponent, and PNG with 8 bits per channel, linear.
-RADIANCE, PNG = "image/vnd.radiance", "image/png"
+#: MIME types: Radiance RGBE with a shared exponent, PNG with 8 bits per channel, and JPEG.
+RADIANCE, PNG, JPEG = "image/vnd.radiance", "image/png", "image/jpeg"
 
 
 def encode(name: str, pixels: np.ndarray, kind: str) -> EncodedLightmap:

@@ -8,6 +8,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 from urllib.parse import quote, unquote
 
 import bpy
@@ -17,6 +18,7 @@ from ...engine.errors import EngineError
 from ...engine.object_message import object_message
 from ...engine.outputs import LIGHT_GROUP, PROJECTED_MAPS
 from ..compat import gltf_binary_data
+from ..export_options import ExportOptions, PictureOptions
 from ..file_format import PLAIN
 from ..result.contents import decoding, named
 from ..result.destination import blend_from, try_folder
@@ -24,22 +26,25 @@ from ..result.directional_images import all_directional_images, directional_imag
 from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
 from ..result.light_mixer import group_images
-from ..result.light_states import baked_groups, manifest_states
+from ..result.light_states import baked_groups, manifest_states, mixed_light
 from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, VERSION, is_ours, read_manifest, write_manifest
 from ..result.moved_charts import warn_changed_uvs
 from ..result.pictures import read_pixels
 from ..result.preview import hide_preview, previewed, show_preview
 from ..result.shadow_mask_images import sun_mask
+from ..result.state_files import STATE
 from ..rollback import Rollback
 from ..scene import SceneContext
+from .complete_maps import complete_maps
 from .encoded import EncodedLightmap, encode
+from .encoded_picture import encode_picture
 from .export_items import ExportItem, ExportItems
 from .exporter import write_gltf
 from .gltf_nodes import read_gltf
 from .godot_files import LIGHT, MASK, PACKED, GodotFiles, GodotMaps, LitNode, kept_texts, missing_imports
-from .hooks import LightmapHooks
-from .materials import LitMaterials
+from .hooks import LightmapHooks, UnlitHooks
+from .materials import LitMaterials, UnlitMaterials
 from .mesh_differences import note_other_meshes
 
 _NOTHING_BAKED = "No visible object has a lightmap, so there is nothing to export. Bake first."
@@ -48,6 +53,13 @@ _UNREADABLE = "'{}': Godot reads no files with quotation marks or backslashes in
 _AXES = "(x, -z, y) of a normal (x, y, z) in the glTF file"
 _NOT_FINITE = "The lightmap '{}' has texels that are NaN or infinite. Bake again, or correct its image."
 _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
+
+_CLEAR = (
+    "Transparent, but opaque in an unlit file: {}. Export for an engine with lightmaps to keep transparency."
+)
+
+#: Kind of hooks of an export.
+Hooks = TypeVar("Hooks", bound=LightmapHooks)
 
 #: Characters that Godot's text files cannot hold in names of files.
 _UNREAD = '"\\'
@@ -67,23 +79,18 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def export_for_engine(
-    context: bpy.types.Context, path: Path, kind: str, use_files: bool, for_godot: bool = False
-) -> Exported:
+def export_for_engine(context: bpy.types.Context, path: Path, options: ExportOptions) -> Exported:
     """Export the visible objects as glTF with lightmaps; on EngineError no file was changed.
 
-    path:       ends with .glb or .gltf
-    kind:       MIME type of the lightmaps in the file; "" for none
-    use_files:  True to write the lightmaps as OpenEXR files with a manifest as well
-    for_godot:  True to write the files by which Godot shows them instead
+    path:  ends with .glb or .gltf
     """
     if path.suffix.lower() not in (".glb", ".gltf"):
         raise EngineError(f"'{path.name}' is no name of a glTF file: let it end with .glb or .gltf.")
     with _object_mode(context):
-        return _export(context, path, kind, use_files, for_godot)
+        return _export(context, path, options)
 
 
-def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool, for_godot: bool) -> Exported:
+def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> Exported:
     """Export in Object Mode, the only mode that Blender's exporter supports."""
     surfaces = ExportItems(context)
     missing = [image for image in surfaces.images if not image.size[0]]
@@ -100,14 +107,20 @@ def _export(context: bpy.types.Context, path: Path, kind: str, use_files: bool, 
         try_folder(path.parent, changes)
         with staging_folder(path.parent) as staging, _own_materials(context):
             maps = {
-                image: all_directional_images(context.scene, image) if use_files else {} for image in usable
+                image: all_directional_images(context.scene, image) if options.use_files else {}
+                for image in usable
             }
             groups = {image: _group_maps(context.scene, image) for image in usable}
             work = _Export(path, staging, maps, groups)
-            hooks = work.write(surfaces, kind, _extras(context.scene, groups))
-            if for_godot:
+            if options.pictures is not None:
+                pictures = complete_maps(context, surfaces, usable, options.pictures.width)
+                hooks = work.write_unlit(surfaces, pictures, options.pictures)
+                notes += [object_message(_CLEAR, hooks.clear)] if hooks.clear else []
+            else:
+                hooks = work.write(surfaces, options.kind, _extras(context.scene, groups))
+            if options.for_godot:
                 notes += work.write_godot(hooks, context.scene)
-            elif use_files:
+            elif options.use_files:
                 work.write_files(hooks.lit, _shown_output(context.scene), manifest_states(context.scene))
             files = work.keep()
     except (OSError, RuntimeError) as error:
@@ -149,8 +162,32 @@ class _Export:
         extras:  light groups and states for the file
         """
         lightmaps = {image: self._encoded(image, kind) for image in self._maps}
-        uris = {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
-        hooks = LightmapHooks(surfaces, lightmaps, LitMaterials(gltf_binary_data(), uris), extras)
+        materials = LitMaterials(gltf_binary_data(), self._uris(lightmaps))
+        return self._written(LightmapHooks(surfaces, lightmaps, materials, extras))
+
+    def write_unlit(
+        self,
+        surfaces: ExportItems,
+        pictures: Mapping[bpy.types.Image, np.ndarray],
+        options: PictureOptions,
+    ) -> UnlitHooks:
+        """Write the glTF file with complete maps; return the hooks, which list the surfaces.
+
+        pictures:  complete map of each lightmap, (h, w, 3) float32, linear, bottom row first
+        """
+        encoded = {
+            image: encode_picture(image.name, pixels, options.kind, options.exposure, self._staging)
+            for image, pixels in pictures.items()
+        }
+        materials = UnlitMaterials(gltf_binary_data(), self._uris(encoded))
+        return self._written(UnlitHooks(surfaces, encoded, materials, {}))
+
+    def _uris(self, lightmaps: dict[bpy.types.Image, EncodedLightmap]) -> dict[str, str]:
+        """Return the URIs of separate image files by the lightmaps' names; empty for a .glb."""
+        return {} if self._path.suffix.lower() == ".glb" else self._write_images(lightmaps)
+
+    def _written(self, hooks: Hooks) -> Hooks:
+        """Write the glTF file with hooks, and return them."""
         write_gltf(self._made / self._path.name, hooks)
         if hooks.error is not None:
             raise hooks.error
@@ -179,14 +216,19 @@ class _Export:
             raise EngineError(_UNREADABLE.format(self._path.name))
         gltf, output = read_gltf(self._made / self._path.name), _shown_output(scene)
         lit = [LitNode(index, surface) for index, surface in zip(hooks.nodes, hooks.lit, strict=True)]
-        godot = GodotFiles(gltf, self._path.name, lit, self._godot_maps(scene), scene.hemibake.margin)
-        self._write_maps(
-            list(
-                godot.textures(
-                    _finite_pixels, lambda image: {**self._facts(image, hooks.lit), "output": output}
-                )
-            )
-        )
+        states = manifest_states(scene) if any(self._groups.values()) else {}
+        stems = _stems(self._path.stem, {name: name for name in states})
+        maps = self._godot_maps(scene, states)
+        godot = GodotFiles(gltf, self._path.name, lit, maps, stems, scene.hemibake.margin)
+
+        def mix(image: bpy.types.Image, state: str) -> np.ndarray:
+            parts = {name: _finite_pixels(part) for name, part in self._groups[image].items()}
+            return mixed_light(parts, states[state])
+
+        def facts(image: bpy.types.Image) -> dict:
+            return {**self._facts(image, hooks.lit), "output": output}
+
+        self._write_maps(list(godot.textures(_finite_pixels, mix, facts)))
         texts, folder = godot.texts(), self._path.parent
         kept = kept_texts(folder, texts)
         written = {name: text for name, text in texts.items() if name not in kept}
@@ -195,14 +237,22 @@ class _Export:
             (self._made / name).write_text(text, encoding="utf-8", errors="replace")
         return [*godot.notes, *kept.values()]
 
-    def _godot_maps(self, scene: bpy.types.Scene) -> dict[bpy.types.Image, GodotMaps]:
-        """Return the maps of each lightmap that Godot can show."""
+    def _godot_maps(self, scene: bpy.types.Scene, states: Iterable[str]) -> dict[bpy.types.Image, GodotMaps]:
+        """Return the maps of each lightmap that Godot can show.
+
+        states:  names of light states
+        """
         kinds = {LIGHT: "", PACKED: " SH", MASK: " shadow mask"}
+        kinds |= {f"{STATE}{name}": f" {STATE}{name}" for name in states}
         names = {(image, kind): f"{image.name}{end}" for image in self._maps for kind, end in kinds.items()}
         stems, found = _stems(self._path.stem, names), {}
         for image in self._maps:
             maps = directional_images(scene, image)
-            files = {kind: f"{stems[image, kind]}.exr" for kind in kinds}
+            files = {
+                kind: f"{stems[image, kind]}.exr"
+                for kind in kinds
+                if self._groups[image] or not kind.startswith(STATE)
+            }
             harmonics = maps if PROJECTED_MAPS[0] in maps else {}
             found[image] = GodotMaps(files, image, harmonics, sun_mask(scene, image))
         return found

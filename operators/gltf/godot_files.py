@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -13,6 +13,7 @@ from ...engine.object_message import object_message
 from ...engine.outputs import PROJECTED_MAPS
 from ..file_format import FileFormat
 from ..result.lightmap_files import LightmapFile
+from ..result.state_files import STATE
 from .export_items import ExportItem
 from .gltf_nodes import mesh_bounds
 from .godot_nodes import mesh_paths
@@ -73,7 +74,8 @@ class LitNode:
 class GodotMaps:
     """Maps of a lightmap that Godot can show.
 
-    files:      names of the files of LIGHT light, of PACKED harmonics and of the MASK, by these constants
+    files:      names of the files of LIGHT, of PACKED harmonics and of the MASK, by these constants, and of
+                light states, by STATE and their name, if the lightmap has light groups
     light:      image of E/pi
     harmonics:  images of PROJECTED_MAPS by name; empty without any
     mask:       image of the shadow mask of the sun; None without one
@@ -92,6 +94,7 @@ class GodotFiles:
     name:    its file name
     lit:     its nodes with lightmaps
     maps:    maps of each lightmap
+    states:  name without ending of the data files of each light state, by name of the state
     margin:  texels by which charts are extended
     """
 
@@ -101,6 +104,7 @@ class GodotFiles:
         name: str,
         lit: Sequence[LitNode],
         maps: Mapping[bpy.types.Image, GodotMaps],
+        states: Mapping[str, str],
         margin: int,
     ) -> None:
         self._gltf, self._name, self._maps = gltf, name, maps
@@ -110,6 +114,10 @@ class GodotFiles:
         self._margin = margin
         self._packed = {node.index for node in self._lit if self._is_packed(node)}
         self._lightmaps = list(self._grouped())
+        self._data = {f"{Path(name).stem}.{lightmap.name}.tres": lightmap for lightmap in self._lightmaps}
+        self._scene_data = list(self._data)
+        for state, stem in states.items():
+            self._data |= self._mixed(state, stem)
 
     @property
     def notes(self) -> list[str]:
@@ -127,11 +135,13 @@ class GodotFiles:
     def textures(
         self,
         read: Callable[[bpy.types.Image], np.ndarray],
+        mix: Callable[[bpy.types.Image, str], np.ndarray],
         facts: Callable[[bpy.types.Image], dict],
     ) -> Iterator[LightmapFile]:
         """Yield the texture files.
 
         read:   returns the pixels of an image, (h, w, 3) float32, bottom row first
+        mix:    returns a lightmap in a light state in the same form
         facts:  returns the manifest entries of a lightmap
         """
         for image, kind in self._used():
@@ -142,17 +152,18 @@ class GodotFiles:
             elif kind == MASK:
                 light = read(maps.mask)
                 entry |= {"output": MASK}
+            elif kind.startswith(STATE):
+                light = mix(image, kind[len(STATE) :])
+                entry |= {"output": kind}
             else:
                 light = read(maps.light)
             yield LightmapFile(maps.files[kind], _HALF, None, light, entry)
 
     def texts(self) -> dict[str, str]:
         """Return the text files by name, except import settings."""
-        stem = Path(self._name).stem
         low, high = mesh_bounds(self._gltf)
-        data = {f"{stem}.{lightmap.name}.tres": lightmap for lightmap in self._lightmaps}
-        texts = {name: lightmap_data(lightmap, low, high) for name, lightmap in data.items()}
-        texts[f"{stem}.tscn"] = scene(self._name, self._lightmaps, list(data))
+        texts = {name: lightmap_data(lightmap, low, high) for name, lightmap in self._data.items()}
+        texts[f"{Path(self._name).stem}.tscn"] = scene(self._name, self._lightmaps, self._scene_data)
         return {name: signed(text) for name, text in texts.items()}
 
     def layer_counts(self) -> dict[str, int]:
@@ -163,13 +174,30 @@ class GodotFiles:
 
     def _used(self) -> list[tuple[bpy.types.Image, str]]:
         """Return lightmap and kind of each texture file."""
-        files = {name for lightmap in self._lightmaps for name in (*lightmap.textures, *lightmap.masks)}
+        files = {name for lightmap in self._data.values() for name in (*lightmap.textures, *lightmap.masks)}
         return [
             (image, kind)
             for image, maps in self._maps.items()
             for kind, name in maps.files.items()
             if name in files
         ]
+
+    def _mixed(self, state: str, stem: str) -> dict[str, GodotLightmap]:
+        """Return the LightmapGI nodes that look otherwise in a light state, by name of their data file.
+
+        Spherical harmonics have no light groups, so their nodes have no states.
+        """
+        changed = {
+            maps.files[LIGHT]: maps.files[f"{STATE}{state}"]
+            for maps in self._maps.values()
+            if f"{STATE}{state}" in maps.files
+        }
+        found = {}
+        for lightmap in self._lightmaps:
+            textures = tuple(changed.get(name, name) for name in lightmap.textures)
+            if textures != lightmap.textures:
+                found[f"{stem}.{lightmap.name}.tres"] = replace(lightmap, textures=textures)
+        return found
 
     def _grouped(self) -> Iterator[GodotLightmap]:
         """Yield a LightmapGI for each size of lightmaps, and for each kind of light."""

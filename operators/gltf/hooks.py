@@ -130,6 +130,42 @@ class LightmapHooks:
         return made
 
 
+class UnlitHooks(LightmapHooks):
+    """Hooks that show complete maps: lightmap UVs as the only UV set, and unlit materials.
+
+    clear:  names of objects with a transparent material, which become opaque
+    """
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(*arguments)
+        self.clear: list[str] = []
+
+    def _light(self, node: gltf2_io.Node, entry: object, matrix: np.ndarray) -> None:
+        materials = [primitive.material for primitive in node.mesh.primitives]
+        lit = len(self.lit)
+        super()._light(node, entry, matrix)
+        is_clear = any(material and material.alpha_mode in ("BLEND", "MASK") for material in materials)
+        if len(self.lit) > lit and is_clear and self.lit[-1].source.name not in self.clear:
+            self.clear.append(self.lit[-1].source.name)
+
+    def _lit_primitive(
+        self,
+        primitive: gltf2_io.MeshPrimitive,
+        place: GltfUvTransform,
+        lightmap: EncodedLightmap,
+        number: int,
+    ) -> gltf2_io.MeshPrimitive:
+        """Return a primitive with the lightmap's UVs as its only UV set, without colors."""
+        made = copy.copy(primitive)
+        sets, first = primitive.attributes, f"TEXCOORD_{number}"
+        if first not in sets:
+            return made
+        kept = {name: part for name, part in sets.items() if not name.startswith(("TEXCOORD_", "COLOR_"))}
+        made.attributes = {**kept, "TEXCOORD_0": _moved(sets[first], place)}
+        made.material = self._materials.unlit(primitive.material, lightmap)
+        return made
+
+
 def _name(entry: object) -> str:
     """Return the object's name of an entry in the exporter's tree; for an instance, its instancer's name."""
     return (entry.blender_object or entry.original_object).name

@@ -76,6 +76,26 @@ class LitMaterials:
         return gltf2_io.Image(view, None, None, lightmap.kind, lightmap.name, uri)
 
 
+class UnlitMaterials(LitMaterials):
+    """Materials that show complete maps without light, one for each map; the first UV set holds its UVs."""
+
+    def unlit(self, material: gltf2_io.Material | None, complete: EncodedLightmap) -> gltf2_io.Material:
+        """Return the material of a complete map, which keeps only the sides of an original."""
+        both = material is None or bool(material.double_sided)
+        key = (complete.name, both)
+        if key not in self._materials:
+            texture = gltf2_io.TextureInfo(None, None, self._texture(complete), 0)
+            factors = gltf2_io.MaterialPBRMetallicRoughness(None, texture, None, None, 0.0, None, 1.0)
+            unlit = {"KHR_materials_unlit": Extension("KHR_materials_unlit", {}, required=False)}
+            self._materials[key] = (
+                None,
+                gltf2_io.Material(
+                    None, None, both, None, None, unlit, None, complete.name, None, None, factors
+                ),
+            )
+        return self._materials[key][1]
+
+
 def _grey() -> gltf2_io.Material:
     """Return the material for surfaces without one."""
     factors = gltf2_io.MaterialPBRMetallicRoughness(

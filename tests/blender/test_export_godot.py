@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from tests.blender.test_export import bake, by_collections, export, refusal
+from tests.blender.test_light_states import add_state, baked, lit, stage
 from tests.blender.test_panels import Layout
 from tests.blender.things import SQUARE_UVS, files_below, furnace, material, part, pixels, snapshot, square
+from tests.json_schema import faults
 from tools.headless import ROOT
+
+__all__ = ["baked", "lit", "stage"]
 
 #: A node with a mesh in a glTF file, and where Godot 4.6 puts it.
 _NAMES = [
@@ -194,6 +198,32 @@ def test_shadow_mask_of_the_sun(tmp_path):
     (text,) = texts.values()
     assert 'path="room.Lightmap shadow mask.exr"' in text and "shadowmask_textures" in text
     assert "shadowmask_mode = 1" in (tmp_path / "room.tscn").read_text()
+
+
+def test_a_file_for_each_light_state(baked, tmp_path):
+    """With the sum of factor x map, and names of their own also for states that differ in invalid letters."""
+    import bpy
+
+    add_state(baked, "A:B", Day=((0.5, 2.0, 0.25), 2.0), Night=((0, 0, 0), 1.0))
+    add_state(baked, "A/B")
+    folder = tmp_path / "export"
+    folder.mkdir()
+    _, texts, users = godot(folder / "room.glb")
+    plain, first, second = (f"room{state}.Lightmap 16.tres" for state in ("", ".A_B", ".A_B.001"))
+    assert set(texts) == {plain, first, second} and users[plain] == users[first] == users[second]
+    (file,) = re.findall(r'path="(.*?)"', texts[first])
+    mixed = pixels(bpy.data.images.load(str(folder / file)))[..., :3]
+    day = pixels(baked.hemibake.lightmaps["Lightmap light group Day"].image)[..., :3]
+    others = [
+        pixels(entry.image)[..., :3]
+        for entry in baked.hemibake.lightmaps
+        if "light group" in entry.name and not entry.name.endswith(("Day", "Night"))
+    ]
+    np.testing.assert_allclose(mixed, day * (1, 4, 0.5) + sum(others), rtol=2e-3, atol=1e-5)
+    assert day.max() > 0.01
+    assert (folder / f"{file}.import").exists()
+    assert first not in (folder / "room.tscn").read_text()
+    assert faults(json.loads((folder / "hemibake.json").read_text())) == []
 
 
 @pytest.mark.parametrize("ending", [".glb", ".gltf"])

@@ -82,6 +82,21 @@ def test_bicubic_filter_keeps_charts_apart(hemibake, engine, tmp_path):
     assert np.median(off) < 0.01 and np.percentile(off, 90) < 0.05
 
 
+def test_light_states(hemibake, engine, tmp_path):
+    """The data of a state shows the preview in that state; the scene itself shows another picture."""
+    import bpy
+
+    room.bake_two_groups()
+    path = export(tmp_path)
+    plain = engine.render(path, _WIDTH, _WIDTH, _HIDDEN)
+    bpy.ops.hemibake.preview()
+    bpy.ops.hemibake.light_state_apply(name="Night")
+    bpy.ops.hemibake.preview()
+    wanted = cornell.preview(_WIDTH, tmp_path)
+    assert_same(engine.render(path, _WIDTH, _WIDTH, _HIDDEN, state="Night"), wanted)
+    assert np.median(cornell.differences(plain, wanted)) > 0.2
+
+
 _ADDON = ROOT / "clients" / "godot" / "addons" / "hemibake"
 
 

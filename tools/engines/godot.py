@@ -64,6 +64,7 @@ def render(
     height: int,
     hide: tuple[str, ...] = (),
     bicubic: bool = False,
+    state: str = "",
     **options: object,
 ) -> np.ndarray:
     """Render a scene through its camera with Godot; return (h, w, 3) float32, linear, bottom row first.
@@ -71,6 +72,7 @@ def render(
     path:     a .tscn, .glb or .gltf file; all files of its folder are imported
     hide:     names of nodes that are not shown
     bicubic:  True to filter lightmaps as Godot does by default
+    state:    light state that is shown; empty for the lightmaps themselves
     options:  further keys of show.gd, or "addon": folder of the add-on
 
     Raises RuntimeError if Godot draws nothing.
@@ -85,6 +87,8 @@ def render(
             shutil.copytree(addon, project / _ADDON)
         shutil.copy2(HERE / "show.gd", project)
         asked = {"file": f"{_LEVEL}/{path.name}", "width": width, "height": height, "hidden": hide, **options}
+        if state:
+            asked["data"] = f"{_LEVEL}/{path.stem}.{state}.NODE.tres"
         (project / "show.json").write_text(json.dumps(asked), encoding="utf-8")
         inside = str(Path("/") / project.relative_to(machine.root))
         told = _run(machine, project, "godot", "--headless", "--path", inside, "--import")

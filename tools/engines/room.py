@@ -99,6 +99,29 @@ def bake_terrace(outputs: set[str]) -> dict:
     return {"energy": data.energy / math.pi, "direction": [x, z, -y]}
 
 
+def bake_two_groups() -> None:
+    """Bake the Cornell box, whose lamp and world are light groups, with a state Night."""
+    import bpy
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    _box_module().build()
+    bpy.data.objects["Front Wall"].visible_shadow = bpy.data.objects["Front Wall"].visible_diffuse = False
+    scene = bpy.context.scene
+    for name in ("Lamp", "Sky"):
+        bpy.context.view_layer.lightgroups.add(name=name)
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.color, scene.world.lightgroup = (0.3, 0.3, 0.3), "Sky"
+    bpy.data.objects["Light"].lightgroup = "Lamp"
+    settings = scene.hemibake
+    settings.quality, settings.resolution, settings.outputs = "draft", 64, {"combined", "light_groups"}
+    bpy.ops.hemibake.bake()
+    state = settings.light_states.add()
+    state.name = "Night"
+    for name, color in (("Lamp", (0.2, 0.3, 0.5)), ("Sky", (0.0, 0.1, 1.0))):
+        group = state.groups.add()
+        group.name, group.color, group.strength = name, color, 1.5
+
+
 def _box_module() -> ModuleType:
     """Return the example that builds the Cornell box."""
     if (examples := str(ROOT / "examples")) not in sys.path:

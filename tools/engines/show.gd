@@ -19,7 +19,11 @@ func show() -> void:
 	viewport.use_hdr_2d = true
 	viewport.render_target_update_mode = SubViewport.UPDATE_ALWAYS
 	root.add_child(viewport)
-	var scene: Node = load("res://" + asked.file).instantiate()
+	var packed: PackedScene = load("res://" + asked.file)
+	if packed == null:
+		quit(1)
+		return
+	var scene := packed.instantiate()
 	viewport.add_child(scene)
 	set_up(scene)
 	if scene.find_children("*", "WorldEnvironment", true, false).is_empty():
@@ -45,7 +49,7 @@ func set_up(node: Node) -> void:
 	if node is Node3D and String(node.name) in asked.hidden:
 		node.visible = false
 	if node is LightmapGI and asked.has("data"):
-		node.light_data = load(asked.data)
+		node.light_data = load("res://" + asked.data.replace("NODE", node.name))
 	for child in node.get_children():
 		set_up(child)
 

@@ -27,7 +27,7 @@ ORDERS = {
     "operators": [
         "__init__", "lightmaps", "live", "bake", "self_test", "unwrap", "modal", "warm_up", "live_run",
         "window_bake", "bake_run", "checks", "check", "bake_settings", "export", "gltf",
-        "properties", "export_engines",
+        "properties", "export_engines", "export_options",
         "command_line", "light_states", "preferences", "presets", "quality_property", "uv_modifiers",
         "applied_copies",
         "changed_objects", "lightmap_list", "lightmap_size", "live_watch", "preview", "preview_switch",

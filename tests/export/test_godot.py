@@ -87,8 +87,10 @@ def test_light_states(hemibake, engine, tmp_path):
     import bpy
 
     room.bake_two_groups()
+    before = cornell.preview(_WIDTH, tmp_path)
     path = export(tmp_path)
     plain = engine.render(path, _WIDTH, _WIDTH, _HIDDEN)
+    assert_same(plain, before)
     bpy.ops.hemibake.preview()
     bpy.ops.hemibake.light_state_apply(name="Night")
     bpy.ops.hemibake.preview()

@@ -27,11 +27,18 @@ with bpy.context.temp_override(**view3d()):
     bpy.ops.hemibake.bake("INVOKE_DEFAULT")
 """
 
+#: Shows the panels as after a usual bake, without a grid behind them.
+_AFTER = """
+bpy.context.scene.hemibake.show_when_done = True
+bpy.context.view_layer.objects.active = bpy.data.objects["Tall Box"]
+view3d()["area"].spaces.active.overlay.show_overlays = False
+"""
+
 #: Panels of each picture of the sidebar, by the ends of their names.
 _PAGES = {
     "panel_bake": ("bake", "check", "last_bake"),
     "panel_objects": ("object", "lightmaps"),
-    "panel_outputs": ("outputs", "light_groups"),
+    "panel_outputs": ("outputs", "light_groups", "light_probes"),
     "panel_advanced": ("advanced", "light", "texels", "uvs"),
     "panel_charts": ("charts", "memory", "paper"),
 }
@@ -101,7 +108,7 @@ def main() -> None:
     with Window(find_machine(), options.package) as window:
         window.run(BUILD_ROOM + _BAKE)
         window.wait_for("bpy.context.scene.hemibake.report")
-        window.run("bpy.context.view_layer.objects.active = bpy.data.objects['Tall Box']")
+        window.run(_AFTER)
         for name, page in _PAGES.items():
             window.run(f"PAGE = {page!r}\n{_SHOW_PAGE}")
             _choose_tab(window)

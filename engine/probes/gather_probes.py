@@ -21,6 +21,7 @@ from ..visibility.views.viewpoints import OF_COORDINATE
 from .probe_fill import filled, moved_out
 from .probe_lights import ProbeLights
 from .probe_rows import ProbeRadiance, ProbeRows
+from .sphere_directions import direction_count
 
 #: Maximum number of probes whose samples are in memory at once.
 _BATCH = 1 << 16
@@ -80,6 +81,7 @@ class _ProbeGather:
         self._compute, self._rays = what.job.opencl, what.job.rays.rays
         self._lights = ProbeLights(self._compute, self._rays, what.job.parts, what.lighting, self._settings)
         self._origin = what.job.parts.triangles.origin
+        self._drop_rows_of_others()
 
     def volume(self, volume: ProbeVolume) -> Generator[float, None, ProbeGrid]:
         """Return the light of a volume; yield the fraction done."""
@@ -134,16 +136,27 @@ class _ProbeGather:
 
     def _kept_rows(self, volume: ProbeVolume, points: np.ndarray, first: int) -> ProbeRows:
         """Return the samples of probes from the session's cache, else new ones."""
-        cache = self._what.job.kept.probes
-        key = (volume.matrix.tobytes(), volume.resolution, first, self._settings.probe_samples)
-        known = cache.get((*key, self._settings.seed), None)
+        cache, key = self._what.job.kept.probes, (*self._key(volume), first)
+        known = cache.get(key)
         if isinstance(known, ProbeRows):
             return known
         rows = self._rows(volume, points, first)
         others = (other.bytes for other in cache.values() if isinstance(other, ProbeRows))
         if rows.bytes + sum(others) <= _KEPT:
-            cache[(*key, self._settings.seed)] = rows
+            cache[key] = rows
         return rows
+
+    def _key(self, volume: ProbeVolume) -> tuple:
+        """Return everything besides the scene's geometry that determines the samples of a volume."""
+        samples = direction_count(self._settings.probe_samples)
+        return volume.matrix.tobytes(), volume.resolution, samples, self._settings.seed
+
+    def _drop_rows_of_others(self) -> None:
+        """Remove the samples of volumes that the scene does not have."""
+        cache = self._what.job.kept.probes
+        mine = {self._key(volume) for volume in self._what.scene.probe_volumes}
+        for key in [key for key in cache if key[:-1] not in mine]:
+            del cache[key]
 
     def _rows(self, volume: ProbeVolume, points: np.ndarray, first: int) -> ProbeRows:
         """Return new samples of probes."""

@@ -153,3 +153,7 @@ def test_a_second_bake_reuses_the_rays_and_gives_the_same_bits(session):
     assert [grid.name for grid in again] == ["Volume", "Other"]
     for grid, other in zip(first, again, strict=True):
         assert (grid.coefficients == other.coefficients).all()
+    kept = session._kept.probes
+    assert len(kept) == 2
+    bake(session, dataclasses.replace(dim, probe_volumes=probes[1:]), resolution=32, visibility="rays")
+    assert len(kept) == 1

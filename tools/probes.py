@@ -44,7 +44,7 @@ def main() -> None:
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--blend", type=Path, help="the scene; the Cornell box without it")
-    parser.add_argument("--samples", type=int, default=1024, help="of Cycles for each of 300 facets")
+    parser.add_argument("--samples", type=int, default=1024, help="of Cycles for each facet of a sphere")
     parser.add_argument("--table", type=Path, help="page whose table to replace")
     return parser.parse_args()
 

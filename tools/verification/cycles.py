@@ -131,7 +131,8 @@ class RealisedScene:
         remove_bias(self._scene, samples, seed)
         obj = bpy.data.objects.new(mesh.name, mesh)
         for name in _RAY_VISIBILITY:
-            setattr(obj, name, False)
+            # Cycles bakes nothing on objects that the camera cannot see.
+            setattr(obj, name, name == "visible_camera")
         material = _grey()
         node = material.node_tree.nodes.new("ShaderNodeTexImage")
         node.image = image
@@ -264,7 +265,7 @@ class RealisedScene:
 
 def _ignored(item) -> bool:
     roles = {item.source.hemibake.role, item.instancer.hemibake.role if item.instancer else "BAKED"}
-    return "IGNORED" in roles
+    return not roles.isdisjoint({"IGNORED", "DYNAMIC"})
 
 
 def _image(resolution: int) -> bpy.types.Image:

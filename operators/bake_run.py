@@ -37,6 +37,7 @@ from .result.light_states import manifest_states
 from .result.preserved_texels import PreservedTexels
 from .result.preview import renew_preview, show_preview, shows_preview
 from .result.probe_files import probe_files
+from .result.probe_images import keep_probes
 from .result.progress_images import ProgressImages, image_names
 from .rollback import Rollback
 from .run_stages import RunStages
@@ -308,6 +309,8 @@ class BakeRun:
         entries = self._context.scene.hemibake.lightmaps
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
         lost = self._uvs.lost()
+        if self._settings.light_probes:
+            keep_probes(self._context.scene, lightmap.probes, self._read.scene.origin)
         mark_objects(self._context.scene, self._read, targets, self._uv_layer, lost)
         forget_moved_charts(self._context.scene, self._baked_names(lost))
         self._read_findings()

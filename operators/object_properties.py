@@ -1,4 +1,4 @@
-"""Changes of Hemibake's object properties that a rollback can undo."""
+"""Hemibake's object properties: roles, and changes that a rollback can undo."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import bpy
 
 from .lookup import find
 from .rollback import Rollback
+
+
+def is_left_out(obj: bpy.types.Object) -> bool:
+    """Return True if bakes leave an object out by its role."""
+    return obj.hemibake.role in {"IGNORED", "DYNAMIC"}
 
 
 def set_property(obj: bpy.types.Object, name: str, value: object, changes: Rollback) -> None:

@@ -10,6 +10,7 @@ from bpy.props import (
     FloatProperty,
     FloatVectorProperty,
     IntProperty,
+    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
@@ -109,6 +110,15 @@ class HemibakeLightStateProperties(bpy.types.PropertyGroup):
     )
 
 
+class HemibakeProbeVolumeProperties(bpy.types.PropertyGroup):
+    """Light probes of a volume from the last bake; see `result.probe_images`."""
+
+    name: StringProperty(name="Volume")
+    image: PointerProperty(type=bpy.types.Image, name="Image", options={"HIDDEN"})
+    resolution: IntVectorProperty(name="Resolution", size=3, options={"HIDDEN"})
+    matrix: FloatVectorProperty(name="Matrix", size=16, options={"HIDDEN"})
+
+
 def _layers_of_scene(
     scene: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
 ) -> list[tuple[str, str]]:
@@ -174,6 +184,11 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     lightmaps: CollectionProperty(
         type=HemibakeLightmapProperties,
         description="Lightmaps of the scene, and maps of other outputs",
+    )
+    probe_volumes: CollectionProperty(
+        type=HemibakeProbeVolumeProperties,
+        description="Light probes of the last bake",
+        options={"HIDDEN"},
     )
     light_mixer: PointerProperty(
         type=bpy.types.NodeTree,
@@ -340,6 +355,7 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
             ("BAKED", "Baked", "Gets a lightmap"),
             ("NO_LIGHTMAP", "No Lightmap", "Blocks, reflects and emits light, but gets no lightmap"),
             ("IGNORED", "Ignored", "Has no effect on the bake"),
+            ("DYNAMIC", "Dynamic", "Moves: left out of bakes, and lit by light probes in the preview"),
         ],
         default="BAKED",
         override=_OVERRIDABLE,
@@ -396,6 +412,7 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
 
 CLASSES = (
     HemibakeLightmapProperties,
+    HemibakeProbeVolumeProperties,
     HemibakeStateGroupProperties,
     HemibakeLightStateProperties,
     HemibakeSceneProperties,

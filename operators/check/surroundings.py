@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import bpy
 
 from ..compat import light_power, node_input, node_tree
+from ..object_properties import is_left_out
 from ..scene import SceneContext
 from ..scene.objects.render_differences import Geometry
 from ..scene.objects.visible import visible_objects
@@ -31,7 +32,7 @@ def check_differences(context: SceneContext) -> list[Finding]:
     """Return findings on objects and meshes that differ between the viewport and renders."""
     layer = context.view_layer
     rendered = {obj.session_uid for obj in visible_objects(context)}
-    objects = [obj for obj in layer.objects if obj.type in _SEEN and obj.hemibake.role != "IGNORED"]
+    objects = [obj for obj in layer.objects if obj.type in _SEEN and not is_left_out(obj)]
     unrendered = [obj for obj in objects if obj.session_uid not in rendered]
     baked = [obj for obj in objects if obj.session_uid in rendered]
     differing = list(Geometry(context.scene).differing(baked))
@@ -122,7 +123,7 @@ def is_missing(image: bpy.types.Image) -> bool:
 
 def _is_source(obj: bpy.types.Object, override: bpy.types.Material | None) -> bool:
     """Return whether an object may emit light."""
-    if obj.hemibake.role == "IGNORED":
+    if is_left_out(obj):
         return False
     if obj.type == "LIGHT":
         return light_power(obj.data) > 0 and any(obj.data.color)

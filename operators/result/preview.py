@@ -20,7 +20,8 @@ from .directional_images import images_beside
 from .instance_uv_table import InstanceUvTransform, instance_places, place_table
 from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
-from .preview_material import preview_material, remove_unused_previews
+from .preview_material import ShownLight, preview_material, remove_unused_previews
+from .probe_nodes import ShownProbes, shown_probes
 
 #: Indices of all material slots of an object.
 ALL_SLOTS = range(1 << 15)
@@ -49,15 +50,18 @@ def shows_preview(scene: bpy.types.Scene) -> bool:
 
 
 def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[int, list[str]]:
-    """Show the lightmaps of the baked objects and instances of a scene.
+    """Show the lightmaps of the baked objects and instances of a scene, and dynamic objects lit by probes.
 
     Returns the number of objects and messages for the user.
     """
     instances = instance_places(scene, depsgraph)
-    baked = [obj for obj in scene.objects if obj.type == "MESH" and bake_record(obj, scene).image]
-    made: dict[tuple[bpy.types.Material | None, ShownLightmap], bpy.types.Material] = {}
+    meshes = [obj for obj in scene.objects if obj.type == "MESH"]
+    dynamic = [obj for obj in meshes if _is_dynamic(obj)]
+    baked = [obj for obj in meshes if not _is_dynamic(obj) and bake_record(obj, scene).image]
+    probes = shown_probes(scene) if dynamic else None
+    made: dict[tuple[bpy.types.Material | None, ShownLight], bpy.types.Material] = {}
     shown, notes = 0, []
-    for obj in dict.fromkeys([*baked, *instances]):
+    for obj in dict.fromkeys([*baked, *instances, *(dynamic if probes else ())]):
         if not obj.is_editable:
             notes.append(f"Object '{obj.name}' is linked from another file, so it cannot show a preview.")
         elif not obj.material_slots and not obj.data.is_editable:
@@ -67,9 +71,9 @@ def show_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tupl
         else:
             shown += 1
             _remember(obj)
-            lightmap = _shown_lightmap(obj, instances.get(obj), scene)
+            light = _shown_light(obj, instances.get(obj), scene, probes)
             for slot in obj.material_slots:
-                _show_slot(slot, lightmap, made)
+                _show_slot(slot, light, made)
     layer = depsgraph.view_layer
     if shown and layer.material_override is not None:
         notes.append(
@@ -136,13 +140,14 @@ def refresh_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, chan
     """
     stale = {obj: slots for obj in previewed(scene) if (slots := _stale_slots(obj, changed))}
     instances = instance_places(scene, depsgraph) if stale else {}
-    made: dict[tuple[bpy.types.Material | None, ShownLightmap], bpy.types.Material] = {}
+    probes = shown_probes(scene) if any(map(_is_dynamic, stale)) else None
+    made: dict[tuple[bpy.types.Material | None, ShownLight], bpy.types.Material] = {}
     for obj, slots in stale.items():
         _give_back(obj, slots)
         _remember(obj, slots)
-        lightmap = _shown_lightmap(obj, instances.get(obj), scene)
+        light = _shown_light(obj, instances.get(obj), scene, probes)
         for index in slots:
-            _show_slot(obj.material_slots[index], lightmap, made)
+            _show_slot(obj.material_slots[index], light, made)
     if stale:
         remove_unused_previews()
 
@@ -191,12 +196,27 @@ def _remember(obj: bpy.types.Object, slots: Container[int] = ALL_SLOTS) -> None:
         slot.link = before.link
 
 
-def _show_slot(slot: bpy.types.MaterialSlot, lightmap: ShownLightmap, made: dict) -> None:
-    key = (slot.material, lightmap)
+def _is_dynamic(obj: bpy.types.Object) -> bool:
+    """Return True if light probes light an object."""
+    return obj.hemibake.role == "DYNAMIC"
+
+
+def _show_slot(slot: bpy.types.MaterialSlot, light: ShownLight, made: dict) -> None:
+    key = (slot.material, light)
     if key not in made:
-        made[key] = preview_material(slot.material, lightmap)
+        made[key] = preview_material(slot.material, light)
     slot.link = "OBJECT"
     slot.material = made[key]
+
+
+def _shown_light(
+    obj: bpy.types.Object,
+    instances: list[InstanceUvTransform] | None,
+    scene: bpy.types.Scene,
+    probes: ShownProbes | None,
+) -> ShownLight:
+    """Return the probes for a dynamic object, else its lightmap."""
+    return probes if probes and _is_dynamic(obj) else _shown_lightmap(obj, instances, scene)
 
 
 def _shown_lightmap(

@@ -13,13 +13,17 @@ from ..compat import new_node_tree, node_tree
 from ..original_slots import PREVIEW_MARK
 from .lightmap_nodes import LightmapNodes, ShownLightmap
 from .nodes import Feed, feed, feeding_output, make_node
+from .probe_nodes import ProbeNodes, ShownProbes
+
+#: Light that a preview shows on an object.
+ShownLight = ShownLightmap | ShownProbes
 
 #: Width of a node column.
 _COLUMN = 180
 
 
-def preview_material(original: bpy.types.Material | None, lightmap: ShownLightmap) -> bpy.types.Material:
-    """Return a copy of a material that shows a lightmap; no material counts as Cycles' default grey."""
+def preview_material(original: bpy.types.Material | None, lightmap: ShownLight) -> bpy.types.Material:
+    """Return a copy of a material that shows baked light; no material counts as Cycles' default grey."""
     material = bpy.data.materials.new("(no material)") if original is None else original.copy()
     material.name = f"{'(no material)' if original is None else original.name} (lightmap)"
     material.use_fake_user = False
@@ -50,7 +54,7 @@ def _plain_nodes(material: bpy.types.Material) -> None:
 class _Relighting:
     """Replacement of diffuse shaders by lightmap emission, in a tree and in copies of its groups."""
 
-    def __init__(self, lightmap: ShownLightmap) -> None:
+    def __init__(self, lightmap: ShownLight) -> None:
         self._lightmap = lightmap
         self._groups: dict[bpy.types.NodeTree, bpy.types.NodeTree] = {}
 
@@ -87,9 +91,9 @@ def _is_diffuse(node: bpy.types.Node) -> bool:
 class _LitTree:
     """Node tree whose diffuse shaders are being replaced by emission shaders that show the lightmap."""
 
-    def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
+    def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLight) -> None:
         self._tree, self._lightmap = tree, lightmap
-        self._light: LightmapNodes | None = None
+        self._light: LightmapNodes | ProbeNodes | None = None
 
     def make(
         self, kind: str, beside: bpy.types.Node, column: int, *inputs: Feed, **settings: object
@@ -119,7 +123,8 @@ class _LitTree:
     def _light_on(self, node: bpy.types.Node) -> bpy.types.NodeSocket:
         """Return the socket of E/pi for a shader; with directional maps, for the shader's own normal."""
         if self._light is None:
-            self._light = LightmapNodes(self._tree, self._lightmap)
+            by_probes = isinstance(self._lightmap, ShownProbes)
+            self._light = (ProbeNodes if by_probes else LightmapNodes)(self._tree, self._lightmap)
         normal = feeding_output(node.inputs["Normal"]) if "Normal" in node.inputs else None
         if normal is None or not self._light.has_directions:
             return self._light.colour

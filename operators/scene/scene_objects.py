@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.object_message import object_message
+from ..object_properties import is_left_out
 from ..original_slots import own_slots, shown_materials
 from .materials.displacement import displaces
 from .materials.material_table import MaterialTable
@@ -145,7 +146,7 @@ class ItemReader:
 
         override:  material of all surfaces, if the view layer has one
         """
-        if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
+        if is_left_out(item.source) or self._instancer_ignored(item):
             return
         atlas = item.source.hemibake.atlas if self._gets_lightmap(item) else None
         materials = shown_materials(item.object.data, item.source, override)
@@ -171,7 +172,7 @@ class ItemReader:
 
         override:  material of all surfaces, if the view layer has one
         """
-        if item.source.hemibake.role == "IGNORED" or self._instancer_ignored(item):
+        if is_left_out(item.source) or self._instancer_ignored(item):
             return
         if item.key in self._haired:
             return
@@ -256,7 +257,7 @@ class ItemReader:
         )
 
     def _instancer_ignored(self, item: SceneItem) -> bool:
-        return item.instancer is not None and item.instancer.hemibake.role == "IGNORED"
+        return item.instancer is not None and is_left_out(item.instancer)
 
     def _gets_lightmap(self, item: SceneItem) -> bool:
         """Return True if an object is baked; an instance must also have a baked instancer."""

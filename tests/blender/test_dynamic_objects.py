@@ -1,0 +1,103 @@
+"""Dynamic objects: left out of bakes, and lit by light probes in the preview."""
+
+import numpy as np
+import pytest
+
+from tests.blender.test_light_probes import bake, probe_volume
+from tests.blender.test_preview_render import render
+from tests.blender.things import bpy_link, furnace, material, part, snapshot, square
+
+
+def grid(name, matrix, resolution, level=0.0):
+    """Return probes whose coefficients vary at random around a level of the mean."""
+    results = part("engine.bake_result")
+    count = int(np.prod(resolution))
+    light = np.random.default_rng(count).uniform(-0.2, 0.2, (count, 9, 3)).astype(np.float32)
+    light[:, 0] += 3 + level
+    valid, places = np.ones(count, np.float32), np.zeros((count, 3), np.float32)
+    return results.ProbeGrid(name, resolution, matrix, light, valid, places)
+
+
+def expected(probes, point, normal):
+    """Return E/pi of probes at a point, interpolated between the nearest eight, (3,)."""
+    harmonics = part("engine.probes.spherical_harmonics")
+    unit = np.linalg.solve(probes.matrix, np.append(point, 1))[:3]
+    size = np.array(probes.resolution)
+    place = np.clip((unit + 1) / 2 * size - 0.5, 0, size - 1)
+    low = np.minimum(place.astype(int), np.maximum(size - 2, 0))
+    part_of = place - low
+    light = np.zeros(3)
+    for corner in np.ndindex(2, 2, 2):
+        at = np.minimum(low + corner, size - 1)
+        weight = np.prod(np.where(corner, part_of, 1 - part_of))
+        number = (at[2] * size[1] + at[1]) * size[0] + at[0]
+        light += weight * harmonics.irradiance(probes.coefficients[[number]], normal[None])[0, 0]
+    return light
+
+
+def place(obj, normal, centre):
+    """Turn a unit square towards a normal around a centre, with a camera that sees all of it."""
+    import bpy
+    from mathutils import Matrix, Vector
+
+    turn = Vector(normal).to_track_quat("Z", "Y").to_matrix().to_4x4()
+    obj.matrix_world = Matrix.Translation(centre) @ turn @ Matrix.Translation((-0.5, -0.5, 0))
+    camera = bpy_link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    camera.data.type, camera.data.ortho_scale = "ORTHO", 0.9
+    camera.matrix_world = Matrix.Translation(Vector(centre) + Vector(normal)) @ turn
+    bpy.context.scene.camera = camera
+    bpy.context.view_layer.update()
+    return np.array(turn)[:3, :3]
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.6, -0.64, 0.48)])
+def test_the_preview_interpolates_the_probes(tmp_path, normal):
+    """Of two nested volumes, one rotated, the fine one lights a square that leaves it at the right."""
+    import bpy
+
+    scene = bpy.context.scene
+    turned = np.eye(4)
+    turned[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
+    coarse = grid("Coarse", turned @ np.diag([2.0, 2, 2, 1]), (2, 3, 1))
+    inner = np.diag([0.6, 0.7, 0.5, 1.0])
+    inner[:3, 3] = [-0.4, 0.1, 0.2]
+    fine = grid("Fine", inner, (3, 2, 4), level=2.0)
+    part("operators.result.probe_images").keep_probes(scene, [fine, coarse], np.zeros(3))
+    obj = square("Character", uvs=None, surface=material("Skin", (0.8, 0.5, 0.25)))
+    obj.hemibake.role = "DYNAMIC"
+    centre = np.array([0.1, 0.05, 0.1])
+    axes = place(obj, normal, centre)
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    found = render(scene, tmp_path, 64)
+    count = len(found)
+    steps = (np.arange(count) + 0.5) / count - 0.5
+    for row, column in [(0, 0), (count - 1, 0), (0, count - 1), (2, 1)]:
+        point = centre + 0.9 * axes @ [steps[column], steps[row], 0]
+        unit = np.linalg.solve(fine.matrix, np.append(point, 1))[:3]
+        probes = fine if np.abs(unit).max() < 1 else coarse
+        light = expected(probes, point, np.array(normal)) * [0.8, 0.5, 0.25]
+        assert found[row, column] == pytest.approx(light, rel=0.03)
+
+
+def test_dynamic_objects_are_left_out_of_bakes_and_lit_by_their_probes(tmp_path):
+    """A black square inside a furnace would darken it; the preview lights it as the walls, 2 E/pi."""
+    import bpy
+
+    furnace()
+    probe_volume(resolution=(2, 2, 2))
+    obj = square("Character", uvs=None, surface=material("Skin", (0.5, 0.5, 0.5)))
+    obj.location, obj.scale, obj.hemibake.role = (0.3, 0.3, 0.5), (0.4, 0.4, 1), "DYNAMIC"
+    bpy.context.view_layer.update()
+    before = snapshot()
+    bake(tmp_path)
+    assert part("operators.scene.bake_records").bake_record(obj, bpy.context.scene).image is None
+    (entry,) = bpy.context.scene.hemibake.probe_volumes
+    assert tuple(entry.resolution) == (2, 2, 2) and entry.image.packed_file
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    skin = obj.material_slots[0].material
+    groups = [node.node_tree for node in skin.node_tree.nodes if node.type == "GROUP"]
+    assert [group.name for group in groups] == ["Light probes"]
+    assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    after = snapshot()
+    assert after["slots"]["Character"] == before["slots"]["Character"]
+    assert after["node groups"] == before["node groups"]

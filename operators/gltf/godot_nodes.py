@@ -85,7 +85,7 @@ def _apply_suffixes(parent: _Node) -> None:
 
 
 def _imported(node: _Node, parent: _Node) -> list[_Node]:
-    """Return what Godot makes of a node: itself, its replacement, or nothing."""
+    """Return the nodes that Godot's import makes from a node: the node, its replacement, or none."""
     if _suffix(node.name, _DELETED):
         return []
     if found := _suffix(node.name, _REPLACED):

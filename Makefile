@@ -77,7 +77,7 @@ test-package-short: setup package ## the same in the Blenders that are there
 test-gui: setup $(WHEELS) ## bake, cancel, preview, mix, follow, undo and save in a real window of Debian's Blender; pictures in out/gui
 	.venv/bin/python -m pytest tests/gui
 
-test-export: setup ## show exported files with three.js in headless Chromium, Godot 4 and Bevy, pixel by pixel against the preview
+test-export: setup ## show exported files with three.js, Babylon.js and PlayCanvas in headless Chromium, Godot 4 and Bevy, pixel by pixel against the preview
 	.venv/bin/python -m pytest tests/export
 
 gui-picture: package ## renew the pictures of Blender and of all panels in README.md and docs

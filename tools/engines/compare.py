@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.engines import bevy, cornell, godot, three
+from tools.engines import bevy, cornell, godot
+from tools.engines.web import THREE
 from tools.headless import blender, load
 
 #: Width of each picture, pixels, factor on their difference, and pixels between two.
@@ -43,7 +44,7 @@ def main() -> None:
 
 def compare_three(folder: Path, picture: Path) -> None:
     """Print the differences of three.js, and write a picture."""
-    three.install()
+    THREE.install()
     cornell.bake()
     wanted = cornell.preview(_WIDTH, folder)
     pictures = [export(folder, kind, files) for _, kind, files in _KINDS]
@@ -87,7 +88,7 @@ def compare_bevy(folder: Path, picture: Path) -> None:
 
 
 _ENGINES = {
-    "three": (three, compare_three),
+    "three": (THREE, compare_three),
     "godot": (godot, compare_godot),
     "bevy": (bevy, compare_bevy),
 }
@@ -95,7 +96,7 @@ _ENGINES = {
 
 def export(folder: Path, kind: str, files: bool) -> np.ndarray:
     """Export, then render with three.js; return the image."""
-    return three.render(cornell.export(folder, kind), _WIDTH, _WIDTH, cornell.HIDDEN, files)
+    return THREE.render(cornell.export(folder, kind), _WIDTH, _WIDTH, cornell.HIDDEN, files)
 
 
 def give_gloss() -> None:

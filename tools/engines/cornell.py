@@ -20,10 +20,28 @@ HIDDEN = ("Front Wall",)
 _BUMPS = 5
 
 
-def bake(resolution: int = 192, quality: str = "high", directional: str | None = None) -> None:
+#: Light states of the box: color and strength of each light group.
+STATES = {
+    "Day": {},
+    "Night": {"Lamp": ((1.0, 0.5, 0.25), 0.125), "Blue": ((0.5, 0.75, 1.0), 3.0)},
+    "Dark": {"Lamp": ((0.0, 0.0, 0.0), 1.0)},
+}
+
+
+def bake(
+    resolution: int = 192,
+    quality: str = "high",
+    directional: str | None = None,
+    states: bool = False,
+    file_format: str = "exr",
+    folder: Path | None = None,
+) -> None:
     """Build the box in an empty file and bake it.
 
     directional:  output that tells where light comes from; its surfaces then have a normal map
+    states:       True to add a blue lamp, a light group for each of both lights, and STATES
+    file_format:  format of the files of the bake
+    folder:       folder of these files; None to pack the lightmaps
     """
     import bpy
 
@@ -33,11 +51,36 @@ def bake(resolution: int = 192, quality: str = "high", directional: str | None =
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     cornell_box.build()
     settings = bpy.context.scene.hemibake
-    settings.quality, settings.resolution = quality, resolution
+    settings.quality, settings.resolution, settings.file_format = quality, resolution, file_format
+    if folder is not None:
+        settings.directory = str(folder)
     if directional:
         _emboss()
         settings.outputs = {"combined", directional}
+    if states:
+        _add_states()
+        settings.outputs |= {"light_groups"}
     bpy.ops.hemibake.bake()
+
+
+def _add_states() -> None:
+    """Add a blue lamp, both light groups and STATES."""
+    import bpy
+
+    scene, lamp = bpy.context.scene, bpy.data.lights.new("Blue", "POINT")
+    lamp.energy, lamp.color = 20.0, (0.1, 0.2, 1.0)
+    blue = bpy.data.objects.new("Blue", lamp)
+    blue.location = (-0.6, -0.5, 0.5)
+    scene.collection.objects.link(blue)
+    for name, obj in (("Lamp", bpy.data.objects["Light"]), ("Blue", blue)):
+        bpy.context.view_layer.lightgroups.add(name=name)
+        obj.lightgroup = name
+    for name, mix in STATES.items():
+        state = scene.hemibake.light_states.add()
+        state.name = name
+        for group, (color, strength) in mix.items():
+            entry = state.groups.add()
+            entry.name, entry.color, entry.strength = group, color, strength
 
 
 def _emboss() -> None:

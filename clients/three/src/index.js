@@ -1,0 +1,2 @@
+export { HemibakeLoader } from './loader.js';
+export { LightmappedScene } from './lightmapped_scene.js';

@@ -1,0 +1,121 @@
+// Light of one lightmap: a map of all light, or maps of light groups that are mixed into a half-float target.
+
+import {
+  Color, CustomBlending, GLSL3, HalfFloatType, LinearFilter, Mesh, NearestFilter, OneFactor, OrthographicCamera,
+  PlaneGeometry, RawShaderMaterial, Scene, Vector3, WebGLRenderTarget,
+} from 'three';
+import { decodeFunction } from 'hemibake-manifest';
+
+const VERTEX = `
+in vec3 position;
+out vec2 place;
+void main() {
+  place = position.xy * 0.5 + 0.5;
+  gl_Position = vec4(position.xy, 0.0, 1.0);
+}`;
+
+const FRAGMENT = decode => `
+precision highp float;
+uniform sampler2D map;
+uniform vec3 weight;
+uniform float intensity;
+in vec2 place;
+out vec4 result;
+${decodeFunction(decode)}
+void main() {
+  result = vec4(weight * decodedLight(texture(map, place), intensity), 1.0);
+}`;
+
+export class Lightmap {
+  #renderer; #light; #groups; #target; #all = null;
+
+  /**
+   * light:        map of all light, { texture, decode, intensity }; null without one
+   * groups:       Map of the maps of light groups
+   * directional:  Map of directional maps, decoded to textures
+   */
+  constructor(renderer, name, light, groups, directional) {
+    this.name = name;
+    this.#renderer = renderer;
+    this.#light = light;
+    this.#groups = groups;
+    this.#target = this.#decoded(groups.size ? [...groups.values()] : [light]);
+    if (light !== null && groups.size) this.#all = this.#decoded([light]);
+    this.directional = new Map([...directional].map(([output, map]) => [output, this.#decoded([map]).texture]));
+  }
+
+  get groups() { return [...this.#groups.keys()]; }
+
+  /** Texture of the present light, E / pi. */
+  get texture() { return this.#target.texture; }
+
+  /** Texture of all light, which equals the present light without light groups. */
+  get all() { return (this.#all ?? this.#target).texture; }
+
+  /** Mixes the light groups by their factors, a Map of RGB by group. */
+  mix(factors) {
+    if (this.#groups.size === 0) return;
+    this.#draw(this.#target, [...this.#groups].map(([name, map]) => [map, factors.get(name)]));
+  }
+
+  dispose() {
+    this.#target.dispose();
+    this.#all?.dispose();
+    for (const map of [this.#light, ...this.#groups.values()]) map?.texture.dispose();
+  }
+
+  #decoded(maps) {
+    const { width, height } = maps[0].texture.image;
+    const target = new WebGLRenderTarget(width, height, {
+      type: HalfFloatType, minFilter: LinearFilter, magFilter: LinearFilter, depthBuffer: false, generateMipmaps: false,
+    });
+    target.texture.channel = 1;
+    target.texture.name = this.name;
+    this.#draw(target, maps.map(map => [map, [1, 1, 1]]));
+    return target;
+  }
+
+  // Adds weighted maps texel by texel, so that encoded texels are decoded before they are filtered.
+  #draw(target, weighted) {
+    const renderer = this.#renderer, before = renderer.getRenderTarget();
+    const { autoClear, xr: { enabled } } = renderer, alpha = renderer.getClearAlpha();
+    const color = renderer.getClearColor(new Color());
+    renderer.xr.enabled = renderer.autoClear = false;
+    renderer.setRenderTarget(target);
+    renderer.setClearColor(0x000000, 0);
+    renderer.clear(true, false, false);
+    for (const [map, weight] of weighted) drawMap(renderer, map, weight);
+    renderer.setClearColor(color, alpha);
+    renderer.setRenderTarget(before);
+    renderer.autoClear = autoClear;
+    renderer.xr.enabled = enabled;
+  }
+}
+
+const scenes = new Map(), camera = new OrthographicCamera(-1, 1, 1, -1, 0, 1);
+
+function drawMap(renderer, map, weight) {
+  const { scene, uniforms } = sceneFor(map.decode), { minFilter, magFilter } = map.texture;
+  map.texture.minFilter = map.texture.magFilter = NearestFilter;
+  uniforms.map.value = map.texture;
+  uniforms.weight.value.set(...weight);
+  uniforms.intensity.value = map.intensity;
+  renderer.render(scene, camera);
+  Object.assign(map.texture, { minFilter, magFilter });
+}
+
+// A scene for each decoder, since each is a program of its own.
+function sceneFor(decode) {
+  if (!scenes.has(decode)) {
+    const uniforms = { map: { value: null }, weight: { value: new Vector3() }, intensity: { value: 1 } };
+    const material = new RawShaderMaterial({
+      uniforms, glslVersion: GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT(decode), depthTest: false,
+      depthWrite: false, blending: CustomBlending, blendSrc: OneFactor, blendDst: OneFactor,
+    });
+    const quad = new Mesh(new PlaneGeometry(2, 2), material), scene = new Scene();
+    quad.frustumCulled = false;
+    scene.add(quad);
+    scenes.set(decode, { scene, uniforms });
+  }
+  return scenes.get(decode);
+}

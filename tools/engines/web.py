@@ -1,0 +1,201 @@
+"""Renders exported files with engines of the web, in Chromium without a window.
+
+Chromium draws with SwiftShader, so no graphics card is needed. The page gets the engine, the loaders of
+clients/ and the file from a server in this process, and sends it the pixels.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import mimetypes
+import queue
+import shutil
+import subprocess
+import tempfile
+import threading
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import unquote, urlencode, urlsplit
+
+import numpy as np
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+
+#: Where npm puts the engines, in the versions of package.json.
+MODULES = ROOT / "out" / "engines"
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+_FLAGS = (
+    "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--disable-extensions", "--no-first-run", "--disable-dev-shm-usage",
+)  # fmt: skip
+
+#: Longest time that a page may take, s.
+_PATIENCE = 180
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Picture of a page.
+
+    pixels:    (h, w, 3) float32, linear, bottom row first
+    problems:  messages of the loader
+    """
+
+    pixels: np.ndarray
+    problems: list[str]
+
+
+@dataclass(frozen=True)
+class WebEngine:
+    """An engine of the web.
+
+    package:  name of its npm package
+    page:     file of this folder that renders with it
+    """
+
+    package: str
+    page: str
+
+    def missing(self) -> str:
+        """Return the missing requirement of a render, and how to install it; empty if all are installed."""
+        if _browser() is None:
+            return "Chromium is not installed (Debian: apt install chromium)"
+        if not self._is_there() and shutil.which("npm") is None:
+            return f"npm is not installed, which brings {self.package} (Debian: apt install npm)"
+        return ""
+
+    def install(self) -> None:
+        """Let npm bring the engines; raises CalledProcessError."""
+        if self._is_there():
+            return
+        MODULES.mkdir(parents=True, exist_ok=True)
+        for name in ("package.json", "package-lock.json"):
+            shutil.copy2(HERE / name, MODULES / name)
+        subprocess.run(["npm", "ci", "--no-audit", "--no-fund", "--silent"], cwd=MODULES, check=True)
+
+    def show(
+        self,
+        path: Path,
+        width: int,
+        height: int,
+        hide: tuple[str, ...] = (),
+        files: bool = False,
+        state: str = "",
+        seconds: float = 0.0,
+        groups: tuple[tuple[str, tuple[float, float, float], float], ...] = (),
+    ) -> Shown:
+        """Return what the engine shows through a file's camera; raises RuntimeError with the page's error.
+
+        hide:     names of nodes that are not shown
+        files:    show the lightmaps beside the file instead of those in it
+        state:    light state to show, after a fade of `seconds`
+        groups:   name, color and strength of light groups that are set before
+        """
+        asked = {
+            "file": path.name, "width": width, "height": height, "hide": hide, "files": files, "state": state,
+            "seconds": seconds, "groups": groups,
+        }  # fmt: skip
+        answers: queue.Queue[tuple[str, bytes]] = queue.Queue()
+        problems: list[str] = []
+        with (
+            _served(self.page, path.parent, answers) as port,
+            _open_browser(f"http://127.0.0.1:{port}/show?{urlencode({'asked': json.dumps(asked)})}"),
+        ):
+            kind, data = answers.get(timeout=_PATIENCE)
+            if kind == "/problems":
+                problems = json.loads(data)
+                kind, data = answers.get(timeout=_PATIENCE)
+        if kind == "/error":
+            raise RuntimeError(data.decode())
+        return Shown(np.frombuffer(data, np.float32).reshape(height, width, 4)[..., :3].copy(), problems)
+
+    def render(
+        self, path: Path, width: int, height: int, hide: tuple[str, ...] = (), files: bool = False
+    ) -> np.ndarray:
+        """Return the pixels of `show`, (h, w, 3) float32, linear, bottom row first."""
+        return self.show(path, width, height, hide, files).pixels
+
+    def _is_there(self) -> bool:
+        return (MODULES / "node_modules" / self.package).is_dir()
+
+
+THREE = WebEngine("three", "show_three.html")
+BABYLON = WebEngine("@babylonjs/loaders", "show_babylon.html")
+PLAYCANVAS = WebEngine("playcanvas", "show_playcanvas.html")
+
+
+def _browser() -> str | None:
+    return next(filter(None, map(shutil.which, _BROWSERS)), None)
+
+
+@contextlib.contextmanager
+def _open_browser(url: str):
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        command = [_browser(), *_FLAGS, f"--user-data-dir={profile}", url]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
+            try:
+                yield
+            finally:
+                browser.terminate()
+
+
+@contextlib.contextmanager
+def _served(page: str, folder: Path, answers: queue.Queue):
+    """Serve a page, the engines, the clients and a folder; yields the port."""
+    places = {
+        "modules": MODULES / "node_modules",
+        "three": MODULES / "node_modules" / "three",
+        "clients": ROOT / "clients",
+        "page": HERE,
+        "file": folder,
+    }
+    known = {"places": places, "answers": answers, "page": HERE / page}
+    handler = type("Handler", (_Handler,), known)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield server.server_port
+        finally:
+            server.shutdown()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Serves files, and takes the answers."""
+
+    places: dict[str, Path]
+    answers: queue.Queue
+    page: Path
+
+    def do_GET(self) -> None:
+        head, _, rest = unquote(urlsplit(self.path).path).lstrip("/").partition("/")
+        path = self.places[head] / rest if head in self.places else self.page
+        if not path.is_file():
+            self.send_error(404)
+            return
+        self._answer(path.read_bytes(), _kind(path))
+
+    def do_POST(self) -> None:
+        self.answers.put((self.path, self.rfile.read(int(self.headers["Content-Length"]))))
+        self._answer(b"", "text/plain")
+
+    def _answer(self, data: bytes, kind: str) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
+
+    def log_message(self, *arguments: object) -> None:
+        """Log nothing."""
+
+
+def _kind(path: Path) -> str:
+    return (
+        "text/javascript"
+        if path.suffix in (".js", ".mjs")
+        else mimetypes.guess_type(path)[0] or "application/octet-stream"
+    )

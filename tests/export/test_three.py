@@ -37,10 +37,14 @@ def test_three_shows_the_preview(wanted, engine, tmp_path, ending, kind, files):
 
 @pytest.mark.parametrize("output", ["directional", "spherical_harmonics"])
 def test_three_shades_a_normal_map_with_directional_maps(hemibake, engine, tmp_path, output):
-    """As the preview does; without the directional maps the picture is another one."""
+    """As the preview does; the .glb alone has no directional maps and another picture."""
     cornell.bake(directional=output)
     wanted = cornell.preview(_WIDTH, tmp_path)
-    pictures = [shown(engine, tmp_path, files=files) for files in (True, False)]
+    path = cornell.export(tmp_path, "HDR")
+    (tmp_path / "alone").mkdir()
+    alone = tmp_path / "alone" / path.name
+    alone.write_bytes(path.read_bytes())
+    pictures = [engine.render(file, _WIDTH, _WIDTH, cornell.HIDDEN) for file in (path, alone)]
     shaded, flat = (cornell.differences(picture, wanted) for picture in pictures)
     assert pictures[0].mean() == pytest.approx(wanted.mean(), rel=0.01)
     assert np.percentile(shaded, 99) < 0.02

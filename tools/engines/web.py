@@ -99,10 +99,19 @@ class WebEngine:
             "file": path.name, "width": width, "height": height, "hide": hide, "files": files, "state": state,
             "seconds": seconds, "groups": groups,
         }  # fmt: skip
+        problems, data = self.answer(path.parent, asked)
+        return Shown(np.frombuffer(data, np.float32).reshape(height, width, 4)[..., :3].copy(), problems)
+
+    def answer(self, folder: Path, asked: dict) -> tuple[list[str], bytes]:
+        """Return the problems and the bytes that the page answers; raises RuntimeError with the page's error.
+
+        folder:  served as /file
+        asked:   question for the page
+        """
         answers: queue.Queue[tuple[str, bytes]] = queue.Queue()
         problems: list[str] = []
         with (
-            _served(self.page, path.parent, answers) as port,
+            _served(self.page, folder, answers) as port,
             _open_browser(f"http://127.0.0.1:{port}/show?{urlencode({'asked': json.dumps(asked)})}"),
         ):
             kind, data = answers.get(timeout=_PATIENCE)
@@ -111,7 +120,7 @@ class WebEngine:
                 kind, data = answers.get(timeout=_PATIENCE)
         if kind == "/error":
             raise RuntimeError(data.decode())
-        return Shown(np.frombuffer(data, np.float32).reshape(height, width, 4)[..., :3].copy(), problems)
+        return problems, data
 
     def render(
         self, path: Path, width: int, height: int, hide: tuple[str, ...] = (), files: bool = False
@@ -124,6 +133,7 @@ class WebEngine:
 
 
 THREE = WebEngine("three", "show_three.html")
+THREE_PROBES = WebEngine("three", "show_probes.html")
 BABYLON = WebEngine("@babylonjs/loaders", "show_babylon.html")
 PLAYCANVAS = WebEngine("playcanvas", "show_playcanvas.html")
 

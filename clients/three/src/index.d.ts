@@ -1,5 +1,6 @@
 import type { Group, LoadingManager, WebGLRenderer } from 'three';
 import { LightControl } from 'hemibake-manifest';
+import type { LightProbeGridWebGL } from 'three/addons/lighting/LightProbeGridWebGL.js';
 import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 
 export interface HemibakeLoaderOptions {
@@ -18,3 +19,6 @@ export class LightmappedScene extends LightControl {
   readonly gltf: GLTF;
   readonly scene: Group;
 }
+
+/** Light probe volumes of a hemibake.json as grids to add to a scene. Rejects if the manifest cannot be read. */
+export function loadProbeGrids(url: string): Promise<{ grids: LightProbeGridWebGL[]; problems: string[] }>;

@@ -1,2 +1,3 @@
 export { HemibakeLoader } from './loader.js';
+export { loadProbeGrids } from './probe_grids.js';
 export { LightmappedScene } from './lightmapped_scene.js';

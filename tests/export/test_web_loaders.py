@@ -3,8 +3,8 @@
 import pytest
 
 from tests.export.states import WIDTH, changed, close_enough
-from tools.engines import cornell
-from tools.engines.web import BABYLON, PLAYCANVAS
+from tools.engines import cornell, room
+from tools.engines.web import BABYLON, PLAYCANVAS, THREE
 
 
 @pytest.fixture(params=[BABYLON, PLAYCANVAS], ids=lambda engine: engine.page)
@@ -25,6 +25,29 @@ def test_the_loader_shows_light_states(stateful, loader, tmp_path, state):
     shown = loader.show(path, WIDTH, WIDTH, cornell.HIDDEN, state=state, seconds=seconds)
     assert shown.problems == []
     close_enough(shown.pixels, wanted[state or "Day"])
+
+
+@pytest.fixture(scope="module")
+def furnished(hemibake, tmp_path_factory):
+    """Return an export with two lightmaps and instances, and the preview."""
+    import bpy
+
+    room.bake()
+    folder = tmp_path_factory.mktemp("room")
+    wanted = cornell.preview(WIDTH, folder)
+    bpy.ops.hemibake.export_for_engine(filepath=str(folder / "room.glb"))
+    return folder / "room.glb", wanted
+
+
+@pytest.mark.parametrize("engine", [THREE, BABYLON, PLAYCANVAS], ids=lambda engine: engine.page)
+def test_loaders_show_instances_and_lightmaps_of_two_sizes(furnished, engine):
+    if missing := engine.missing():
+        pytest.skip(f"{missing}: exports are not shown with {engine.package}")
+    engine.install()
+    path, wanted = furnished
+    shown = engine.show(path, WIDTH, WIDTH, cornell.HIDDEN)
+    assert shown.problems == []
+    close_enough(shown.pixels, wanted)
 
 
 @pytest.mark.parametrize("kind", ["hdr", "rgbm"])

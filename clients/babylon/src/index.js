@@ -61,9 +61,10 @@ class Lightmap {
       type: Constants.TEXTURETYPE_HALF_FLOAT, generateMipMaps: false, generateDepthBuffer: false,
       samplingMode: Constants.TEXTURE_BILINEAR_SAMPLINGMODE,
     });
+    // Anisotropic samples would mix texels beyond the borders of charts.
     Object.assign(this.texture, {
-      coordinatesIndex: 1, gammaSpace: false, wrapU: Constants.TEXTURE_CLAMP_ADDRESSMODE,
-      wrapV: Constants.TEXTURE_CLAMP_ADDRESSMODE,
+      anisotropicFilteringLevel: 1, coordinatesIndex: 1, gammaSpace: false,
+      wrapU: Constants.TEXTURE_CLAMP_ADDRESSMODE, wrapV: Constants.TEXTURE_CLAMP_ADDRESSMODE,
     });
     this.renderer = new EffectRenderer(engine);
     this.wrapper = new EffectWrapper({

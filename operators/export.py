@@ -114,7 +114,7 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
         """Draw nothing: a panel of the file browser draws the options."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        # Deferred, because it imports Blender's exporter, which is slow.
+        # Import Blender's glTF exporter only now, because it takes long to load.
         from .gltf.gltf_export import export_for_engine
 
         engine, path = ENGINES[self.engine], Path(bpy.path.abspath(self.filepath))

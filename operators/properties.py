@@ -321,7 +321,7 @@ class _BakeRecord:
     )
     light_change: FloatProperty(
         name="Light Change",
-        description="Relative change of light that bakes of other objects have left since the last bake",
+        description="Relative change of its light, by bakes of other objects, since the object was baked",
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )

@@ -105,7 +105,7 @@ def _grey() -> gltf2_io.Material:
 
 
 def _swapped(value: object, swapped: int) -> object:
-    """Return a copy of a material or of a part of it, with UV set 1 and another one exchanged."""
+    """Return a copy of a material, or of a part of it, in which UV sets 1 and `swapped` are exchanged."""
     if isinstance(value, dict):
         return {name: _swapped(part, swapped) for name, part in value.items()}
     if not hasattr(value, "__dict__") or isinstance(value, gltf2_io.Texture):

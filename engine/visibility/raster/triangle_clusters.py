@@ -22,8 +22,8 @@ _PLANES = np.array(
     [[1, 1, 0], [1, -1, 0], [1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [0, 0, 1]], np.float32
 )
 
-#: Planes that bound each face: a cluster is visible on the face only if it reaches to the visible side, given
-#: by the sign.
+#: Planes that bound each hemicube face: index and sign. A cluster is visible on a face only if it reaches to
+#: the side of the plane that the sign gives.
 _SIDES = (
     ((2, 1), (3, 1), (4, 1), (5, 1)),
     ((0, 1), (1, 1), (6, 1), (3, -1)),

@@ -70,9 +70,9 @@ def _add_volume(
     context: bpy.types.Context, centre: np.ndarray, widths: np.ndarray, resolution: list[int]
 ) -> None:
     """Add a Light Probe Volume object to the active collection; the selection stays."""
-    data = bpy.data.lightprobes.new("Light Probes", "VOLUME")
+    data = bpy.data.lightprobes.new("Volume", "VOLUME")
     data.resolution_x, data.resolution_y, data.resolution_z = resolution
-    obj = bpy.data.objects.new("Light Probes", data)
+    obj = bpy.data.objects.new("Volume", data)
     obj.matrix_world = Matrix.LocRotScale(Vector(centre), None, Vector(widths / 2))
     context.collection.objects.link(obj)
 

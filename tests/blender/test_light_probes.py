@@ -107,7 +107,7 @@ def test_the_button_adds_a_volume_around_the_scene():
     after = snapshot()
     assert all(after[key] == before[key] for key in ("mode", "active", "selected", "materials"))
     (obj,) = [obj for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"]
-    assert state(obj)[1:] == (4, 4, 4) and bpy.context.scene.hemibake.light_probes
+    assert obj.name == "Volume" and state(obj)[1:] == (4, 4, 4) and bpy.context.scene.hemibake.light_probes
     bpy.context.view_layer.update()
     assert np.array(obj.matrix_world) == pytest.approx(
         np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])

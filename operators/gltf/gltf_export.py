@@ -17,6 +17,7 @@ import numpy as np
 from ...engine.errors import EngineError
 from ...engine.object_message import object_message
 from ...engine.outputs import LIGHT_GROUP, PROJECTED_MAPS
+from ...engine.probes.godot_probes import godot_probes
 from ..compat import gltf_binary_data
 from ..export_options import ExportOptions, PictureOptions
 from ..file_format import PLAIN
@@ -36,6 +37,7 @@ from ..result.shadow_mask_images import sun_mask
 from ..result.state_files import STATE
 from ..rollback import Rollback
 from ..scene import SceneContext
+from .baked_probes import baked_probes
 from .complete_maps import complete_maps
 from .encoded import EncodedLightmap, encode
 from .encoded_picture import encode_picture
@@ -219,7 +221,8 @@ class _Export:
         states = manifest_states(scene) if any(self._groups.values()) else {}
         stems = _stems(self._path.stem, {name: name for name in states})
         maps = self._godot_maps(scene, states)
-        godot = GodotFiles(gltf, self._path.name, lit, maps, stems, scene.hemibake.margin)
+        probes = {name: godot_probes(*volume) for name, volume in baked_probes(scene).items()}
+        godot = GodotFiles(gltf, self._path.name, lit, maps, probes, stems, scene.hemibake.margin)
 
         def mix(image: bpy.types.Image, state: str) -> np.ndarray:
             parts = {name: _finite_pixels(part) for name, part in self._groups[image].items()}

@@ -11,13 +11,23 @@ import numpy as np
 
 from ...engine.object_message import object_message
 from ...engine.outputs import PROJECTED_MAPS
+from ...engine.probes.godot_probes import GodotProbes
 from ..file_format import FileFormat
+from ..result.file_names import file_name
 from ..result.lightmap_files import LightmapFile
 from ..result.state_files import STATE
 from .export_items import ExportItem
 from .gltf_nodes import mesh_bounds
 from .godot_nodes import mesh_paths
-from .godot_text import GodotLightmap, GodotUser, import_settings, imports_layers, lightmap_data, scene
+from .godot_text import (
+    GodotLightmap,
+    GodotUser,
+    import_settings,
+    imports_layers,
+    lightmap_data,
+    probe_volume_data,
+    scene,
+)
 from .signed_text import is_unchanged, signed
 
 #: Godot stores textures of light as half floats.
@@ -94,6 +104,7 @@ class GodotFiles:
     name:    its file name
     lit:     its nodes with lightmaps
     maps:    maps of each lightmap
+    probes:  volumes of light probes by name of their node
     states:  name without ending of the data files of each light state, by name of the state
     margin:  texels by which charts are extended
     """
@@ -104,9 +115,11 @@ class GodotFiles:
         name: str,
         lit: Sequence[LitNode],
         maps: Mapping[bpy.types.Image, GodotMaps],
+        probes: Mapping[str, GodotProbes],
         states: Mapping[str, str],
         margin: int,
     ) -> None:
+        self._probes = probes
         self._gltf, self._name, self._maps = gltf, name, maps
         self._paths = mesh_paths(gltf)
         self._lit = sorted((node for node in lit if node.index in self._paths), key=lambda node: node.index)
@@ -163,7 +176,15 @@ class GodotFiles:
         """Return the text files by name, except import settings."""
         low, high = mesh_bounds(self._gltf)
         texts = {name: lightmap_data(lightmap, low, high) for name, lightmap in self._data.items()}
-        texts[f"{Path(self._name).stem}.tscn"] = scene(self._name, self._lightmaps, self._scene_data)
+        nodes = [
+            (lightmap.name, file, bool(lightmap.masks))
+            for lightmap, file in zip(self._lightmaps, self._scene_data, strict=True)
+        ]
+        for name, volume in self._probes.items():
+            file = f"{Path(self._name).stem}.{file_name(name)}.tres"
+            texts[file] = probe_volume_data(volume)
+            nodes.append((name, file, False))
+        texts[f"{Path(self._name).stem}.tscn"] = scene(self._name, nodes)
         return {name: signed(text) for name, text in texts.items()}
 
     def layer_counts(self) -> dict[str, int]:

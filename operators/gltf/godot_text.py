@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...engine.probes.godot_probes import GodotProbes
+
 #: Name of the node that holds the imported glTF file.
 OBJECTS = "Objects"
 
@@ -98,18 +100,39 @@ def lightmap_data(lightmap: GodotLightmap, low: np.ndarray, high: np.ndarray) ->
     )
 
 
-def scene(model: str, lightmaps: Sequence[GodotLightmap], data: Sequence[str]) -> str:
+def probe_volume_data(probes: GodotProbes) -> str:
+    """Return the LightmapGIData of a LightmapGI that holds a volume of light probes, and no lightmaps.
+
+    It is interior, so it lights moving objects in it, also where it overlaps boxes of lightmaps.
+    """
+    bounds = ", ".join(f"{number:.9g}" for number in probes.bounds.ravel())
+    colors = np.concatenate([probes.sh, np.ones((len(probes.sh), 1), np.float32)], axis=1)
+    return "\n".join(
+        [
+            '[gd_resource type="LightmapGIData" format=3]',
+            "[resource]",
+            f'probe_data = {{"baked_exposure": 1.0, "bounds": AABB({bounds}), '
+            f'"bsp": PackedInt32Array({_integers(probes.bsp)}), "interior": true, "lightprobe_hash": 0, '
+            f'"points": PackedVector3Array({_floats(probes.points)}), '
+            f'"sh": PackedColorArray({_floats(colors)}), '
+            f'"tetrahedra": PackedInt32Array({_integers(probes.tetrahedra)})}}',
+            "",
+        ]
+    )
+
+
+def scene(model: str, lightmaps: Sequence[tuple[str, str, bool]]) -> str:
     """Return a scene with a glTF file and its lightmaps, in front of black and without tone mapping.
 
-    model:  name of the glTF file
-    data:   name of the file of each lightmap's data
+    model:      name of the glTF file
+    lightmaps:  name and data file of each LightmapGI, and True if it has shadow masks
     """
     lines = [
         "[gd_scene format=3]",
         f'[ext_resource type="PackedScene" path={_quoted(model)} id="1"]',
         *(
             f'[ext_resource type="LightmapGIData" path={_quoted(file)} id="{number}"]'
-            for number, file in enumerate(data, 2)
+            for number, (_, file, _) in enumerate(lightmaps, 2)
         ),
         '[sub_resource type="Environment" id="3"]',
         "background_mode = 1",
@@ -120,10 +143,10 @@ def scene(model: str, lightmaps: Sequence[GodotLightmap], data: Sequence[str]) -
         'environment = SubResource("3")',
         f'[node name="{OBJECTS}" parent="." instance=ExtResource("1")]',
     ]
-    for number, lightmap in enumerate(lightmaps, 2):
+    for number, (name, _, has_masks) in enumerate(lightmaps, 2):
         lines += [
-            f'[node name="{lightmap.name}" type="LightmapGI" parent="."]',
-            *(["shadowmask_mode = 1"] if lightmap.masks else []),
+            f'[node name="{name}" type="LightmapGI" parent="."]',
+            *(["shadowmask_mode = 1"] if has_masks else []),
             f'light_data = ExtResource("{number}")',
         ]
     return "\n".join([*lines, ""])
@@ -133,6 +156,15 @@ def _textures(first: int, count: int) -> str:
     """Return an array of external textures whose ids follow each other."""
     listed = ", ".join(f'ExtResource("{number}")' for number in range(first, first + count))
     return f"Array[TextureLayered]([{listed}])"
+
+
+def _floats(values: np.ndarray) -> str:
+    """Return numbers as a list, exact for float32."""
+    return ", ".join(f"{number:.9g}" for number in values.ravel().tolist())
+
+
+def _integers(values: np.ndarray) -> str:
+    return ", ".join(map(str, values.ravel().tolist()))
 
 
 def _quoted(text: str) -> str:

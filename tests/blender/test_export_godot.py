@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from tests.blender.test_export import bake, by_collections, export, refusal
+from tests.blender.test_light_probes import bake as bake_probes
+from tests.blender.test_light_probes import probe_volume
 from tests.blender.test_light_states import add_state, baked, lit, stage
 from tests.blender.test_panels import Layout
 from tests.blender.things import SQUARE_UVS, files_below, furnace, material, part, pixels, snapshot, square
@@ -224,6 +226,32 @@ def test_a_file_for_each_light_state(baked, tmp_path):
     assert (folder / f"{file}.import").exists()
     assert first not in (folder / "room.tscn").read_text()
     assert faults(json.loads((folder / "hemibake.json").read_text())) == []
+
+
+def test_light_probes_of_the_last_bake(tmp_path):
+    """A node for each volume, y up, with radiance SH / pi, which is that of band 0 in a furnace of 2."""
+    furnace()
+    probe_volume("Vol/1", (2, 3, 1)).rotation_euler.z = np.pi / 2
+    bake_probes(tmp_path)
+    folder = tmp_path / "export"
+    folder.mkdir()
+    _, texts, _ = godot(folder / "room.glb")
+    text = texts["room.Probes Vol_1.tres"]
+    numbers = {
+        key: np.array(
+            [float(number) for number in re.search(rf"{key}\": Packed\w+\((.*?)\)", text)[1].split(",")]
+        )
+        for key in ("points", "sh", "tetrahedra", "bsp")
+    }
+    points, sh = numbers["points"].reshape(-1, 3), numbers["sh"].reshape(-1, 9, 4)[..., :3]
+    assert len(points) == len(sh) == 2 * 3 * 2 and len(numbers["tetrahedra"]) == 4 * 6 * 2
+    assert len(numbers["bsp"]) % 6 == 0 and numbers["tetrahedra"].max() == len(points) - 1
+    np.testing.assert_allclose(sh[:, 0], 2 * np.sqrt(4 * np.pi) / np.pi, rtol=0.02)
+    assert np.abs(sh[:, 1:]).max() < 0.05
+    spread = points.max(axis=0) - points.min(axis=0)
+    np.testing.assert_allclose(spread[[0, 2]], (2 * 0.3 * 2 / 3, 0.4), rtol=1e-3)
+    scene = (folder / "room.tscn").read_text()
+    assert '[node name="Probes Vol_1" type="LightmapGI"' in scene
 
 
 @pytest.mark.parametrize("ending", [".glb", ".gltf"])

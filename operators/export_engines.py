@@ -51,7 +51,7 @@ class Engine:
 ENGINES = {
     "THREE": Engine(
         "three.js", "Write one .glb that holds the lightmaps, for three.js and Hubs",
-        "hemibake-three loads the file with its lightmaps", "three.md", "three",
+        "The npm package hemibake-three loads the file", "three.md", "three",
         lightmaps="HDR", use_files=False,
     ),
     "GODOT": Engine(

@@ -3,6 +3,7 @@
 from tools.packages import archive
 
 
-def test_packages_hold_the_add_on_of_godot_and_no_other_client(tmp_path):
+def test_packages_hold_the_add_ons_of_engines_without_a_package_manager(tmp_path):
     archive._stage([], tmp_path / "source", None)
-    assert [path.name for path in (tmp_path / "source" / "clients").iterdir()] == ["godot"]
+    clients = (tmp_path / "source" / "clients").iterdir()
+    assert sorted(path.name for path in clients) == ["godot", "unity", "unreal"]

@@ -22,7 +22,7 @@ from tools.packages.wheels import Wheel
 MANIFEST = "blender_manifest.toml"
 
 #: Besides what Blender loads: licences of Hemibake, and of wheels without theirs, and add-ons for engines.
-_DOCUMENTS = ("LICENSE", "README.md", "licenses", "clients/godot")
+_DOCUMENTS = ("LICENSE", "README.md", "licenses", "clients/godot", "clients/unity", "clients/unreal")
 
 #: Permission of the package with Dask, the only one that connects to other machines.
 _NETWORK = 'network = "Share a bake with the workers of a Dask scheduler that the user names"'

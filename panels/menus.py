@@ -29,6 +29,7 @@ _GROUPS = (
         "hemibake.lightmap_assign",
         "hemibake.lightmap_select",
     ),
+    ("hemibake.add_light_probes",),
     ("hemibake.copy_report",),
 )
 

@@ -78,6 +78,8 @@ def draw(name):
     shown = []
     known = {"layout": Layout(shown), "bl_rna": panel.bl_rna, "_names": getattr(panel, "_names", ())}
     holder = type("Holder", (), known)()
+    if hasattr(panel, "draw_header"):
+        panel.draw_header(holder, bpy.context)
     panel.draw(holder, bpy.context)
     return shown
 
@@ -85,7 +87,18 @@ def draw(name):
 def test_panels_show_every_setting_once(devices):
     import bpy
 
-    panels = ("bake", "outputs", "advanced", "light", "texels", "uvs", "charts", "memory", "paper")
+    panels = (
+        "bake",
+        "outputs",
+        "light_probes",
+        "advanced",
+        "light",
+        "texels",
+        "uvs",
+        "charts",
+        "memory",
+        "paper",
+    )
     shown = [text for name in panels for text in draw(f"HEMIBAKE_PT_{name}")]
     shown += draw("HEMIBAKE_AP_preferences")
     groups = (bpy.context.scene.hemibake, part("operators.preferences").machine_properties())

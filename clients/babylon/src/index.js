@@ -4,7 +4,6 @@ import { Constants } from '@babylonjs/core/Engines/constants.js';
 import { EffectRenderer, EffectWrapper } from '@babylonjs/core/Materials/effectRenderer.js';
 import { RawTexture } from '@babylonjs/core/Materials/Textures/rawTexture.js';
 import { RenderTargetTexture } from '@babylonjs/core/Materials/Textures/renderTargetTexture.js';
-import { Texture } from '@babylonjs/core/Materials/Textures/texture.js';
 import { ImportMeshAsync } from '@babylonjs/core/Loading/sceneLoader.js';
 import { LightControl, loadLightmaps, mixFunction, readRadiance } from 'hemibake-manifest';
 
@@ -20,16 +19,20 @@ export class HemibakeLoader {
     const address = URL.createObjectURL(glb.plain());
     const loaded = await ImportMeshAsync(address, this.scene, { pluginExtension: '.glb' })
       .finally(() => URL.revokeObjectURL(address));
-    const lightmaps = new Map(), copies = new Map();
+    const lightmaps = new Map(), copies = new Map(), unreadable = new Set();
     for (const mesh of loaded.meshes.filter(other => other.material !== null)) {
       const source = await sources(materialIndex(mesh.material), [mesh.name, mesh.parent?.name]);
       if (source === null) continue;
       const { name, maps } = source, key = `${mesh.material.uniqueId} ${name}`;
+      if (!isReadable(maps)) {
+        unreadable.add(`Lightmap '${name}': this loader reads no PNG. Export or bake with Radiance HDR.`);
+        continue;
+      }
       if (!lightmaps.has(name)) lightmaps.set(name, await Lightmap.create(this.scene, name, maps));
       if (!copies.has(key)) copies.set(key, lit(mesh.material, lightmaps.get(name).texture));
       mesh.material = copies.get(key);
     }
-    return new LightmappedScene(loaded, [...lightmaps.values()], states, problems);
+    return new LightmappedScene(loaded, [...lightmaps.values()], states, [...problems, ...unreadable]);
   }
 }
 
@@ -95,18 +98,14 @@ class Lightmap {
   }
 }
 
-async function textureOf(scene, { bytes, mime }) {
-  const nearest = Constants.TEXTURE_NEAREST_SAMPLINGMODE;
-  if (mime === 'image/vnd.radiance') {
-    const { width, height, data } = readRadiance(bytes);
-    return RawTexture.CreateRGBATexture(data, width, height, scene, false, false, nearest, Constants.TEXTURETYPE_FLOAT);
-  }
-  return new Promise((resolve, reject) => {
-    const texture = new Texture('data:lightmap.png', scene, {
-      noMipmap: true, invertY: false, samplingMode: nearest, buffer: bytes, mimeType: mime, deleteBuffer: false,
-      onLoad: () => resolve(texture), onError: message => reject(new Error(message)),
-    });
-  });
+async function textureOf(scene, { bytes }) {
+  const { width, height, data } = readRadiance(bytes), nearest = Constants.TEXTURE_NEAREST_SAMPLINGMODE;
+  return RawTexture.CreateRGBATexture(data, width, height, scene, false, false, nearest, Constants.TEXTURETYPE_FLOAT);
+}
+
+function isReadable({ light, groups }) {
+  const maps = groups.size ? [...groups.values()] : [light];
+  return maps.every(({ mime }) => mime === 'image/vnd.radiance');
 }
 
 // Index of a material in the file; undefined for the default material.

@@ -17,9 +17,9 @@ from .transmission import Transmittance
 #: Maximum radiance, W/(m^2 sr); sums of larger values overflow float32.
 MAX_RADIANCE = 1e30
 
-#: Maximum strength of a light, see `Light.strength`; divided by the least squared distance of kernels,
-#: 1e-20 m^2, and summed over samples it fits into float32.
-MAX_STRENGTH = 1e15
+#: Maximum strength of a light, see `Light.strength`: divided by the least squared distance of kernels,
+#: 1e-20 m^2, it fits into float32. A room of the largest extent needs half of it for a radiance of 1.
+MAX_STRENGTH = 2e18
 
 #: Maximum coordinate, m. Areas and their squares then fit into float32. Measured: furnace scenes of 4e9 m are
 #: correct, of 1e10 m black.

@@ -60,15 +60,15 @@ def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray])
     return [
         *found(
             WARNING,
-            "Normals point inward, and nothing is inside: {}. Light falls on back faces, which are baked "
-            "black. Recalculate normals.",
+            "Normals point inward, and nothing is inside: {}. The lightmap stores the light of the inside, "
+            "which is dark. Recalculate normals.",
             turned,
             "normals",
         ),
         *found(
             WARNING,
-            "Normals point partly inward, partly outward: {}. Back faces are baked black. Recalculate "
-            "normals.",
+            "Normals point partly inward, partly outward: {}. Faces that point inward store the light of the "
+            "inside. Recalculate normals.",
             mixed,
             "normals",
         ),

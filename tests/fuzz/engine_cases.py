@@ -759,7 +759,7 @@ EXAMPLES: dict[str, Case] = {
             lamps=(Lamp(position=(0.3, 0.3, 0.3), strength=(strength,) * 3, soft=False, casts_shadow=False),),
             settings={**_SMALL, "resolution": 8, "max_bounces": 1, "light_samples": 1},
         )
-        for strength in (1e15, 1e30)
+        for strength in (1e18, 1e30)
     },
     "radiance beyond the limit by a texture": Case(
         (Shape("room"),), (Surface(emission=(1e20,) * 3, emission_map=Map(brightest=1e20)),), settings=_SMALL

@@ -56,6 +56,6 @@ def test_a_profile_that_cannot_be_looked_up_is_refused_by_name(wrong):
 
 
 def test_profile_and_power_together_are_light():
-    light = replace(lamp(), strength=np.full(3, 1e12, np.float32))
+    light = replace(lamp(), strength=np.full(3, 1e15, np.float32))
     with pytest.raises(SceneError, match="Light 'Lamp' has a profile and a power"):
         check_light(replace(light, profile=replace(light.profile, factors=light.profile.factors * 1e15)))

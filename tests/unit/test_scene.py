@@ -56,10 +56,10 @@ def test_the_largest_light_passes_and_an_error_names_the_limit(kind):
 
 
 def test_a_light_that_overflows_float32_close_to_it_is_named():
-    strongest = Light("Lamp", "point", np.zeros(3), np.eye(3), np.full(3, 1e15, np.float32))
+    strongest = Light("Lamp", "point", np.zeros(3), np.eye(3), np.full(3, 1e18, np.float32))
     check_light(strongest)
-    for strength in (2e15, 1e30, np.inf, np.nan, -1.0):
-        with pytest.raises(SceneError, match="Light 'Lamp' has a power .*greater than 1e[+]15[.] Change its"):
+    for strength in (3e18, 1e30, np.inf, np.nan, -1.0):
+        with pytest.raises(SceneError, match="Light 'Lamp' has a power .*greater than 2e[+]18[.] Change its"):
             check_light(replace(strongest, strength=np.full(3, strength)))
 
 

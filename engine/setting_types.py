@@ -66,7 +66,7 @@ class OneOf:
     options: Mapping[Any, Option]
 
     def demand(self, value: Any) -> str | None:
-        """Return the options if the value is invalid."""
+        """Return a text that lists the valid values if the value is invalid, else None."""
         return None if value in self.options else f"one of {', '.join(map(str, self.options))}"
 
 
@@ -77,7 +77,7 @@ class SomeOf:
     options: Mapping[str, Option]
 
     def demand(self, value: Any) -> str | None:
-        """Return the options if the value is invalid."""
+        """Return a text that lists the valid values if the value is invalid, else None."""
         if value and len(set(value)) == len(value) and set(value) <= set(self.options):
             return None
         return f"at least one of {', '.join(self.options)}, each once at most"

@@ -31,7 +31,7 @@ def warm_up(settings: dict[str, Any]) -> Generator[Progress, None, None]:
 
 
 def check_device(settings: Settings) -> Generator[Progress, None, None]:
-    """Compare the light of the session's OpenCL device with known light, once a version of its driver.
+    """Bake a scene of known light on the session's OpenCL device, once per driver version, and compare.
 
     Bakes skip a device whose light is wrong, unless the user chooses it by its name.
     """

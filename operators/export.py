@@ -45,7 +45,7 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
     )
     lightmaps: EnumProperty(
         name="Lightmaps",
-        description="Choose how lightmaps are embedded by the material extension MOZ_lightmap",
+        description="Choose the image format of the lightmaps in the glTF file (extension MOZ_lightmap)",
         items=[
             (
                 "HDR",

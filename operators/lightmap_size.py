@@ -135,7 +135,7 @@ def fix_size(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> N
 def choose_width(
     context: SceneContext, objects: Sequence[bpy.types.Object], changes: Rollback
 ) -> Generator[None, None, SizeChoice]:
-    """Return the width of lightmaps for objects that may not be unwrapped yet, in slices.
+    """Return the width of lightmaps, also for objects without lightmap UVs; yields between slices.
 
     The first automatic width is stored in the scene. All bakes and farms use the stored one.
     Raises SettingsError if a density needs too large lightmaps.

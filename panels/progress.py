@@ -32,6 +32,6 @@ def draw_bake_button(layout: bpy.types.UILayout) -> None:
 
 
 def draw_stage(layout: bpy.types.UILayout) -> None:
-    """Draw the stage of the running bake; in the progress bar, a narrow panel would cut it off."""
+    """Draw the stage of the running bake in its own line, because the progress bar cuts off long texts."""
     if owner.running is not None:
         layout.label(text=owner.running.progress.stage, icon="TIME")

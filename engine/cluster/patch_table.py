@@ -54,8 +54,8 @@ class PatchTable(NumpyPickle):
 
     name:            unique name
     texel_to_patch:  (atlases, r, r) uint32, see `PatchScene`
-    emission:        radiance of visible back faces, see `SolveJob.back_emission`
-    back_to_back:    see `PatchScene`
+    emission:        radiance that visible back faces emit, see `SolveJob.back_emission`
+    back_to_back:    see `PatchScene.back_to_back`
     """
 
     name: str

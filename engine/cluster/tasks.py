@@ -123,7 +123,7 @@ class Tasks:
             yield done / len(tasks)
 
     def finish(self, tasks: Sequence[Future]) -> Generator[float, None, None]:
-        """Wait for tasks without results; yield progress 0..1. Errors as in `take`."""
+        """Wait for tasks that return nothing; yield progress 0..1. Errors as in `take`."""
         done = 0
         for ended in self._ended(tasks, "ALL_COMPLETED"):
             for task in ended:

@@ -23,8 +23,8 @@ _SCRIPT = Path(__file__).with_name("build_programs.py")
 #: each opens a context.
 _MOST, _LEAST_ROOM, _ROOM = 6, 4 << 30, 5 << 28
 
-#: Expected seconds of a GPU driver for each program, and source length in characters that adds one second;
-#: the time grows with the square. Measured on an H100.
+#: Expected build time of a program by a GPU driver: seconds for each program, and the source length in
+#: characters at which the length adds one second, quadratically. Measured on an H100.
 _EACH, _LONG = 0.2, 60_000
 
 #: Expected CPU seconds of PoCL for each program and each of its kernels, and source length in characters that

@@ -33,7 +33,7 @@ LIGHT_NODE = DeviceStruct(
 LIGHT_TREE_RECORDS: tuple[DeviceStruct, ...] = (*EMITTER_RECORDS, LIGHT_NODE)
 
 
-#: Record fields from which bounds are computed.
+#: Fields of EMITTER from which the bounds of tree nodes are computed.
 _BOUNDED = (
     "luminance", "position", "edge1", "edge2", "spread", "direction", "radius", "cos_half_angle",
     "cone_x", "cone_y", "cone_z",

@@ -170,7 +170,7 @@ class VisibilityCache:
         self._parts, self._receivers, self._moved = moved.parts, moved.rays.receivers, None
 
     def _saved_rows(self, rows: SampleRows, checkpoint: Checkpoint) -> SavedRows:
-        """Return the reader and writer of checkpoints for a piece's rows."""
+        """Return the reader and writer of checkpoints for the sample rows of one buffer."""
         tables = {"samples": Table(rows.cache, self.sampling.row_bytes, rows.first), **self.backs.tables()}
         patches = (rows.first, rows.last)
         return SavedRows(self._compute, checkpoint, self.sampling.name, patches, tables)

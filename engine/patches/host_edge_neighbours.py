@@ -34,7 +34,7 @@ def _in_one_cube(
 
     boxes:      m boxes, none larger than the cubes
     size:       cube size, m
-    full_size:  (m,) bool, boxes of the level of the cubes
+    full_size:  (m,) bool, True for boxes of more than half the cube size
     """
     keys, box = boxes.cubes(size)
     full = np.flatnonzero(full_size[box])

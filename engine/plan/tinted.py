@@ -13,8 +13,8 @@ from ..settings import Settings
 def settings_for_tints(scene: Scene, settings: Settings) -> tuple[Settings, tuple[str, ...]]:
     """Return the settings of a bake, and warnings for the user.
 
-    Scenes with colored transparency use ray visibility. Method "paper" draws hemicubes, in which all channels
-    pass like the strongest one.
+    Scenes with colored transparency use ray visibility. Method "paper" draws hemicubes, which have one
+    transmittance for all channels: that of the channel that passes most.
     """
     tinted = [material.name for material in scene.materials if is_tinted_material(material)]
     if not tinted:

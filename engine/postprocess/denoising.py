@@ -139,8 +139,8 @@ class Denoising:
         before, after = image[self._known], filtered[self._known]
         light = before + noise * (after - before)
         if independent is not None and name in independent.images:
-            # Average with the independent estimate where the filter's change is rejected: more samples, less
-            # noise.
+            # Where the filter's change is rejected, average the light with an independent estimate, since
+            # twice the samples have less noise.
             there = independent.centres[self._known, None]
             light += independent.part * (1 - noise) * there * (independent.images[name][self._known] - before)
         return light

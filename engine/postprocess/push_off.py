@@ -69,13 +69,13 @@ def joined_push_offs(several: list[PushOffs]) -> PushOffs:
 def push_off_points(
     scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | np.ndarray | None = None
 ) -> PushOffs:
-    """Return the push-offs of the points of a ray scene, computed by OpenCL or by compute shaders.
+    """Return the offsets that move points inside geometry just outside, by OpenCL or compute shaders.
 
     scene:    ray tracer and points
     count:    number of points
     reach:    maximum length of the rays, in texels of each point
     normals:  (t, 3) float32, unit, of the triangles
-    lit:      back faces with light, see `validity.lit_backs`; None if no back face has patches
+    lit:      marks of back faces that reflect or emit light; None if no back face has patches
     """
     if scene.shaders is not None:
         return _shader_push_offs(scene.shaders, reach, normals, lit)

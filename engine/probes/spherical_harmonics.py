@@ -28,7 +28,7 @@ _TESTED = 960
 #: Steps of the bisection for the smallest window: 2^-20 of the largest (chosen).
 _BISECTIONS = 20
 
-#: Largest window parameter: it leaves 1e-4 of band 2, so that E/pi is that of band 0.
+#: Largest window parameter: it leaves 1e-4 of band 2, so that practically only the mean remains.
 _WIDEST = 280.0
 
 #: Probes that are windowed at once, to limit memory.

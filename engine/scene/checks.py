@@ -223,8 +223,8 @@ def check_light(light: Light) -> None:
     lengths = np.linalg.norm(light.axes, axis=1)[_AXES_NEEDED.get(light.kind, slice(0))]
     if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any() or (np.asarray(light.stretch) <= 0).any():
         raise SceneError(
-            f"Light '{light.name}' has axes that are not unit vectors, or a stretch that is not positive. "
-            "Give it a scale other than 0."
+            f"Light '{light.name}' has axes that are not unit vectors, or a scale that is not positive. "
+            "Give it a scale above 0."
         )
     if light.profile is not None:
         check_profile(light.profile, light.name)

@@ -223,8 +223,8 @@ class _Images:
             self._count += len(values)
         if self._count > MOST_PIXELS:
             raise SceneError(
-                f"The transparency maps up to '{name}' hold {self._count:,} pixels; at most {MOST_PIXELS:,} "
-                "can be baked at once. Use smaller images, or the same one for several materials."
+                f"All transparency maps exceed {MOST_PIXELS:,} pixels at '{name}' ({self._count:,}). "
+                "Use smaller images, or the same one for several materials."
             )
         return first
 

@@ -47,7 +47,7 @@ class Anderson:
         return weights
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the indices of mixed columns, oldest first, and the squared norm of the last defect."""
+        """Return the indices of used iterates, oldest first, and the squared norm of the last residual."""
         return np.array(self._valid, np.int64), np.array([self._last_size])
 
     def restore(self, columns: np.ndarray, size: np.ndarray) -> None:

@@ -260,7 +260,10 @@ class Solver:
         self._gathered = self._radiosity.mixed(0)
 
     def _mixture(self, sums: IterationSums) -> tuple[np.ndarray, np.ndarray]:
-        """Return the acceleration weights of the iterates, (columns, 3), and the ambient light, (3,)."""
+        """Return the Anderson weights of stored iterates, (columns, 3), and the ambient light to add, (3,).
+
+        The ambient light is the radiance that lost samples would have brought; 0 in most iterations.
+        """
         weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
         weights[self._newest] = 1
         if self._anderson is not None:

@@ -66,8 +66,8 @@ def solve_light_groups(
 ) -> Generator[float, None, list[LightGroupSolution]]:
     """Solve for each light group; yield the fraction done.
 
-    job:       patches of all texels, with all light
-    solved:    job that was solved for all light: `job`, or its patch groups
+    job:       all patches, with the light of all groups
+    solved:    the job that the solver solved: `job` itself, or the job of its patch groups
     choice:    choice of the gather for all light
     solution:  solution of all light
     groups:    emission of each light group

@@ -175,7 +175,7 @@ def doubly_covered(uvs: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray
 
 
 def _doubled(corners: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
-    """Return a mask of charts in which several triangles cover too many cells."""
+    """Return a mask of charts that overlap themselves: too many cells are covered by several triangles."""
     triangle, row, start, end = triangle_spans(corners)
     line = (chart[triangle] * _GRID + row) * (_GRID + 1)
     cells = count * _GRID * (_GRID + 1)

@@ -26,7 +26,8 @@ _EVEN = 2.0
 def open_sky(sky: np.ndarray) -> np.ndarray | None:
     """Return E/pi of the unoccluded sky by normal, (ROWS * COLUMNS, 3) float32, equirectangular.
 
-    None if the sky is uniform, where samples have no noise, or uneven, where the estimator is unreliable.
+    None if the sky is uniform, since samples then have no noise, or if its contrast exceeds _EVEN, since a
+    few rays then misestimate the visible fraction.
 
     sky: (h, w, 3) float32, radiance, equirectangular
     """

@@ -158,7 +158,7 @@ float3 in_spherical_triangle(const float3 a, const float3 b, const float3 c, con
     const float turn = u.x * *angle * M_1_PI_F, sine = sinpi(turn), cosine = cospi(turn);
     const float s = sine * cos_alpha - cosine * sin_alpha, t = cosine * cos_alpha + sine * sin_alpha;
 
-    // Move corner c along its edge until the partial triangle has the sampled fraction of the area.
+    // Move corner c along the edge from a to c, until the triangle a, b, c has the sampled fraction of its area.
     const float p = t - cos_alpha, v = s + sin_alpha * dot(a, b);
     const float bottom = (v * s + p * t) * sin_alpha;
     const float q = clamp(((v * t - p * s) * cos_alpha - v) / (fabs(bottom) < 1e-12f ? 1e-12f : bottom), -1.0f, 1.0f);

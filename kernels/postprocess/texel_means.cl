@@ -179,7 +179,7 @@ __kernel void range_of_all(__global const float4 *low, __global const float4 *hi
 }
 
 // Fits a plane around each cut texel by weighted least squares over the samples of 3 x 3 texels: level at the centre,
-// slopes along u and v, and bounds. Geometry in the texel displaces the mean of its valid samples from the centre, so
+// slopes along u and v, and the range of values. Geometry in the texel displaces the mean of its valid samples from the centre, so
 // the value is extrapolated back along the slope. The distance is limited to a Mahalanobis distance of FARTHEST,
 // because slopes across a narrow strip of samples are noise.
 __kernel void fit_planes(__global const float4 *samples, __global const int *firsts, __global const uint *texels,

@@ -17,7 +17,7 @@ uint hilbert(uint x, uint y, const uint side)
     return along;
 }
 
-// Returns the rank of a patch along that curve. The `points` sample points of one texel have successive ranks.
+// Returns the rank of a patch along the Hilbert curve. The `points` sample points of one texel have successive ranks.
 uint rank_of(__global const int *texels, const int patch, const int resolution, const int points)
 {
     uint side = 1;

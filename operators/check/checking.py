@@ -182,7 +182,8 @@ def _with_memory(
         return finding
     larger = replace(settings, resolution=finding.value)
     needs = _memory_over_limit(_expect(meshes, charts, larger, extent), larger, finder.found)
-    return replace(finding, text=f"{finding.text} At {finding.value} texels: {needs}.") if needs else finding
+    text = f"{finding.text} At a width of {finding.value} texels: {needs}."
+    return replace(finding, text=text) if needs else finding
 
 
 def _memory_over_limit(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> str:

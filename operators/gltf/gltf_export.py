@@ -213,7 +213,7 @@ class _Export:
         self._write_maps(files, states)
 
     def write_godot(self, hooks: LightmapHooks, scene: bpy.types.Scene) -> list[str]:
-        """Write the files by which Godot shows the lightmaps; return notes on what it shows otherwise."""
+        """Write the files by which Godot shows lightmaps; return notes on differences from the preview."""
         if set(self._path.name) & set(_UNREAD):
             raise EngineError(_UNREADABLE.format(self._path.name))
         gltf, output = read_gltf(self._made / self._path.name), _shown_output(scene)

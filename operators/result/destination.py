@@ -37,7 +37,7 @@ class Destination:
 
     @property
     def names(self) -> list[str]:
-        """File name of each lightmap that Blender shows."""
+        """Name of the file of each lightmap that Blender opens for its preview."""
         pairs = zip(self.stems, self.formats, strict=True)
         return [f"{stem}{format.endings[0]}" for stem, format in pairs]
 

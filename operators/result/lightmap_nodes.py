@@ -133,7 +133,7 @@ class LightmapNodes:
         return nodes.vector("MULTIPLY_ADD", uv, scale, place)
 
     def _light(self, images: tuple[bpy.types.Image, ...]) -> bpy.types.NodeSocket:
-        """Return the color of the selected image, given one image for each lightmap."""
+        """Return the color of the image of the object's lightmap; an attribute of the object selects it."""
         nodes = self._nodes
         if not self._is_image:
             return nodes.picture(images[0], self._uv)

@@ -26,8 +26,8 @@ from .uvs.uv_faults import is_inside
 #: Maximum ratio of densities at which objects may form a group.
 _EQUALLY_DENSE = 1.25
 
-#: Number of groups, from the first on, that objects may join. Objects that need more groups were hardly
-#: packed together.
+#: Maximum number of groups of objects without mutual overlap. Objects that need more groups probably have
+#: charts that were never packed into one lightmap.
 _OPEN_GROUPS = 4
 
 #: Smallest tile sides that are tried, texels; the first one at which all tiles fit is used.

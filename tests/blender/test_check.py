@@ -430,7 +430,7 @@ def test_a_fix_that_needs_more_memory_than_is_allowed_says_so():
     machine.memory_budget = 1
     try:
         told = finding("too small for the charts")
-        assert f"At {told.value} texels: Visibility data needs" in told.text and told.value > 32
+        assert f"At a width of {told.value} texels: Visibility data needs" in told.text and told.value > 32
     finally:
         machine.property_unset("memory_budget")
 

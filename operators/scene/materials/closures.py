@@ -76,7 +76,7 @@ def passes_shaders(node: bpy.types.Node) -> bool:
 
 
 def is_unknown(node: bpy.types.Node) -> bool:
-    """Return True if a node is a closure without a formula that is not known to be black."""
+    """Return True if a node is a closure without a rule here; closures known to be black have one."""
     if passes_shaders(node) or not any(output.type == "SHADER" for output in node.outputs):
         return False
     return not any(node.bl_idname in rules for rules in (DARK, EMITTERS, _THROUGH, _GLASS, *_RULES.values()))

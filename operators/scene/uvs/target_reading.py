@@ -59,7 +59,7 @@ class TargetReader:
         return replace(target, charts=known_charts(target.mesh, uvs))
 
     def _parted(self, obj: bpy.types.Object, mesh: PolygonMesh) -> PolygonMesh:
-        """Return the object's mesh with chart boundaries (`parted`) along walls that stand on its edges."""
+        """Return the object's mesh with chart boundaries (field `parted`) at edges on which walls stand."""
         others = [other for other in visible_objects(self._context) if other != obj]
         walls = walls_of(others, self._context.evaluated_depsgraph_get())
         return replace(mesh, parted=find_wall_edges(obj, mesh, walls))

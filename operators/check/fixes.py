@@ -110,7 +110,7 @@ def cut_along_walls(
     )
     kept = [obj.name for obj in floors if obj.hemibake.own_uv_layer]
     if kept:
-        sentence = "{} use a chosen UV Layer, which a fix does not change. Clear UV Layer to cut them."
+        sentence = "{} has a chosen UV Layer, which a fix does not change. Clear UV Layer to cut its charts."
         raise SceneError(object_message(sentence, kept))
     if not floors:
         sentence = (

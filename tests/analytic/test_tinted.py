@@ -105,7 +105,7 @@ def test_a_tinted_sheet_that_absorbs_nothing_leaves_a_furnace_even():
     ((0.9, 0.5, 0.2), (1.0, 5.1, 8.0)), ((0.5, 0.5, 0.5), (1.1, 0.5, 0.5)), ((1.0, 0.5, 0.5), (np.nan, 0, 0)),
 ])  # fmt: skip
 def test_more_light_than_comes_in_is_an_error(passed, reflectance):
-    with pytest.raises(SceneError, match="'Pane'.*reflects and passes more light than it receives. Mend"):
+    with pytest.raises(SceneError, match="'Pane'.*reflects and passes more light than it receives. Correct"):
         check_material(pane(*passed, reflectance=reflectance))
 
 

@@ -100,13 +100,13 @@ def lamp_nan():
 REPLACED = {
     "NaN base colour": (
         with_material("Base Color", (np.nan, 0, 0, 1)),
-        ["'Lava'", "reflectance", "base colour", "grey is baked"],
+        ["'Lava'", "reflectance", "base color", "grey is baked"],
     ),
     "infinite emission": (
         with_material("Emission Color", (np.inf, 0, 0, 1)), ["'Lava'", "emission", "grey is baked"],
     ),
     "NaN lamp": (lamp_nan, ["'Bulb'", "power", "not baked"]),
-    "NaN world": (world_nan, ["world", "NaN", "colour and strength", "black"]),
+    "NaN world": (world_nan, ["world", "NaN", "color and strength", "black"]),
 }  # fmt: skip
 
 CASES = {

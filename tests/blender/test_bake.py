@@ -123,7 +123,7 @@ def test_stored_pixels_are_those_of_the_engine_bit_by_bit(tmp_path):
     values = np.random.default_rng(3).normal(0, 100, (1, 8, 8, 3)).astype(np.float32)
     image = images.lightmap_image(scene, "Noise", 8, changes)
     chosen = destination.choose_destination(scene, ["Noise"], str(tmp_path), changes)
-    images.store([image], values, chosen, [{"output": "combined"}])
+    images.store([image], values, chosen, [{"output": "combined"}], {})
     assert (read_exr(chosen.paths[0])[..., :3] == values[0]).all()
     assert (pixels(image)[..., :3] == values[0]).all()
 

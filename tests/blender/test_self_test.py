@@ -91,7 +91,7 @@ def wrong_light(scene, settings):
     ("bake", "words"),
     [
         (missing_package, "'moderngl' cannot be imported. Install it."),
-        (wrong_light, "wrong by 25.0%.*'Card A'.*Update"),
+        (wrong_light, "known value by 25.0%.*'Card A'.*Update"),
     ],
 )
 def test_what_is_wrong_is_an_error_with_the_remedy(monkeypatch, log, bake, words):

@@ -147,7 +147,7 @@ def test_another_resolution_is_refused_and_names_who_is_in_the_way(pair, setting
     bake()
     before = light().copy()
     settings.resolution = 64
-    with pytest.raises(RuntimeError, match=r"'Lightmap' holds 'Right'.*47 texels"):
+    with pytest.raises(RuntimeError, match=r"'Lightmap' is 47 texels wide .*'Right'"):
         bake(pair[0])
     assert np.array_equal(light(), before)
 

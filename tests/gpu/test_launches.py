@@ -23,8 +23,9 @@ SETTINGS = Settings(
     intermediates=False,
 )
 
-#: Most launches of a warm bake of these settings in slices of all patches. Measured: 145 and 89.
-MOST = {"U": 150, "G": 90}
+#: Most launches of a warm bake of these settings in slices of all patches. Measured: 164 and 123 on a CPU,
+#: where each scale of the fill is a launch; 145 and 89 on a GPU, where one launch fills all small scales.
+MOST = {"CPU": {"U": 166, "G": 125}, "GPU": {"U": 150, "G": 90}}
 
 
 def test_a_log_has_every_command_with_its_bytes():
@@ -81,5 +82,5 @@ def test_a_small_bake_starts_no_more_kernels_than_before(monkeypatch, work):
             log.end()
             counts.append(sum(entry.kind == LAUNCH for entry in log.entries))
         session.close()
-    assert counts[0] == counts[1] <= MOST[work]
+    assert counts[0] == counts[1] <= MOST["CPU" if ComputeDevice().processor else "GPU"][work]
     assert f"{counts[1]} launches" in report(log, listed=True)

@@ -47,7 +47,9 @@ def test_wrong_light_is_told_with_the_way_and_the_devices(session, wrong, words)
             )
         return lightmap
 
-    with pytest.raises(DeviceError, match=f"wrong by 2.* with {words}, on '.*' and '.*'. Update the driver"):
+    with pytest.raises(
+        DeviceError, match=f"known value by 2.* with {words}, on '.*' and '.*'. Update the driver"
+    ):
         finished(run_self_test(bake, Settings()))
 
 

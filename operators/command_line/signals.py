@@ -15,6 +15,9 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 #: Delay after which a lost signal is sent again, s; longer than the code that lost it takes to return.
 _AGAIN = 0.02
 
+#: File name of the code of Python's import system.
+_IMPORT_SYSTEM = "<frozen importlib._bootstrap>"
+
 
 class Stopped(KeyboardInterrupt):
     """Raised when a signal requests the end of the process."""
@@ -34,7 +37,8 @@ class Signals:
 
     Python ignores exceptions in finalizers and callbacks of weak references, such as those of its import
     system. Blender prints exceptions of handlers and of render engines such as Cycles, and goes on. A signal
-    that was lost in one of these is sent again.
+    that was lost in one of these is sent again. So is a signal during an import: an exception there may leave
+    a lock of the import system taken, and other threads that import then wait forever.
     """
 
     def __init__(self) -> None:
@@ -77,7 +81,11 @@ class Signals:
     def _receive(self, number: int, frame: FrameType | None) -> None:
         """Record a signal; only the first one is raised, so that none interrupts the clean-up."""
         self._received = self._received or number
-        if self._raises and not self._raised:
+        if not self._raises or self._raised:
+            return
+        if _is_importing(frame):
+            self._come_again()
+        else:
             self.check()
 
     def _ignored(self, found: sys.UnraisableHookArgs) -> None:
@@ -98,6 +106,13 @@ class Signals:
         """Send a lost signal again after a delay."""
         self._raised = False
         threading.Timer(_AGAIN, _interrupt, (self._received,)).start()
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    """Return True if a frame was called by Python's import system."""
+    while frame is not None and frame.f_code.co_filename != _IMPORT_SYSTEM:
+        frame = frame.f_back
+    return frame is not None
 
 
 def _interrupt(number: int) -> None:

@@ -1,5 +1,6 @@
 """Bakes from a shell: tools/bake.py, and the command that the add-on brings."""
 
+import importlib
 import json
 import os
 import re
@@ -261,6 +262,17 @@ def lose_a_signal(signals, lose):
         lose()
         time.sleep(10)
         heard._received = None
+
+
+def test_signal_during_an_import_is_raised_after_it(tmp_path, monkeypatch):
+    """An exception in the import system left a lock taken, for which a thread that imports waited forever."""
+    signals = part("operators.command_line.signals")
+    source = "import signal, time\nsignal.raise_signal(signal.SIGINT)\ntime.sleep(0.1)\ncomplete = True\n"
+    (tmp_path / "interrupted_module.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(signals.Stopped, match="SIGINT"):
+        lose_a_signal(signals, lambda: importlib.import_module("interrupted_module"))
+    assert sys.modules.pop("interrupted_module").complete
 
 
 def lost_in_callback():

@@ -297,6 +297,19 @@ def test_mirrors_are_named(name):
     assert len(named) == is_named
 
 
+@pytest.mark.parametrize("kind", ["ShaderNodeValToRGB", "ShaderNodeHueSaturation", "ShaderNodeRGBToBW"])
+def test_muted_nodes_pass_values_of_other_types(kind):
+    """A muted node feeds its own unlinked input, a number for a color or a color for a number."""
+    surface = shader_material(closure("BsdfPrincipled", Metallic=1.0))
+    tree = surface.node_tree
+    principled = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+    for name in ("Base Color", "Roughness", "Metallic"):
+        muted = tree.nodes.new(kind)
+        muted.mute = True
+        tree.links.new(muted.outputs[0], principled.inputs[name])
+    assert isinstance(part("operators.scene.materials.smooth_metals").is_mirror(tree), bool)
+
+
 def test_shared_shaders_are_examined_once():
     """Each of 60 nested Mix Shaders uses the one below twice."""
     surface = shader_material(glossy())

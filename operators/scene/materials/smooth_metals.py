@@ -72,7 +72,7 @@ def _closure_fraction(node: bpy.types.Node) -> float:
     if _number(node.inputs["Roughness"], 1.0) >= _SMOOTH:
         return 0.0
     color = node.inputs["Color" if node.bl_idname in GLOSSY else "Base Color"]
-    brightness = 1.0 if feeding_socket(color).is_output else max(color.default_value[:3])
+    brightness = _number(color, 1.0)
     weight = _number(node.inputs["Metallic"], 0.0) if node.bl_idname == PRINCIPLED else 1.0
     return weight * brightness
 
@@ -82,10 +82,16 @@ def _factor(socket: bpy.types.NodeSocket) -> float:
     source = feeding_socket(socket)
     if source.is_output:
         return _FRESNEL.get(source.node.bl_idname, _UNKNOWN)
-    return min(max(source.default_value, 0.0), 1.0)
+    return min(max(_number(socket, 0.0), 0.0), 1.0)
 
 
 def _number(socket: bpy.types.NodeSocket, linked: float) -> float:
-    """Return the value of an input, or `linked` if a node computes it."""
+    """Return the value of an input, or `linked` if a node computes it; the largest channel of a color.
+
+    A muted node feeds an input of its own, which may have another type.
+    """
     source = feeding_socket(socket)
-    return linked if source.is_output else source.default_value
+    if source.is_output:
+        return linked
+    value = source.default_value
+    return max(value[:3]) if hasattr(value, "__len__") else value

@@ -50,6 +50,11 @@ class BackfaceLight:
         """Return the buffers into which a sampler writes the samples of patches from `first` on."""
         return VisibilityBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
 
+    @property
+    def bytes(self) -> int:
+        """Device memory of all buffers, bytes."""
+        return sum(table.buffer.size for table in self.tables().values())
+
     def tables(self) -> dict[str, Table]:
         """Return all buffers of `BackfaceLight` by name."""
         tables = {"light": Table(self.light, 16), "patches_seen": Table(self.patches_seen, 4)}
@@ -112,44 +117,49 @@ class VisibilityCache:
         The next bake computes the freed rows again. A cache with stale samples is kept or freed as a whole.
         """
         row = self.sampling.row_bytes
-        fitting = max(0, budget - self.backs.light.size) // row
+        fitting = max(0, budget - self.backs.bytes) // row
         if fitting >= sum(rows.last - rows.first for rows in self.pieces):
             return True
         if fitting == 0 or self._moved is not None:
             return False
         self.pieces = [rows for rows in self.pieces if rows.first < fitting]
-        self._cut_last_piece(fitting)
-        self._found, self.limited = min(self._found, fitting), True
-        return True
+        try:
+            self._cut_last_piece(fitting)
+        except cl.MemoryError:
+            self.pieces.pop()
+        last = self.pieces[-1].last if self.pieces else 0
+        self._found, self.limited = min(self._found, last), True
+        return last > 0
 
     def _cut_last_piece(self, last: int) -> None:
-        """Copy the rows of the last piece before patch `last` to a smaller buffer."""
+        """Copy the rows of the last piece before patch `last` to a smaller buffer; raises cl.MemoryError."""
         rows = self.pieces[-1]
         if rows.last <= last:
             return
         size = self.sampling.row_bytes * (last - rows.first)
         cache = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
         cl.enqueue_copy(self._compute.queue, cache, rows.cache, byte_count=size)
+        self._compute.queue.finish()
         self.pieces[-1] = SampleRows(cache, rows.first, last)
 
     def find(self, identity: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
         """Compute the missing visibility samples, after those of a checkpoint or a cancelled bake.
 
-        Yields progress 0..1 of the samples that no checkpoint holds.
+        Yields progress 0..1 of the samples that neither the cache nor a checkpoint holds.
         """
         if self._moved is not None and isinstance(identity, RaySampler):
             yield from self._find_again(identity, self._moved)
-        known = 0
+        before, known = self._found, 0
         while not self.complete:
             rows = self._unfinished_piece()
             saved = self._saved_rows(rows, checkpoint)
             read = yield from saved.read()
-            known += read - rows.first
+            known += max(0, read - self._found)
             first = self._found = max(self._found, read)
             for done in identity.find(first, rows.last, self.backs.found_with(rows.cache, rows.first)):
                 found = int(done * (rows.last - first))
                 self._found = first + _finished(identity, found)
-                yield (first + found - known) / (self.count - known)
+                yield (first + found - before - known) / (self.count - before - known)
                 saved.write(self._found)
             self._found = rows.last
             saved.complete()

@@ -243,7 +243,8 @@ def test_a_part_that_fits_its_budget_is_reused(session, monkeypatch, piece, part
     session.forget()
     first = finished(session.bake(ROOM, SETTINGS))
     patches = first.report.patches
-    budget = 16 * patches + int(264 * patches * part) + 7
+    backs = 20 * patches + -(-(patches + 1) // 4) * 4
+    budget = backs + int(264 * patches * part) + 7
     small = dataclasses.replace(SETTINGS, cache_budget=budget)
     traced = []
     find = RaySampler.find
@@ -262,6 +263,22 @@ def test_a_part_that_fits_its_budget_is_reused(session, monkeypatch, piece, part
         kept = f"{int(patches * part) / patches:.0%} of the texels"
         assert any(kept in why for why in relit.report.reasons)
         assert_same(relit, finished(bake(scene, dataclasses.replace(SETTINGS, **changes))))
+
+
+def test_a_part_that_cannot_be_copied_is_dropped(session, monkeypatch):
+    """The copy needs memory beside the rows; the light of the bake is finished by then."""
+
+    def full(cache, last):
+        raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
+
+    session.forget()
+    patches = finished(session.bake(ROOM, SETTINGS)).report.patches
+    small = dataclasses.replace(SETTINGS, cache_budget=16 * patches + 200 * patches)
+    with monkeypatch.context() as patch:
+        patch.setattr(visibility_cache.VisibilityCache, "_cut_last_piece", full)
+        finished(session.bake(ROOM, small))
+    again = finished(session.bake(ROOM, small))
+    assert not any("kept" in why for why in again.report.reasons)
 
 
 def test_another_sky_is_summed_up_in_slices(session, monkeypatch):

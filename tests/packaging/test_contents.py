@@ -38,8 +38,8 @@ SYSTEMS = {
 IMPORTED = ("moderngl", "moderngl.mgl", "glcontext", "pyopencl", "pyopencl.invoker", "platformdirs", "xatlas")
 
 SHIPPED = {
-    "LICENSE", "README.md", "__init__.py", MANIFEST, "engine", "guide", "kernels", "licenses", "operators",
-    "panels", "presets", "shaders", "wheels",
+    "LICENSE", "README.md", "__init__.py", MANIFEST, "clients", "engine", "guide", "kernels", "licenses",
+    "operators", "panels", "presets", "shaders", "wheels",
 }  # fmt: skip
 
 TARGETS = [(platform, python) for platform in PLATFORMS for python in platform.pythons]

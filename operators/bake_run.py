@@ -309,7 +309,8 @@ class BakeRun:
         entries = self._context.scene.hemibake.lightmaps
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
         lost = self._uvs.lost()
-        if self._settings.light_probes:
+        # A bake that could not make probes, such as one without OpenCL, leaves those of the last one.
+        if self._settings.light_probes and (lightmap.probes or not self._read.scene.probe_volumes):
             keep_probes(self._context.scene, lightmap.probes, self._read.scene.origin)
         mark_objects(self._context.scene, self._read, targets, self._uv_layer, lost)
         forget_moved_charts(self._context.scene, self._baked_names(lost))

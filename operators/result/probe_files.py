@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -131,7 +132,7 @@ def probe_sections(folder: Path, staged: Sequence[Path], files: Sequence[ProbeFi
 def _checksums(entries: Sequence[dict], blend: str) -> dict[str, str]:
     """Return the checksums of the files that a .blend's bakes wrote, by file."""
     mine = [entry for entry in entries if entry.get("blend") == blend]
-    sums = {entry["file"]: entry.get("sha256", "") for entry in mine}
+    sums = {entry.get("file", ""): entry.get("sha256", "") for entry in mine}
     return sums | {entry.get("ktx2", ""): entry.get("ktx2_sha256", "") for entry in mine}
 
 
@@ -154,7 +155,12 @@ def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, blend: str) -> dict:
 
 
 def _may_write(path: Path, ours: dict[str, str]) -> bool:
-    """Return True if no file has the path, or one that Hemibake wrote; ours: checksums by file."""
+    """Return True if no file has the path, or one that Hemibake wrote; ours: checksums by file.
+
+    A file that cannot be read, such as one that another program has locked, counts as another program's.
+    """
     if not os.path.lexists(path):
         return True
-    return path.name in ours and path.is_file() and checksum(path) == ours[path.name]
+    with suppress(OSError):
+        return path.name in ours and path.is_file() and checksum(path) == ours[path.name]
+    return False

@@ -74,6 +74,20 @@ def test_files_of_others_stay(tmp_path):
     assert third["file"] != first["file"] and (tmp_path / first["ktx2"]).read_bytes() == b"mine"
 
 
+def test_a_file_that_cannot_be_read_gets_a_neighbor(tmp_path, monkeypatch):
+    """Another program has locked the file of the last bake, and the new bake is saved all the same."""
+    files = part("operators.result.probe_files")
+
+    def locked(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    (tmp_path / "Probes.exr").write_bytes(b"old")
+    monkeypatch.setattr(files, "checksum", locked)
+    assert not files._may_write(tmp_path / "Probes.exr", {"Probes.exr": "0"})
+    assert files._may_write(tmp_path / "Other.exr", {})
+    assert files._checksums([{"blend": "a.blend"}, {"blend": "b.blend", "file": "b"}], "a.blend") == {"": ""}
+
+
 def test_bad_volumes_are_left_out_with_a_remedy(tmp_path):
     furnace()
     probe_volume("Good", (1, 1, 1))

@@ -157,12 +157,14 @@ def save(options: argparse.Namespace, report: dict) -> dict:
 
 
 def _check_states(names: Sequence[str]) -> None:
-    """Raise CommandError for a light state that the scene does not have."""
+    """Raise CommandError for a light state that the scene does not have, or without maps of light groups."""
     import bpy
 
     from ...engine.errors import EngineError
     from ..result.light_states import find_state
 
+    if names and "light_groups" not in bpy.context.scene.hemibake.outputs:
+        raise CommandError("--state needs the output Light Groups. Add light_groups to --outputs.")
     try:
         for name in names:
             find_state(bpy.context.scene, name)

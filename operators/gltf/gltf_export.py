@@ -270,12 +270,13 @@ class _Export:
         }
 
     def _write_maps(self, files: Sequence[LightmapFile], states: Mapping[str, dict] | None = None) -> None:
-        """Write image files and a manifest of them, with light states if the files hold light groups."""
+        """Write image files and a manifest, with light states; None keeps the states of the old manifest."""
         for file in files:
             file.write(self._made / file.name)
         self._manifest = [self._staging / NAME]
         names, facts = [file.name for file in files], [file.entry for file in files]
-        staged, sections = [self._made / name for name in names], {"states": dict(states or {})}
+        staged = [self._made / name for name in names]
+        sections = {} if states is None else {"states": dict(states)}
         write_manifest(self._manifest[0], self._path.parent, staged, names, facts, sections)
 
     def keep(self) -> list[Path]:

@@ -164,6 +164,9 @@ def test_the_command_line_writes_states(baked, tmp_path):
     assert "'Nowhere'" in report["warnings"][0]
     with pytest.raises(options.CommandError, match="no light state 'B'"):
         command._check_states(["B"])
+    baked.hemibake.outputs = {"combined"}
+    with pytest.raises(options.CommandError, match="Add light_groups to --outputs"):
+        command._check_states(["A"])
 
 
 def test_a_state_without_maps_of_groups_is_refused(lit, tmp_path):

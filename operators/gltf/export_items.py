@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..object_properties import is_left_out
 from ..result.instance_uv_table import baked_instances, instance_image
 from ..scene.bake_records import bake_record
 from ..scene.objects.items import SceneItem, scene_items
@@ -119,7 +120,7 @@ def _read(context: bpy.types.Context) -> Iterator[ExportItem]:
 
 def _own_place(obj: bpy.types.Object, scene: bpy.types.Scene) -> GltfUvTransform | None:
     known = bake_record(obj, scene)
-    if known.image is None:
+    if known.image is None or is_left_out(obj):
         return None
     return GltfUvTransform(known.image, known.uv_layer, known.uv_scale, tuple(known.uv_offset))
 
@@ -127,7 +128,7 @@ def _own_place(obj: bpy.types.Object, scene: bpy.types.Scene) -> GltfUvTransform
 def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> GltfUvTransform | None:
     """Return the lightmap of an instance as recorded by the last bake; None without one."""
     image = entry and instance_image(scene, entry)
-    if not image:
+    if not image or is_left_out(item.source) or (item.instancer and is_left_out(item.instancer)):
         return None
     layer = bake_record(item.source, scene).uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)
     return GltfUvTransform(image, layer, entry["scale"], tuple(entry["offset"]))

@@ -12,6 +12,8 @@ def sun_mask(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> bpy.types.Ima
     if "shadow_mask" not in scene.hemibake.outputs:
         return None
     entry = next((entry for entry in scene.hemibake.lightmaps if entry.image == lightmap), None)
+    if entry is None:
+        return None
     suns = [obj.name for obj in scene.objects if obj.type == "LIGHT" and obj.data.type == "SUN"]
     masks = (scene.hemibake.lightmaps.get(map_name(entry.name, f"shadow_mask {name}")) for name in suns)
     return next((mask.image for mask in masks if mask and mask.image and mask.image.size[0]), None)

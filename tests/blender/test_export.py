@@ -105,6 +105,19 @@ def test_objects_on_each_other_have_their_places(tmp_path):
     used = {file.primitives(file.nodes(obj.name)[0])[0]["material"] for obj in (first, other, twins[0])}
     assert len(used) == 3
     assert len({image["name"] for image in file.json["images"]}) == len(file.json["images"]) == 3
+    first.hemibake.role, other.hemibake.role = "DYNAMIC", "IGNORED"
+    file = export(tmp_path / "moved.glb")
+    names = {
+        node["name"] for node in file.json["nodes"] if "mesh" in node and lit_primitives(file, node["name"])
+    }
+    assert names == {obj.name for obj in objects} - {"First", "Other"}
+
+
+def lit_primitives(file, name):
+    """Return the primitives of a node that show a lightmap."""
+    materials = [primitive.get("material") for primitive in file.primitives(file.nodes(name)[0])]
+    named = [file.json["materials"][number] for number in materials if number is not None]
+    return [each for each in named if "MOZ_lightmap" in each.get("extensions", {})]
 
 
 @pytest.mark.parametrize("kind", ["HDR", "NONE"])

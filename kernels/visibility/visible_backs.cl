@@ -20,22 +20,27 @@ int start_triangle(const uint ray, __global const uint *ends, const int triangle
     return low;
 }
 
-// True if all probes from a point meet back faces: it is inside of something, as the floor below a box.
-bool is_enclosed(const Rays *rays, const float3 start, const float3 x, const float3 y, const float3 normal)
+// Mark of a back face that an earlier round found. No ray writes it, so reading it is no race.
+#define KNOWN 2
+
+// True if all probes from a point meet back faces that are not known to be visible: the point is inside of something,
+// as the floor below a box.
+bool is_enclosed(const Rays *rays, const float3 start, const float3 x, const float3 y, const float3 normal,
+                 __global const uchar *marks)
 {
     bool enclosed = true;
     for (int i = 0; i < LOOKS && enclosed; ++i) {
         const Hit hit = nearest_hit(rays, start, probe_direction(i, x, y, normal), false);
-        enclosed = hit.triangle >= 0 && !hit.front;
+        enclosed = hit.triangle >= 0 && !hit.front && marks[hit.triangle] != KNOWN;
     }
     return enclosed;
 }
 
 // Mark each triangle whose back a ray meets. Rays start all over triangles and follow the cosine; a start inside of
 // something does not count. corners: 9 floats a triangle; side: 1 for rays from fronts, -1 from backs; height: of
-// their start above the surface, m.
+// their start above the surface, m; marks: of triangles, 0 or KNOWN before, 1 for those that are found.
 __kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, __global const uint *ends,
-                                 const int triangle_count, const float side, const float height, __global uchar *visible,
+                                 const int triangle_count, const float side, const float height, __global uchar *marks,
                                  const int count)
 {
     const int ray = get_global_id(0);
@@ -54,8 +59,8 @@ __kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, 
     const float3 direction = cosine_direction(convert_float2(lot) * (1.0f / 16777216.0f), x, y, normal);
     const float3 start = corner + w.x * edge1 + w.y * edge2 + height * normal;
     const Hit hit = nearest_hit(&rays, start, direction, false);
-    if (hit.triangle < 0 || hit.front || hit.triangle == triangle || visible[hit.triangle])
+    if (hit.triangle < 0 || hit.front || hit.triangle == triangle || marks[hit.triangle])
         return;
-    if (!is_enclosed(&rays, start, x, y, normal))
-        visible[hit.triangle] = 1;
+    if (!is_enclosed(&rays, start, x, y, normal, marks))
+        marks[hit.triangle] = 1;
 }

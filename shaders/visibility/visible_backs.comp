@@ -10,9 +10,12 @@
 layout(local_size_x = 64) in;
 layout(std430, binding = 4) readonly buffer Corners { float corners[]; };  // 9 of each triangle, metres
 layout(std430, binding = 5) readonly buffer Ends { uint ends[]; };         // first ray after those of each triangle
-layout(std430, binding = 7) buffer Marks { uint visible[]; };
+layout(std430, binding = 7) buffer Marks { uint marks[]; };                // 0 or KNOWN before, 1 for found ones
 uniform int start, end, triangle_count;
 uniform float side, height;
+
+// Mark of a back face that an earlier round found. No ray writes it, so reading it is no race.
+#define KNOWN 2u
 
 vec3 corner_of(const int triangle, const int k)
 {
@@ -54,11 +57,11 @@ void main()
                               false);
         bool is_back = hit.triangle >= 0 && !hit.front;
         if (i < 0) {
-            if (!is_back || hit.triangle == triangle || visible[hit.triangle] != 0u)
+            if (!is_back || hit.triangle == triangle || marks[hit.triangle] != 0u)
                 return;
             met = hit.triangle;
-        } else if (!is_back) {
-            visible[met] = 1u;
+        } else if (!is_back || marks[hit.triangle] == KNOWN) {
+            marks[met] = 1u;
             return;
         }
     }

@@ -84,6 +84,16 @@ def test_all_of_the_inside_of_a_tube_is_visible(tracer):
     assert with_visible(tracer, [tube, card((-0.3, -0.3, 2.6), Y, X)])["Tube"] == 96
 
 
+def test_all_of_the_underside_of_a_low_roof_is_visible(tracer):
+    """Probes from the middle of the floor meet back faces only, but these are visible from its edges."""
+    floor = card((0, 0, 0), 24 * X, 24 * Y, "Floor")
+    tiles = [rectangle((2 * i, 2 * j, 1), 2 * X, 2 * Y) for i in range(12) for j in range(12)]
+    charts = [(3 * (k % 24), 3 * (k // 24), 2, 2) for k in range(len(tiles))]
+    roof = quads(np.stack(tiles), charts, [0] * len(tiles), RESOLUTION, "Roof")
+    visible = with_visible(tracer, [floor, roof])
+    assert visible["Floor"] == 0 and 280 <= visible["Roof"] <= 288
+
+
 def test_backs_without_emission_and_with_it_are_the_same(tracer):
     """Light that changes leaves patches as they are: a session keeps what they see."""
     meshes = [open_room(), card((0.3, 0.2, 0.25), 0.4 * X, 0.3 * Y)]

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+#: Mark of a known back face, KNOWN of visible_backs.cl.
+_KNOWN = 2
+
 
 @dataclass(frozen=True)
 class BackRays:
@@ -16,6 +19,8 @@ class BackRays:
     side:       1 for rays from fronts, -1 from backs
     height:     of ray origins above the surface, m
     count:      number of rays
+    known:      (t,) bool, back faces that earlier rounds found; no ray looks for them, and probes that meet
+                them are not enclosed
     """
 
     positions: np.ndarray
@@ -23,10 +28,22 @@ class BackRays:
     side: float
     height: float
     count: int
+    known: np.ndarray
+
+    @property
+    def marks(self) -> np.ndarray:
+        """Marks of triangles before the rays, (t,) uint8: KNOWN of visible_backs.cl, or 0."""
+        return np.where(self.known, np.uint8(_KNOWN), np.uint8(0))
 
     @classmethod
     def of(
-        cls, positions: np.ndarray, weight: np.ndarray, count: int, side: float, height: float
+        cls,
+        positions: np.ndarray,
+        weight: np.ndarray,
+        count: int,
+        side: float,
+        height: float,
+        known: np.ndarray,
     ) -> BackRays:
         """Create rays, whose number per triangle is proportional to its weight, (t,) float64.
 
@@ -34,4 +51,4 @@ class BackRays:
         """
         total = np.cumsum(weight)
         ends = np.floor(total * (count / max(total[-1], 1e-300))).clip(max=count).astype(np.uint32)
-        return cls(positions, ends, side, height, count)
+        return cls(positions, ends, side, height, count, known)

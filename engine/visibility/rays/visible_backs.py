@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...device.buffers import download_bytes, upload, upload_once, words_of, zeros
+from ...device.buffers import download_bytes, upload, upload_once, words_of
 from ...patches.unmapped_meshes import COARSENESS, clusters, texel_size
 from ...scene.cutouts import Cutouts, read_cutouts
 from ...scene.digests import same_values
@@ -39,12 +39,12 @@ Hierarchy = TypeVar("Hierarchy", Bvh, HostBvh)
 #: less than the view of one texel, see above.
 _RAYS = 4
 
-#: Minimum and maximum number of rays of one round. With more texels each one gets fewer rays. A round has at
-#: most as many rays as the round before.
+#: Minimum and maximum number of rays of one round, from front faces and from back faces. With more texels
+#: each one gets fewer rays.
 _MIN_RAYS, _MAX_RAYS = 1 << 11, 1 << 22
 
-#: Maximum number of rounds: rays from front faces, then from the back faces that they hit, and so on. Each
-#: round finds more of the inside of a vase; light reflected so often between back faces is negligible.
+#: Maximum number of rounds: rays from front faces, and from the back faces that the round before found. Each
+#: round finds more of the inside of a vase, or 28 m more of the underside of a roof 5 m above a floor.
 _ROUNDS = 8
 
 #: Width of a cluster of small triangles of one direction, texels: all are visible if one of them is.
@@ -143,22 +143,22 @@ def _visible(
     fixed = _stays(scene)[triangles.material]
     visible = np.zeros(len(candidates), bool)
     texels, area = _texels(triangles, resolution), _areas(triangles) / (COARSENESS * texel) ** 2
-    sources, side, limit = texels, 1.0, _MAX_RAYS
+    more = np.zeros(len(candidates), bool)
     for _ in range(_ROUNDS):
-        rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, limit)) if sources.any() else 0
         met = np.zeros(int(cluster.max()) + 1, bool)
-        tests = BackRays.of(triangles.positions, sources, rays, side, height)
-        met[cluster[_backs_met(tracer, tests) & candidates]] = True
+        for sources, side in ((texels, 1.0), (np.where(more, area, 0), -1.0)):
+            rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, _MAX_RAYS)) if sources.any() else 0
+            tests = BackRays.of(triangles.positions, sources, rays, side, height, visible)
+            met[cluster[_backs_met(tracer, tests) & candidates]] = True
         more = (met[cluster] & candidates | fixed) & ~visible
         if not more.any():
             break
         visible |= more
-        sources, side, limit = np.where(more, area, 0), -1.0, max(rays, _MIN_RAYS)
     return visible & candidates
 
 
 def _backs_met(tracer: RayTracer | ShaderTracer, rays: BackRays) -> np.ndarray:
-    """Return a mask of triangles whose back face some ray hits, (t,) bool."""
+    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool."""
     triangles = len(rays.ends)
     if not rays.count:
         return np.zeros(triangles, bool)
@@ -166,12 +166,14 @@ def _backs_met(tracer: RayTracer | ShaderTracer, rays: BackRays) -> np.ndarray:
         return backs_met_by_shader(tracer, rays)
     compute = tracer.compute
     (kernel,) = tracer.kernels((RECEIVER, "visible_backs.cl"), "mark_visible_backs")
-    marks = zeros(compute, words_of(triangles))
+    before = np.zeros(words_of(triangles), np.uint8)
+    before[:triangles] = rays.marks
+    marks = upload(compute, before)
     tracer.run(
         kernel, rays.count, upload_once(compute, rays.positions), upload(compute, rays.ends),
         np.int32(triangles), np.float32(rays.side), np.float32(rays.height), marks, np.int32(rays.count),
     )  # fmt: skip
-    return download_bytes(compute, marks, triangles).view(bool)
+    return download_bytes(compute, marks, triangles) == 1
 
 
 def _texels(triangles: Triangles, resolution: int) -> np.ndarray:

@@ -14,9 +14,9 @@ _CORNERS, _ENDS = 4, 5
 
 
 def backs_met_by_shader(tracer: ShaderTracer, rays: BackRays) -> np.ndarray:
-    """Return a mask of triangles whose back face some ray hits, (t,) bool."""
+    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool."""
     size = 4 * len(rays.ends)
-    marks = reserve_storage(tracer.graphics, size, bytes(size))
+    marks = reserve_storage(tracer.graphics, size, rays.marks.astype(np.uint32).tobytes())
     buffers = {
         _CORNERS: storage_buffer(tracer.graphics, rays.positions),
         _ENDS: storage_buffer(tracer.graphics, rays.ends),
@@ -25,4 +25,4 @@ def backs_met_by_shader(tracer: ShaderTracer, rays: BackRays) -> np.ndarray:
     launch = {"triangle_count": len(rays.ends), "side": rays.side, "height": rays.height}
     for _ in tracer.run("visible_backs", rays.count, buffers, launch, records=(RECEIVER,)):
         pass
-    return np.frombuffer(marks.read(size), np.uint32) != 0
+    return np.frombuffer(marks.read(size), np.uint32) == 1

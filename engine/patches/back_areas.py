@@ -51,11 +51,15 @@ def back_areas(
 
 
 def _blocks_of(triangles: Triangles, backs: np.ndarray) -> np.ndarray:
-    """Return the back faces that have blocks, (b,) int64; all others mirror the chart of their front face."""
+    """Return the back faces that have blocks, (b,) int64; all others mirror the chart of their front face.
+
+    Triangles that share a texel have all corners at its centre, so that fronts and backs may coincide there.
+    """
     front = np.flatnonzero(backs >= 0)
     back = backs[front]
     is_mirrored = (triangles.uvs[back] == triangles.uvs[front][:, [0, 2, 1]]).all(axis=(1, 2))
-    blocks: np.ndarray = back[~is_mirrored].astype(np.int64)
+    is_point = (triangles.uvs[back] == triangles.uvs[back][:, :1]).all(axis=(1, 2))
+    blocks: np.ndarray = back[~is_mirrored | is_point].astype(np.int64)
     return blocks
 
 

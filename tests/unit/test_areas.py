@@ -8,7 +8,9 @@ import pytest
 from engine import Scene
 from engine.patches.areas import surface_areas
 from engine.patches.backs import with_places
+from engine.scene.model import NO_LIGHTMAP
 from tests.analytic.drive import prepare
+from tests.analytic.rooms import Atlas, block
 from tests.analytic.scenes import material, quads, rectangle
 
 
@@ -88,3 +90,20 @@ def test_a_patch_of_a_back_has_the_area_of_all_points_that_show_it():
         prepared.geometry.steps.whole[triangles.solid :].sum(), rel=1e-6
     )
     assert areas[backs] == pytest.approx(expected[backs], rel=0.05, abs=2e-5)
+
+
+def test_backs_of_triangles_that_share_a_texel_keep_their_area():
+    """A sheet of small quads without a lightmap: fronts and backs may have the same texel coordinates."""
+    width = 64
+    places = [(0.01 * i, 0.01 * j, 1) for i in range(20) for j in range(20)]
+    corners = [rectangle(place, (0.01, 0, 0), (0, 0.01, 0)) for place in places]
+    sheet = quads(np.stack(corners), [(0, 0, 1, 1)] * 400, [0] * 400, width, "Sheet")
+    cube = block(Atlas(131), (0, 0, 0), (1, 1, 1), "Block")
+    closed = replace(cube, positions=10 * cube.positions - np.float32((0, 0, 10)))
+    scene = Scene((closed, replace(sheet, atlas=NO_LIGHTMAP)), (material("A", 0.5),))
+    prepared = prepare(with_places(scene, width), width)
+    areas = surface_areas(prepared.triangles, prepared.patches, prepared.geometry)
+    names = [mesh.name for mesh in with_places(scene, width).meshes]
+    backs = [number for number, name in enumerate(names) if name == "Sheet"][-1]
+    mine = prepared.triangles.mesh[prepared.patches.triangle] == backs
+    assert areas[mine].sum() == pytest.approx(0.04, rel=1e-4)

@@ -94,8 +94,11 @@ class SessionCache:
     ) -> Scene:
         """Return the scene with lightmap UVs for what has none; see `patches.backs.with_places`.
 
-        A warm start keeps the choice of visible backs while objects move; see `refresh_backs`.
+        A warm start keeps the choice of visible backs while objects move; see `refresh_backs`. With a patch
+        file all backs have patches, so that its charts do not depend on positions or devices.
         """
+        if settings.patch_file is not None:
+            return with_places(scene, settings.resolution, self.surfaces)
         find_visible = partial(
             self.visible.of, partial(make_tracer, graphics, compute), resolution=settings.resolution,
             is_moving=settings.warm_start,

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from engine import Scene
+from engine import Scene, Settings, bake, finished
 from engine.device.cl_device import ComputeDevice
 from engine.patches.backs import with_places
 from engine.scene.cutouts import read_cutouts
@@ -133,3 +133,16 @@ def test_moving_meshes_keep_the_choice_until_it_is_refreshed(tracer):
     fresh = VisibleBacks().of(tracer, moved, every, RESOLUTION)
     assert np.array_equal(of(scene=moved, candidates=every), fresh) and not np.array_equal(fresh, first)
     assert visible.bvh_of(join_meshes(moved), object) is not None
+
+
+def test_a_patch_file_stays_valid_when_other_backs_become_visible(tmp_path):
+    """The card leaves the room and meets its outer side; the file depends on UVs only."""
+    settings = Settings(resolution=RESOLUTION, patch_file=str(tmp_path / "patches"), max_bounces=1, samples=4)
+    inside, below = card((0.3, 0.2, 0.25), 0.4 * X, 0.3 * Y), card((0.3, 0.2, -7), 0.4 * X, 0.3 * Y)
+    inside, below = (replace(each, atlas=1) for each in (inside, below))
+    grey, world = (material("Grey", 0.5),), np.ones(3, np.float32)
+    patches = [
+        finished(bake(Scene((open_room(), each), grey, world=world, atlases=("Room", "Card")), settings))
+        for each in (inside, below)
+    ]
+    assert patches[0].report.patches == patches[1].report.patches

@@ -11,7 +11,8 @@ import { readExtras } from './manifest.js';
  * surface by the index of its material and the names of its node, or null; maps is { light, groups } of MapBytes.
  */
 export async function loadLightmaps(url) {
-  const base = url.slice(0, url.lastIndexOf('/') + 1), file = decodeURIComponent(url.slice(base.length));
+  const path = url.replace(/[?#].*/, '');
+  const base = path.slice(0, path.lastIndexOf('/') + 1), file = decodeURIComponent(path.slice(base.length));
   const answer = await fetch(url);
   if (!answer.ok) throw new Error(`'${file}': not readable (status ${answer.status}).`);
   const glb = new Glb(await answer.arrayBuffer()), inside = glb.lightmaps();

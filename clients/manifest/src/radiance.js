@@ -44,6 +44,7 @@ function readRow(bytes, at, width, row) {
   for (let c = 0; c < 4; c++) {
     for (let x = 0; x < width;) {
       const count = bytes[at++];
+      if (!(count > 0)) throw new Error('a Radiance HDR file ends within its rows');
       if (count > 128) {
         for (let i = 0; i < count - 128; i++) row[4 * x++ + c] = bytes[at];
         at++;

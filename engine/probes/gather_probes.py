@@ -23,8 +23,11 @@ from .probe_lights import ProbeLights
 from .probe_rows import ProbeRadiance, ProbeRows
 from .sphere_directions import direction_count
 
-#: Maximum number of probes whose samples are in memory at once.
-_BATCH = 1 << 16
+#: Maximum number of probes whose samples are in memory at once, and maximum size of these samples, bytes.
+_BATCH, _BATCH_BYTES = 1 << 16, 1 << 28
+
+#: Size of a sample, bytes: the patch ID and its tint.
+_SAMPLE_BYTES = 5
 
 #: Maximum size of the samples that a session keeps for the next bake, bytes.
 _KEPT = 1 << 28
@@ -73,6 +76,11 @@ def _radiance(what: TexelGatherJob, solution: Solution, front: np.ndarray, near:
     return ProbeRadiance(radiance, job.background, job.fronts + 1, max(DARK_BACK * mean, _BLACK))
 
 
+def _batch_size(directions: int) -> int:
+    """Return the number of probes whose samples fit into memory at once."""
+    return max(1, min(_BATCH, _BATCH_BYTES // (_SAMPLE_BYTES * directions)))
+
+
 class _ProbeGather:
     """Gather of volumes from the light of one solution."""
 
@@ -86,9 +94,9 @@ class _ProbeGather:
     def volume(self, volume: ProbeVolume) -> Generator[float, None, ProbeGrid]:
         """Return the light of a volume; yield the fraction done."""
         points = volume.points() - self._origin
-        parts = []
-        for first in range(0, len(points), _BATCH):
-            last = min(first + _BATCH, len(points))
+        parts, batch_size = [], _batch_size(direction_count(self._settings.probe_samples))
+        for first in range(0, len(points), batch_size):
+            last = min(first + batch_size, len(points))
             done = first / len(points), last / len(points)
             batch = self._batch(volume, points[first:last], first)
             parts.append((yield from run_as_fraction(*done, batch)))

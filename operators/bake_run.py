@@ -121,7 +121,7 @@ class BakeRun:
     def _read_scene(self) -> Steps:
         """Unwrap and read the scene, again if it changes in between."""
         scene = self._context.scene
-        self._settings = replace(read_settings(scene.hemibake), intermediates=self._watched, centres=False)
+        self._settings = self._read_settings()
         self._uv_layer = scene.hemibake.uv_layer
         self._target = self._chosen_target()
         targets = target_uids(self._context, self._target)
@@ -139,6 +139,11 @@ class BakeRun:
         self._seconds = {"read": time.perf_counter() - self._start}
         yield from self._choose_targets(set(wanted))
         self._choose_destination()
+
+    def _read_settings(self) -> Settings:
+        """Return the settings of the scene for this run; raises SettingsError."""
+        chosen = read_settings(self._context.scene.hemibake)
+        return replace(chosen, intermediates=self._watched, centres=False)
 
     def _chosen_target(self) -> str:
         """Return the scene's setting of the objects to bake."""

@@ -63,6 +63,10 @@ class LiveRun(BakeRun):
         self._paths: dict[int, str] = {}
         self._begun_with, self._next_look = self._chosen_settings(), 0.0
 
+    def _read_settings(self) -> Settings:
+        """Return the settings of the scene without light probes, which Live does not bake."""
+        return replace(super()._read_settings(), light_probes=False)
+
     def _chosen_target(self) -> str:
         """Return "ALL", since a change may affect the light of all objects."""
         return "ALL"

@@ -56,8 +56,18 @@ class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self.spacing = 1.0 / metres_per_unit(context.scene)
+        self.spacing = _fitting_spacing(context, 1.0 / metres_per_unit(context.scene))
         return self.execute(context)
+
+
+def _fitting_spacing(context: bpy.types.Context, spacing: float) -> float:
+    """Return a spacing, doubled until a volume around the scene has few enough probes on each axis."""
+    box = _box_of(visible_meshes(SceneContext(context)))
+    if box is None:
+        return spacing
+    probes = (box[1] - box[0]) / spacing
+    least = max(1.0, probes.max() / MAX_RESOLUTION, float(np.cbrt(np.maximum(probes, 1).prod() / MAX_PROBES)))
+    return spacing * 2.0 ** math.ceil(math.log2(least))
 
 
 def _box_of(objects: list[bpy.types.Object]) -> np.ndarray | None:

@@ -128,6 +128,19 @@ def test_the_button_adds_a_volume_around_the_scene():
     )
 
 
+def test_the_button_fits_large_scenes_and_live_bakes_no_probes():
+    """A terrain of 3 x 1 km does not fit a spacing of 1 m."""
+    import bpy
+
+    ground = square("Ground")
+    ground.scale = (3000, 1000, 1)
+    bpy.context.view_layer.update()
+    fitting = part("operators.probes")._fitting_spacing
+    assert fitting(bpy.context, 1.0) == 16 and fitting(bpy.context, 100.0) == 100
+    assert bpy.ops.hemibake.add_light_probes(spacing=16) == {"FINISHED"}
+    assert not part("operators.live_run").LiveRun(bpy.context)._read_settings().light_probes
+
+
 def test_too_small_a_spacing_names_the_remedy():
     import bpy
 

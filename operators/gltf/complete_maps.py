@@ -10,16 +10,23 @@ import numpy as np
 
 from ..result.directional_images import images_beside
 from ..result.lightmap_nodes import ShownLightmap
+from ..result.pictures import read_pixels
 from ..result.preview_material import preview_material, remove_unused_previews
-from ..scene.materials.shader_bake import EvaluatedMesh, add_lightmap_uv_map, copy_shape, remove_shapes
+from ..scene.materials.shader_bake import (
+    EvaluatedMesh,
+    add_lightmap_uv_map,
+    assign_materials,
+    bake_emission,
+    copy_shape,
+    place_shape,
+    remove_shapes,
+    use_cycles,
+)
 from ..scene.objects.items import SceneItem, scene_items
 from ..scene.objects.meshes import LIGHTMAP_UVS
 from ..scene.objects.visible import visible_objects
 from ..working_space import to_rec709
 from .export_items import ExportItem, ExportItems
-
-#: Samples per texel, which smooth textures that are finer than the map.
-_SAMPLES = 4
 
 #: Texels of margin around charts, as a fraction of the width, and at least.
 _MARGIN, _SMALLEST = 1 / 128, 2
@@ -78,10 +85,8 @@ def _baked(
         target.generated_color = (0.0, 0.0, 0.0, 0.0)
         shown = ShownLightmap((lightmap,), images_beside(scene, [lightmap]), LIGHTMAP_UVS)
         with _stage(shapes, shown, target) as (stage, objects):
-            _bake(stage, objects, max(_SMALLEST, round(size[0] * _MARGIN)))
-        pixels = np.empty(len(target.pixels), np.float32)
-        target.pixels.foreach_get(pixels)
-        return to_rec709(pixels.reshape(size[1], size[0], 4)[..., :3]).copy()
+            bake_emission(stage, objects, max(_SMALLEST, round(size[0] * _MARGIN)))
+        return to_rec709(read_pixels(target)).copy()
     finally:
         bpy.data.images.remove(target)
 
@@ -104,15 +109,9 @@ def _stage(
             node.image = target
             materials[material].node_tree.nodes.active = node
         for shape in shapes:
-            obj = bpy.data.objects.new("hemibake", shape.mesh)
-            objects.append(obj)
-            stage.collection.objects.link(obj)
-            obj.matrix_world = shape.matrix
-            _dress(shape, materials)
-        stage.render.engine = "CYCLES"
-        stage.cycles.device, stage.cycles.samples = "CPU", _SAMPLES
-        stage.cycles.use_adaptive_sampling = stage.cycles.use_denoising = False
-        stage.view_layers[0].update()
+            objects.append(place_shape(stage, shape))
+            assign_materials(shape, [materials[slot] for slot in shape.slots])
+        use_cycles(stage)
         yield stage, objects
     finally:
         for obj in objects:
@@ -121,28 +120,3 @@ def _stage(
         for shape in shapes:
             shape.mesh.materials.clear()
         remove_unused_previews()
-
-
-def _dress(shape: EvaluatedMesh, materials: dict[bpy.types.Material | None, bpy.types.Material]) -> None:
-    """Assign preview materials to the slots of a mesh, and activate its lightmap UVs."""
-    while len(shape.mesh.materials) < len(shape.slots):
-        shape.mesh.materials.append(None)
-    for index, slot in enumerate(shape.slots):
-        shape.mesh.materials[index] = materials[slot]
-    shape.mesh.uv_layers.active = shape.mesh.uv_layers[LIGHTMAP_UVS]
-
-
-def _bake(stage: bpy.types.Scene, objects: Sequence[bpy.types.Object], margin: int) -> None:
-    """Bake the emission of objects into the active images of their materials."""
-    with bpy.context.temp_override(
-        scene=stage,
-        view_layer=stage.view_layers[0],
-        active_object=objects[0],
-        object=objects[0],
-        selected_objects=objects,
-        selected_editable_objects=objects,
-    ):
-        bpy.ops.object.bake(
-            type="EMIT", margin=margin, margin_type="EXTEND", use_clear=False,
-            target="IMAGE_TEXTURES", save_mode="INTERNAL", use_selected_to_active=False,
-        )  # fmt: skip

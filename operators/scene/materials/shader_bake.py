@@ -135,18 +135,7 @@ class _Stage:
             image.generated_color = (0.0, 0.0, 0.0, 0.0)
             node.image = image
             tree.nodes.active = node
-            with bpy.context.temp_override(
-                scene=self._scene,
-                view_layer=self._scene.view_layers[0],
-                active_object=self._objects[0],
-                object=self._objects[0],
-                selected_objects=self._objects,
-                selected_editable_objects=self._objects,
-            ):
-                bpy.ops.object.bake(
-                    type="EMIT", margin=_MARGIN, margin_type="EXTEND", use_clear=False,
-                    target="IMAGE_TEXTURES", save_mode="INTERNAL", use_selected_to_active=False,
-                )  # fmt: skip
+            bake_emission(self._scene, self._objects, _MARGIN)
             pixels = np.empty(size * size * 4, np.float32)
             image.pixels.foreach_get(pixels)
             pixels = pixels.reshape(size, size, 4)
@@ -172,11 +161,9 @@ def _stage(
         blank_node.image = nothing
         blank.node_tree.nodes.active = blank_node
         for shape in shapes:
-            obj = bpy.data.objects.new("hemibake", shape.mesh)
-            objects.append(obj)
-            scene.collection.objects.link(obj)
-            _dress(obj, shape, material, worn, blank)
-        _set_up(scene)
+            objects.append(place_shape(scene, shape))
+            assign_materials(shape, [worn if slot == material else blank for slot in shape.slots])
+        use_cycles(scene)
         yield _Stage(scene, objects, worn)
     finally:
         for obj in objects:
@@ -188,27 +175,47 @@ def _stage(
         bpy.data.images.remove(nothing)
 
 
-def _dress(
-    obj: bpy.types.Object,
-    shape: EvaluatedMesh,
-    material: bpy.types.Material,
-    worn: bpy.types.Material,
-    blank: bpy.types.Material,
-) -> None:
-    """Assign the copied material to slots that have the original, and a blank material to other slots."""
+def place_shape(scene: bpy.types.Scene, shape: EvaluatedMesh) -> bpy.types.Object:
+    """Add an object with a copied mesh to a temporary scene; the caller removes it."""
+    obj = bpy.data.objects.new("hemibake", shape.mesh)
+    scene.collection.objects.link(obj)
     obj.matrix_world = shape.matrix
+    return obj
+
+
+def assign_materials(shape: EvaluatedMesh, materials: Sequence[bpy.types.Material]) -> None:
+    """Assign a material to each slot of a copied mesh, and activate its map LIGHTMAP_UVS if it has one."""
     while len(shape.mesh.materials) < len(shape.slots):
         shape.mesh.materials.append(None)
-    for index, slot in enumerate(shape.slots):
-        shape.mesh.materials[index] = worn if slot == material else blank
+    for index, material in enumerate(materials):
+        shape.mesh.materials[index] = material
     layer = shape.mesh.uv_layers.get(LIGHTMAP_UVS)
     if layer is not None:
         shape.mesh.uv_layers.active = layer
 
 
-def _set_up(scene: bpy.types.Scene) -> None:
+def use_cycles(scene: bpy.types.Scene) -> None:
     """Set up Cycles with few samples, since emission does not depend on light."""
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", _SAMPLES
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
     scene.view_layers[0].update()
+
+
+def bake_emission(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object], margin: int) -> None:
+    """Bake the emission of objects into the active images of their materials; raises RuntimeError.
+
+    margin:  texels around charts
+    """
+    with bpy.context.temp_override(
+        scene=scene,
+        view_layer=scene.view_layers[0],
+        active_object=objects[0],
+        object=objects[0],
+        selected_objects=objects,
+        selected_editable_objects=objects,
+    ):
+        bpy.ops.object.bake(
+            type="EMIT", margin=margin, margin_type="EXTEND", use_clear=False,
+            target="IMAGE_TEXTURES", save_mode="INTERNAL", use_selected_to_active=False,
+        )  # fmt: skip

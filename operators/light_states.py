@@ -57,6 +57,18 @@ class _OfState(_WithGroups):
             raise EngineError(f"Scene '{context.scene.name}': the list has no light state. Add one.")
         return state
 
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            self._run(context, self._state(context))
+        except EngineError as error:
+            report_message(self, "ERROR", str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def _run(self, context: bpy.types.Context, state: bpy.types.PropertyGroup) -> None:
+        """Do the operator's work on the light state; raises EngineError."""
+        raise NotImplementedError
+
 
 class HEMIBAKE_OT_light_state_add(_WithGroups, bpy.types.Operator):
     """Add a light state with the present mix of the light groups"""
@@ -102,14 +114,8 @@ class HEMIBAKE_OT_light_state_store(_OfState, bpy.types.Operator):
     bl_label = "Store Light State"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            state = self._state(context)
-        except EngineError as error:
-            report_message(self, "ERROR", str(error))
-            return {"CANCELLED"}
+    def _run(self, context: bpy.types.Context, state: bpy.types.PropertyGroup) -> None:
         set_state_mix(state, _present_mix(context.scene))
-        return {"FINISHED"}
 
 
 class HEMIBAKE_OT_light_state_apply(_OfState, bpy.types.Operator):
@@ -126,16 +132,10 @@ class HEMIBAKE_OT_light_state_apply(_OfState, bpy.types.Operator):
     #: The operator that fades now; it ends when another one starts.
     _fading: ClassVar[HEMIBAKE_OT_light_state_apply | None] = None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            state = self._state(context)
-        except EngineError as error:
-            report_message(self, "ERROR", str(error))
-            return {"CANCELLED"}
+    def _run(self, context: bpy.types.Context, state: bpy.types.PropertyGroup) -> None:
         tree = _mixer(context.scene)
         set_mixer_mix(tree, _target(tree, state_mix(state)))
         self._tell_missing(context, state)
-        return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.seconds <= 0 or context.window is None:
@@ -190,19 +190,13 @@ class HEMIBAKE_OT_light_state_write(_OfState, bpy.types.Operator):
     bl_label = "Write Light State"
     bl_options = {"REGISTER", "INTERNAL"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            state = self._state(context)
-            paths = write_state(context.scene, state)
-        except EngineError as error:
-            report_message(self, "ERROR", str(error))
-            return {"CANCELLED"}
+    def _run(self, context: bpy.types.Context, state: bpy.types.PropertyGroup) -> None:
+        paths = write_state(context.scene, state)
         for message in missing_groups(context.scene, state):
             report_message(self, "WARNING", message)
         self.report(
             {"INFO"}, f"{counted(len(paths), 'file')} of '{state.name}' written to '{paths[0].parent}'"
         )
-        return {"FINISHED"}
 
 
 def faded(before: Mapping[str, Mix], after: Mapping[str, Mix], part: float) -> dict[str, Mix]:

@@ -19,12 +19,14 @@ def warn_buried(scene: Scene, patch_scene: PatchScene, known: np.ndarray) -> lis
 
     known:  (atlases, r, r) bool, texels with valid light
     """
-    entries = patch_scene.texel_to_patch[: len(known)]
-    mesh = np.full(entries.shape, len(scene.meshes))
-    covered = entries > 0
-    mesh[covered] = patch_scene.triangles.mesh[patch_scene.patches.triangle[entries[covered] - 1]]
-    has_texels, has_light = (
-        np.bincount(mesh[mask], minlength=len(scene.meshes)) for mask in (covered, known)
+    meshes = len(scene.meshes)
+    of_entry = np.append(meshes, patch_scene.triangles.mesh[patch_scene.patches.triangle])
+    has_texel, has_light = np.zeros((2, len(of_entry)), bool)
+    for entries, valid in zip(patch_scene.texel_to_patch, known, strict=False):
+        has_texel[entries] = True
+        has_light[entries[valid]] = True
+    shown, lit = (
+        np.bincount(of_entry[mask], minlength=meshes)[:meshes] > 0 for mask in (has_texel, has_light)
     )
-    buried = np.flatnonzero((has_texels > 0) & (has_light[: len(scene.meshes)] == 0))
+    buried = np.flatnonzero(shown & ~lit)
     return [object_message(_SENTENCE, [scene.meshes[index].name for index in buried])] if len(buried) else []

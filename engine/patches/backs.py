@@ -16,9 +16,9 @@ from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
 from .unmapped_meshes import BACKS, place_meshes, place_unmapped, texel_size
 
-#: Function of a scene and a mask of its triangles, (t,) bool. It returns the mask of those with a visible
-#: back face.
-FindVisible = Callable[[Scene, np.ndarray], np.ndarray]
+#: Function of a scene, a mask of its triangles, (t,) bool, and the mean world size of a lightmap texel, m; 0
+#: if nothing has a lightmap. It returns the mask of those with a visible back face.
+FindVisible = Callable[[Scene, np.ndarray, float], np.ndarray]
 
 #: Order of a triangle's corners seen from its back.
 _FLIPPED = [0, 2, 1]
@@ -39,7 +39,7 @@ def with_places(
     placed = place_unmapped(scene, resolution)
     is_chosen = _is_opaque(placed) & surfaces.of(placed.meshes)
     if find_visible is not None:
-        is_chosen = find_visible(placed, is_chosen)
+        is_chosen = find_visible(placed, is_chosen, texel)
     return place_backs(placed, is_chosen, resolution, texel)
 
 

@@ -9,6 +9,7 @@ import pytest
 from engine import Scene, Settings, bake, finished
 from engine.device.cl_device import ComputeDevice
 from engine.patches.backs import with_places
+from engine.patches.unmapped_meshes import texel_size
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import NO_LIGHTMAP
 from engine.scene.triangles import join_meshes
@@ -20,6 +21,7 @@ from tests.gpu.graphics_card import GraphicsCard
 
 RESOLUTION = 131
 X, Y, Z = np.eye(3)
+TEXEL = 0.03
 DEVICES = {"processor": ComputeDevice, "card": GraphicsCard, "shaders": lambda: None}
 
 
@@ -64,6 +66,20 @@ def test_an_occluder_sees_the_outer_side_of_a_wall(tracer):
     assert with_visible(tracer, [open_room(), occluder]) == {"Room": 2, "Occluder": 0}
 
 
+def test_a_large_occluder_leaves_the_texel_of_rays_as_it_is():
+    """Its own chart has coarse texels, which count neither for the height of rays nor for their number."""
+    occluder = replace(card((-40, -40, 5), 80 * X, 80 * Y, "Occluder"), atlas=NO_LIGHTMAP)
+    scene, texels = Scene((open_room(), occluder), (material("Grey", 0.5),)), []
+
+    def find_visible(placed, is_chosen, texel):
+        texels.append(texel)
+        assert texel_size(placed, RESOLUTION) > 2 * texel
+        return is_chosen
+
+    with_places(scene, RESOLUTION, find_visible=find_visible)
+    assert texels == [texel_size(replace(scene, meshes=(open_room(),)), RESOLUTION)]
+
+
 @pytest.mark.parametrize(("height", "count"), [(0.0, 0), (0.2, 10)])
 def test_a_box_without_a_bottom_shows_its_inside_only_above_the_floor(tracer, height, count):
     floor = card((-1, -1, 0), 3 * X, 3 * Y, "Floor")
@@ -98,7 +114,7 @@ def test_backs_without_emission_and_with_it_are_the_same(tracer):
     """Light that changes leaves patches as they are: a session keeps what they see."""
     meshes = [open_room(), card((0.3, 0.2, 0.25), 0.4 * X, 0.3 * Y)]
     visible = VisibleBacks()
-    of = partial(visible.of, tracer, resolution=RESOLUTION, candidates=np.ones(12, bool))
+    of = partial(visible.of, tracer, texel=TEXEL, resolution=RESOLUTION, candidates=np.ones(12, bool))
     dark, bright = (Scene(tuple(meshes), (material("Grey", 0.5, emission),)) for emission in (0, 3))
     first = of(dark)
     assert of(bright) is first and first.any() and not first.all()
@@ -113,7 +129,7 @@ def test_a_scene_in_which_no_back_is_visible_stays_as_it_is(tracer):
     assert found is scene and triangles.backs is None
     bvh = tracer(triangles, read_cutouts(scene)).bvh
     assert visible.bvh_of(triangles, type(bvh)) is not None and visible.bvh_of(triangles, int) is None
-    assert not visible.of(tracer, scene, np.zeros(10, bool), RESOLUTION).any()
+    assert not visible.of(tracer, scene, np.zeros(10, bool), TEXEL, RESOLUTION).any()
     assert visible.bvh_of(triangles, type(bvh)) is None
 
 
@@ -122,7 +138,7 @@ def test_moving_meshes_keep_the_choice_until_it_is_refreshed(tracer):
     meshes = [open_room(), card((0.3, 0.2, 0.25), 0.4 * X, 0.3 * Y)]
     scene = Scene(tuple(meshes), (material("Grey", 0.5),))
     visible, every = VisibleBacks(), np.ones(12, bool)
-    of = partial(visible.of, tracer, resolution=RESOLUTION, is_moving=True)
+    of = partial(visible.of, tracer, texel=TEXEL, resolution=RESOLUTION, is_moving=True)
     first = of(scene=scene, candidates=every)
     moved = replace(
         scene, meshes=(meshes[0], replace(meshes[1], positions=meshes[1].positions - np.float32((0, 0, 7))))
@@ -130,7 +146,7 @@ def test_moving_meshes_keep_the_choice_until_it_is_refreshed(tracer):
     kept = of(scene=moved, candidates=every)
     assert np.array_equal(kept, first) and visible.bvh_of(join_meshes(moved), object) is None
     assert visible.refresh(tracer) and not visible.refresh(tracer)
-    fresh = VisibleBacks().of(tracer, moved, every, RESOLUTION)
+    fresh = VisibleBacks().of(tracer, moved, every, TEXEL, RESOLUTION)
     assert np.array_equal(of(scene=moved, candidates=every), fresh) and not np.array_equal(fresh, first)
     assert visible.bvh_of(join_meshes(moved), object) is not None
 

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...device.buffers import download_bytes, upload, upload_once, words_of
-from ...patches.unmapped_meshes import COARSENESS, clusters, texel_size
+from ...patches.unmapped_meshes import COARSENESS, clusters
 from ...scene.cutouts import Cutouts, read_cutouts
 from ...scene.digests import same_values
 from ...scene.model import Scene
@@ -62,7 +62,7 @@ class VisibleBacks:
         self._key: tuple = ()
         self._shape: tuple = ()
         self._visible = np.zeros(0, bool)
-        self._unchecked: tuple[Scene, np.ndarray, int] | None = None
+        self._unchecked: tuple[Scene, np.ndarray, float, int] | None = None
         self._hierarchy: tuple[np.ndarray, Bvh | HostBvh] | None = None
 
     def of(
@@ -70,6 +70,7 @@ class VisibleBacks:
         make_tracer: MakeTracer,
         scene: Scene,
         candidates: np.ndarray,
+        texel: float,
         resolution: int,
         is_moving: bool = False,
     ) -> np.ndarray:
@@ -77,22 +78,24 @@ class VisibleBacks:
 
         scene:       occluders must have lightmap UVs already
         candidates:  (t,) bool, of all triangles
+        texel:       mean world size of a lightmap texel, m; 0 if nothing has a lightmap
         is_moving:   True to keep the last choice while meshes move, so that patches stay; see `refresh`
         """
         if not candidates.any():
             self.clear()
             return candidates
-        key = (_key_of(scene), resolution, candidates)
+        key = (_key_of(scene), texel, resolution, candidates)
         shape = resolution, tuple(len(mesh.positions) for mesh in scene.meshes)
         self._unchecked = None
         if same_values(key, self._key):
             return self._visible
         if is_moving and shape == self._shape:
-            self._unchecked = scene, candidates, resolution
+            self._unchecked = scene, candidates, texel, resolution
             return self._visible & candidates
         triangles = join_meshes(scene)
         tracer = make_tracer(triangles, read_cutouts(scene))
-        self._visible = _visible(tracer, triangles, scene, resolution, candidates)
+        width = texel or triangles.diagonal / resolution
+        self._visible = _visible(tracer, triangles, scene, width, resolution, candidates)
         self._key, self._shape, self._hierarchy = key, shape, (triangles.positions, tracer.bvh)
         return self._visible
 
@@ -100,9 +103,9 @@ class VisibleBacks:
         """Repeat the choice if the last one was kept while meshes moved; return True if it changes."""
         if self._unchecked is None:
             return False
-        scene, candidates, resolution = self._unchecked
+        scene, candidates, texel, resolution = self._unchecked
         used = self._visible & candidates
-        return not np.array_equal(self.of(make_tracer, scene, candidates, resolution), used)
+        return not np.array_equal(self.of(make_tracer, scene, candidates, texel, resolution), used)
 
     def bvh_of(self, triangles: Triangles, kind: type[Hierarchy]) -> Hierarchy | None:
         """Return the BVH of the last choice if it has the same triangles and is of this kind; else None."""
@@ -130,11 +133,14 @@ def _visible(
     tracer: RayTracer | ShaderTracer,
     triangles: Triangles,
     scene: Scene,
+    texel: float,
     resolution: int,
     candidates: np.ndarray,
 ) -> np.ndarray:
-    """Return the result of `VisibleBacks.of`. tracer: ray tracer of the triangles."""
-    texel = texel_size(scene, resolution) or triangles.diagonal / resolution
+    """Return the result of `VisibleBacks.of`.
+
+    tracer: ray tracer of the triangles; texel: world size of a lightmap texel, m, not 0
+    """
     height = max(
         min(OF_TEXEL * texel, OF_DIAGONAL * triangles.diagonal),
         OF_COORDINATE * float(np.abs([triangles.box, triangles.box + triangles.origin]).max()),

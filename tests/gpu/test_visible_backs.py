@@ -1,5 +1,7 @@
 """Back faces that something sees get patches; others, as the outer sides of a room, do not."""
 
+import gc
+import weakref
 from dataclasses import replace
 from functools import partial
 
@@ -131,6 +133,21 @@ def test_a_scene_in_which_no_back_is_visible_stays_as_it_is(tracer):
     assert visible.bvh_of(triangles, type(bvh)) is not None and visible.bvh_of(triangles, int) is None
     assert not visible.of(tracer, scene, np.zeros(10, bool), TEXEL, RESOLUTION).any()
     assert visible.bvh_of(triangles, type(bvh)) is None
+
+
+def test_a_choice_keeps_nothing_of_its_triangles_once_the_bake_has_the_hierarchy(tracer):
+    scene, visible, positions = Scene((open_room(),), (material("Grey", 0.5),)), VisibleBacks(), []
+
+    def watched(triangles, cutouts):
+        positions.append(weakref.ref(triangles.positions))
+        return tracer(triangles, cutouts)
+
+    visible.of(watched, scene, np.ones(10, bool), TEXEL, RESOLUTION)
+    gc.collect()
+    assert positions[0]() is not None
+    assert visible.bvh_of(join_meshes(scene), object) is not None
+    gc.collect()
+    assert positions[0]() is None and visible.bvh_of(join_meshes(scene), object) is None
 
 
 def test_moving_meshes_keep_the_choice_until_it_is_refreshed(tracer):

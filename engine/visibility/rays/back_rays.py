@@ -14,7 +14,6 @@ _KNOWN = 2
 class BackRays:
     """Test rays of one round.
 
-    positions:  (t, 3, 3) float32, m, corners of all triangles
     ends:       (t,) uint32, end of each triangle's range of rays
     side:       1 for rays from fronts, -1 from backs
     height:     of ray origins above the surface, m
@@ -23,7 +22,6 @@ class BackRays:
                 them are not enclosed
     """
 
-    positions: np.ndarray
     ends: np.ndarray
     side: float
     height: float
@@ -38,7 +36,6 @@ class BackRays:
     @classmethod
     def of(
         cls,
-        positions: np.ndarray,
         weight: np.ndarray,
         count: int,
         side: float,
@@ -47,8 +44,8 @@ class BackRays:
     ) -> BackRays:
         """Create rays, whose number per triangle is proportional to its weight, (t,) float64.
 
-        Not all weights may be 0, unless `count` is 0.
+        Not all weights may be 0.
         """
         total = np.cumsum(weight)
         ends = np.floor(total * (count / max(total[-1], 1e-300))).clip(max=count).astype(np.uint32)
-        return cls(positions, ends, side, height, count, known)
+        return cls(ends, side, height, count, known)

@@ -10,11 +10,13 @@ N rays cover at most 3 / N of all views with a probability of 95 % (rule of thre
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
-from ...device.buffers import download_bytes, upload, upload_once, words_of
+from ...device.buffers import download_bytes, upload, words_of
+from ...device.opencl import cl
 from ...patches.unmapped_meshes import COARSENESS, clusters
 from ...scene.cutouts import Cutouts, read_cutouts
 from ...scene.digests import same_values
@@ -27,6 +29,7 @@ from .ray_tracer import RayTracer
 from .receiver_records import RECEIVER
 from .shaders.host_bvh import HostBvh
 from .shaders.shader_back_rays import backs_met_by_shader
+from .shaders.shader_tables import storage_buffer
 from .shaders.shader_tracer import ShaderTracer
 
 #: Function that creates the ray tracer of triangles on the device of a bake.
@@ -108,12 +111,18 @@ class VisibleBacks:
         return not np.array_equal(self.of(make_tracer, scene, candidates, texel, resolution), used)
 
     def bvh_of(self, triangles: Triangles, kind: type[Hierarchy]) -> Hierarchy | None:
-        """Return the BVH of the last choice if it has the same triangles and is of this kind; else None."""
+        """Return the BVH of the last choice if it has the same triangles and is of this kind; else None.
+
+        It is returned only once, so that its buffers live no longer than the bake needs them.
+        """
         if self._hierarchy is None:
             return None
         positions, bvh = self._hierarchy
         is_same = np.array_equal(positions, triangles.positions[: triangles.solid])
-        return bvh if is_same and isinstance(bvh, kind) else None
+        if not is_same or not isinstance(bvh, kind):
+            return None
+        self._hierarchy = None
+        return bvh
 
 
 def _key_of(scene: Scene) -> tuple:
@@ -150,12 +159,14 @@ def _visible(
     visible = np.zeros(len(candidates), bool)
     texels, area = _texels(triangles, resolution), _areas(triangles) / (COARSENESS * texel) ** 2
     more = np.zeros(len(candidates), bool)
+    cast = _caster(tracer, triangles.positions)
     for _ in range(_ROUNDS):
         met = np.zeros(int(cluster.max()) + 1, bool)
         for sources, side in ((texels, 1.0), (np.where(more, area, 0), -1.0)):
-            rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, _MAX_RAYS)) if sources.any() else 0
-            tests = BackRays.of(triangles.positions, sources, rays, side, height, visible)
-            met[cluster[_backs_met(tracer, tests) & candidates]] = True
+            if sources.any():
+                rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, _MAX_RAYS))
+                tests = BackRays.of(sources, rays, side, height, visible)
+                met[cluster[cast(tests) & candidates]] = True
         more = (met[cluster] & candidates | fixed) & ~visible
         if not more.any():
             break
@@ -163,20 +174,28 @@ def _visible(
     return visible & candidates
 
 
-def _backs_met(tracer: RayTracer | ShaderTracer, rays: BackRays) -> np.ndarray:
-    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool."""
-    triangles = len(rays.ends)
-    if not rays.count:
-        return np.zeros(triangles, bool)
+def _caster(tracer: RayTracer | ShaderTracer, positions: np.ndarray) -> Callable[[BackRays], np.ndarray]:
+    """Return a function that casts rays and returns what `_backs_met` does.
+
+    positions: (t, 3, 3) float32, m, uploaded once for all rounds
+    """
     if isinstance(tracer, ShaderTracer):
-        return backs_met_by_shader(tracer, rays)
-    compute = tracer.compute
+        return partial(backs_met_by_shader, tracer, storage_buffer(tracer.graphics, positions))
+    return partial(_backs_met, tracer, upload(tracer.compute, positions))
+
+
+def _backs_met(tracer: RayTracer, corners: cl.Buffer, rays: BackRays) -> np.ndarray:
+    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool.
+
+    corners: (t, 3, 3) float32, m, of all triangles
+    """
+    triangles, compute = len(rays.ends), tracer.compute
     (kernel,) = tracer.kernels((RECEIVER, "visible_backs.cl"), "mark_visible_backs")
     before = np.zeros(words_of(triangles), np.uint8)
     before[:triangles] = rays.marks
     marks = upload(compute, before)
     tracer.run(
-        kernel, rays.count, upload_once(compute, rays.positions), upload(compute, rays.ends),
+        kernel, rays.count, corners, upload(compute, rays.ends),
         np.int32(triangles), np.float32(rays.side), np.float32(rays.height), marks, np.int32(rays.count),
     )  # fmt: skip
     return download_bytes(compute, marks, triangles) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import moderngl
 import numpy as np
 
 from ..back_rays import BackRays
@@ -13,12 +14,15 @@ from .shader_tracer import RESULTS, ShaderTracer
 _CORNERS, _ENDS = 4, 5
 
 
-def backs_met_by_shader(tracer: ShaderTracer, rays: BackRays) -> np.ndarray:
-    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool."""
+def backs_met_by_shader(tracer: ShaderTracer, corners: moderngl.Buffer, rays: BackRays) -> np.ndarray:
+    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool.
+
+    corners: (t, 3, 3) float32, m, of all triangles
+    """
     size = 4 * len(rays.ends)
     marks = reserve_storage(tracer.graphics, size, rays.marks.astype(np.uint32).tobytes())
     buffers = {
-        _CORNERS: storage_buffer(tracer.graphics, rays.positions),
+        _CORNERS: corners,
         _ENDS: storage_buffer(tracer.graphics, rays.ends),
         RESULTS: marks,
     }

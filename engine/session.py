@@ -93,12 +93,19 @@ class Session:
         return Live(partial(self._bake_checked, paces=paces), self._refresh_backs, scene, settings)
 
     def _refresh_backs(self) -> bool:
-        """Choose the visible back faces again after objects have moved; return True if the choice changes."""
+        """Choose the visible back faces again after objects have moved; return True if the choice changes.
+
+        If a device runs out of memory, the reused data is dropped, and the next bake chooses.
+        """
         if self._kept is None or self._devices is None:
             return False
-        with self._devices.failures_told():
-            self._devices.graphics.use()
-            return self._kept.refresh_backs(self._devices.graphics, self._devices.compute)
+        try:
+            with self._devices.failures_told():
+                self._devices.graphics.use()
+                return self._kept.refresh_backs(self._devices.graphics, self._devices.compute)
+        except DeviceMemoryError:
+            self.forget()
+            return True
 
     @property
     def device(self) -> DeviceKey | None:

@@ -4,6 +4,7 @@ import dataclasses
 from itertools import pairwise
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 from engine import BakeResult, Light, Scene, SceneChanges, SceneError, Session, Settings, finished
@@ -12,6 +13,7 @@ from engine.gather.cached_gather import CachedGather
 from engine.plan import stages
 from engine.scene.model import NO_LIGHTMAP
 from engine.visibility.rays.ray_sampler import RaySampler
+from engine.visibility.rays.visible_backs import VisibleBacks
 from tests.analytic.scenes import material, nine_quad_room, quads, rectangle
 from tests.gpu.slice_sizes import fix_slice_size
 
@@ -327,6 +329,27 @@ def test_what_cannot_be_baked_is_refused_and_leaves_all_as_it_was(session):
         with pytest.raises(SceneError):
             live.update(changes)
     assert live.lightmap is lightmap and live.scene is ROOM
+
+
+def test_backs_that_do_not_fit_beside_what_is_kept_are_chosen_by_a_new_bake(session, other, monkeypatch):
+    live = session.live(ROOM, SETTINGS)
+    finished(live.converge())
+    fail_once, refresh = iter([True]), VisibleBacks.refresh
+
+    def full(self, make_tracer):
+        if next(fail_once, False):
+            raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
+        return refresh(self, make_tracer)
+
+    monkeypatch.setattr(VisibleBacks, "refresh", full)
+    lowered = np.eye(4)
+    lowered[2, 3] = -7
+    live.update(SceneChanges(moves={2: lowered}))
+    lightmap = finished(live.converge())
+    assert next(fail_once, None) is None
+    expected = fresh(other, live.scene)
+    assert lightmap.report.patches == expected.report.patches
+    assert error(lightmap.image, expected.image, expected.has_patch) < 2 * SETTINGS.tolerance
 
 
 def test_a_light_goes_out_and_comes_back(session):

@@ -50,6 +50,9 @@ class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
             size = " x ".join(map(str, resolution))
             self.report({"ERROR"}, f"Spacing {self.spacing:g} makes {size} probes. Raise Spacing")
             return {"CANCELLED"}
+        if context.scene.library is not None:
+            self.report({"ERROR"}, f"Scene '{context.scene.name}' is linked. Add light probes in its .blend")
+            return {"CANCELLED"}
         _add_volume(context, box.mean(axis=0), widths, resolution)
         context.scene.hemibake.light_probes = True
         self.report({"INFO"}, f"{count:,} light probes. Bake to light them")
@@ -79,12 +82,17 @@ def _box_of(objects: list[bpy.types.Object]) -> np.ndarray | None:
 def _add_volume(
     context: bpy.types.Context, centre: np.ndarray, widths: np.ndarray, resolution: list[int]
 ) -> None:
-    """Add a Light Probe Volume object to the active collection; the selection stays."""
+    """Add a Light Probe Volume object to the active collection; the selection stays.
+
+    A linked or overridden collection takes no objects, so the scene's own gets it instead.
+    """
     data = bpy.data.lightprobes.new("Volume", "VOLUME")
     data.resolution_x, data.resolution_y, data.resolution_z = resolution
     obj = bpy.data.objects.new("Volume", data)
     obj.matrix_world = Matrix.LocRotScale(Vector(centre), None, Vector(widths / 2))
-    context.collection.objects.link(obj)
+    active = context.collection
+    is_own = active.library is None and active.override_library is None
+    (active if is_own else context.scene.collection).objects.link(obj)
 
 
 CLASSES = (HEMIBAKE_OT_add_light_probes,)

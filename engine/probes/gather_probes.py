@@ -39,6 +39,9 @@ _MARGIN = 1e-4
 #: Shares of tracing, projection and repair in the time of a batch; the rest is direct light (measured).
 _TRACING, _PROJECTING, _MOVING = 0.6, 0.7, 0.75
 
+#: Share of the gather in the time of a volume; the rest fills invalid probes (chosen).
+_GATHERING = 0.95
+
 #: Luminance below which a back face is dark in a scene without light.
 _BLACK = 1e-30
 
@@ -97,15 +100,17 @@ class _ProbeGather:
         parts, batch_size = [], _batch_size(direction_count(self._settings.probe_samples))
         for first in range(0, len(points), batch_size):
             last = min(first + batch_size, len(points))
-            done = first / len(points), last / len(points)
+            done = _GATHERING * first / len(points), _GATHERING * last / len(points)
             batch = self._batch(volume, points[first:last], first)
             parts.append((yield from run_as_fraction(*done, batch)))
         coefficients, validity, positions = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        filling = filled(coefficients, validity > 0, volume)
+        coefficients = yield from run_as_fraction(_GATHERING, 1.0, filling)
         return ProbeGrid(
             volume.name,
             volume.resolution,
             volume.matrix,
-            filled(coefficients, validity > 0, volume),
+            coefficients,
             validity,
             (positions + self._origin).astype(np.float32),
         )

@@ -51,96 +51,105 @@ def godot_probes(
     origin = Y_UP @ matrix[:3, 3] - steps @ ((size - 1) / 2)
     indices = np.stack(np.meshgrid(*map(np.arange, size[::-1]), indexing="ij")[::-1], axis=-1).reshape(-1, 3)
     points = origin + indices @ steps.T
-    tree = _Tree(size, origin, np.linalg.inv(steps))
-    tree.split((0, 0, 0), tuple(size - 1))
+    records, tetrahedra = _tree(size, origin, np.linalg.inv(steps))
     turned = with_axes(grid.reshape(-1, 9, 3), Y_UP) / np.float32(np.pi)
     low, high = points.min(axis=0), points.max(axis=0)
     return GodotProbes(
         np.stack([low, high - low]),
         points.astype(np.float32),
         turned.reshape(-1, 3),
-        np.array(tree.tetrahedra, np.int32),
-        tree.records(),
+        tetrahedra,
+        records,
     )
 
 
-#: A cell or a corner of the grid: its index along each axis.
-_Index = tuple[int, ...]
+#: Nodes and tetrahedra of a cell.
+_NODES, _TETRAHEDRA = 5, 6
+
+#: Nodes of a cell compare two coordinates; a node is over where the first is larger.
+_COMPARED = ((0, 1), (1, 2), (0, 2), (0, 2), (1, 2))
+
+#: Children over and under each node of a cell: a node, or -(t + 1) for tetrahedron t of the cell.
+_CHILDREN = ((1, 3), (-3, 2), (-1, -2), (-6, 4), (-4, -5))
+
+#: Order in which the coordinates of the points of each tetrahedron of a cell descend.
+_ORDERS = ((0, 2, 1), (2, 0, 1), (0, 1, 2), (1, 2, 0), (2, 1, 0), (1, 0, 2))
 
 
-class _Tree:
-    """BSP tree over the cells of a grid.
+def _tree(size: np.ndarray, origin: np.ndarray, to_grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the BSP tree over the cells of a grid, and the tetrahedra; see `GodotProbes`.
 
     size:     number of points along each axis
     origin:   first point, m
     to_grid:  (3, 3) matrix from world vectors to steps of the grid
     """
+    directions, distances, children, cells = _splits(size - 1)
+    inner, count = len(directions), len(cells)
+    directions = np.concatenate([directions, np.tile(_differences(np.eye(3)), (count, 1))])
+    distances = np.concatenate([distances, _differences(cells.T).T.ravel()])
+    of_cells = np.tile(np.array(_CHILDREN), (count, 1, 1))
+    index = np.arange(count)[:, None, None]
+    of_cells += np.where(of_cells < 0, -_TETRAHEDRA * index, inner + _NODES * index)
+    children = np.concatenate([children, of_cells.reshape(-1, 2)])
+    normals = directions @ to_grid
+    planes = np.column_stack([normals, distances + normals @ origin])
+    planes /= np.linalg.norm(normals, axis=1, keepdims=True)
+    records = np.column_stack([planes.astype(np.float32).view(np.int32), children.astype(np.int32)])
+    return records, _tetrahedra(cells, size)
 
-    def __init__(self, size: np.ndarray, origin: np.ndarray, to_grid: np.ndarray) -> None:
-        self._size, self._origin, self._to_grid = size, origin, to_grid
-        self._planes: list[np.ndarray] = []
-        self._children: list[list[int]] = []
-        self.tetrahedra: list[list[int]] = []
 
-    def records(self) -> np.ndarray:
-        """Return the nodes, (b, 6) int32, see `GodotProbes`."""
-        planes = np.array(self._planes, np.float32).view(np.int32)
-        return np.concatenate([planes, np.array(self._children, np.int32)], axis=1)
+def _differences(rows: np.ndarray) -> np.ndarray:
+    """Return the difference of the rows that each node of a cell compares, (5, ...), from (3, ...)."""
+    return np.stack([rows[one] - rows[other] for one, other in _COMPARED])
 
-    def split(self, low: _Index, high: _Index) -> int:
-        """Add nodes for the cells low <= c < high; return the first."""
-        widths = np.subtract(high, low)
-        axis = int(widths.argmax())
-        if widths[axis] == 1:
-            return self._cell(low)
-        middle = low[axis] + int(widths[axis]) // 2
-        node = self._node(np.eye(3)[axis], middle)
-        below, above = list(high), list(low)
-        below[axis] = above[axis] = middle
-        under = self.split(low, tuple(below))
-        self._children[node] = [self.split(tuple(above), high), under]
-        return node
 
-    def _node(self, direction: np.ndarray, distance: float) -> int:
-        """Add a node that splits where direction . grid = distance; return its index."""
-        normal = direction @ self._to_grid
-        length = np.linalg.norm(normal)
-        self._planes.append(np.append(normal, distance + normal @ self._origin) / length)
-        self._children.append([0, 0])
-        return len(self._planes) - 1
+def _splits(size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the nodes that halve boxes of cells along their widest axis, until each is one cell.
 
-    def _cell(self, cell: _Index) -> int:
-        """Add the nodes of a cell, which compare its coordinates in pairs; return the first."""
-        first = self._compare(cell, 0, 1)
-        nodes = []
-        for larger, smaller in ((0, 1), (1, 0)):
-            # The third coordinate is compared with the smaller one, then with the larger one.
-            node, last = self._compare(cell, smaller, 2), self._compare(cell, larger, 2)
-            self._children[last] = [
-                self._tetrahedron(cell, (larger, 2, smaller)),
-                self._tetrahedron(cell, (2, larger, smaller)),
-            ]
-            self._children[node] = [self._tetrahedron(cell, (larger, smaller, 2)), last]
-            nodes.append(node)
-        self._children[first] = nodes
-        return first
+    Returns directions, (s, 3), distances along them, (s,), children, (s, 2), and the cells, (c, 3); distances
+    and cells in steps of the grid. Nodes of the cells follow those of the boxes.
 
-    def _compare(self, cell: _Index, one: int, other: int) -> int:
-        """Add a node that is over where coordinate `one` in the cell exceeds `other`; return its index."""
-        axes = np.eye(3)
-        return self._node(axes[one] - axes[other], cell[one] - cell[other])
+    size:  number of cells along each axis
+    """
+    last = int(size.prod()) - 1
+    directions, distances = np.zeros((last, 3)), np.zeros(last)
+    children, cells = np.zeros((last, 2), np.int64), np.zeros((last + 1, 3), np.int64)
+    low, high = np.zeros((1, 3), np.int64), size[None].astype(np.int64)
+    first = made = 0
+    places = np.zeros(0, np.int64)
+    while len(low):
+        axis = (high - low).argmax(axis=1)
+        rows = np.arange(len(low))
+        width = (high - low)[rows, axis]
+        is_cell = width == 1
+        splits, count = np.flatnonzero(~is_cell), int(is_cell.sum())
+        nodes = np.zeros(len(low), np.int64)
+        nodes[splits] = first + np.arange(len(splits))
+        nodes[is_cell] = last + _NODES * (made + np.arange(count))
+        children.reshape(-1)[places] = nodes[: len(places)]
+        cells[made : made + count] = low[is_cell]
+        made += count
+        axis, middle = axis[splits], (low[rows, axis] + width // 2)[splits]
+        own = nodes[splits]
+        directions[own, axis], distances[own] = 1, middle
+        above, below = low[splits], high[splits]
+        above[np.arange(len(splits)), axis] = below[np.arange(len(splits)), axis] = middle
+        # The half over a node and the half under it follow each other.
+        low, high = (
+            np.stack(pair, axis=1).reshape(-1, 3) for pair in ((above, low[splits]), (high[splits], below))
+        )
+        places = np.stack([2 * own, 2 * own + 1], axis=1).ravel()
+        first += len(splits)
+    return directions, distances, children, cells
 
-    def _tetrahedron(self, cell: _Index, order: _Index) -> int:
-        """Add the tetrahedron of points whose coordinates descend in an order; return its code."""
-        corner = list(cell)
-        points = [self._number(corner)]
-        for axis in order:
-            corner[axis] += 1
-            points.append(self._number(corner))
-        self.tetrahedra.append(points)
-        return -len(self.tetrahedra)
 
-    def _number(self, corner: list[int]) -> int:
-        """Return the number of a point."""
-        x, y, z = corner
-        return int((z * self._size[1] + y) * self._size[0] + x)
+def _tetrahedra(cells: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return the points of the tetrahedra of cells, (6 c, 4) int32.
+
+    cells:  (c, 3) int64
+    size:   number of points along each axis
+    """
+    strides = np.array([1, size[0], size[0] * size[1]])
+    steps = np.stack([np.append(0, np.cumsum(strides[list(order)])) for order in _ORDERS])
+    points: np.ndarray = (cells @ strides)[:, None, None] + steps
+    return points.reshape(-1, 4).astype(np.int32)

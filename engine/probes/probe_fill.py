@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Generator
 
 import numpy as np
 
@@ -13,6 +14,9 @@ _BEYOND = 0.05
 
 #: Steps along the grid to the 26 neighbours of a probe.
 _NEIGHBOURS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
+
+#: Probes that are filled at once, to limit memory and the time between two steps of progress.
+_AT_ONCE = 1 << 14
 
 
 def moved_out(volume: ProbeVolume, ways: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -28,35 +32,43 @@ def moved_out(volume: ProbeVolume, ways: np.ndarray, distances: np.ndarray) -> t
     return offsets, found & (np.abs(in_cells) < 0.5).all(axis=1)
 
 
-def filled(coefficients: np.ndarray, valid: np.ndarray, volume: ProbeVolume) -> np.ndarray:
+def filled(
+    coefficients: np.ndarray, valid: np.ndarray, volume: ProbeVolume
+) -> Generator[float, None, np.ndarray]:
     """Return coefficients, (n, 9, 3) float32, with those of invalid probes from valid neighbours.
 
     Each is the mean of its valid neighbours, weighted by the inverse square of their distance; neighbours of
-    filled probes follow. Without any valid probe nothing changes.
+    filled probes follow. Without any valid probe nothing changes. Yields the fraction that is filled.
 
     valid:  (n,) bool
     """
     if valid.all() or not valid.any():
         return coefficients
-    shape = volume.resolution[::-1]
-    made = coefficients.reshape(*shape, -1).astype(np.float64)
-    known = valid.reshape(shape).copy()
-    while not known.all():
-        sums, weights = np.zeros_like(made), np.zeros(shape)
-        for step in _NEIGHBOURS:
-            here, there = _shifted(shape, step)
-            weight = known[there] / np.square(np.array(step) @ volume.steps).sum()
-            sums[here] += made[there] * weight[..., None]
-            weights[here] += weight
-        reached = ~known & (weights > 0)
-        made[reached] = sums[reached] / weights[reached][:, None]
-        known |= reached
-    return made.reshape(coefficients.shape).astype(np.float32)
-
-
-def _shifted(shape: tuple[int, ...], step: tuple[int, ...]) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Return slices of an array (z, y, x) and of the neighbours at a step along x, y and z."""
-    steps = step[::-1]
-    here = tuple(slice(max(-d, 0), size - max(d, 0)) for d, size in zip(steps, shape, strict=True))
-    there = tuple(slice(max(d, 0), size - max(-d, 0)) for d, size in zip(steps, shape, strict=True))
-    return here, there
+    # A border of unknown probes on all sides keeps neighbours of the outermost in the array.
+    shape = tuple(size + 2 for size in volume.resolution[::-1])
+    inner = np.zeros(shape, bool)
+    inner[1:-1, 1:-1, 1:-1] = True
+    known, made = np.zeros(inner.size, bool), np.zeros((inner.size, coefficients[0].size), np.float32)
+    inside = np.flatnonzero(inner)
+    known[inside], made[inside] = valid, coefficients.reshape(len(valid), -1)
+    offsets = np.array([np.dot(step[::-1], [shape[1] * shape[2], shape[2], 1]) for step in _NEIGHBOURS])
+    weights = 1 / np.square(np.array(_NEIGHBOURS) @ volume.steps).sum(axis=1)
+    ring, count = inside[~valid], int(valid.sum())
+    while len(ring):
+        reached = []
+        for first in range(0, len(ring), _AT_ONCE):
+            part = ring[first : first + _AT_ONCE]
+            found = known[part[:, None] + offsets]
+            part, found = part[found.any(axis=1)], found[found.any(axis=1)] * weights
+            sums = np.zeros((len(part), made.shape[1]))
+            for offset, weight in zip(offsets, found.T, strict=True):
+                sums += made[part + offset] * weight[:, None]
+            made[part] = sums / found.sum(axis=1)[:, None]
+            reached.append(part)
+            yield min(1.0, count / len(valid))
+        ring = np.concatenate(reached)
+        known[ring] = True
+        count += len(ring)
+        beside = np.unique(ring[:, None] + offsets)
+        ring = beside[inner.reshape(-1)[beside] & ~known[beside]]
+    return made[inside].reshape(coefficients.shape)

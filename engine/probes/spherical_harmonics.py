@@ -5,7 +5,6 @@ The basis has no Condon-Shortley phase. Order: 1; y, z, x; xy, yz, 3z^2 - 1, xz,
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
@@ -103,11 +102,6 @@ def _tested_basis() -> np.ndarray:
     return tested
 
 
-def single_band(coefficients: np.ndarray) -> np.ndarray:
-    """Return SH L1, (n, 4, 3) float32, the first four coefficients of SH L2, (n, 9, 3)."""
-    return np.ascontiguousarray(coefficients[:, :4])
-
-
 def ambient_cube(coefficients: np.ndarray) -> np.ndarray:
     """Return E/pi of radiance SH, (n, 9, 3), on faces with normals +x, -x, +y, -y, +z, -z, (n, 6, 3) float32.
 
@@ -117,9 +111,3 @@ def ambient_cube(coefficients: np.ndarray) -> np.ndarray:
     normals = np.stack([side * axis for axis in np.eye(3) for side in (1, -1)])
     cube: np.ndarray = np.maximum(irradiance(coefficients, normals), 0).astype(np.float32)
     return cube
-
-
-def mean_radiance(coefficients: np.ndarray) -> np.ndarray:
-    """Return the mean radiance over the sphere of SH, (n, 9, 3), as (n, 3)."""
-    mean: np.ndarray = coefficients[:, 0] * BASIS_FACTORS[0]
-    return mean / (4 * math.pi * BASIS_FACTORS[0] ** 2)

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..result.destination import blend_from
+from ..result.destination import blend_from, is_of_another_scene
 from ..result.manifest import read_sections
 from ..result.pictures import read_pixels
 from ..result.probe_files import read_atlas
@@ -33,7 +33,8 @@ def baked_probes(scene: bpy.types.Scene) -> dict[str, Volume]:
     found: dict[str, Volume] = {}
     for entry in read_sections(folder).get("probes", []):
         path = folder / entry["file"]
-        if entry.get("blend") != blend_from(folder) or not path.is_file():
+        foreign = entry.get("blend") != blend_from(folder) or is_of_another_scene(entry, scene.name)
+        if foreign or not path.is_file():
             continue
         with suppress(RuntimeError, ValueError):
             name = f"Probes {_INVALID.sub('_', entry['name'])}"

@@ -44,7 +44,17 @@ from .encoded_picture import encode_picture
 from .export_items import ExportItem, ExportItems
 from .exporter import write_gltf
 from .gltf_nodes import read_gltf
-from .godot_files import LIGHT, MASK, PACKED, GodotFiles, GodotMaps, LitNode, kept_texts, missing_imports
+from .godot_files import (
+    LIGHT,
+    MASK,
+    PACKED,
+    GodotFiles,
+    GodotMaps,
+    LitNode,
+    kept_texts,
+    missing_imports,
+    stale_texts,
+)
 from .hooks import LightmapHooks, UnlitHooks
 from .materials import LitMaterials, UnlitMaterials
 from .mesh_differences import note_other_meshes
@@ -157,6 +167,7 @@ class _Export:
         self._stems = _stems(path.stem, {image: image.name for image in (*maps, *beside)})
         self._manifest: list[Path] = []
         self._texts: dict[str, str] = {}
+        self._stale: list[Path] = []
 
     def write(self, surfaces: ExportItems, kind: str, extras: Mapping[str, object]) -> LightmapHooks:
         """Write the glTF file and its images; return the hooks, which list the surfaces with lightmaps.
@@ -234,6 +245,8 @@ class _Export:
         self._write_maps(list(godot.textures(_finite_pixels, mix, facts)))
         texts, folder = godot.texts(), self._path.parent
         kept = kept_texts(folder, texts)
+        # A scene that the user has changed may use data of an earlier export.
+        self._stale = [] if kept else stale_texts(folder, self._path.name, texts)
         written = {name: text for name, text in texts.items() if name not in kept}
         self._texts = {**written, **missing_imports(folder, godot.layer_counts())}
         for name, text in self._texts.items():
@@ -286,6 +299,8 @@ class _Export:
         staged = [*made, *self._manifest]
         paths = [self._path.parent / path.name for path in staged]
         replace_all(staged, paths, self._staging)
+        for path in self._stale:
+            path.unlink(missing_ok=True)
         return paths
 
     def _encoded(self, image: bpy.types.Image, kind: str) -> EncodedLightmap:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from glob import escape
 from pathlib import Path
 
 import bpy
@@ -185,7 +186,7 @@ class GodotFiles:
             texts[file] = probe_volume_data(volume)
             nodes.append((name, file, False))
         texts[f"{Path(self._name).stem}.tscn"] = scene(self._name, nodes)
-        return {name: signed(text) for name, text in texts.items()}
+        return {name: signed(f"{_owner(self._name)}\n{text}") for name, text in texts.items()}
 
     def layer_counts(self) -> dict[str, int]:
         """Return the number of layers of each texture file, by name."""
@@ -254,6 +255,25 @@ class GodotFiles:
         primitives = self._gltf["meshes"][self._gltf["nodes"][node.index]["mesh"]]["primitives"]
         used = [part["material"] for part in primitives if "material" in part]
         return any("normalTexture" in materials[number] for number in used)
+
+
+def _owner(model: str) -> str:
+    """Return the comment that names the glTF file to which a text file belongs."""
+    return f"; Lightmaps of {model}"
+
+
+def stale_texts(folder: Path, model: str, names: Container[str]) -> list[Path]:
+    """Return the data files in a folder that an earlier export of a glTF file wrote, unless changed since.
+
+    names:  files that belong to the present export
+    """
+    return [
+        path
+        for path in folder.glob(f"{escape(Path(model).stem)}.*.tres")
+        if path.name not in names
+        and is_unchanged(path)
+        and _owner(model) in path.read_text("utf-8").splitlines()[:2]
+    ]
 
 
 def kept_texts(folder: Path, names: Iterable[str]) -> dict[str, str]:

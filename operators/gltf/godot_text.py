@@ -15,6 +15,9 @@ from ...engine.probes.godot_probes import GodotProbes
 #: Name of the node that holds the imported glTF file.
 OBJECTS = "Objects"
 
+#: Rows of numbers that are formatted at once.
+_ROWS = 1 << 12
+
 #: Importer of texture arrays.
 _IMPORTER = "2d_array_texture"
 
@@ -106,7 +109,6 @@ def probe_volume_data(probes: GodotProbes) -> str:
     It is interior, so it lights moving objects in it, also where it overlaps boxes of lightmaps.
     """
     bounds = ", ".join(f"{number:.9g}" for number in probes.bounds.ravel())
-    colors = np.concatenate([probes.sh, np.ones((len(probes.sh), 1), np.float32)], axis=1)
     return "\n".join(
         [
             '[gd_resource type="LightmapGIData" format=3]',
@@ -114,7 +116,7 @@ def probe_volume_data(probes: GodotProbes) -> str:
             f'probe_data = {{"baked_exposure": 1.0, "bounds": AABB({bounds}), '
             f'"bsp": PackedInt32Array({_integers(probes.bsp)}), "interior": true, "lightprobe_hash": 0, '
             f'"points": PackedVector3Array({_floats(probes.points)}), '
-            f'"sh": PackedColorArray({_floats(colors)}), '
+            f'"sh": PackedColorArray({_floats(probes.sh, ", 1")}), '
             f'"tetrahedra": PackedInt32Array({_integers(probes.tetrahedra)})}}',
             "",
         ]
@@ -158,13 +160,22 @@ def _textures(first: int, count: int) -> str:
     return f"Array[TextureLayered]([{listed}])"
 
 
-def _floats(values: np.ndarray) -> str:
-    """Return numbers as a list, exact for float32."""
-    return ", ".join(f"{number:.9g}" for number in values.ravel().tolist())
+def _floats(rows: np.ndarray, end: str = "") -> str:
+    """Return numbers, (n, k), as a list, exact for float32.
+
+    end:  text after each row
+    """
+    return _listed(rows, ", ".join(["%.9g"] * rows.shape[1]) + end)
 
 
-def _integers(values: np.ndarray) -> str:
-    return ", ".join(map(str, values.ravel().tolist()))
+def _integers(rows: np.ndarray) -> str:
+    return _listed(rows, ", ".join(["%d"] * rows.shape[1]))
+
+
+def _listed(rows: np.ndarray, form: str) -> str:
+    """Return rows of numbers, (n, k), as a list with a format string for each; many are formatted at once."""
+    parts = (rows[first : first + _ROWS] for first in range(0, len(rows), _ROWS))
+    return ", ".join(", ".join([form] * len(part)) % tuple(part.ravel().tolist()) for part in parts)
 
 
 def _quoted(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +27,7 @@ class Destination:
     packed_as:  folder in the paths of packed images
     blend:      path of the .blend relative to the folder; empty if unsaved
     formats:    file format of each lightmap
+    scene:      name of the scene
     """
 
     folder: Path | None
@@ -34,6 +35,7 @@ class Destination:
     packed_as: str
     blend: str = ""
     formats: tuple[FileFormat, ...] = ()
+    scene: str = ""
 
     @property
     def names(self) -> list[str]:
@@ -85,7 +87,7 @@ def choose_destination(
         else:
             stem = Path(blend).stem if relative else ""
             chosen = tuple(_stems(scene.name, stem, atlases, taken.of_scenes, taken.is_free))
-        return Destination(folder, tuple(chosen), directory, seen, formats)
+        return Destination(folder, tuple(chosen), directory, seen, formats, scene.name)
     except OSError as error:
         raise EngineError(
             f"The lightmaps cannot be written to '{folder}': {reason(error)}. Choose another folder."
@@ -101,8 +103,13 @@ class _Taken:
     def __init__(self, scene: bpy.types.Scene, folder: Path, blend: str, endings: Sequence[str]) -> None:
         self._folder, self._blend, self._endings = folder, blend, endings
         self._known = read_manifest(folder)
-        others = _files_of_other_scenes(scene)
-        self.of_scenes = {path.stem.casefold() for path in others if path.parent == folder}
+        others = [path.stem for path in _files_of_other_scenes(scene) if path.parent == folder]
+        listed = [
+            Path(name).stem
+            for name, entry in self._known.items()
+            if entry.get("blend") == blend and is_of_another_scene(entry, scene.name)
+        ]
+        self.of_scenes = {stem.casefold() for stem in (*others, *listed)}
 
     def is_free(self, stem: str) -> bool:
         """Return True if no file has the name, or only files that Hemibake wrote for the same .blend."""
@@ -138,6 +145,14 @@ def blend_from(folder: Path, blend: str | None = None) -> str:
         return Path(os.path.relpath(blend, folder)).as_posix() if blend else ""
     except ValueError:
         return Path(blend).as_posix()
+
+
+def is_of_another_scene(entry: Mapping[str, object], scene: str) -> bool:
+    """Return True if an entry of the manifest belongs to another scene that the open .blend has.
+
+    Entries of renamed and deleted scenes belong to every scene.
+    """
+    return entry.get("scene", scene) != scene and entry["scene"] in bpy.data.scenes
 
 
 def try_folder(folder: Path, changes: Rollback) -> None:

@@ -165,8 +165,9 @@ def write_all(
         ]
         for path, file in zip([*staged, *staged_probes], [*files, *probes], strict=True):
             file.write(path)
-        manifest, entries = staging / NAME, [{"blend": destination.blend, **file.entry} for file in files]
-        sections = {"states": dict(states), **probe_sections(folder, staged_probes, probes)}
+        owner = {"blend": destination.blend, "scene": destination.scene}
+        manifest, entries = staging / NAME, [{**owner, **file.entry} for file in files]
+        sections = {"states": dict(states), **probe_sections(destination, staged_probes, probes)}
         write_manifest(manifest, folder, staged, names, entries, sections)
         names += [file.name for file in probes]
         all_staged = [manifest, *staged, *staged_probes]

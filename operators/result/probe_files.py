@@ -15,7 +15,7 @@ from ...engine.encoding.ktx2 import ktx2_volume
 from ...engine.probes.bevy_volume import bevy_voxels
 from ...engine.probes.spherical_harmonics import windowed
 from ..file_format import PLAIN
-from .destination import Destination
+from .destination import Destination, is_of_another_scene
 from .exr import write_exr
 from .file_names import file_name
 from .manifest import checksum, read_sections
@@ -87,14 +87,14 @@ def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Des
 
     origin:  (3,) float64, world space: the point to which the grids are relative
     """
-    folder, blend = destination.folder, destination.blend
+    folder = destination.folder
     if folder is None:
         return []
-    ours = _checksums(read_sections(folder).get("probes", []), blend)
+    ours = _checksums([entry for entry in _known(folder) if _is_own(entry, destination)])
     taken: set[str] = set()
     files = []
     for grid in grids:
-        stem = file_name(f"{Path(blend).stem}_{grid.name}_Probes".lstrip("_"))
+        stem = file_name(f"{Path(destination.blend).stem}_{grid.name}_Probes".lstrip("_"))
         numbered = (stem, *(f"{stem}.{number:03d}" for number in range(1, 1000)))
         name = next(
             name
@@ -103,24 +103,24 @@ def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Des
             and all(_may_write(folder / f"{name}{ending}", ours) for ending in (_ATLAS, _TEXTURE))
         )
         taken.add(name.casefold())
-        entry = _entry(name, grid, origin, blend)
+        entry = _entry(name, grid, origin, destination)
         files += [ProbeFile(f"{name}{ending}", grid, entry) for ending in (_ATLAS, _TEXTURE)]
     return files
 
 
-def probe_sections(folder: Path, staged: Sequence[Path], files: Sequence[ProbeFile]) -> dict[str, list[dict]]:
+def probe_sections(
+    destination: Destination, staged: Sequence[Path], files: Sequence[ProbeFile]
+) -> dict[str, list[dict]]:
     """Return the section of the manifest after a bake with probe files; empty without any.
 
-    Volumes of other .blend files stay.
+    Volumes of other .blend files and scenes stay.
 
     staged:  written files
     """
     if not files:
         return {}
-    blend, sums = files[0].entry["blend"], {}
-    for path, file in zip(staged, files, strict=True):
-        sums[file.name] = checksum(path)
-    others = [entry for entry in read_sections(folder).get("probes", []) if entry.get("blend") != blend]
+    sums = {file.name: checksum(path) for path, file in zip(staged, files, strict=True)}
+    others = [entry for entry in _known(destination.folder) if not _is_own(entry, destination)]
     mine = [
         {**file.entry, "sha256": sums[file.name], "ktx2_sha256": sums[file.entry["ktx2"]]}
         for file in files
@@ -129,21 +129,32 @@ def probe_sections(folder: Path, staged: Sequence[Path], files: Sequence[ProbeFi
     return {"probes": [*others, *mine]}
 
 
-def _checksums(entries: Sequence[dict], blend: str) -> dict[str, str]:
-    """Return the checksums of the files that a .blend's bakes wrote, by file."""
-    mine = [entry for entry in entries if entry.get("blend") == blend]
-    sums = {entry.get("file", ""): entry.get("sha256", "") for entry in mine}
-    return sums | {entry.get("ktx2", ""): entry.get("ktx2_sha256", "") for entry in mine}
+def _known(folder: Path) -> list[dict]:
+    """Return the entries of the manifest in a folder."""
+    return list(read_sections(folder).get("probes", []))
 
 
-def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, blend: str) -> dict:
+def _is_own(entry: dict, destination: Destination) -> bool:
+    """Return True if a bake of the same scene wrote an entry."""
+    same = entry.get("blend") == destination.blend
+    return same and not is_of_another_scene(entry, destination.scene)
+
+
+def _checksums(entries: Sequence[dict]) -> dict[str, str]:
+    """Return the checksums of the files of entries, by file."""
+    sums = {entry.get("file", ""): entry.get("sha256", "") for entry in entries}
+    return sums | {entry.get("ktx2", ""): entry.get("ktx2_sha256", "") for entry in entries}
+
+
+def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, destination: Destination) -> dict:
     """Return the manifest entry of a volume, whose files have a stem."""
     matrix = grid.matrix.copy()
     matrix[:3, 3] += origin
     filled, moved = (int((grid.validity == value).sum()) for value in (0, 0.5))
     return {
         "name": grid.name,
-        "blend": blend,
+        "blend": destination.blend,
+        "scene": destination.scene,
         "file": f"{stem}{_ATLAS}",
         "ktx2": f"{stem}{_TEXTURE}",
         "resolution": list(grid.resolution),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -11,7 +12,7 @@ from ...engine.errors import EngineError
 from ..file_format import chosen_format
 from ..rollback import Rollback
 from ..working_space import to_rec709
-from .destination import Destination, choose_destination
+from .destination import Destination, choose_destination, is_of_another_scene
 from .files import reason
 from .images import holds_colours, write_all
 from .light_mixer import group_images
@@ -73,11 +74,8 @@ def _write(
     known, paths = read_manifest(destination.folder), []
     for number, (atlas, light) in enumerate(mixed.items()):
         one = slice(number, number + 1)
-        part = Destination(
-            destination.folder, destination.stems[one], destination.packed_as, destination.blend,
-            destination.formats[one],
-        )  # fmt: skip
-        facts = {"atlas": atlas, "output": output, "objects": _objects(known, atlas, destination.blend)}
+        part = replace(destination, stems=destination.stems[one], formats=destination.formats[one])
+        facts = {"atlas": atlas, "output": output, "objects": _objects(known, atlas, destination)}
         files = list(lightmap_files(light[None], part, [facts]))
         try:
             write_all(files, part, manifest_states(scene))
@@ -90,11 +88,12 @@ def _write(
     return paths
 
 
-def _objects(known: dict[str, dict], atlas: str, blend: str) -> list[dict]:
+def _objects(known: dict[str, dict], atlas: str, destination: Destination) -> list[dict]:
     """Return the manifest's objects of an atlas as its bake wrote them; empty without its files."""
     entries = (
         entry["objects"]
         for entry in known.values()
-        if entry.get("atlas") == atlas and entry.get("blend") == blend and "export" not in entry
+        if entry.get("atlas") == atlas and entry.get("blend") == destination.blend
+        if "export" not in entry and not is_of_another_scene(entry, destination.scene)
     )
     return next(entries, [])

@@ -252,6 +252,11 @@ def test_light_probes_of_the_last_bake(tmp_path):
     np.testing.assert_allclose(spread[[0, 2]], (2 * 0.3 * 2 / 3, 0.4), rtol=1e-3)
     scene = (folder / "room.tscn").read_text()
     assert '[node name="Probes Vol_1" type="LightmapGI"' in scene
+    for path in tmp_path.glob("*_Probes.exr"):
+        path.unlink()
+    (folder / "room.mine.tres").write_text("[resource]\n")
+    _, texts, _ = godot(folder / "room.glb")
+    assert "room.Probes Vol_1.tres" not in texts and "room.mine.tres" in texts
 
 
 @pytest.mark.parametrize("ending", [".glb", ".gltf"])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.blender.things import bpy_link, furnace, part, pixels, report, snapshot, square
+from tests.json_schema import faults
 
 
 def probe_volume(name="Volume", resolution=(2, 3, 1), location=(0.5, 0.5, 0.5), scale=(0.4, 0.3, 0.2)):
@@ -85,7 +86,34 @@ def test_a_file_that_cannot_be_read_gets_a_neighbor(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "checksum", locked)
     assert not files._may_write(tmp_path / "Probes.exr", {"Probes.exr": "0"})
     assert files._may_write(tmp_path / "Other.exr", {})
-    assert files._checksums([{"blend": "a.blend"}, {"blend": "b.blend", "file": "b"}], "a.blend") == {"": ""}
+
+
+def test_scenes_of_a_blend_keep_their_probes(tmp_path):
+    """Each scene has a volume of the same name; the entry of a deleted scene goes with its next bake."""
+    import bpy
+
+    first = bpy.context.scene
+    square()
+    probe_volume("Grid", (1, 1, 1))
+    bake(tmp_path)
+    other = bpy.data.scenes.new("Other")
+    bpy.context.window.scene = other
+    square("Ground")
+    probe_volume("Grid", (1, 2, 1))
+    bake(tmp_path)
+    assert faults(json.loads((tmp_path / "hemibake.json").read_text())) == []
+    entries = bake(tmp_path)["probes"]
+    assert [(entry["scene"], entry["resolution"]) for entry in entries] == [
+        (first.name, [1, 1, 1]), ("Other", [1, 2, 1]),
+    ]  # fmt: skip
+    assert len({entry["file"] for entry in entries}) == 2
+    found = part("operators.gltf.baked_probes").baked_probes
+    assert [[volume[1] for volume in found(scene).values()] for scene in (first, other)] == [
+        [(1, 1, 1)], [(1, 2, 1)],
+    ]  # fmt: skip
+    bpy.context.window.scene = first
+    bpy.data.scenes.remove(other)
+    assert [entry["scene"] for entry in bake(tmp_path)["probes"]] == [first.name]
 
 
 def test_bad_volumes_are_left_out_with_a_remedy(tmp_path):
@@ -126,6 +154,26 @@ def test_the_button_adds_a_volume_around_the_scene():
     assert np.array(obj.matrix_world) == pytest.approx(
         np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
     )
+
+
+def test_the_button_leaves_linked_collections(tmp_path):
+    """A linked collection is active: the volume goes to the scene's own collection."""
+    import bpy
+
+    furnace()
+    shared = bpy.data.collections.new("Shared")
+    bpy.data.libraries.write(str(tmp_path / "shared.blend"), {shared})
+    bpy.data.collections.remove(shared)
+    with bpy.data.libraries.load(str(tmp_path / "shared.blend"), link=True) as (_, wanted):
+        wanted.collections = ["Shared"]
+    (linked,) = wanted.collections
+    scene = bpy.context.scene
+    scene.collection.children.link(linked)
+    layers = bpy.context.view_layer.layer_collection.children
+    bpy.context.view_layer.active_layer_collection = layers["Shared"]
+    assert bpy.context.collection == linked
+    assert bpy.ops.hemibake.add_light_probes(spacing=1.0) == {"FINISHED"}
+    assert "Volume" in scene.collection.objects and not linked.objects
 
 
 def test_the_button_fits_large_scenes_and_live_bakes_no_probes():

@@ -130,6 +130,28 @@ def test_states_are_written_in_the_format_of_the_bake_and_replaced(baked, tmp_pa
     assert manifest(tmp_path)["states"]["Bright"]["Day"] == [4, 4, 4]
 
 
+def test_states_of_another_scene_keep_their_files(baked, tmp_path):
+    """Both scenes of the .blend have a state Bright in the folder; files of a deleted scene are replaced."""
+    import bpy
+
+    other = bpy.data.scenes.new("Other")
+    state = add_state(baked, "Bright", Day=((1, 1, 1), 2.0))
+    write = part("operators.result.state_files").write_state
+    (first,) = write(baked, state)
+    place = tmp_path / "lightmaps" / "hemibake.json"
+    listed = json.loads(place.read_text())
+    assert listed["lightmaps"][first.name]["scene"] == baked.name
+    listed["lightmaps"][first.name]["scene"] = other.name
+    place.write_text(json.dumps(listed))
+    (second,) = write(baked, state)
+    assert second != first and first.exists()
+    assert {manifest(tmp_path)["lightmaps"][path.name]["scene"] for path in (first, second)} == {
+        baked.name, other.name,
+    }  # fmt: skip
+    bpy.data.scenes.remove(other)
+    assert write(baked, state) == [first]
+
+
 def test_a_missing_group_is_named_and_the_rest_displayed(baked, tmp_path):
     import bpy
 

@@ -51,3 +51,15 @@ def test_the_tree_finds_the_tetrahedron_of_each_point(resolution):
         value = mix @ probes.sh.reshape(-1, 9, 3)[corners, 0, 0]
         expected = blender @ np.linalg.inv(matrix[:3, :3]).T @ slope / np.pi
         assert value == pytest.approx(expected, abs=2e-3)
+
+
+def test_each_cell_has_its_nodes_and_tetrahedra_once():
+    """All tetrahedra fill the box, and all nodes but the first are the child of one node."""
+    probes = godot_probes(np.ones((5 * 7 * 3, 9, 3), np.float32), (5, 7, 3), np.diag([2.5, 3.5, 1.5, 1.0]))
+    cells = 4 * 6 * 2
+    assert probes.bsp.shape == (cells - 1 + 5 * cells, 6) and probes.tetrahedra.shape == (6 * cells, 4)
+    children = np.sort(probes.bsp[:, 4:].ravel())
+    assert (children == [n for n in range(-6 * cells, 6 * cells - 1) if n]).all()
+    corners = probes.points[probes.tetrahedra].astype(np.float64)
+    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    assert volumes == pytest.approx(np.full(6 * cells, 1 / 6))

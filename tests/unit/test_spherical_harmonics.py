@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
+from engine import finished
 from engine.errors import SceneError
+from engine.probes import probe_fill
 from engine.probes.probe_fill import filled, moved_out
 from engine.probes.sphere_directions import direction_count, random_rotations, sphere_directions
 from engine.probes.spherical_harmonics import (
     ambient_cube,
     basis,
     irradiance,
-    single_band,
     windowed,
     with_axes,
 )
@@ -87,17 +88,47 @@ def test_cubes_and_one_band_follow_from_two_bands():
     assert cube[0, :, 0] == pytest.approx(
         np.maximum(irradiance(light_from(way), normals)[0, :, 0], 0), abs=1e-6
     )
-    assert (single_band(light_from(way)) == light_from(way)[:, :4]).all()
 
 
 def test_a_fill_reaches_all_probes_and_keeps_valid_ones():
     volume = ProbeVolume("Volume", np.diag([3.0, 2.0, 1.0, 1.0]), (3, 5, 2))
     light, valid = RANDOM.random((30, 9, 3)).astype(np.float32), np.zeros(30, bool)
     valid[[7, 29]] = True
-    found = filled(light, valid, volume)
+    found = finished(filled(light, valid, volume))
     assert (found[valid] == light[valid]).all()
     assert (found >= light[valid].min(axis=0)).all() and (found <= light[valid].max(axis=0)).all()
-    assert (filled(light, np.zeros(30, bool), volume) == light).all()
+    assert (finished(filled(light, np.zeros(30, bool), volume)) == light).all()
+
+
+def test_a_fill_is_the_mean_of_nearest_neighbours_ring_by_ring(monkeypatch):
+    """Against a plain loop over all probes, with a few filled at once, which progress is reported after."""
+    monkeypatch.setattr(probe_fill, "_AT_ONCE", 7)
+    volume = ProbeVolume("Volume", np.diag([3.0, 2.0, 1.0, 1.0]), (5, 7, 3))
+    light = RANDOM.random((105, 9, 3)).astype(np.float32)
+    valid = np.zeros(105, bool)
+    valid[[0, 52, 53, 104]] = True
+    cells = np.stack(np.unravel_index(np.arange(105), (3, 7, 5))[::-1], axis=1)
+    expected, known = light.astype(np.float64), valid.copy()
+    while not known.all():
+        ring = {}
+        for probe in np.flatnonzero(~known):
+            steps = np.abs(cells - cells[probe])
+            beside = np.flatnonzero((steps.max(axis=1) == 1) & known)
+            if len(beside):
+                distances = np.square((cells[beside] - cells[probe]) @ volume.steps).sum(axis=1)
+                ring[probe] = np.average(expected[beside], axis=0, weights=1 / distances)
+        for probe, value in ring.items():
+            expected[probe], known[probe] = value, True
+    steps = filled(light, valid, volume)
+    progress = []
+    while True:
+        try:
+            progress.append(next(steps))
+        except StopIteration as end:
+            found = end.value
+            break
+    assert found == pytest.approx(expected, rel=1e-5)
+    assert len(progress) > 101 / 7 and progress == sorted(progress) and progress[-1] <= 1
 
 
 def test_probes_move_only_within_their_cells():

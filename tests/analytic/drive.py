@@ -6,30 +6,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine import BakeResult, Progress, Scene, Settings, bake
+from engine import BakeResult, Progress, Scene, Settings
+from engine.device import devices
 from engine.gather.interface import Gather
 from engine.patches.geometry import PatchGeometry, patch_geometry
 from engine.patches.patch_list import PatchList
 from engine.scene.triangles import Triangles, join_meshes
+from engine.session import Session
 from engine.solve.host_radiosity import HostRadiosity
 from engine.solve.solver import Solver
 from tests.reference.cpu_hemicubes import CpuHemicubes
 from tests.reference.cpu_patches import list_patches, map_texels
 
+#: Session of each pair of device classes. To open devices takes ten times as long as a small bake.
+_sessions: dict[tuple[type, type], Session] = {}
+
 
 def drive(scene: Scene, settings: Settings) -> BakeResult:
-    """Bake to the end."""
+    """Bake to the end, with the devices of earlier bakes but without their data."""
     return drive_with_progress(scene, settings)[0]
 
 
 def drive_with_progress(scene: Scene, settings: Settings) -> tuple[BakeResult, list[Progress]]:
     """Bake to the end; return the lightmap and all progress that the bake yielded."""
-    generator, progress = bake(scene, settings), []
-    while True:
-        try:
+    session = _sessions.setdefault((devices.GraphicsContext, devices.ComputeDevice), Session())
+    generator, progress = session.bake(scene, settings), []
+    try:
+        while True:
             progress.append(next(generator))
-        except StopIteration as stop:
-            return stop.value, progress
+    except StopIteration as stop:
+        return stop.value, progress
+    finally:
+        session.forget()
 
 
 def irradiance(lightmap: BakeResult) -> np.ndarray:

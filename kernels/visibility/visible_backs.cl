@@ -23,44 +23,69 @@ int start_triangle(const uint ray, __global const uint *ends, const int triangle
 // Mark of a back face that an earlier round found. No ray writes it, so reading it is no race.
 #define KNOWN 2
 
+// Origin and direction of a test ray, and of a second, parallel ray.
+typedef struct {
+    float3 start, beside, direction;
+} TestRay;
+
+// The back face that a test ray meets, -1 for none. A ray exactly through a shared edge may pass both of its triangles;
+// such a ray has no area, so `beside` must meet a back face too.
+int back_met(const Rays *rays, const TestRay *ray)
+{
+    const Hit hit = nearest_hit(rays, ray->start, ray->direction, false);
+    if (hit.triangle < 0 || hit.front)
+        return -1;
+    const Hit other = nearest_hit(rays, ray->beside, ray->direction, false);
+    return other.triangle >= 0 && !other.front ? hit.triangle : -1;
+}
+
+// True if a probe meets a back face that is not known to be visible.
+bool meets_unknown_back(const Rays *rays, const float3 start, const float3 direction, __global const uchar *marks)
+{
+    const Hit hit = nearest_hit(rays, start, direction, false);
+    return hit.triangle >= 0 && !hit.front && marks[hit.triangle] != KNOWN;
+}
+
 // True if all probes from a point meet back faces that are not known to be visible: the point is inside of something,
-// as the floor below a box.
-bool is_enclosed(const Rays *rays, const float3 start, const float3 x, const float3 y, const float3 normal,
+// as the floor below a box. A probe leaves only if the parallel one from `beside` leaves too; see `back_met`.
+bool is_enclosed(const Rays *rays, const TestRay *ray, const float3 x, const float3 y, const float3 normal,
                  __global const uchar *marks)
 {
     bool enclosed = true;
     for (int i = 0; i < LOOKS && enclosed; ++i) {
-        const Hit hit = nearest_hit(rays, start, probe_direction(i, x, y, normal), false);
-        enclosed = hit.triangle >= 0 && !hit.front && marks[hit.triangle] != KNOWN;
+        const float3 direction = probe_direction(i, x, y, normal);
+        enclosed = meets_unknown_back(rays, ray->start, direction, marks) ||
+                   meets_unknown_back(rays, ray->beside, direction, marks);
     }
     return enclosed;
 }
 
 // Mark each triangle whose back a ray meets. Rays start all over triangles and follow the cosine; a start inside of
 // something does not count. corners: 9 floats a triangle; side: 1 for rays from fronts, -1 from backs; height: of
-// their start above the surface, m; marks: of triangles, 0 or KNOWN before, 1 for those that are found.
+// their start above the surface, and distance of parallel rays, m; marks: of triangles, 0 or KNOWN before, 1 for those
+// that are found.
 __kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, __global const uint *ends,
                                  const int triangle_count, const float side, const float height, __global uchar *marks,
                                  const int count)
 {
-    const int ray = get_global_id(0);
-    if (ray >= count)
+    const int number = get_global_id(0);
+    if (number >= count)
         return;
     const Rays rays = RAYS;
-    const int triangle = start_triangle(ray, ends, triangle_count);
+    const int triangle = start_triangle(number, ends, triangle_count);
     const float3 corner = vload3(3 * triangle, corners);
     const float3 edge1 = vload3(3 * triangle + 1, corners) - corner, edge2 = vload3(3 * triangle + 2, corners) - corner;
-    float2 w = place_of_sample(ray, (uint2)(0));
+    float2 w = place_of_sample(number, (uint2)(0));
     w = w.x + w.y > 1.0f ? 1.0f - w : w;
     const float3 normal = side * normalize(cross(edge1, edge2));
     float3 x, y;
     basis(normal, &x, &y);
-    const uint2 lot = (uint2)(hash(ray), hash(ray ^ 0x9e3779b9u)) >> 8;
-    const float3 direction = cosine_direction(convert_float2(lot) * (1.0f / 16777216.0f), x, y, normal);
-    const float3 start = corner + w.x * edge1 + w.y * edge2 + height * normal;
-    const Hit hit = nearest_hit(&rays, start, direction, false);
-    if (hit.triangle < 0 || hit.front || hit.triangle == triangle || marks[hit.triangle])
-        return;
-    if (!is_enclosed(&rays, start, x, y, normal, marks))
-        marks[hit.triangle] = 1;
+    const uint2 lot = (uint2)(hash(number), hash(number ^ 0x9e3779b9u)) >> 8;
+    TestRay ray;
+    ray.direction = cosine_direction(convert_float2(lot) * (1.0f / 16777216.0f), x, y, normal);
+    ray.start = corner + w.x * edge1 + w.y * edge2 + height * normal;
+    ray.beside = ray.start + height * x;
+    const int met = back_met(&rays, &ray);
+    if (met >= 0 && met != triangle && !marks[met] && !is_enclosed(&rays, &ray, x, y, normal, marks))
+        marks[met] = 1;
 }

@@ -51,16 +51,26 @@ void main()
     basis(normal, x, y);
     vec2 lot = vec2(uvec2(hash(uint(ray)), hash(uint(ray) ^ 0x9e3779b9u)) >> 8) * (1.0 / 16777216.0);
     vec3 origin = corner + w.x * edge1 + w.y * edge2 + height * normal;
-    // The test ray, then the probes: one place in the code for all rays, since drivers inline every call.
-    for (int i = -1; i < LOOKS; ++i) {
-        Hit hit = nearest_hit(origin, i < 0 ? cosine_direction(lot, x, y, normal) : probe_direction(i, x, y, normal),
-                              false);
+    vec3 direction = cosine_direction(lot, x, y, normal);
+    // The test ray, then the probes, each with its parallel ray: one place in the code for all rays, since drivers
+    // inline every call. As back_met and is_enclosed of the kernel.
+    for (int i = -2; i < 2 * LOOKS; ++i) {
+        bool is_beside = (i & 1) != 0;
+        if (i >= 0 && !is_beside)
+            direction = probe_direction(i / 2, x, y, normal);
+        Hit hit = nearest_hit(is_beside ? origin + height * x : origin, direction, false);
         bool is_back = hit.triangle >= 0 && !hit.front;
         if (i < 0) {
-            if (!is_back || hit.triangle == triangle || marks[hit.triangle] != 0u)
+            if (!is_back)
                 return;
-            met = hit.triangle;
-        } else if (!is_back || marks[hit.triangle] == KNOWN) {
+            if (!is_beside) {
+                if (hit.triangle == triangle || marks[hit.triangle] != 0u)
+                    return;
+                met = hit.triangle;
+            }
+        } else if (is_back && marks[hit.triangle] != KNOWN) {
+            i |= 1;  // this probe meets something unknown, so its parallel ray is not needed
+        } else if (is_beside) {
             marks[met] = 1u;
             return;
         }

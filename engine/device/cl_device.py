@@ -16,7 +16,14 @@ from .driver_options import set_driver_options
 from .kernel import ITEMS, Kernel, run_on
 from .opencl import cl, load_opencl
 from .planned_program import PlannedProgram, ProgramParts, Source
-from .program_cache import Preparation, ProgramCache, build, device_digest, program_name
+from .program_cache import (
+    Preparation,
+    ProgramCache,
+    build,
+    device_digest,
+    marks_folder,
+    program_name,
+)
 from .pyopencl_invokers import keep_starters_in_memory
 from .shared_buffers import SharedBuffers
 from .side_queue import SideQueue
@@ -92,7 +99,9 @@ class ComputeDevice:
     def _take(self, device: cl.Device, cache_dir: str | None) -> None:
         """Select a device, which need not have a context yet."""
         self.device, self._begun = device, set[ProgramParts]()
-        folder = None if self._is_pocl and not self.processor else cache_dir
+        folder = cache_dir
+        if self._is_pocl:
+            folder = marks_folder(cache_dir) if self.processor else None
         self._programs = ProgramCache(device, folder, keeps_itself=self._is_pocl)
         self.key = DeviceKey(device_digest(device), device_name(device))
         self._records.use(self.key)

@@ -1,7 +1,7 @@
 """File cache of built OpenCL programs: each source is built once for each device.
 
-PyOpenCL leaves caching to NVIDIA's driver and its own settings. PoCL caches kernels in its own files; here an
-empty file records that the kernels of a program were compiled.
+PyOpenCL leaves caching to NVIDIA's driver and its own settings. PoCL caches kernels in its own files; beside
+them, an empty file records that the kernels of a program were compiled.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import sys
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -178,6 +179,20 @@ class ProgramCache:
             partial = self._folder / f".{name}.{os.getpid()}"
             partial.write_bytes(_checksum(binary) + binary if binary else b"")
             partial.replace(self._folder / name)
+
+
+def marks_folder(cache_dir: str | None) -> str | None:
+    """Return the folder for the files that mark kernels in PoCL's cache; None without `cache_dir`.
+
+    It is inside PoCL's cache, so that kernels and marks are shared and removed together. Its path follows
+    lib/CL/pocl_cache.c of PoCL 3 to 7. On Windows it is `cache_dir`.
+    """
+    if cache_dir is None or sys.platform == "win32":
+        return cache_dir
+    home = os.environ.get("HOME")
+    caches = os.environ.get("XDG_CACHE_HOME") or (f"{home}/.cache" if home else "/tmp")
+    kernels = os.environ.get("POCL_CACHE_DIR") or f"{caches}/pocl/kcache"
+    return f"{kernels}/hemibake"
 
 
 def program_name(source: str, options: Sequence[str]) -> str:

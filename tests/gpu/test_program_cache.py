@@ -10,11 +10,11 @@ import pyopencl as cl
 import pytest
 
 from engine import Settings, finished
-from engine.device import builders, program_cache
+from engine.device import builders, cl_device, program_cache
 from engine.device.builders import Program
 from engine.device.cl_device import ComputeDevice
 from engine.device.planned_program import Launch, PlannedProgram
-from engine.device.program_cache import ProgramCache, program_name
+from engine.device.program_cache import ProgramCache, marks_folder, program_name
 from engine.errors import DeviceError
 from engine.plan.common_programs import _listed
 from engine.session import Session
@@ -241,9 +241,30 @@ def test_other_processes_compile_what_pocl_keeps(context, many, tmp_path):
     assert later.preparation(names) is None and not later._builders
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="marks lie in the folder of the settings")
+@pytest.mark.parametrize(
+    ("environment", "folder"),
+    [
+        ({"HOME": "/home/a"}, "/home/a/.cache/pocl/kcache/hemibake"),
+        ({"HOME": "/home/a", "XDG_CACHE_HOME": ""}, "/home/a/.cache/pocl/kcache/hemibake"),
+        ({"HOME": "/home/a", "XDG_CACHE_HOME": "/b"}, "/b/pocl/kcache/hemibake"),
+        ({"XDG_CACHE_HOME": "/b", "POCL_CACHE_DIR": "/c"}, "/c/hemibake"),
+        ({}, "/tmp/pocl/kcache/hemibake"),
+    ],
+)
+def test_marks_of_kernels_lie_in_the_cache_of_pocl(monkeypatch, environment, folder):
+    """A new folder of settings, as of another Blender, finds the kernels that PoCL already has."""
+    for name in ("HOME", "XDG_CACHE_HOME", "POCL_CACHE_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert marks_folder("/settings") == folder and marks_folder(None) is None
+
+
 @pytest.mark.parametrize("tinted", [False, True])
-def test_every_listed_kernel_ends_when_it_is_launched_with_zeros(tmp_path, tinted):
+def test_every_listed_kernel_ends_when_it_is_launched_with_zeros(tmp_path, monkeypatch, tinted):
     """A process that hangs or crashes would leave the other programs to the bake."""
+    monkeypatch.setattr(cl_device, "marks_folder", lambda folder: folder)
     device = ComputeDevice(str(tmp_path))
     if not (device.processor and device._is_pocl):
         pytest.skip("another driver")

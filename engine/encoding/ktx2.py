@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -45,13 +46,40 @@ def from_rgb9e5(packed: np.ndarray) -> np.ndarray:
 def ktx2_volume(light: np.ndarray) -> bytes:
     """Return a 3D texture of light, (depth, height, width, 3) float, one level without compression."""
     depth, height, width = light.shape[:3]
-    data, descriptor, facts = rgb9e5(light).astype("<u4").tobytes(), _descriptor(), _key_values()
-    facts_at = _HEADER + _LEVEL + len(descriptor)
+    return _file((width, height, depth), 1, [light], b"rdi")
+
+
+def ktx2_cube(levels: Sequence[np.ndarray]) -> bytes:
+    """Return a cube map of light without compression.
+
+    levels:  (6, s, s, 3) float each, top row first, each half as wide as the one before
+    """
+    size = levels[0].shape[1]
+    return _file((size, size, 0), 6, levels, b"rd")
+
+
+def _file(size: tuple[int, int, int], faces: int, levels: Sequence[np.ndarray], orientation: bytes) -> bytes:
+    """Return a file of levels of light, (..., 3) float, the largest first.
+
+    size:         width, height and depth of the first level
+    orientation:  directions of the axes
+    """
+    data = [rgb9e5(level).astype("<u4").tobytes() for level in levels]
+    descriptor, facts = _descriptor(), _key_values(orientation)
+    descriptor_at = _HEADER + _LEVEL * len(data)
+    facts_at = descriptor_at + len(descriptor)
     level_at = -(-(facts_at + len(facts)) // 4) * 4
-    header = struct.pack("<9I", _FORMAT, _TYPE_SIZE, width, height, depth, 0, 1, 1, 0)
-    index = struct.pack("<4I2Q", _HEADER + _LEVEL, len(descriptor), facts_at, len(facts), 0, 0)
-    level = struct.pack("<3Q", level_at, len(data), len(data))
-    return (_IDENTIFIER + header + index + level + descriptor + facts).ljust(level_at, b"\0") + data
+    header = struct.pack("<9I", _FORMAT, _TYPE_SIZE, *size, 0, faces, len(data), 0)
+    index = struct.pack("<4I2Q", descriptor_at, len(descriptor), facts_at, len(facts), 0, 0)
+
+    # The index lists the largest level first, the data begins with the smallest (KTX 2.0, 3.9.7).
+    ends = level_at + np.cumsum([len(level) for level in reversed(data)])[::-1]
+    places = [
+        struct.pack("<3Q", end - len(level), len(level), len(level))
+        for level, end in zip(data, ends.tolist(), strict=True)
+    ]
+    start = (_IDENTIFIER + header + index + b"".join(places) + descriptor + facts).ljust(level_at, b"\0")
+    return start + b"".join(reversed(data))
 
 
 def _unit(exponent: np.ndarray) -> np.ndarray:
@@ -68,7 +96,7 @@ def _descriptor() -> bytes:
     return struct.pack(f"<{len(words) + 1}I", 4 * len(words) + 4, *words)
 
 
-def _key_values() -> bytes:
-    """Return the metadata: orientation of the axes (right, down, in) and writer."""
-    entries = [b"KTXorientation\0rdi\0", b"KTXwriter\0Hemibake\0"]
+def _key_values(orientation: bytes) -> bytes:
+    """Return the metadata: directions of the axes, such as "rdi" for right, down and in, and the writer."""
+    entries = [b"KTXorientation\0" + orientation + b"\0", b"KTXwriter\0Hemibake\0"]
     return b"".join(struct.pack("<I", len(entry)) + entry + b"\0" * (-len(entry) % 4) for entry in entries)

@@ -97,6 +97,19 @@ class ProbeGrid:
 
 
 @dataclass(frozen=True)
+class ReflectionCube:
+    """Radiance around a reflection sphere, as a prefiltered cube map.
+
+    sphere:  index into `Scene.reflection_spheres`
+    levels:  (6, s, s, 3) float32 each, W/(m^2 sr), faces of width s as in engine/reflections/cube_faces.py,
+             top row first. Level k of n has GGX alpha (k / (n - 1))^2 and half the width of the one before
+    """
+
+    sphere: int
+    levels: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True)
 class BakeResult:
     """Lightmaps of all atlases; row 0 is the bottom row (v = 0), as in OpenGL and Blender.
 
@@ -109,6 +122,7 @@ class BakeResult:
     report:     report of the bake
     passes:     each output map by name, processed like `display`; names and units are in `engine.outputs`
     probes:     radiance at the probes of each volume
+    reflections:  cube map of each sphere
     """
 
     atlases: tuple[str, ...]
@@ -119,3 +133,4 @@ class BakeResult:
     report: Report = field(repr=False)
     passes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     probes: tuple[ProbeGrid, ...] = field(default=(), repr=False)
+    reflections: tuple[ReflectionCube, ...] = field(default=(), repr=False)

@@ -7,13 +7,14 @@ visibility comes from cached rays; method "paper" draws radiance hemicubes in ev
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from .bake_result import BakeResult, ProbeGrid, Report
+from .bake_result import BakeResult, ProbeGrid, ReflectionCube, Report
 from .bake_state import BakeState, Inspect, ignore
 from .device.cl_device import ComputeDevice
 from .device.device_array import Values
@@ -22,6 +23,7 @@ from .direct.contact import Contacts
 from .direct.emitters import SampledTriangles
 from .direct.lighting import DirectLighting
 from .patches.patch_scene import PatchScene
+from .patches.seams import Seams
 from .patches.sides import both_sides
 from .plan.choose_solver import choose_solver
 from .plan.limits import check_limits, check_patch_count
@@ -37,6 +39,7 @@ from .postprocess.output_names import output_names
 from .postprocess.store import LightmapImages
 from .probes.gather_probes import gather_probes, probe_warnings
 from .progress import Progress
+from .reflections.gather_reflections import gather_reflections, reflection_warnings
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solution import Solution
@@ -162,9 +165,11 @@ def _bake(
     # Radiance over the sphere at the probes of volumes, from the solved patches.
     probes, probe_notes = yield from _probes(stages, texels, solution, validity, contacts)
 
-    # Final images: denoised, equal across seams, dilated (VI.B).
+    # Final images: denoised, equal across seams, dilated (VI.B). Reflection cubes show them.
     finishing = Finishing(store, texels, solution, made, gathered)
-    passes = yield from finishing.images(stages, seams)
+    passes, cubes, cube_notes = yield from _shown(
+        stages, finishing, texels, solution, validity, contacts, seams
+    )
     inspect(
         BakeState(
             scene, len(atlases), settings, patch_scene, rays, contacts, solution, validity, made, gathered,
@@ -183,7 +188,14 @@ def _bake(
         added_flux=tuple(solution.energies),
         seconds=stages.seconds,
         devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
-        warnings=(*notes, *patch_scene.warnings, *lighting.warnings, *probe_notes, *finishing.warnings),
+        warnings=(
+            *notes,
+            *patch_scene.warnings,
+            *lighting.warnings,
+            *probe_notes,
+            *cube_notes,
+            *finishing.warnings,
+        ),
         integrator=choice.integrator,
         energy=solution.energy(solved.parts.surfaces.emission),
     )
@@ -196,6 +208,7 @@ def _bake(
         report,
         passes,
         probes,
+        cubes,
     )
 
 
@@ -318,3 +331,29 @@ def _probes(
         return (), warnings
     gathering = gather_probes(texels, solution, validity, contacts)
     return (yield from stages.run(stages.probes, gathering)), warnings
+
+
+def _shown(
+    stages: BakeStages,
+    finishing: Finishing,
+    texels: TexelGatherJob,
+    solution: Solution,
+    validity: np.ndarray,
+    contacts: Contacts,
+    seams: Future[Seams] | None,
+) -> Generator[Progress, None, tuple[dict[str, np.ndarray], tuple[ReflectionCube, ...], tuple[str, ...]]]:
+    """Return the final images by output, the reflection cubes that show them, and warnings.
+
+    validity:  (n,) float32, validity of the patches from `valid_front`
+    contacts:  contacts of the patches
+    seams:     pairs of points with equal light; None to leave seams visible
+    """
+    images = yield from finishing.images(stages, seams)
+    if not (texels.job.settings.reflection_cubes and texels.scene.reflection_spheres):
+        return images, (), ()
+    warnings = reflection_warnings(texels)
+    if texels.job.compute is None:
+        return images, (), warnings
+    gathering = gather_reflections(texels, solution, validity, contacts, images)
+    cubes, notes = yield from stages.run(stages.reflections, gathering)
+    return images, cubes, (*warnings, *notes)

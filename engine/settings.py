@@ -75,6 +75,11 @@ _TEXEL_SAMPLES = {
     },
 }
 
+_CUBE_SIZES = {
+    width: Option(str(width), f"{width} texels; a cube takes {32 * width * width >> 10:,} KiB of GPU memory")
+    for width in (64, 128, 256, 512, 1024)
+}
+
 _DENOISE_DEVICES = {
     "cpu": Option("CPU", "Always available"),
     "cuda": Option("CUDA", "NVIDIA GPU"),
@@ -222,6 +227,22 @@ class Settings:
         "Indirect Only",
         "Leave the direct light of lamps out of light probes, for engines that compute it",
         Switch(),
+        "outputs",
+        invalidates=(),
+    )
+    reflection_cubes: bool = described(
+        False,
+        "Reflection Cubes",
+        "Bake a cube map at each Light Probe Sphere, for reflections in engines. Files for each sphere",
+        Switch(),
+        "outputs",
+        invalidates=(),
+    )
+    reflection_size: int = described(
+        256,
+        "Cube Resolution",
+        "Width of the faces of reflection cubes",
+        OneOf(_CUBE_SIZES),
         "outputs",
         invalidates=(),
     )

@@ -53,6 +53,9 @@ _ADAPTED = 0.5
 #: Assumed fraction of patches with supersampled texels.
 _REFINED = 0.15
 
+#: Samples of a texel of a reflection cube: four rays, and filters that take as long (measured).
+_CUBE_SAMPLES = 8
+
 #: Names of the paces of visibility samples.
 _FINDING = ("Visibility rays", "Visibility raster")
 
@@ -75,6 +78,7 @@ class Extent:
 
     tinted:  True if a surface tints transmitted light, which makes visibility samples larger
     probes:  number of light probes
+    cubes:   number of reflection cubes
     """
 
     atlases: int
@@ -83,6 +87,7 @@ class Extent:
     light_groups: int = 1
     tinted: bool = False
     probes: int = 0
+    cubes: int = 0
 
     @classmethod
     def of(cls, scene: Scene) -> Extent:
@@ -91,7 +96,8 @@ class Extent:
         groups = len(light_group_names(scene))
         lamps = len(shining_lights(scene))
         probes = sum(volume.count for volume in scene.probe_volumes)
-        return cls(len(scene.atlases), triangles, lamps, groups, is_tinted(scene), probes)
+        cubes = len(scene.reflection_spheres)
+        return cls(len(scene.atlases), triangles, lamps, groups, is_tinted(scene), probes, cubes)
 
 
 def _filtered_images(settings: Settings) -> int:
@@ -105,6 +111,11 @@ def _probe_rays(extent: Extent, settings: Settings) -> int:
     return extent.probes * settings.light_probes * (settings.probe_samples + shadow_rays)
 
 
+def _cube_samples(extent: Extent, settings: Settings) -> int:
+    """Return the number of rays and of samples of filters of all reflection cubes."""
+    return _CUBE_SAMPLES * 6 * settings.reflection_size**2 * extent.cubes * settings.reflection_cubes
+
+
 class BakeStages(Schedule):
     """Schedule of a bake; each stage has its own unit of work.
 
@@ -115,6 +126,7 @@ class BakeStages(Schedule):
         choosing   once                    denoising   texels
         texels     samples of patches      images      texels
         light_groups  samples of patches   probes      rays
+        reflections   samples
 
     paces:  seconds for each unit of each stage in earlier bakes, by name; `learn` updates them
     """
@@ -143,13 +155,14 @@ class BakeStages(Schedule):
         self.light_groups = self._stage("Light groups", 0, _RAY)
         self.light_groups.like = self.visibility
         self.probes = self._stage("Light probes", _probe_rays(extent, settings), _RAY)
+        self.reflections = self._stage("Reflection cubes", _cube_samples(extent, settings), _RAY)
         more = (extent.light_groups - 1) * settings.by_light_groups
         filtered = texels * (_filtered_images(settings) + more) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
         maps = sum(len(OUTPUTS[name].maps) or 1 for name in settings.outputs) + more
         self.images = self._stage("Images", texels * maps, _TEXEL)
         gathering = (self.visibility, self.bounces, self.final, self.texels, self.light_groups)
-        self._casting = (self.first, self.direct, self.outputs, self.probes, *gathering)
+        self._casting = (self.first, self.direct, self.outputs, self.probes, self.reflections, *gathering)
         names = list(self._names)
         after = names.index(self.direct) + 1
         super().__init__([names[0], self.early_preparing, *names[1:after], self.preparing, *names[after:]])
@@ -169,6 +182,7 @@ class BakeStages(Schedule):
             "texels": self.texels.seconds,
             "light groups": self.light_groups.seconds,
             "light probes": self.probes.seconds,
+            "reflection cubes": self.reflections.seconds,
             "denoising": self.denoising.seconds,
         }
 

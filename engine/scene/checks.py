@@ -11,6 +11,7 @@ from .cutouts import is_tinted_material, transmission_maps, transmittances
 from .model import LIGHT_KINDS, NO_LIGHTMAP, Light, Material, Mesh, Scene
 from .probe_volume import MAX_PROBES, ProbeVolume, volume_issue
 from .profile import check_profile
+from .reflection_sphere import ReflectionSphere, sphere_issue
 from .texture import Texture
 from .transmission import Transmittance
 
@@ -66,6 +67,7 @@ def check_scene(scene: Scene) -> None:
         check_light(light)
     check_world(scene.world)
     check_probe_volumes(scene.probe_volumes)
+    check_reflection_spheres(scene.reflection_spheres)
 
 
 def check_size(scene: Scene) -> None:
@@ -293,3 +295,11 @@ def check_probe_volumes(volumes: Sequence[ProbeVolume]) -> None:
         raise SceneError(
             f"Light Probe Volumes: {count:,} probes exceed {MAX_PROBES:,} in total. Lower their resolutions."
         )
+
+
+def check_reflection_spheres(spheres: Sequence[ReflectionSphere]) -> None:
+    """Raise SceneError with the sphere's name if its cube map cannot be baked."""
+    for sphere in spheres:
+        issue = sphere_issue(sphere)
+        if issue is not None:
+            raise SceneError(f"Light Probe Sphere '{sphere.name}': {issue}")

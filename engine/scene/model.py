@@ -8,6 +8,7 @@ import numpy as np
 
 from .probe_volume import ProbeVolume
 from .profile import Profile
+from .reflection_sphere import ReflectionSphere
 from .texture import Texture
 from .transmission import Transmission
 
@@ -170,6 +171,7 @@ class Scene:
     world_light_group:  name of the world's light group
     metres_per_unit:    metres per scene unit, for messages only: coordinates and settings are in scene units
     probe_volumes:      grids of points that get the radiance from all directions
+    reflection_spheres: points that get a cube map
     """
 
     meshes: tuple[Mesh, ...]
@@ -182,6 +184,7 @@ class Scene:
     world_light_group: str = ""
     metres_per_unit: float = 1.0
     probe_volumes: tuple[ProbeVolume, ...] = ()
+    reflection_spheres: tuple[ReflectionSphere, ...] = ()
 
 
 def shining_lights(scene: Scene) -> tuple[Light, ...]:

@@ -18,13 +18,14 @@ from operator import attrgetter
 from typing import Any
 
 from .. import errors
-from ..bake_result import BakeResult, FluxBalance, ProbeGrid, Report
+from ..bake_result import BakeResult, FluxBalance, ProbeGrid, ReflectionCube, Report
 from ..device.device_info import DeviceInfo, DeviceSurvey
 from ..object_message import ObjectMessage
 from ..progress import Progress
 from ..scene.model import BackSide, Light, Material, Mesh, Scene
 from ..scene.probe_volume import ProbeVolume
 from ..scene.profile import Profile
+from ..scene.reflection_sphere import ReflectionSphere, ReflectionVolume
 from ..scene.scene_changes import SceneChanges
 from ..scene.texture import Texture
 from ..scene.transmission import Transmission, Transmittance
@@ -54,6 +55,9 @@ RECORDS: dict[str, type] = {
         ProbeGrid,
         ProbeVolume,
         Progress,
+        ReflectionCube,
+        ReflectionSphere,
+        ReflectionVolume,
         Report,
         Scene,
         Settings,

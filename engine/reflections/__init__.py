@@ -1,0 +1,1 @@
+"""Reflection cubes: radiance cube maps at points, gathered from the solved patches and prefiltered."""

@@ -1,0 +1,213 @@
+"""Radiance of cube maps by rays from a point: light from surfaces, with their textures, and from the sky."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..array_ops import to_float4
+from ..device.buffers import download, upload, upload_once
+from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
+from ..device.time_slicer import sliced
+from ..patches.patch_scene import PatchScene
+from ..scene.cutouts import EXTENSIONS
+from ..scene.model import Light, Scene
+from ..scene.texture import Texture
+from ..visibility.rays.ray_tracer import RayTracer
+from ..visibility.rays.receiver_records import RECEIVER
+from .cube_faces import texel_solid_angles, texels_of
+from .surface_colors import SurfaceColors, TexturedPart, texture_corners
+
+#: Rays along each axis of a texel (chosen).
+SIDE = 2
+
+#: Maximum number of samples in memory at once; each takes 64 bytes (chosen).
+_BATCH = 1 << 21
+
+#: Points on the disk of the sky's sun (chosen).
+_SUN_POINTS = 256
+
+#: Maximum size of the textures that stay on the device between cube maps, bytes (chosen).
+_KEPT_TEXTURES = 1 << 29
+
+#: Golden ratio, whose multiples are even angles.
+_GOLDEN = (1 + np.sqrt(5)) / 2
+
+
+@dataclass(frozen=True)
+class PatchLight:
+    """Light of the solved patches.
+
+    light:  (n, 4) float32, E/pi of each patch and its weight in interpolation
+    dark:   luminance below which a back face indicates the inside of geometry
+    """
+
+    light: np.ndarray
+    dark: float
+
+
+class CubeTracer:
+    """Rays of cube maps through a scene with known light.
+
+    scene:   scene with charts for all objects
+    parts:   its patches
+    light:   light of the patches
+    """
+
+    def __init__(
+        self, compute: ComputeDevice, rays: RayTracer, scene: Scene, parts: PatchScene, light: PatchLight
+    ) -> None:
+        self._compute, self._rays, self._scene, self._parts = compute, rays, scene, parts
+        triangles = self._triangles = parts.triangles
+        self._colors = SurfaceColors(scene.materials)
+        self._textures = dict[int, cl.Buffer]()
+        self._kept_bytes = 0
+        (self._trace,) = rays.kernels(
+            (RECEIVER, "trace_cube.cl"), "trace_cube", options=("-DDITHERED", f"-DSIDE={SIDE}")
+        )
+        (self._shade,) = compute.kernels("shade_cube.cl", "add_textured")
+        backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
+        arrays = triangles.uvs, triangles.atlas, parts.texel_to_patch
+        lookups = (upload_once(compute, array) for array in arrays)
+        sky = np.atleast_3d(scene.world.astype(np.float32)).reshape(-1, 3)
+        height, width = scene.world.shape[:2] if scene.world.ndim == 3 else (1, 1)
+        padded = np.zeros((len(light.light) + 2, 4), np.float32)
+        padded[1:-1] = light.light
+        self._inputs = (
+            *rays.arguments, *lookups, np.int32(parts.patches.resolution), backs,
+            upload_once(compute, triangles.material), upload(compute, self._colors.constants),
+            np.int32(self._colors.count), upload(compute, padded), np.int32(triangles.solid),
+            np.float32(light.dark), upload(compute, to_float4(sky)), np.int32(width), np.int32(height),
+        )  # fmt: skip
+        self._suns = [lamp for lamp in scene.lights if lamp.of_world and lamp.strength.any()]
+        self._size = int(triangles.mesh.size).bit_length()
+
+    def faces(self, position: np.ndarray, size: int) -> Generator[float, None, tuple[np.ndarray, float]]:
+        """Return the radiance around a point, (6, size, size, 3) float32; yield progress 0..1.
+
+        The second value is the fraction of the rays that do not hit the inside of geometry.
+
+        position:  (3,) float64, m, relative to `Scene.origin`
+        """
+        point = np.asarray(position, np.float64) - self._triangles.origin
+        count, at_once = 6 * size * size, max(1, _BATCH // SIDE**2)
+        parts, outside = [], 0.0
+        for first in range(0, count, at_once):
+            last = min(first + at_once, count)
+            batch = _Batch(self._compute, SIDE**2 * first, SIDE**2 * last)
+            for end in self._traced(point, size, batch):
+                yield end / (SIDE**2 * count)
+            outside += self._add_textured(batch)
+            parts.append(batch.texels())
+        faces = np.concatenate(parts).reshape(6, size, size, 3)
+        self._add_suns(faces, point)
+        return faces, outside / (SIDE**2 * count)
+
+    def _traced(self, point: np.ndarray, size: int, batch: _Batch) -> Generator[int, None, None]:
+        """Trace the samples of a batch; yield the end of each slice."""
+        inputs = *self._inputs, to_float4(point[None])[0], np.int32(size), np.int32(batch.first)
+
+        def launch(start: int, end: int) -> None:
+            arguments = (*inputs, *batch.buffers, np.int32(start), np.int32(end))
+            self._compute.run(self._trace, end - start, *arguments)
+
+        slices = self._compute.slice_size(self._trace, self._size)
+        yield from sliced(self._compute.queue, batch.first, batch.last, launch, slices)
+
+    def _add_textured(self, batch: _Batch) -> float:
+        """Add the textured parts of the light of a batch; return the number of rays that are outside."""
+        surfaces, triangles = batch.hits()
+        for surface, parts in self._colors.textured.items():
+            chosen = np.flatnonzero(surfaces == surface)
+            if len(chosen):
+                self._shade_surface(batch, chosen, triangles[chosen], parts)
+        return batch.outside()
+
+    def _shade_surface(
+        self, batch: _Batch, chosen: np.ndarray, triangles: np.ndarray, parts: Sequence[TexturedPart]
+    ) -> None:
+        """Add the textured parts of one surface to the samples that hit it, (k,) int64."""
+        compute, hit = self._compute, np.unique(triangles)
+        places = np.zeros(len(self._triangles.mesh), np.int32)
+        places[hit] = np.arange(len(hit))
+        samples = upload(compute, chosen.astype(np.int32)), batch.hit_buffer, batch.weights
+        for part in parts:
+            texture = part.texture
+            corners = texture_corners(self._scene.meshes, self._triangles.mesh, hit, texture)
+            height, width = texture.pixels.shape[:2]
+            compute.run(
+                self._shade, len(chosen), *samples, upload(compute, places), upload(compute, corners),
+                self._pixels(texture), np.int32(width), np.int32(height),
+                np.int32(EXTENSIONS.index(texture.extension)), np.int32(texture.smooth),
+                np.int32(texture.srgb), to_float4(part.color[None])[0],
+                batch.received if part.reflects else batch.through, batch.radiance, np.int32(len(chosen)),
+            )  # fmt: skip
+        compute.queue.finish()
+
+    def _pixels(self, texture: Texture) -> cl.Buffer:
+        """Return the pixels of a texture on the device; kept for the next cube map if there is memory."""
+        key = id(texture.pixels)
+        if key not in self._textures:
+            pixels = upload(self._compute, texture.pixels)
+            if self._kept_bytes + texture.pixels.nbytes > _KEPT_TEXTURES:
+                return pixels
+            self._kept_bytes += texture.pixels.nbytes
+            self._textures[key] = pixels
+        return self._textures[key]
+
+    def _add_suns(self, faces: np.ndarray, point: np.ndarray) -> None:
+        """Add the suns of the sky, which are no part of the world's radiance, to faces."""
+        for sun in self._suns:
+            ways = sun_directions(sun)
+            origins = np.broadcast_to(point, ways.shape)
+            arriving = self._rays.transmittance(origins, ways, np.inf) * sun.strength / len(ways)
+            size = faces.shape[1]
+            texels = texels_of(ways, size)
+            angles = np.broadcast_to(texel_solid_angles(size), (6, size, size)).reshape(-1)[texels]
+            np.add.at(faces.reshape(-1, 3), texels, (arriving / angles[:, None]).astype(np.float32))
+
+
+class _Batch:
+    """Consecutive samples of a cube map on the OpenCL device.
+
+    first, last:  index of the first sample, and of the first one after the batch
+    """
+
+    def __init__(self, compute: ComputeDevice, first: int, last: int) -> None:
+        self._compute, self.first, self.last = compute, first, last
+        self.count = last - first
+        flags = cl.mem_flags.READ_WRITE
+        sizes = 8, 8, 16, 16, 16
+        buffers = tuple(cl.Buffer(compute.context, flags, size * self.count) for size in sizes)
+        self.hit_buffer, self.weights, self.received, self.through, self.radiance = self.buffers = buffers
+
+    def hits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return surface, -1 for the sky, and triangle of each sample, (k,) int32 each."""
+        surfaces, triangles = download(self._compute, self.hit_buffer, (self.count, 2)).view(np.int32).T
+        return surfaces, triangles
+
+    def outside(self) -> float:
+        """Return the number of samples that do not hit the inside of geometry."""
+        return float(download(self._compute, self.received, (self.count, 4))[:, 3].sum(dtype=np.float64))
+
+    def texels(self) -> np.ndarray:
+        """Return the mean radiance of each texel, (k, 3) float32."""
+        samples = download(self._compute, self.radiance, (self.count, 4))
+        means: np.ndarray = samples.reshape(-1, SIDE**2, 4)[..., :3].mean(axis=1)
+        return means
+
+
+def sun_directions(sun: Light) -> np.ndarray:
+    """Return unit directions, (n, 3) float64, evenly distributed over the disk of a sun."""
+    z = np.asarray(sun.axes[2], np.float64)
+    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+    x /= np.linalg.norm(x)
+    y = np.cross(z, x)
+    radius = np.sqrt((np.arange(_SUN_POINTS) + 0.5) / _SUN_POINTS)[:, None] * np.sin(sun.half_angle)
+    phi = (2 * np.pi * np.arange(_SUN_POINTS) / _GOLDEN)[:, None]
+    across = radius * (np.cos(phi) * x + np.sin(phi) * y)
+    directions: np.ndarray = across + np.sqrt(1 - radius**2) * z
+    return directions

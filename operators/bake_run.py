@@ -39,12 +39,14 @@ from .result.preview import renew_preview, show_preview, shows_preview
 from .result.probe_files import probe_files
 from .result.probe_images import keep_probes
 from .result.progress_images import ProgressImages, image_names
+from .result.reflection_files import reflection_files
 from .rollback import Rollback
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
 from .scene.bake_targets import only_targets, target_uids
 from .scene.overlaps import without_overlaps
 from .scene.probe_volumes import count_probes
+from .scene.reflection_spheres import count_spheres
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs
 from .scene.uvs.uv_snapshot import UvSnapshot
@@ -193,9 +195,8 @@ class BakeRun:
         triangles = 2 * sum(len(obj.data.polygons) for obj in objects)
         faces = sum(len(obj.data.polygons) for obj in objects if not has_uvs(obj, self._uv_layer))
         settings = replace(self._settings, resolution=resolution)
-        self._stages.foresee(
-            Extent(atlases, triangles, lamps, probes=count_probes(self._context)), faces, settings
-        )
+        probes, cubes = count_probes(self._context), count_spheres(self._context)
+        self._stages.foresee(Extent(atlases, triangles, lamps, probes=probes, cubes=cubes), faces, settings)
 
     def _choose_targets(self, wanted: set[int]) -> Steps:
         """Select the objects to bake by the target; raises SceneError if there is none."""
@@ -363,14 +364,18 @@ class BakeRun:
         try:
             scene = self._context.scene
             contents = lightmap_contents(scene, self._read, self._settings, self._uv_layer, self._kept)
-            probes = probe_files(lightmap.probes, self._read.scene.origin, self._destination)
+            baked = self._read.scene
+            probes = probe_files(lightmap.probes, baked.origin, self._destination)
+            cubes = reflection_files(
+                lightmap.reflections, baked.reflection_spheres, baked.origin, self._destination
+            )
             states = manifest_states(scene)
-            files = images.store(targets, pixels, self._destination, contents, states, probes)
+            files = images.store(targets, pixels, self._destination, contents, states, probes, cubes)
         except EngineError as error:
             self.failure = str(error)
             return [], []
         notes = clipping_notes(self._read, files[-len(pixels) :], lightmap.has_patch)
-        return [str(self._destination.folder / file.name) for file in (*files, *probes)], list(notes)
+        return [str(self._destination.folder / file.name) for file in (*files, *probes, *cubes)], list(notes)
 
     def _baked_names(self, lost: dict[int, str]) -> set[str]:
         """Return the names of the objects that have new lightmaps."""
@@ -414,6 +419,10 @@ class BakeRun:
         if self._destination.folder is None and self._read.scene.probe_volumes:
             notes.append(
                 "Light Probes: the .blend is not saved, so they have no file. Save it and bake again."
+            )
+        if self._destination.folder is None and self._read.scene.reflection_spheres:
+            notes.append(
+                "Reflection Cubes: the .blend is not saved, so they have no file. Save it and bake again."
             )
         return notes
 

@@ -64,8 +64,8 @@ class LiveRun(BakeRun):
         self._begun_with, self._next_look = self._chosen_settings(), 0.0
 
     def _read_settings(self) -> Settings:
-        """Return the settings of the scene without light probes, which Live does not bake."""
-        return replace(super()._read_settings(), light_probes=False)
+        """Return the settings of the scene without probes and reflection cubes, which Live does not bake."""
+        return replace(super()._read_settings(), light_probes=False, reflection_cubes=False)
 
     def _chosen_target(self) -> str:
         """Return "ALL", since a change may affect the light of all objects."""
@@ -150,7 +150,8 @@ class LiveRun(BakeRun):
         """Return all settings that require a new run when they change; raises SettingsError."""
         chosen = self._context.scene.hemibake
         width = chosen.size_mode, texels_per_unit(chosen), chosen.largest_width
-        return replace(read_settings(chosen), centres=False, light_probes=False), chosen.uv_layer, *width
+        settings = replace(read_settings(chosen), centres=False, light_probes=False, reflection_cubes=False)
+        return settings, chosen.uv_layer, *width
 
     def _take(self, lightmap: BakeResult) -> None:
         """Store the finished lightmaps of the last sent scene."""

@@ -17,6 +17,7 @@ from . import (
     outputs,
     preferences,
     presets,
+    reflection_cubes,
 )  # fmt: skip
 
 #: Modules of panels, in the order of the sidebar.
@@ -30,6 +31,7 @@ _PANELS = (
     outputs,
     light_groups,
     light_probes,
+    reflection_cubes,
     advanced,
 )
 

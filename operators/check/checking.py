@@ -19,6 +19,7 @@ from ..scene.bake_targets import target_uids
 from ..scene.materials.tint_nodes import may_tint
 from ..scene.objects.visible import visible_objects
 from ..scene.probe_volumes import count_probes
+from ..scene.reflection_spheres import count_spheres
 from ..worker_manager import owner
 from .faces import (
     centres_of,
@@ -104,7 +105,8 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
 def _extent(context: SceneContext, triangles: int) -> Extent:
     """Return the extent of a scene with a number of triangles, without its lightmaps."""
     lamps = sum(obj.type == "LIGHT" for obj in visible_objects(context))
-    return Extent(0, triangles, lamps, tinted=_is_tinted(context), probes=count_probes(context))
+    tinted, probes, cubes = _is_tinted(context), count_probes(context), count_spheres(context)
+    return Extent(0, triangles, lamps, tinted=tinted, probes=probes, cubes=cubes)
 
 
 def _is_tinted(context: SceneContext) -> bool:

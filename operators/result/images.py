@@ -21,6 +21,7 @@ from .files import reason, replace_all, staging_folder
 from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
 from .probe_files import ProbeFile, probe_sections
+from .reflection_files import ReflectionFile, reflection_sections
 
 #: Custom property that marks a lightmap image; its value is the atlas name.
 MARK = "hemibake_atlas"
@@ -86,8 +87,9 @@ def store(
     facts: list[dict],
     states: Mapping[str, dict],
     probes: Sequence[ProbeFile] = (),
+    cubes: Sequence[ReflectionFile] = (),
 ) -> list[LightmapFile]:
-    """Write the files of lightmaps and light probes, assign shown files to images, return the lightmaps'.
+    """Write the files of lightmaps, probes and cubes, assign shown files to images, return the lightmaps'.
 
     Images that the user has packed stay packed. Without a folder the images are packed into the .blend, and
     there are no files. If writing fails, old files stay, the images are packed, and EngineError is raised.
@@ -97,13 +99,14 @@ def store(
     facts:      manifest entries of each
     states:     light states of the scene for the manifest
     probes:     files of light probes
+    cubes:      files of reflection cubes
     """
     if destination.folder is None:
         _pack_all(images, lightmaps, destination)
         return []
     files = list(lightmap_files(lightmaps, destination, facts))
     try:
-        write_all(files, destination, states, probes)
+        write_all(files, destination, states, probes, cubes)
     except (OSError, RuntimeError) as error:
         _pack_all(images, lightmaps, destination)
         raise EngineError(
@@ -149,6 +152,7 @@ def write_all(
     destination: Destination,
     states: Mapping[str, dict],
     probes: Sequence[ProbeFile] = (),
+    cubes: Sequence[ReflectionFile] = (),
 ) -> None:
     """Write all files and the manifest, or none; raises OSError or RuntimeError.
 
@@ -156,21 +160,29 @@ def write_all(
 
     states:  light states of the scene for the manifest
     probes:  files of light probes
+    cubes:   files of reflection cubes
     """
     folder, names = destination.folder, [file.name for file in files]
     with staging_folder(folder) as staging:
         staged = [staging / f"{index}{Path(name).suffix}" for index, name in enumerate(names)]
-        staged_probes = [
-            staging / f"probes{index}{Path(file.name).suffix}" for index, file in enumerate(probes)
-        ]
-        for path, file in zip([*staged, *staged_probes], [*files, *probes], strict=True):
+        staged_probes, staged_cubes = (
+            [staging / f"{kind}{index}{Path(file.name).suffix}" for index, file in enumerate(group)]
+            for kind, group in (("probes", probes), ("cubes", cubes))
+        )
+        for path, file in zip(
+            [*staged, *staged_probes, *staged_cubes], [*files, *probes, *cubes], strict=True
+        ):
             file.write(path)
         owner = {"blend": destination.blend, "scene": destination.scene}
         manifest, entries = staging / NAME, [{**owner, **file.entry} for file in files]
-        sections = {"states": dict(states), **probe_sections(destination, staged_probes, probes)}
+        sections = {
+            "states": dict(states),
+            **probe_sections(destination, staged_probes, probes),
+            **reflection_sections(destination, staged_cubes, cubes),
+        }
         write_manifest(manifest, folder, staged, names, entries, sections)
-        names += [file.name for file in probes]
-        all_staged = [manifest, *staged, *staged_probes]
+        names += [file.name for file in (*probes, *cubes)]
+        all_staged = [manifest, *staged, *staged_probes, *staged_cubes]
         replace_all(all_staged, [folder / name for name in (NAME, *names)], staging)
 
 

@@ -90,7 +90,7 @@ def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Des
     folder = destination.folder
     if folder is None:
         return []
-    ours = _checksums([entry for entry in _known(folder) if _is_own(entry, destination)])
+    ours = _checksums([entry for entry in _known(folder) if is_own(entry, destination)])
     taken: set[str] = set()
     files = []
     for grid in grids:
@@ -100,7 +100,7 @@ def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Des
             name
             for name in numbered
             if name.casefold() not in taken
-            and all(_may_write(folder / f"{name}{ending}", ours) for ending in (_ATLAS, _TEXTURE))
+            and all(may_write(folder / f"{name}{ending}", ours) for ending in (_ATLAS, _TEXTURE))
         )
         taken.add(name.casefold())
         entry = _entry(name, grid, origin, destination)
@@ -120,7 +120,7 @@ def probe_sections(
     if not files:
         return {}
     sums = {file.name: checksum(path) for path, file in zip(staged, files, strict=True)}
-    others = [entry for entry in _known(destination.folder) if not _is_own(entry, destination)]
+    others = [entry for entry in _known(destination.folder) if not is_own(entry, destination)]
     mine = [
         {**file.entry, "sha256": sums[file.name], "ktx2_sha256": sums[file.entry["ktx2"]]}
         for file in files
@@ -134,7 +134,7 @@ def _known(folder: Path) -> list[dict]:
     return list(read_sections(folder).get("probes", []))
 
 
-def _is_own(entry: dict, destination: Destination) -> bool:
+def is_own(entry: dict, destination: Destination) -> bool:
     """Return True if a bake of the same scene wrote an entry."""
     same = entry.get("blend") == destination.blend
     return same and not is_of_another_scene(entry, destination.scene)
@@ -165,7 +165,7 @@ def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, destination: Destinat
     }
 
 
-def _may_write(path: Path, ours: dict[str, str]) -> bool:
+def may_write(path: Path, ours: dict[str, str]) -> bool:
     """Return True if no file has the path, or one that Hemibake wrote; ours: checksums by file.
 
     A file that cannot be read, such as one that another program has locked, counts as another program's.

@@ -52,6 +52,7 @@ def comparison_settings(settings: Settings) -> Settings:
         checkpoint_space=0,
         patch_file=None,
         light_probes=False,
+        reflection_cubes=False,
         scheduler="",
     )
 

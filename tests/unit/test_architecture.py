@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDERS = {
     "engine": [
         "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "pipeline",
-        "texel_trace", "bake_state", "probes", "texel_gather", "plan",
+        "texel_trace", "bake_state", "probes", "reflections", "texel_gather", "plan",
         "postprocess", "solve", "gather", "direct", "validity", "visibility", "patches",
         "denoise",
         "device", "unwrap", "encoding", "scene", "resume", "settings", "outputs", "setting_types", "quality",
@@ -41,7 +41,8 @@ ORDERS = {
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
         "read_lights",
-        "read_stages", "fingerprints", "probe_volumes", "invalid_values", "world_mesh", "uv_layout",
+        "read_stages", "fingerprints", "probe_volumes", "reflection_spheres", "invalid_values",
+        "world_mesh", "uv_layout",
         "overlap_layout", "uv_transform", "skyline_packing",
         "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context",
         "slice_timer", "units", "bake_records",

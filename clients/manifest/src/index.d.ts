@@ -27,6 +27,7 @@ export interface Manifest {
   groups: Group[];
   states: States;
   probes: object[];
+  reflections: object[];
 }
 
 export interface MapFile { file: string; entry: Entry }

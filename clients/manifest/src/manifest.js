@@ -15,7 +15,7 @@ const SHOWN = ['combined', 'direct', 'indirect', 'ambient_occlusion'];
  * Checks a parsed manifest. Returns { manifest, problems }; the manifest is empty if its version is unknown.
  */
 export function readManifest(json, name = 'hemibake.json') {
-  const empty = { version: VERSION, lightmaps: {}, objects: [], groups: [], states: {}, probes: [] };
+  const empty = { version: VERSION, lightmaps: {}, objects: [], groups: [], states: {}, probes: [], reflections: [] };
   if (json === null || typeof json !== 'object' || typeof json.lightmaps !== 'object') {
     return { manifest: empty, problems: [`${name}: no manifest of lightmaps. Export again.`] };
   }

@@ -51,7 +51,8 @@ def write_cube(folder, name, at, middle, radiance):
     sphere = spheres.ReflectionSphere(name, at, volume, volume)
     cube = part("engine.bake_result").ReflectionCube(0, tuple(filtered))
     files = part("operators.result.reflection_files")
-    entry = files._entry(name, cube, sphere, np.zeros(3), "")
+    owner = part("operators.result.destination").Destination(folder, (), str(folder))
+    entry = files._entry(name, cube, sphere, np.zeros(3), owner)
     for file in entry["files"]:
         files.ReflectionFile(file, cube, entry).write(folder / file)
     return entry

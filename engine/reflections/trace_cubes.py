@@ -120,9 +120,10 @@ class CubeTracer:
     def _add_textured(self, batch: _Batch) -> float:
         """Add the textured parts of the light of a batch; return the number of rays that are outside."""
         surfaces, triangles = batch.hits()
+        hit = np.bincount(surfaces + 1, minlength=2 * self._colors.count + 1)[1:]
         for surface, parts in self._colors.textured.items():
-            chosen = np.flatnonzero(surfaces == surface)
-            if len(chosen):
+            if hit[surface]:
+                chosen = np.flatnonzero(surfaces == surface)
                 self._shade_surface(batch, chosen, triangles[chosen], parts)
         return batch.outside()
 
@@ -130,16 +131,16 @@ class CubeTracer:
         self, batch: _Batch, chosen: np.ndarray, triangles: np.ndarray, parts: Sequence[TexturedPart]
     ) -> None:
         """Add the textured parts of one surface to the samples that hit it, (k,) int64."""
-        compute, hit = self._compute, np.unique(triangles)
-        places = np.zeros(len(self._triangles.mesh), np.int32)
-        places[hit] = np.arange(len(hit))
-        samples = upload(compute, chosen.astype(np.int32)), batch.hit_buffer, batch.weights
+        compute = self._compute
+        hit, places = np.unique(triangles, return_inverse=True)
+        rows = (upload(compute, values.astype(np.int32)) for values in (chosen, places))
+        samples = *rows, batch.weights
         for part in parts:
             texture = part.texture
             corners = texture_corners(self._scene.meshes, self._triangles.mesh, hit, texture)
             height, width = texture.pixels.shape[:2]
             compute.run(
-                self._shade, len(chosen), *samples, upload(compute, places), upload(compute, corners),
+                self._shade, len(chosen), *samples, upload(compute, corners),
                 self._pixels(texture), np.int32(width), np.int32(height),
                 np.int32(EXTENSIONS.index(texture.extension)), np.int32(texture.smooth),
                 np.int32(texture.srgb), to_float4(part.color[None])[0],

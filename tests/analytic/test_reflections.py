@@ -131,13 +131,14 @@ def lobe(cosines, roughness):
 
 
 def test_levels_are_the_ggx_integral_and_keep_energy(session):
-    """A light of nine texels beside a corner, compared with the sum over all texels."""
+    """A light of four texels beside a corner, compared with the sum over all texels."""
     bake(session, scene_of(FAR))
-    faces = np.full((6, SIZE, SIZE, 3), 0.05, np.float32)
-    faces[4, 4:7, 59:62] += (300, 200, 100)
+    size = SIZE // 2
+    faces = np.full((6, size, size, 3), 0.05, np.float32)
+    faces[4, 2:4, 29:31] += (300, 200, 100)
     levels = finished(prefiltered(session._devices.compute, faces))
     assert (levels[0] == faces).all()
-    source, angles = cube_directions(SIZE).reshape(-1, 3), np.tile(texel_solid_angles(SIZE).ravel(), 6)
+    source, angles = cube_directions(size).reshape(-1, 3), np.tile(texel_solid_angles(size).ravel(), 6)
     for number, level in enumerate(levels[1:], 1):
         assert mean_radiance(level) == pytest.approx(mean_radiance(faces), rel=1e-5)
         directions = cube_directions(level.shape[1]).reshape(-1, 3)

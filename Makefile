@@ -97,7 +97,7 @@ bench-gpu: $(READY50) ## the same in sizes for a graphics card, which has to be 
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python benchmarks/run.py --gpu
 
-lint: setup ## ruff, and mypy for the engine
+lint: setup ## ruff and mypy
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy

@@ -40,10 +40,8 @@ class ModalBake(ModalOperator):
         return {"CANCELLED"}
 
 
-class _BakeInWindow(WindowBake):
+class _BakeInWindow(WindowBake[BakeRun]):
     """Bake in a window that also ends if an undo removes the lightmap UVs of all its objects."""
-
-    run: BakeRun
 
     def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
         """Return True if the user cancels, or if an undo has removed all lightmap UVs."""

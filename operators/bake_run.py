@@ -95,6 +95,12 @@ class BakeRun:
         self._stages = RunStages(owner.paces)
         self._work = self._all_work()
 
+    @property
+    def _pictures(self) -> ProgressImages:
+        """Images of the lightmaps, once the scene has been read."""
+        assert self._images is not None
+        return self._images
+
     def step(self) -> Progress | None:
         """Do a slice of work, return the progress of the run; raises StopIteration(BakeResult) at the end.
 
@@ -251,6 +257,7 @@ class BakeRun:
 
     def _finish_check(self) -> Steps:
         """Run the check of the scene to its end."""
+        assert self._check is not None
         while self._check.step():
             yield self._stages.progress(0.0)
         self._read_findings()
@@ -262,10 +269,11 @@ class BakeRun:
 
     def _showing(self, work: Bake) -> Bake:
         """Run a bake and show its intermediate lightmaps."""
+        pictures = self._pictures
 
         def shown(progress: Progress | None) -> Progress | None:
             if progress is not None and progress.intermediate is not None:
-                self._images.show(progress.intermediate)
+                pictures.show(progress.intermediate)
             return progress
 
         return map_progress(work, shown)
@@ -297,7 +305,7 @@ class BakeRun:
             self._work.close()
         finally:
             if kept:
-                self._images.keep()
+                self._pictures.keep()
             else:
                 self._changes.undo()
         return kept
@@ -309,9 +317,9 @@ class BakeRun:
         """
         start = time.perf_counter()
         pixels = self._show_finished(lightmap)
-        targets = self._images.found()
+        targets = self._pictures.found()
         files, clipped = self._store(targets, pixels, lightmap)
-        self._images.keep()
+        self._pictures.keep()
         entries = self._context.scene.hemibake.lightmaps
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
         lost = self._uvs.lost()
@@ -355,7 +363,7 @@ class BakeRun:
 
     def _show_finished(self, lightmap: BakeResult) -> np.ndarray:
         """Copy finished lightmaps to all images; return their pixels, (images, h, w, 3) float32."""
-        return self._images.show(np.concatenate(list(lightmap.passes.values())))
+        return self._pictures.show(np.concatenate(list(lightmap.passes.values())))
 
     def _store(
         self, targets: list[bpy.types.Image], pixels: np.ndarray, lightmap: BakeResult
@@ -375,7 +383,9 @@ class BakeRun:
             self.failure = str(error)
             return [], []
         notes = clipping_notes(self._read, files[-len(pixels) :], lightmap.has_patch)
-        return [str(self._destination.folder / file.name) for file in (*files, *probes, *cubes)], list(notes)
+        folder, names = self._destination.folder, [file.name for file in files]
+        names += [file.name for file in probes] + [file.name for file in cubes]
+        return [] if folder is None else [str(folder / name) for name in names], list(notes)
 
     def _baked_names(self, lost: dict[int, str]) -> set[str]:
         """Return the names of the objects that have new lightmaps."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Collection, Generator
+from collections.abc import Collection
 
 import bpy
 
@@ -16,6 +16,7 @@ from .check.fixes import FIXES
 from .report_message import report_message
 from .rollback import Rollback
 from .scene import SceneContext
+from .scene.slice_timer import Slices
 from .scene.uvs.uv_node_group import remove_unused_uvs
 from .worker_manager import poll_idle
 
@@ -45,7 +46,7 @@ class IdleCheck:
 
     def __init__(self, context: SceneContext) -> None:
         self._context = context
-        self._steps: Generator[None, None, Checked] | None = check_scene(context)
+        self._steps: Slices[Checked] | None = check_scene(context)
 
     def step(self) -> bool:
         """Continue the check for a short time, and store its result at the end; return whether it goes on.
@@ -110,10 +111,10 @@ class HEMIBAKE_OT_fix(bpy.types.Operator):
         return poll_idle(cls)
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties) -> str:
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """Return the first line of the fix's docstring as tool-tip, without full stop."""
         known = FIXES.get(properties.fix)
-        return known[1].__doc__.rstrip(".") if known else cls.__doc__
+        return str(known[1].__doc__ if known else cls.__doc__).rstrip(".")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene_objects, changes = context.scene.objects, Rollback()

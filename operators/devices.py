@@ -58,6 +58,7 @@ class DeviceFinder:
 
     def _step(self) -> float | None:
         """Poll the process; return the time until the next poll, None at the end."""
+        assert self._job is not None
         try:
             next(self._job)
         except StopIteration as end:

@@ -90,12 +90,12 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
     def check(self, context: bpy.types.Context) -> bool:
         """Set the ending of the file name to the format; return True if the name changed."""
         wanted = self.file_format if "file_format" in ENGINES[self.engine].options else ".glb"
-        folder, name = os.path.split(self.filepath)
+        before: str = self.filepath
+        folder, name = os.path.split(before)
         stem, ending = os.path.splitext(name)
         stem = stem if ending.lower() in (".glb", ".gltf") else name
-        named = os.path.join(folder, stem + wanted) if name else self.filepath
-        changed, self.filepath = named != self.filepath, named
-        return changed
+        self.filepath: str = os.path.join(folder, stem + wanted) if name else before
+        return self.filepath != before
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

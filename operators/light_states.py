@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import bpy
@@ -36,6 +36,8 @@ _INTERVAL = 1 / 60
 
 class _WithGroups:
     """Base class of operators that need maps of light groups."""
+
+    poll_message_set: Callable[[str], None]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -207,8 +209,8 @@ def faded(before: Mapping[str, Mix], after: Mapping[str, Mix], part: float) -> d
     mix = {}
     for name, (color, strength) in after.items():
         old_color, old_strength = before[name]
-        between = tuple((1 - part) * old + part * new for old, new in zip(old_color, color, strict=True))
-        mix[name] = between, (1 - part) * old_strength + part * strength
+        red, green, blue = ((1 - part) * old + part * new for old, new in zip(old_color, color, strict=True))
+        mix[name] = (red, green, blue), (1 - part) * old_strength + part * strength
     return mix
 
 

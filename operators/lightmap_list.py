@@ -56,6 +56,13 @@ def _tiled(scene: bpy.types.Scene) -> dict[bpy.types.Object, str]:
     return {obj: name for obj, name in homes if name is not None and is_page(name, obj.hemibake.atlas)}
 
 
+def chosen_name(scene: bpy.types.Scene) -> str:
+    """Return the name of the lightmap that is chosen in the list, which must have one."""
+    chosen = active_lightmap(scene)
+    assert chosen is not None
+    return str(chosen.name)
+
+
 def active_lightmap(scene: bpy.types.Scene) -> bpy.types.PropertyGroup | None:
     """Return the lightmap that is chosen in the list; None in an empty one."""
     settings = scene.hemibake

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 
 from ..engine.errors import EngineError
 from ..engine.object_message import counted, object_message
-from .lightmap_list import active_lightmap, members, unlisted
+from .lightmap_list import active_lightmap, chosen_name, members, unlisted
 from .report_message import report_message
 from .scene.uvs.unwrap import UnwrapSummary, UvAction
 from .unwrap import UnwrapOperator, Unwrapping
@@ -20,6 +22,7 @@ class _OfActiveLightmap:
     """Base class of operators on the chosen lightmap of the list."""
 
     bl_options = {"REGISTER", "UNDO"}
+    poll_message_set: Callable[[str], None]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -79,7 +82,7 @@ class HEMIBAKE_OT_lightmap_assign(_OfActiveLightmap, bpy.types.Operator):
     bl_label = "Assign to Lightmap"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        name = active_lightmap(context.scene).name
+        name = chosen_name(context.scene)
         objects = [obj for obj in context.selected_objects if obj.type == "MESH" and obj.is_editable]
         if not objects:
             self.report({"ERROR"}, "No mesh object of this file is selected. Select some first")
@@ -97,7 +100,7 @@ class HEMIBAKE_OT_lightmap_select(_OfActiveLightmap, bpy.types.Operator):
     bl_label = "Select Objects of Lightmap"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        inside = set(members(context.scene, active_lightmap(context.scene).name))
+        inside = set(members(context.scene, chosen_name(context.scene)))
         for obj in context.view_layer.objects:
             obj.select_set(obj in inside)
         return {"FINISHED"}
@@ -109,7 +112,7 @@ class _PackOperator(_OfActiveLightmap, UnwrapOperator):
     _anew: UvAction
 
     def _start(self, context: bpy.types.Context) -> Unwrapping:
-        self._name = active_lightmap(context.scene).name
+        self._name = chosen_name(context.scene)
         objects = [obj for obj in members(context.scene, self._name) if obj.hemibake.atlas == self._name]
         objects = [obj for obj in objects if obj.is_editable]
         if not objects:

@@ -19,13 +19,11 @@ from .window_bake import QUICK, WindowBake
 from .worker_manager import owner
 
 
-class WindowLive(WindowBake):
+class WindowLive(WindowBake[LiveRun]):
     """Live in a window. After the first bake, an end request waits until the light has converged.
 
     began_anew  True if this run replaces a Live run after a change of settings; Esc then does not end it
     """
-
-    run: LiveRun
 
     def __init__(self, context: bpy.types.Context, run: LiveRun, began_anew: bool) -> None:
         self.began_anew = began_anew
@@ -67,6 +65,7 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
     bl_label = "Live"
     bl_options = {"UNDO"}
     cancelled = "Live cancelled"
+    _window: WindowLive
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -78,7 +77,7 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start Live, or request the end of a running one; `modal` continues it."""
-        if is_live():
+        if isinstance(owner.running, WindowLive):
             owner.running.unwanted = True
             return {"CANCELLED"}
         last_failure.forget()

@@ -93,7 +93,7 @@ class LiveRun(BakeRun):
 
     def _hold_pixels(self) -> None:
         """Pack the images, because Cycles would display the files instead of the updated pixels."""
-        for image in find_all(bpy.data.images, self._images.uids):
+        for image in find_all(bpy.data.images, self._pictures.uids):
             if image.packed_file is None:
                 pack_for_bake(image)
 
@@ -102,7 +102,8 @@ class LiveRun(BakeRun):
 
         path: path of the .blend; a file with a new name gets its own lightmaps
         """
-        targets = find_all(bpy.data.images, self._images.uids)
+        assert self.lightmap is not None
+        targets = find_all(bpy.data.images, self._pictures.uids)
         if len(targets) == len(self._names):
             with suppress(EngineError):
                 self._paths = {image.session_uid: image.filepath_raw for image in targets}
@@ -133,6 +134,7 @@ class LiveRun(BakeRun):
                 self._next_look = time.perf_counter() + _LOOKS
             if self._shown or self.resting:
                 yield from self._send_changes()
+            assert self._followed is not None
             step = next(self._followed)
             if isinstance(step, BakeResult):
                 self._take(step)
@@ -140,7 +142,7 @@ class LiveRun(BakeRun):
                 yield RESTING
             elif step is not None:
                 if step.intermediate is not None:
-                    self._images.show(step.intermediate)
+                    self._pictures.show(step.intermediate)
                     self._shown = True
                 yield step
             else:
@@ -208,6 +210,7 @@ class LiveRun(BakeRun):
         elif self.resting:
             # An undo may have restored older pixels.
             self._of_lightmap = self._read
+            assert self.lightmap is not None
             self._show_finished(self.lightmap)
         self._sent = scene
 
@@ -264,6 +267,7 @@ class LiveRun(BakeRun):
         The scene of those lightmaps is stored with them, since it may have been read again. The reported time
         is the time from the last change to the end of the lightmaps.
         """
+        assert self.lightmap is not None
         self._end()
         self._start = time.perf_counter() - self._took
         self._read = self._whole = self._of_lightmap

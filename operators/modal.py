@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -20,11 +21,16 @@ class ModalOperator:
     """Modal operator: timer events continue its work, Esc and errors end it.
 
     _window    WindowBake created by `invoke`; each `step` of its run does a slice of the work
-    cancelled  message to the user after a cancel
     """
 
     _window: WindowBake
-    cancelled: str
+    bl_label: str
+    report: Callable[[set[str], str], None]
+
+    @property
+    def cancelled(self) -> str:
+        """Message to the user after a cancel."""
+        raise NotImplementedError
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self._window.wants_to_cancel(context, event):

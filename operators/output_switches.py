@@ -11,13 +11,15 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from ..engine.setting_types import Option
+from ..engine.setting_types import Option, SomeOf
 from ..engine.settings import descriptions, with_output, without_output
 
 
 def output_switches() -> dict[str, Any]:
     """Return the annotations of a property group that has the setting `outputs`, by name of the switch."""
-    options = descriptions()["outputs"].values.options
+    values = descriptions()["outputs"].values
+    assert isinstance(values, SomeOf)
+    options = values.options
     return {f"makes_{output}": _switch(output, option) for output, option in options.items()}
 
 

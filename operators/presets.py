@@ -67,9 +67,11 @@ def _values(path: Path, changed: int) -> dict[str, Any]:
     try:
         lines = ast.parse(path.read_text(encoding="utf-8")).body
         return {
-            line.targets[0].attr: ast.literal_eval(line.value)
+            target.attr: ast.literal_eval(line.value)
             for line in lines
-            if isinstance(line, ast.Assign) and _is_setting(line.targets[0])
+            if isinstance(line, ast.Assign)
+            and isinstance(target := line.targets[0], ast.Attribute)
+            and _is_setting(target)
         }
     except (OSError, ValueError, SyntaxError):
         return {}

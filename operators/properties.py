@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -244,7 +247,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
 
 
 #: Settings of a new scene: a fast bake.
-_NEW = Settings(**QUALITIES["preview"].values)
+_NEW: Settings = replace(Settings(), **dict[str, Any](QUALITIES["preview"].values))
 
 HemibakeSceneProperties.__annotations__.update(
     setting_properties(kept_with_scene(), _NEW, {"hemicube": follow_hemicube, "resolution": fix_size})

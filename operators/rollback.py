@@ -12,9 +12,9 @@ class Rollback:
     """
 
     def __init__(self) -> None:
-        self._steps: list[Callable[[], None]] = []
+        self._steps: list[Callable[[], object]] = []
 
-    def add(self, step: Callable[[], None]) -> None:
+    def add(self, step: Callable[[], object]) -> None:
         """Add a function that undoes the change just made."""
         self._steps.append(step)
 

@@ -105,7 +105,7 @@ def _device_names(owner: bpy.types.bpy_struct, context: bpy.types.Context, text:
     return finder.names
 
 
-def _items(options: dict[Any, Option]) -> list[tuple[str, str, str]]:
+def _items(options: Mapping[Any, Option]) -> list[tuple[str, str, str]]:
     """Return the items of an enumeration."""
     return [(str(value), option.label, option.text) for value, option in options.items()]
 

@@ -74,6 +74,8 @@ def append_to_log(text: str) -> None:
 def read_paces() -> dict[str, float]:
     """Return the paces of earlier bakes, seconds per unit of work by stage; empty without a valid file."""
     path = _paces_file()
+    if path is None:
+        return {}
     with suppress(OSError, ValueError, AttributeError):
         known = json.loads(path.read_text(encoding="utf-8"))
         return {str(name): float(pace) for name, pace in known.items() if 0 < float(pace) < math.inf}
@@ -83,8 +85,9 @@ def read_paces() -> dict[str, float]:
 def keep_paces(paces: Mapping[str, float]) -> None:
     """Store paces for later sessions; errors of the file system are ignored."""
     path = _paces_file()
-    with suppress(OSError, AttributeError):
-        path.write_text(json.dumps(dict(paces), indent=1), encoding="utf-8")
+    with suppress(OSError):
+        if path is not None:
+            path.write_text(json.dumps(dict(paces), indent=1), encoding="utf-8")
 
 
 def _paces_file() -> Path | None:

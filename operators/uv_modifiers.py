@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 
 from ..engine.object_message import counted
@@ -17,6 +19,7 @@ class _OnSelectedMeshes:
     """Base class of operators on selected meshes in Object Mode."""
 
     bl_options = {"REGISTER", "UNDO"}
+    poll_message_set: Callable[[str], None]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
+from typing import Generic, Protocol, TypeVar
 
 import bpy
 
 from ..engine.progress import Progress
-from .bake_run import BakeRun
 from .report_message import progress_line
 from .worker_manager import owner
 
@@ -20,7 +20,20 @@ _PERIODS = 0.2, 2.0
 _RARITY = 10
 
 
-class WindowBake:
+class SlicedRun(Protocol):
+    """Interface of the work of a window, such as `BakeRun`."""
+
+    def step(self) -> Progress | None:
+        """Do a slice of work; raises StopIteration with the result at the end."""
+
+    def cancel(self, keep_images: bool = False) -> bool:
+        """Stop and undo all changes; return True if images are kept."""
+
+
+Run = TypeVar("Run", bound=SlicedRun)
+
+
+class WindowBake(Generic[Run]):
     """A bake in a window. The operator runs it, but the add-on may end it as well.
 
     run:       the bake itself
@@ -28,7 +41,7 @@ class WindowBake:
     unwanted:  True if cancelling was requested
     """
 
-    def __init__(self, context: bpy.types.Context, run: BakeRun, interval: float = INTERVAL) -> None:
+    def __init__(self, context: bpy.types.Context, run: Run, interval: float = INTERVAL) -> None:
         self.run, self._interval = run, interval
         self.progress, self.unwanted = Progress("Starting", 0.0), False
         self._manager = context.window_manager

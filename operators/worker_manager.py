@@ -19,6 +19,7 @@ from ..engine.progress import Progress
 from .user_files import read_paces
 
 if TYPE_CHECKING:
+    from ..engine.bake_result import BakeResult
     from ..engine.scene.model import Scene
     from ..engine.settings import Settings
     from ..engine.worker.process import Job
@@ -34,7 +35,7 @@ class RunningBake(Protocol):
     progress: Progress
     unwanted: bool
 
-    def cancel(self) -> None:
+    def cancel(self) -> object:
         """Undo all changes of the bake."""
 
 
@@ -66,7 +67,9 @@ class WorkerManager:
         """Return the bake function: in a window the worker's, so that a crash does not affect Blender."""
         return self._bake_without_window if bpy.app.background else self.bake_in_worker()
 
-    def _bake_without_window(self, scene: Scene, settings: Settings) -> Generator:
+    def _bake_without_window(
+        self, scene: Scene, settings: Settings
+    ) -> Generator[Progress | None, None, BakeResult]:
         """Bake in this process; with denoising or a scheduler, in the worker.
 
         Blender has its own Open Image Denoise and TBB in its process, whose versions may differ from the

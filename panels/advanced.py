@@ -25,6 +25,7 @@ class _SettingsPanel(SubPanel):
     bl_parent_id = "HEMIBAKE_PT_advanced"
     bl_options = {"DEFAULT_CLOSED"}
     _names: tuple[str, ...]
+    layout: bpy.types.UILayout
 
     def draw(self, context: bpy.types.Context) -> None:
         split_properties(self.layout)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from pathlib import Path
 
 import bpy
 
@@ -95,7 +96,7 @@ def _draw_files(layout: bpy.types.UILayout) -> None:
     _draw_path(layout, "Guide", guide())
 
 
-def _draw_path(layout: bpy.types.UILayout, name: str, path: object) -> None:
+def _draw_path(layout: bpy.types.UILayout, name: str, path: Path | None) -> None:
     """Draw the path of a file, with a button that opens the file."""
     if path is None:
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ...engine.device.device_info import DeviceSurvey
@@ -20,6 +20,7 @@ from ..scene.materials.tint_nodes import may_tint
 from ..scene.objects.visible import visible_objects
 from ..scene.probe_volumes import count_probes
 from ..scene.reflection_spheres import count_spheres
+from ..scene.slice_timer import Slices
 from ..worker_manager import owner
 from .faces import (
     centres_of,
@@ -51,7 +52,7 @@ _ORDER = (ERROR, WARNING, INFO)
 _COVERAGE = 0.6
 
 
-def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
+def check_scene(context: SceneContext) -> Slices[Checked]:
     """Check a scene without changing it; yields every few milliseconds.
 
     Raises SceneError if the scene is deleted in between.
@@ -61,13 +62,13 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
         settings = replace(read_settings(context.scene.hemibake), resolution=width)
     except SettingsError as error:
         return Checked((Finding(ERROR, str(error)),), None)
-    yield
+    yield None
     try:
         targets = target_uids(context, context.scene.hemibake.target)
         findings = []
     except SceneError as error:
         targets, findings = set(), [Finding(ERROR, str(error))]
-    yield
+    yield None
     findings += yield from _check_surroundings(context)
     meshes = yield from read_meshes(context, visible_meshes(context))
     if not meshes:
@@ -76,7 +77,7 @@ def check_scene(context: SceneContext) -> Generator[None, None, Checked]:
         )
     findings += check_faceless(visible_meshes(context), meshes)
     centres = centres_of(visible_objects(context))
-    yield
+    yield None
     meshes, broken = yield from check_coordinates(meshes)
     findings += broken
     meshes, flat = yield from check_zero_area(meshes)
@@ -118,18 +119,18 @@ def _is_tinted(context: SceneContext) -> bool:
     return any(map(may_tint, worn))
 
 
-def _check_surroundings(context: SceneContext) -> Generator[None, None, list[Finding]]:
+def _check_surroundings(context: SceneContext) -> Slices[list[Finding]]:
     """Return findings on hidden objects, missing images, missing light and settings."""
     findings = [*check_differences(context)]
     if not context.scene.hemibake.uv_layer:
         findings.append(Finding(ERROR, "The lightmap UV layer has no name. Choose one under Advanced."))
-    yield
+    yield None
     findings += check_unneeded(context.scene.objects)
-    yield
+    yield None
     findings += check_light(visible_objects(context), context.world, context.material_override)
-    yield
+    yield None
     findings += check_images(visible_objects(context), context.world, context.material_override)
-    yield
+    yield None
     return findings
 
 
@@ -143,7 +144,8 @@ def _expect(
     """
     texels = settings.resolution**2
     placed = [one for one in charts if one.place is not None]
-    patches = sum(one.charted.flat_area * one.place.scale**2 for one in placed) * texels
+    areas = [one.charted.flat_area * one.place.scale**2 for one in charts if one.place is not None]
+    patches = sum(areas, 0.0) * texels
 
     # Meshes without a place get new UVs that fill one atlas for each name (linked meshes get no UVs). Tiles
     # have the same density as other charts.

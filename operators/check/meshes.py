@@ -67,6 +67,12 @@ class CheckedMesh:
     triangles: np.ndarray
     uvs: np.ndarray | None
 
+    @property
+    def uvs_of_loops(self) -> np.ndarray:
+        """Lightmap UVs, (l, 2) float32, of a mesh that has fitting ones."""
+        assert self.uvs is not None
+        return self.uvs
+
     @cached_property
     def is_closed(self) -> bool:
         """True if each edge has two faces."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import bpy
@@ -11,6 +11,7 @@ import numpy as np
 from ..lookup import find
 from ..result.moved_charts import MOVED_CHARTS
 from ..scene.overlap_layout import make_footprints, separate_overlaps
+from ..scene.slice_timer import Slices
 from ..scene.uv_transform import Charted, UvTransform, make_charted
 from ..scene.uvs.coverage_grid import LARGEST_GRID, CoverageGrid, make_footprint
 from ..scene.uvs.lightmap_layer import lightmap_layer
@@ -26,7 +27,7 @@ _NARROWEST, _LARGEST = 1.0, 16384
 #: UVs at both ends of an edge count as equal if they differ by less than this.
 _SAME_UV = 1e-5
 
-Steps = Generator[None, None, list[Finding]]
+Steps = Slices[list[Finding]]
 
 
 @dataclass(frozen=True)
@@ -136,12 +137,12 @@ def check_overlaps(charts: Sequence[ChartsOf], uv_layer: str) -> Steps:
 
     uv_layer:  the scene's lightmap UV layer
     """
-    folded, copied = [], []
+    folded, copied = list[str](), list[str]()
     for one in charts:
         footprint = one.footprint or (yield from _footprint_outside(one.charted))
         if footprint.overlaps:
             (copied if _gets_modifier(one.mesh, uv_layer) else folded).append(one.mesh.name)
-        yield
+        yield None
     return [
         *found(
             ERROR,
@@ -168,13 +169,13 @@ def _gets_modifier(mesh: CheckedMesh, uv_layer: str) -> bool:
     return layer in obj.data.uv_layers and is_usable_layer(obj.data, layer)
 
 
-def _footprint_outside(charted: Charted) -> Generator[None, None, CoverageGrid]:
+def _footprint_outside(charted: Charted) -> Slices[CoverageGrid]:
     """Return the covered cells of charts outside 0-1, after they are scaled into it."""
     size = max(float((charted.high - charted.low).max()), 1e-30)
     return (yield from make_footprint((charted.uvs - charted.low) / size, LARGEST_GRID))
 
 
-def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[None, None, list[ChartsOf]]:
+def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Slices[list[ChartsOf]]:
     """Return the charts of all meshes with finite lightmap UVs, with their places in the atlases."""
     atlases: dict[tuple[str, bool], list[CheckedMesh]] = {}
     for mesh in meshes:
@@ -188,16 +189,16 @@ def find_charts(meshes: Sequence[CheckedMesh], resolution: int) -> Generator[Non
         if not several:
             places = yield from separate_overlaps(charted, footprints, atlas, resolution)
         charts += map(ChartsOf, members, charted, footprints, places)
-        yield
+        yield None
     return charts
 
 
-def _all_charted(meshes: Sequence[CheckedMesh]) -> Generator[None, None, list[Charted]]:
+def _all_charted(meshes: Sequence[CheckedMesh]) -> Slices[list[Charted]]:
     """Return the charts of each mesh."""
     charted = []
     for mesh in meshes:
-        uvs, corners = mesh.uvs[mesh.triangles], mesh.corners
-        yield
+        uvs, corners = mesh.uvs_of_loops[mesh.triangles], mesh.corners
+        yield None
         charted.append((yield from make_charted(uvs, corners, mesh.matrix, mesh.scale)))
     return charted
 
@@ -234,9 +235,7 @@ def check_places(charts: Sequence[ChartsOf], resolution: int) -> Steps:
     ]
 
 
-def _fitting_resolution(
-    members: Sequence[Charted], atlas: str, resolution: int
-) -> Generator[None, None, int]:
+def _fitting_resolution(members: Sequence[Charted], atlas: str, resolution: int) -> Slices[int]:
     """Double the resolution until all charts of an atlas have room, and return it; 0 if none suffices."""
     while 2 * resolution <= _LARGEST:
         resolution *= 2
@@ -267,7 +266,7 @@ def check_widths(charts: Sequence[ChartsOf], resolution: int) -> Steps:
     return found(WARNING, sentence, list(narrow), "resolution", fitting)
 
 
-def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
+def chart_width(charts: ChartsOf) -> Slices[float]:
     """Return the mean width of charts in UV units: 2 * area / length of the borders.
 
     It is exact for long strips, and half the width for squares. Border edges have a single loop, or two loops
@@ -276,9 +275,10 @@ def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
     mesh = charts.mesh
     after = np.arange(1, len(mesh.vertex) + 1)
     after[np.r_[mesh.starts[1:], len(after)] - 1] = mesh.starts
-    step = mesh.uvs[after] - mesh.uvs
+    uvs = mesh.uvs_of_loops
+    step = uvs[after] - uvs
     length = np.hypot(step[:, 0], step[:, 1])
-    yield
+    yield None
 
     # Both loops of an edge list its ends in the same order. Their UVs are equal if none differs from the
     # mean.
@@ -286,9 +286,9 @@ def chart_width(charts: ChartsOf) -> Generator[None, None, float]:
     users = np.bincount(mesh.edge, minlength=len(mesh.edges))
     border = users != 2
     for first in (forward, ~forward):
-        ends = np.where(first[:, None], mesh.uvs, mesh.uvs[after])
+        ends = np.where(first[:, None], uvs, uvs[after])
         for values in ends.T:
-            yield
+            yield None
             mean = np.bincount(mesh.edge, values, len(mesh.edges)) / np.maximum(users, 1)
             border[mesh.edge[np.abs(values - mean[mesh.edge]) > _SAME_UV]] = True
     covered = np.zeros(len(mesh.vertex), bool)

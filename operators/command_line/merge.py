@@ -75,7 +75,7 @@ _TOTALS = {"objects", "patches", "iterations", "seconds", "files", "warnings"}
 
 def _sum(reports: dict[str, dict]) -> dict:
     """Return the merged report: sums, maximum of iterations, files, warnings, and all parts by name."""
-    seconds = Counter()
+    seconds: Counter[str] = Counter()
     for report in reports.values():
         seconds.update(report["seconds"])
     return {
@@ -102,13 +102,14 @@ def _lightmaps(folder: Path, names: Sequence[str]) -> dict[str, dict]:
 
 def _sections(folder: Path, names: Sequence[str]) -> dict[str, dict | list]:
     """Return states, probes and reflections of all parts; of states with one name the last part's is kept."""
-    merged: dict[str, dict | list] = {"states": {}, "probes": [], "reflections": []}
+    states: dict[str, dict] = {}
+    lists: dict[str, list[dict]] = {"probes": [], "reflections": []}
     for name in names:
         known = read_sections(folder / name)
-        merged["states"] |= known.get("states", {})
-        for key in ("probes", "reflections"):
-            merged[key] += [_with_paths(entry, name) for entry in known.get(key, [])]
-    return merged
+        states |= dict(known.get("states", {}))
+        for key, entries in lists.items():
+            entries += [_with_paths(entry, name) for entry in known.get(key, [])]
+    return {"states": states, **lists}
 
 
 def _with_paths(entry: dict, name: str) -> dict:

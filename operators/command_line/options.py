@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from ...engine.quality import QUALITIES
 from ...engine.setting_types import (
@@ -49,7 +49,7 @@ class CommandError(Exception):
 class Parser(argparse.ArgumentParser):
     """Argument parser that raises CommandError instead of ending the process."""
 
-    def error(self, message: str) -> None:
+    def error(self, message: str) -> NoReturn:
         """Raise CommandError instead of ending the process."""
         raise CommandError(f"{message}. See --help.")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from .options import CommandError
@@ -66,5 +67,5 @@ def _select(objects: list[bpy.types.Object], part: str) -> None:
     bpy.context.scene.hemibake.target = "SELECTED"
 
 
-def _listed(names) -> str:
+def _listed(names: Iterable[str]) -> str:
     return ", ".join(f"'{name}'" for name in sorted(names)) or "none"

@@ -31,7 +31,8 @@ def work(arguments: Sequence[str], program: str) -> int:
 
 def _work(scheduler: str, device: str | None, options: Sequence[str], signals: Signals) -> int:
     """Start a worker process and wait for it; a signal that ends this process ends the worker as well."""
-    from ...engine.cluster.local_workers import DEVICE, end_worker, start_worker
+    from ...engine.cluster.local_workers import end_worker, start_worker
+    from ...engine.cluster.prepared_scene import DEVICE
 
     worker = start_worker(scheduler, {DEVICE: device} if device else {}, *options, printed=True)
     try:

@@ -61,15 +61,16 @@ def _copies(context: bpy.types.Context, surfaces: ExportItems) -> dict[bpy.types
     for item, surface in zip(items, surfaces.all, strict=True):
         shape = None if surface.place is None else _copy(item, surface, depsgraph)
         if shape is not None:
-            found.setdefault(surface.place.image, []).append(shape)
+            found.setdefault(surface.lightmap.image, []).append(shape)
     return found
 
 
 def _copy(item: SceneItem, surface: ExportItem, depsgraph: bpy.types.Depsgraph) -> EvaluatedMesh | None:
     """Return a copy of a mesh with final lightmap UVs; None if it lacks the UV layer."""
     slots = [slot.material and slot.material.original for slot in item.object.material_slots] or [None]
-    shape = copy_shape(item.object, surface.place.layer, surface.matrix, depsgraph, slots)
-    if add_lightmap_uv_map(shape.mesh, surface.place.layer, surface.place.apply):
+    place = surface.lightmap
+    shape = copy_shape(item.object, place.layer, surface.matrix, depsgraph, slots)
+    if add_lightmap_uv_map(shape.mesh, place.layer, place.apply):
         return shape
     remove_shapes([shape])
     return None

@@ -58,6 +58,12 @@ class ExportItem:
     persistent_id: tuple[int, ...]
     place: GltfUvTransform | None
 
+    @property
+    def lightmap(self) -> GltfUvTransform:
+        """Its lightmap, which it must have."""
+        assert self.place is not None
+        return self.place
+
 
 class ExportItems:
     """All mesh objects and instances that are visible in both the viewport and renders."""
@@ -127,8 +133,13 @@ def _own_place(obj: bpy.types.Object, scene: bpy.types.Scene) -> GltfUvTransform
 
 def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> GltfUvTransform | None:
     """Return the lightmap of an instance as recorded by the last bake; None without one."""
-    image = entry and instance_image(scene, entry)
-    if not image or is_left_out(item.source) or (item.instancer and is_left_out(item.instancer)):
+    image = None if entry is None else instance_image(scene, entry)
+    if (
+        entry is None
+        or image is None
+        or is_left_out(item.source)
+        or (item.instancer and is_left_out(item.instancer))
+    ):
         return None
     layer = bake_record(item.source, scene).uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)
     return GltfUvTransform(image, layer, entry["scale"], tuple(entry["offset"]))

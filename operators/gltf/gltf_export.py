@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import filecmp
 import json
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from urllib.parse import quote, unquote
 
 import bpy
@@ -126,8 +126,9 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
             work = _Export(path, staging, maps, groups)
             if options.pictures is not None:
                 pictures = complete_maps(context, surfaces, usable, options.pictures.width)
-                hooks = work.write_unlit(surfaces, pictures, options.pictures)
-                notes += [object_message(_CLEAR, hooks.clear)] if hooks.clear else []
+                unlit = work.write_unlit(surfaces, pictures, options.pictures)
+                notes += [object_message(_CLEAR, unlit.clear)] if unlit.clear else []
+                hooks: LightmapHooks = unlit
             else:
                 hooks = work.write(surfaces, options.kind, _extras(context.scene, groups))
             if options.for_godot:
@@ -279,7 +280,7 @@ class _Export:
             "blend": blend_from(self._path.parent),
             "export": self._path.name,
             "atlas": lightmap.name,
-            "objects": [_fact(surface) for surface in lit if surface.place.image == lightmap],
+            "objects": [_fact(surface) for surface in lit if surface.lightmap.image == lightmap],
         }
 
     def _write_maps(self, files: Sequence[LightmapFile], states: Mapping[str, dict] | None = None) -> None:
@@ -378,7 +379,7 @@ def _own_materials(context: bpy.types.Context) -> Iterator[None]:
             show_preview(context.scene, context.evaluated_depsgraph_get())
 
 
-def _stems(stem: str, names: Mapping[Hashable, str]) -> dict:
+def _stems(stem: str, names: Mapping[Any, str]) -> dict:
     """Return the file name of each lightmap without suffix, unique regardless of case.
 
     names:  name of each lightmap

@@ -141,7 +141,7 @@ class GodotFiles:
             for node in self._lit
             if self._has_normal_map(node) and node.index not in self._packed
         ]
-        notes = [object_message(_NO_MESH, _unique(self._lost))] if self._lost else []
+        notes: list[str] = [object_message(_NO_MESH, _unique(self._lost))] if self._lost else []
         notes += [object_message(_NO_HARMONICS, _unique(flat))] if flat else []
         notes += [_TOO_MANY.format(len(self._lightmaps))] if len(self._lightmaps) > _MOST else []
         return notes + ([_NARROW.format(self._margin)] if self._margin < _FILTER else [])
@@ -225,7 +225,7 @@ class GodotFiles:
         """Yield a LightmapGI for each size of lightmaps, and for each kind of light."""
         groups: dict[tuple[int, int, str], dict[bpy.types.Image, list[LitNode]]] = {}
         for node in self._lit:
-            image = node.surface.place.image
+            image = node.surface.lightmap.image
             kind = PACKED if node.index in self._packed else LIGHT
             groups.setdefault((*image.size, kind), {}).setdefault(image, []).append(node)
         for (width, height, kind), nodes in groups.items():
@@ -248,7 +248,7 @@ class GodotFiles:
 
         The lightmap itself is more exact where there is no normal map.
         """
-        return bool(self._maps[node.surface.place.image].harmonics) and self._has_normal_map(node)
+        return bool(self._maps[node.surface.lightmap.image].harmonics) and self._has_normal_map(node)
 
     def _has_normal_map(self, node: LitNode) -> bool:
         materials = self._gltf.get("materials", ())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -17,7 +18,7 @@ from mathutils import Matrix, Quaternion
 
 from .encoded import EncodedLightmap
 from .export_items import ExportItem, ExportItems, GltfUvTransform
-from .materials import LitMaterials
+from .materials import LitMaterials, UnlitMaterials
 
 #: Rotation from Blender's axes (z up) to glTF's axes (y up).
 _Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
@@ -55,7 +56,7 @@ class LightmapHooks:
         if self._extras:
             asset.extras = {**(asset.extras or {}), "hemibake": dict(self._extras)}
 
-    def gather_tree_filter_tag_hook(self, tree: object, *others: object) -> None:
+    def gather_tree_filter_tag_hook(self, tree: Any, *others: object) -> None:
         """Remove instances on vertices and faces that the exporter lists twice."""
         for entry in tree.nodes.values():
             if entry.blender_object is None and entry.original_object.instance_type != "NONE":
@@ -65,7 +66,7 @@ class LightmapHooks:
         """Record the UV layers of a mesh by name, since glTF's UV sets have no names."""
         self._layers[id(mesh)] = mesh, [layer.name for layer in made_of.uv_layers]
 
-    def gather_gltf_hook(self, active: int, scenes: Sequence[gltf2_io.Scene], *others: object) -> None:
+    def gather_gltf_hook(self, active: int, scenes: Sequence[gltf2_io.Scene], *others: Any) -> None:
         """Add lightmaps to the nodes of all scenes."""
         tree = others[-1]["vtree"]
         entries = {id(entry.node): entry for entry in tree.nodes.values() if entry.node is not None}
@@ -82,7 +83,7 @@ class LightmapHooks:
         places = {id(node): index for index, node in enumerate(gltf.nodes)}
         self.nodes = [places[id(node)] for node in self._lit_nodes]
 
-    def _light(self, node: gltf2_io.Node, entry: object, matrix: np.ndarray) -> None:
+    def _light(self, node: gltf2_io.Node, entry: Any, matrix: np.ndarray) -> None:
         """Assign the lightmap of its surface to a node: a mesh of its own with lightmap UVs and materials."""
         if entry.blender_object is not None:
             surface = self._surfaces.of_object(entry.blender_object.original, matrix)
@@ -136,7 +137,9 @@ class UnlitHooks(LightmapHooks):
     clear:  names of objects with a transparent material, which become opaque
     """
 
-    def __init__(self, *arguments: object) -> None:
+    _materials: UnlitMaterials
+
+    def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.clear: list[str] = []
 
@@ -166,7 +169,7 @@ class UnlitHooks(LightmapHooks):
         return made
 
 
-def _name(entry: object) -> str:
+def _name(entry: Any) -> str:
     """Return the object's name of an entry in the exporter's tree; for an instance, its instancer's name."""
     return (entry.blender_object or entry.original_object).name
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from typing import Any
 
 from io_scene_gltf2.io.com import gltf2_io
 from io_scene_gltf2.io.com.gltf2_io_extensions import Extension
@@ -23,7 +24,7 @@ class LitMaterials:
     uris:    URIs of these files by the names of the lightmaps
     """
 
-    def __init__(self, binary, uris: dict[str, str]) -> None:
+    def __init__(self, binary: Any, uris: dict[str, str]) -> None:
         self._binary, self._uris = binary, uris
         self._sampler = gltf2_io.Sampler(None, None, _LINEAR, _LINEAR, None, _CLAMP, _CLAMP)
         self._textures: dict[str, gltf2_io.Texture] = {}
@@ -40,7 +41,7 @@ class LitMaterials:
             return material
         key = (id(material), lightmap.name, swapped)
         if key not in self._materials:
-            made = _grey() if material is None else _swapped(material, swapped)
+            made: gltf2_io.Material = _grey() if material is None else _swapped(material, swapped)
             if lightmap.kind:
                 extension = {"index": self._texture(lightmap), "texCoord": 1, "intensity": lightmap.intensity}
                 if lightmap.groups:

@@ -45,6 +45,7 @@ def _is_same(baked: UvMesh, shown: UvMesh) -> bool:
     return (
         baked.has_faces_of(shown)
         and np.array_equal(baked.positions, shown.positions)
+        and baked.uvs is not None
         and shown.uvs is not None
         and np.array_equal(baked.uvs, shown.uvs)
     )

@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -53,9 +54,9 @@ def replace_all(staged: Sequence[Path], paths: Sequence[Path], backup: Path) -> 
             if path.exists():
                 old = backup / f"{index}.old"
                 _duplicate(path, old)
-                changes.add(lambda old=old, path=path: old.replace(path))
+                changes.add(partial(old.replace, path))
             else:
-                changes.add(lambda path=path: path.unlink(missing_ok=True))
+                changes.add(partial(path.unlink, missing_ok=True))
             new.replace(path)
     except OSError:
         changes.undo()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -50,7 +51,7 @@ def lightmap_image(scene: bpy.types.Scene, atlas: str, resolution: int, changes:
     image = entry and entry.image
     if image is None or _belongs_to_another(image, scene):
         image = _new_image(scene, atlas, resolution)
-        changes.add(lambda uid=image.session_uid: _remove(uid))
+        changes.add(partial(_remove, image.session_uid))
         return image
     changes.add(_restorer(image))
     _set_space(image)
@@ -163,19 +164,19 @@ def write_all(
     cubes:   files of reflection cubes
     """
     folder, names = destination.folder, [file.name for file in files]
+    assert folder is not None
     with staging_folder(folder) as staging:
         staged = [staging / f"{index}{Path(name).suffix}" for index, name in enumerate(names)]
         staged_probes, staged_cubes = (
             [staging / f"{kind}{index}{Path(file.name).suffix}" for index, file in enumerate(group)]
             for kind, group in (("probes", probes), ("cubes", cubes))
         )
-        for path, file in zip(
-            [*staged, *staged_probes, *staged_cubes], [*files, *probes, *cubes], strict=True
-        ):
+        all_files: list[LightmapFile | ProbeFile | ReflectionFile] = [*files, *probes, *cubes]
+        for path, file in zip([*staged, *staged_probes, *staged_cubes], all_files, strict=True):
             file.write(path)
         owner = {"blend": destination.blend, "scene": destination.scene}
         manifest, entries = staging / NAME, [{**owner, **file.entry} for file in files]
-        sections = {
+        sections: dict[str, dict | list] = {
             "states": dict(states),
             **probe_sections(destination, staged_probes, probes),
             **reflection_sections(destination, staged_cubes, cubes),
@@ -257,7 +258,7 @@ def _remove(uid: int) -> None:
         bpy.data.images.remove(image)
 
 
-def _restorer(image: bpy.types.Image):
+def _restorer(image: bpy.types.Image) -> Callable[[], None]:
     """Return a function that restores the image's present pixels and file."""
     uid, size, source = image.session_uid, tuple(image.size), image.source
     path, dirty = image.filepath_raw, image.is_dirty

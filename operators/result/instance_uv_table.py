@@ -69,8 +69,8 @@ def instance_places(
             continue
         source = instance.object.original
         entry = baked.get((instance.parent.original, source.name, tuple(instance.persistent_id)))
-        image = entry and instance_image(scene, entry)
-        if image:
+        image = None if entry is None else instance_image(scene, entry)
+        if entry is not None and image is not None:
             bits = instance.random_id & 0xFFFFFFFF
             place = InstanceUvTransform(bits, image, entry["scale"], tuple(entry["offset"]))
             places.setdefault(source, []).append(place)

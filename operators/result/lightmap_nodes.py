@@ -62,7 +62,7 @@ class LightmapNodes:
         Directional: E(n)/pi + L1 . (n' - n). Spherical Harmonics: SH L0 (1 + 2 SH L1 . n').
         """
         nodes = self._nodes
-        if self._lightmap.directional.kind == "SPHERICAL_HARMONICS":
+        if self._directional.kind == "SPHERICAL_HARMONICS":
             doubled = nodes.vector("MULTIPLY", normal, (2.0, 2.0, 2.0))
             return nodes.vector("MULTIPLY", self._l0, self._tilted((1.0, 1.0, 1.0), doubled))
         surface = nodes.make("ShaderNodeNewGeometry").node.outputs["Normal"]
@@ -76,16 +76,21 @@ class LightmapNodes:
             light = nodes.vector("MULTIPLY_ADD", l1, along, light)
         return nodes.vector("MAXIMUM", light, (0.0, 0.0, 0.0))
 
+    @property
+    def _directional(self) -> DirectionalImages:
+        assert self._lightmap.directional is not None
+        return self._lightmap.directional
+
     @cached_property
     def _l0(self) -> bpy.types.NodeSocket:
         """Socket of the light L0 of the selected image."""
-        return self._in_proportion(self._light(self._lightmap.directional.l0))
+        return self._in_proportion(self._light(self._directional.l0))
 
     @cached_property
     def _l1(self) -> list[bpy.types.NodeSocket]:
         """L1 of the light for each axis; for Spherical Harmonics divided by L0."""
-        l1 = [self._light(images) for images in self._lightmap.directional.l1]
-        if self._lightmap.directional.kind == "SPHERICAL_HARMONICS":
+        l1 = [self._light(images) for images in self._directional.l1]
+        if self._directional.kind == "SPHERICAL_HARMONICS":
             return l1
         return [self._in_proportion(light) for light in l1]
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import bpy
 
 #: Source of an input: an output, another input whose link or value is copied, or a value.
-Feed = bpy.types.NodeSocket | float | Sequence[float]
+Feed: TypeAlias = bpy.types.NodeSocket | float | Sequence[float]
 
 
 def make_node(

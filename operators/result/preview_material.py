@@ -123,8 +123,12 @@ class _LitTree:
     def _light_on(self, node: bpy.types.Node) -> bpy.types.NodeSocket:
         """Return the socket of E/pi for a shader; with directional maps, for the shader's own normal."""
         if self._light is None:
-            by_probes = isinstance(self._lightmap, ShownProbes)
-            self._light = (ProbeNodes if by_probes else LightmapNodes)(self._tree, self._lightmap)
+            shown = self._lightmap
+            self._light = (
+                ProbeNodes(self._tree, shown)
+                if isinstance(shown, ShownProbes)
+                else LightmapNodes(self._tree, shown)
+            )
         normal = feeding_output(node.inputs["Normal"]) if "Normal" in node.inputs else None
         if normal is None or not self._light.has_directions:
             return self._light.colour

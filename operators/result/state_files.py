@@ -71,7 +71,9 @@ def _write(
     scene: bpy.types.Scene, destination: Destination, output: str, mixed: dict[str, np.ndarray]
 ) -> list[Path]:
     """Write the lightmaps of a state, one by one, since their sizes may differ; raises EngineError."""
-    known, paths = read_manifest(destination.folder), []
+    folder = destination.folder
+    assert folder is not None
+    known, paths = read_manifest(folder), list[Path]()
     for number, (atlas, light) in enumerate(mixed.items()):
         one = slice(number, number + 1)
         part = replace(destination, stems=destination.stems[one], formats=destination.formats[one])
@@ -84,7 +86,7 @@ def _write(
                 f"The lightmaps of '{output}' cannot be written to '{part.folder}': {reason(error)}. Choose "
                 "another folder."
             ) from error
-        paths += [part.folder / file.name for file in files]
+        paths += [folder / file.name for file in files]
     return paths
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import uuid
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import bpy
 
@@ -32,7 +33,7 @@ class NoRecord:
     instances: str = ""
 
 
-Record = bpy.types.PropertyGroup | NoRecord
+Record: TypeAlias = bpy.types.PropertyGroup | NoRecord
 
 
 def bake_record(obj: bpy.types.Object, scene: bpy.types.Scene) -> Record:

@@ -39,7 +39,7 @@ def find_fingerprints(
     own, shining = [], [(yield from _digest_of(tuple(surroundings)))]
     shapes: dict[int, bytes] = {}
     for reading, place in zip(readings, places, strict=True):
-        shape, used = reading.shape, np.unique(reading.shape.slots)
+        shape, used = reading.mesh, np.unique(reading.mesh.slots)
         if id(shape) not in shapes:
             shapes[id(shape)] = yield from _digest_of((shape.corners, shape.slots))
         parts = (shapes[id(shape)], *(looks[index] for index in used), reading.matrix, place)

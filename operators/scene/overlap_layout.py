@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import repeat
 
 import numpy as np
 
@@ -93,13 +94,19 @@ def separate_overlaps(
     moving = yield from _moving(footprints, grid)
     if not any(moving):
         return places
-    kept = [footprint for footprint, moves in zip(footprints, moving, strict=True) if not moves]
+    kept = [
+        footprint
+        for footprint, moves in zip(footprints, moving, strict=True)
+        if footprint is not None and not moves
+    ]
     groups = yield from _group(members, footprints, np.flatnonzero(moving).tolist(), grid)
     room = yield from _free_room(kept, grid, resolution)
     tiles = yield from _fit([group.box.size for group in groups], room)
-    for group, tile in zip(groups, tiles or [None] * len(groups), strict=True):
+    for group, tile in zip(groups, tiles or repeat(None, len(groups)), strict=True):
         for index in group.members:
-            places[index] = tile and group.box.place(atlas, (tile.x, tile.y), tile.scale, resolution)
+            places[index] = (
+                None if tile is None else group.box.place(atlas, (tile.x, tile.y), tile.scale, resolution)
+            )
     return places
 
 
@@ -113,7 +120,7 @@ def make_footprints(members: Sequence[Charted], resolution: int) -> Slices[list[
         inside = is_inside(member.uvs)
         grid = min(resolution, LARGEST_GRID)
         footprints.append((yield from make_footprint(member.uvs, grid)) if inside else None)
-        yield
+        yield None
     return footprints
 
 
@@ -154,7 +161,7 @@ def _cells(footprint: CoverageGrid | None, grid: int) -> int:
     return grid**2 + 1 if footprint is None else footprint.cells
 
 
-def _free_room(kept: Sequence[CoverageGrid | None], grid: int, resolution: int) -> Slices[Box]:
+def _free_room(kept: Sequence[CoverageGrid], grid: int, resolution: int) -> Slices[Box]:
     """Return the largest rectangle of the atlas, in texels, without cells of kept objects."""
     if not kept:
         return Box(0, 0, resolution, resolution)

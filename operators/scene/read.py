@@ -280,9 +280,9 @@ class _SceneReading:
         shown: dict[int, set[str]] = {}
         for reading in readings:
             if reading.instancer not in (None, reading.source):
-                shown.setdefault(reading.source, set()).add(reading.shape.uv_digest)
+                shown.setdefault(reading.source, set()).add(reading.mesh.uv_digest)
         alike = {source: digest for source, (digest, *others) in shown.items() if not others}
-        own = {reading.source: reading.shape.uv_digest for reading in readings if reading.instancer is None}
+        own = {reading.source: reading.mesh.uv_digest for reading in readings if reading.instancer is None}
         return alike | own
 
     def _fingerprints(self) -> Slices[dict[int, str]]:
@@ -304,7 +304,7 @@ class _SceneReading:
     @property
     def triangles(self) -> int:
         """Number of triangles, including those of instances."""
-        return sum(len(reading.shape.slots) for reading in self._readings)
+        return sum(len(reading.mesh.slots) for reading in self._readings)
 
     def _read_some(self) -> str | None:
         """Read objects for the length of a slice; return an announcement if a large one is next."""

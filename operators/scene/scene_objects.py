@@ -70,10 +70,16 @@ class ReadObject:
     shape: SharedMesh | None
 
     @property
+    def mesh(self) -> SharedMesh:
+        """Its mesh, once all meshes have been read."""
+        assert self.shape is not None
+        return self.shape
+
+    @property
     def box(self) -> np.ndarray:
         """Corners of the bounding box in world space, (8, 3) float64."""
         with np.errstate(invalid="ignore", over="ignore"):
-            return self.shape.box @ self.matrix[:3, :3].T + self.matrix[:3, 3]
+            return self.mesh.box @ self.matrix[:3, :3].T + self.matrix[:3, 3]
 
 
 #: Number of loops above which a mesh is announced before it is read, because reading takes long.

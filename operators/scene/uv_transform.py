@@ -113,7 +113,8 @@ def make_charted(uvs: np.ndarray, positions: np.ndarray, matrix: np.ndarray, sca
 
 def charted_of(reading: ReadObject) -> Slices[Charted]:
     """Measure the charts of an object or instance with lightmap UVs."""
-    corners = reading.shape.corners
+    corners = reading.mesh.corners
+    assert corners.uvs is not None
     return make_charted(corners.uvs, corners.positions, reading.matrix, reading.scale)
 
 

@@ -20,7 +20,7 @@ def world_mesh(
     atlas:   index of the atlas in the scene
     place:   place in the atlas; None for an occluder
     """
-    corners, matrix = reading.shape.corners, reading.matrix
+    corners, matrix = reading.mesh.corners, reading.matrix
     linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
     normal = _normal_matrix(matrix[:3, :3]).T.astype(np.float32)
     order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
@@ -29,7 +29,7 @@ def world_mesh(
     for rows in row_slices(len(positions), 9):
         positions[rows] = (corners.positions[rows] @ linear + shift)[:, order]
         normals[rows] = _unit(corners.normals[rows] @ normal)[:, order]
-        if place is not None:
+        if place is not None and corners.uvs is not None:
             uvs[rows] = place.apply(corners.uvs[rows])[:, order]
         yield rows.stop / len(positions)
     turned, texture_uvs = order[1] == 2, dict(corners.texture_uvs)
@@ -42,7 +42,7 @@ def world_mesh(
         uvs=uvs,
         face=corners.face,
         subface=corners.subface,
-        material=reading.shape.slots,
+        material=reading.mesh.slots,
         atlas=atlas,
         texture_uvs={
             name: np.ascontiguousarray(values[:, order]) if turned else values

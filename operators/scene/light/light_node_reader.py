@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -129,7 +130,7 @@ def own_constants(tree: bpy.types.NodeTree) -> LightNodes:
 
 def _constant(socket: bpy.types.NodeSocket) -> LightNodes:
     """Return the socket's own value as a colour."""
-    value = getattr(socket, "default_value", 0.0)
+    value: Any = getattr(socket, "default_value", 0.0)
     colour = list(value)[:3] if hasattr(value, "__len__") else [value] * 3
     return LightNodes(np.array(colour, np.float64))
 

@@ -114,7 +114,7 @@ class SceneLights:
             return own_constants(tree)
         if lamp.type == "AREA":
             self._inexact["{}: the nodes of the light are baked as their mean over its face."].append(name)
-        elif any(node.bl_idname == "ShaderNodeLightFalloff" for node in tree.nodes):
+        elif tree is not None and any(node.bl_idname == "ShaderNodeLightFalloff" for node in tree.nodes):
             self._inexact["{}: the nodes of the light are baked as they are 1 m away from it."].append(name)
         return nodes
 

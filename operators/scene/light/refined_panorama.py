@@ -29,6 +29,7 @@ def render_refined(world: bpy.types.World) -> np.ndarray:
     renders until they no longer change.
     """
     coarse, fine = (_rendered(world, rows) for rows in _ROWS[:2])
+    assert coarse is not None and fine is not None
     least, tile = _mean(coarse), _TILE * _ROWS[1] // _ROWS[0]
     differs = _differing(_shrunk(fine, 2), coarse, least, _TILE)
     if not differs.any():

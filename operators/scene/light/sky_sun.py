@@ -49,7 +49,8 @@ class SunDisc:
 
     def angle_to(self, other: SunDisc) -> float:
         """Return the angle between the directions of two discs, radians; accurate for small angles, too."""
-        return float(2 * np.arcsin(min(np.linalg.norm(self.direction - other.direction) / 2, 1.0)))
+        half = float(np.linalg.norm(self.direction - other.direction)) / 2
+        return float(2 * np.arcsin(min(half, 1.0)))
 
     def is_same(self, other: SunDisc) -> bool:
         """Return True if both discs have the same direction and size within tolerances."""

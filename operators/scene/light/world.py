@@ -74,14 +74,17 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
 
 def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
     """Render a world by Blender, or return it from the cache; a world that cannot be rendered is black."""
-    digest = world_digest(watch.context.world)
+    world = watch.context.world
+    assert world is not None
+    digest = world_digest(world)
     kept = kept_worlds.get(digest)
     if kept is not None:
         notes += kept.notes
         return kept
-    yield f"Rendering world '{watch.context.world.name}'"
+    yield f"Rendering world '{world.name}'"
     watch.depsgraph()
     world, warnings = watch.context.world, list[str]()
+    assert world is not None
     try:
         with copied_world(world) as copy, _seen_by_bounces(copy):
             suns = take_suns(copy, world.name, warnings)

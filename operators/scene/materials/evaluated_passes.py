@@ -87,7 +87,8 @@ def _finish_side(side: dict[str, np.ndarray]) -> None:
     scattered = [side[name] for name in ("reflect", "transmit") if name in side]
     through, emit = side.get("through"), side.get("emit")
     lit = [*scattered, *([] if emit is None else [emit])]
-    room, factor = np.float32(1), np.float32(1)
+    room: np.ndarray = np.ones((), np.float32)
+    factor = room
     if through is not None:
         np.minimum(through, 1, out=through)
         for each in lit:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -92,7 +92,7 @@ def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
     for value in values:
         if isinstance(value, np.ndarray):
             digest.update(repr((value.shape, value.dtype.str)).encode())
-            digest.update(np.ascontiguousarray(value))
+            digest.update(np.ascontiguousarray(value).data)
         else:
             digest.update(repr(value).encode())
 
@@ -181,7 +181,7 @@ def _feed_mesh(digest: hashlib.blake2b, mesh: bpy.types.Mesh) -> None:
 _FLOATS = frozenset({"FLOAT", "FLOAT_VECTOR", "FLOAT2", "FLOAT_COLOR", "BYTE_COLOR", "QUATERNION"})
 
 
-def _plain(value: object) -> object:
+def _plain(value: Any) -> object:
     """Return a property's value as a built-in type; raises UnknownError for a datablock."""
     if isinstance(value, bpy.types.bpy_struct):
         raise UnknownError

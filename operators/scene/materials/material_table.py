@@ -106,8 +106,9 @@ class MaterialTable:
         """
         depends = self._depends(material)
         values = object_values(depends.sources, item)
-        for name in lost_attributes(values, item):
-            self._lost.setdefault(name, {})[material.name] = None
+        if material is not None:
+            for name in lost_attributes(values, item):
+                self._lost.setdefault(name, {})[material.name] = None
         hidden = hidden_from(item)
         key = (None if material is None else material.session_uid, tuple(values.items()), hidden)
         if key in self._index:
@@ -120,6 +121,7 @@ class MaterialTable:
             entry = read_material(material, self._notes, self._cache, values, depends, self._glass)
             self._index[key] = number
         except ComplexError as error:
+            assert material is not None
             bumps = surface_bumps(material, self._cache)
             entry = Material(material.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
             self._index[complex_key] = number
@@ -152,6 +154,7 @@ class MaterialTable:
                 raise ComplexError
             entry = read_material(material, self._notes, self._cache, values, depends, self._glass)
         except ComplexError:
+            assert material is not None
             self._hair_materials.append(material.name)
             color = np.maximum(to_rec709(np.array(material.diffuse_color[:3], np.float32)), 0)
             return Material(material.name, color, np.zeros(3, np.float32))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import bpy
 import numpy as np
@@ -28,8 +29,10 @@ _DEFAULT_GREY = np.full(3, 0.8, np.float32)
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
 
 #: Math node operations that are computed on constants.
-_MATH = {"ADD": np.add, "SUBTRACT": np.subtract, "MULTIPLY": np.multiply, "MAXIMUM": np.maximum,
-         "MINIMUM": np.minimum}  # fmt: skip
+_MATH: dict[str, np.ufunc] = {
+    "ADD": np.add, "SUBTRACT": np.subtract, "MULTIPLY": np.multiply, "MAXIMUM": np.maximum,
+    "MINIMUM": np.minimum,
+}  # fmt: skip
 
 
 class ShaderReader:
@@ -141,7 +144,7 @@ class ShaderReader:
 
 def _constant(socket: bpy.types.NodeSocket) -> MaterialValue:
     """Return the socket's own value."""
-    value = getattr(socket, "default_value", 0.0)
+    value: Any = getattr(socket, "default_value", 0.0)
     return constant(*list(value)[:3]) if hasattr(value, "__len__") else constant(value)
 
 

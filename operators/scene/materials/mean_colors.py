@@ -61,5 +61,7 @@ def mean_color(material: bpy.types.Material, notes: list[str], cache: PixelCache
     Raises PixelsNeededError if an image must be read first.
     """
     reader = _MeanReader(f"Material '{material.name}'", notes, cache, glass=glass)
-    output = node_tree(material).get_output_node("CYCLES")
+    tree = node_tree(material)
+    assert tree is not None
+    output = tree.get_output_node("CYCLES")
     return to_material(material.name, Sides(reader.surface(output.inputs["Surface"])))

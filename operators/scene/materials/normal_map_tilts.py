@@ -52,9 +52,10 @@ class KeptTilts:
 
     def get(self, state: tuple | None) -> np.ndarray | None:
         """Return the histogram of an image's state, see `image_state`; None if it is not cached."""
-        if state in self._counts:
-            self._counts.move_to_end(state)
-        return self._counts.get(state)
+        if state is None or state not in self._counts:
+            return None
+        self._counts.move_to_end(state)
+        return self._counts[state]
 
     def keep(self, state: tuple | None, counts: np.ndarray) -> None:
         """Store the histogram of an image's state; do nothing if the state is unknown."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 
@@ -170,7 +171,7 @@ def _attribute(owner: str, name: str, item: SceneItem) -> tuple[float, ...]:
     return _MISSING
 
 
-def _numbers(value: object) -> tuple[float, ...]:
+def _numbers(value: Any) -> tuple[float, ...]:
     """Return a number or three or four numbers as four; raises TypeError for other values."""
     numbers = [float(number) for number in value] if hasattr(value, "__len__") else [float(value)] * 3
     if len(numbers) not in (3, 4):

@@ -127,7 +127,7 @@ class PixelCache:
 
     def _read(self, uid: int, owner: str) -> Slices[None]:
         image = find(bpy.data.images, uid)
-        if not image.has_data or image.size[0] * image.size[1] * 4 > _LARGE:
+        if image is not None and (not image.has_data or image.size[0] * image.size[1] * 4 > _LARGE):
             yield f"Reading image '{image.name}'"
             image = find(bpy.data.images, uid)
         pixels = MISSING if image is None else self._load(image, owner)

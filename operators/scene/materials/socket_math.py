@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import reduce
+from typing import Any, TypeAlias
 
 import bpy
 
 #: An input (its link or its own value), an output, a colour, or a number.
-Operand = bpy.types.NodeSocket | Sequence[float] | float
+Operand: TypeAlias = bpy.types.NodeSocket | Sequence[float] | float
 
 
 class SocketMath:
@@ -24,7 +25,8 @@ class SocketMath:
         if isinstance(value, bpy.types.NodeSocket):
             self._tree.links.new(value, target)
             return
-        color = tuple(value)[:3] if hasattr(value, "__len__") else (float(value),) * 3
+        number: Any = value
+        color = tuple(number)[:3] if hasattr(number, "__len__") else (float(number),) * 3
         target.default_value = color + (1.0,) * (len(target.default_value) - 3)
 
     def multiply(self, *factors: Operand) -> Operand:

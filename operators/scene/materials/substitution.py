@@ -52,7 +52,7 @@ class Substitution:
                     number.default_value = value
                     relink(tree, output, number)
             if self._quantity is not None and not node.mute:
-                self._replace(tree, node)
+                self._replace(tree, node, self._quantity)
 
     def _copy_group(self, node: bpy.types.Node) -> None:
         """Replace the group of a group node by a changed copy."""
@@ -64,13 +64,13 @@ class Substitution:
             self._change(self._groups[group])
         node.node_tree = self._groups[group]
 
-    def _replace(self, tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    def _replace(self, tree: bpy.types.NodeTree, node: bpy.types.Node, quantity: str) -> None:
         """Replace a closure by an Emission node with the quantity."""
-        emits = self._quantity == "emit" and node.bl_idname in EMITTERS
+        emits = quantity == "emit" and node.bl_idname in EMITTERS
         if emits or passes_shaders(node):
             return
         for output in [output for output in node.outputs if output.type == "SHADER"]:
-            rule = closure_rule(node, self._quantity, self._glass)
+            rule = closure_rule(node, quantity, self._glass)
             math, emission = SocketMath(tree), tree.nodes.new("ShaderNodeEmission")
             math.assign(0.0 if rule is None else rule(math, node), emission.inputs["Color"])
             relink(tree, output, emission.outputs[0])

@@ -30,8 +30,11 @@ class SurfaceNotes:
 
     def add(self, material: bpy.types.Material | None) -> None:
         """Examine the nodes of a material."""
-        tree = None if material is None else node_tree(material)
-        output = None if tree is None else tree.get_output_node("CYCLES")
+        if material is not None and (tree := node_tree(material)) is not None:
+            self._add(material, tree)
+
+    def _add(self, material: bpy.types.Material, tree: bpy.types.NodeTree) -> None:
+        output = tree.get_output_node("CYCLES")
         if output is None:
             return
         if feeding_socket(output.inputs["Volume"]).is_output:

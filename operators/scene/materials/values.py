@@ -53,6 +53,9 @@ def constant(*values: float) -> MaterialValue:
     return MaterialValue(np.broadcast_to(np.array(values, np.float64), (3,)).copy())
 
 
+ZERO, ONE = constant(0.0), constant(1.0)
+
+
 @dataclass(frozen=True)
 class DiffuseSurface:
     """A sheet that covers a fraction of the surface; light passes straight through the rest.
@@ -65,11 +68,11 @@ class DiffuseSurface:
     threshold:  a cover of at least the threshold becomes 1, and a smaller one 0; None keeps the cover
     """
 
-    reflect: MaterialValue = field(default_factory=lambda: ZERO)
-    emit: MaterialValue = field(default_factory=lambda: ZERO)
-    transmit: MaterialValue = field(default_factory=lambda: ZERO)
+    reflect: MaterialValue = ZERO
+    emit: MaterialValue = ZERO
+    transmit: MaterialValue = ZERO
     through: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    cover: MaterialValue = field(default_factory=lambda: ONE)
+    cover: MaterialValue = ONE
     threshold: float | None = None
 
     @property
@@ -103,6 +106,5 @@ class DiffuseSurface:
         )
 
 
-ZERO, ONE = constant(0.0), constant(1.0)
 BLACK = DiffuseSurface()
 HOLE = DiffuseSurface(cover=ZERO)

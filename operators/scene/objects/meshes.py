@@ -40,9 +40,11 @@ class Corners:
     dropped: int
 
 
-def read_array(collection, attribute: str, width: int, dtype) -> np.ndarray:
+def read_array(
+    collection: bpy.types.bpy_prop_collection, attribute: str, width: int, dtype: type
+) -> np.ndarray:
     """Return an attribute of all items of a Blender collection, (n, width) of the given type."""
-    values = np.empty(len(collection) * width, dtype)
+    values: np.ndarray = np.empty(len(collection) * width, dtype)
     collection.foreach_get(attribute, values)
     return values.reshape(-1, width)
 
@@ -76,7 +78,7 @@ def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
     return _read_attribute(mesh, "position", "vector", 3, np.float32)
 
 
-def _read_attribute(mesh: bpy.types.Mesh, name: str, field: str, width: int, dtype) -> np.ndarray:
+def _read_attribute(mesh: bpy.types.Mesh, name: str, field: str, width: int, dtype: type) -> np.ndarray:
     """Return an attribute of a mesh, (n, width); 0 rows if the mesh has no elements."""
     attribute = mesh.attributes.get(name)
     return (

@@ -44,6 +44,7 @@ class _Reader(bpy.types.RenderEngine):
         height: int,
     ) -> None:
         """Call the function; Blender requires exactly these arguments."""
+        assert _Reader.job is not None
         _Reader.job(depsgraph)
 
 

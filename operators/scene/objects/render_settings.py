@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import bpy
 
@@ -27,11 +28,7 @@ def show_as_rendered(obj: bpy.types.Object, changes: Rollback) -> None:
     """Copy the render settings of an object's modifiers to their viewport settings."""
     for modifier, shown, rendered in list(_differences(obj)):
         before = getattr(modifier, shown)
-        changes.add(
-            lambda uid=obj.session_uid, name=modifier.name, setting=shown, value=before: _set(
-                uid, name, setting, value
-            )
-        )
+        changes.add(partial(_set, obj.session_uid, modifier.name, shown, before))
         setattr(modifier, shown, getattr(modifier, rendered))
 
 

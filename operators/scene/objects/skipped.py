@@ -25,11 +25,11 @@ def note_skipped(context: SceneContext, notes: list[str]) -> None:
     if parts:
         are = "are" if sum(counts[kind] for kind in _KINDS) > 1 else "is"
         notes.append(f"{_enumerate(parts)} {are} not baked.")
-    if _has_volume(context.world):
-        notes.append(f"World '{context.world.name}': its volume is not baked.")
+    if (world := context.world) is not None and _has_volume(world):
+        notes.append(f"World '{world.name}': its volume is not baked.")
 
 
-def _has_volume(world: bpy.types.World | None) -> bool:
+def _has_volume(world: bpy.types.World) -> bool:
     """Return True if the world has a volume."""
     tree = None if world is None else node_tree(world)
     output = None if tree is None else tree.get_output_node("CYCLES")

@@ -64,7 +64,7 @@ class AtlasMembers:
         """
         taken = {obj.hemibake.atlas for obj in bpy.data.objects}
         full = {obj.hemibake.atlas for obj in self._without({uid for page in pages for uid in page.uids})}
-        notes = []
+        notes: list[str] = []
         for page in pages:
             if page.atlas in full:
                 fresh = next(

@@ -157,7 +157,7 @@ def _overlap(uvs: np.ndarray) -> bool:
 def _bent_charts(corners: np.ndarray, chart: np.ndarray) -> np.ndarray:
     """Return the non-planar charts, (k,) int64, which may overlap themselves; `corners` is (t, 3, 3)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    mean = np.stack([np.bincount(chart, values) for values in normal.T], axis=1)
-    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
+    sums = np.stack([np.bincount(chart, values) for values in normal.T], axis=1)
+    mean = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-30)
     cosine = (normal * mean[chart]).sum(axis=1)
     return np.unique(chart[cosine < _FLAT * np.linalg.norm(normal, axis=1)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from functools import partial
 
 import bpy
 
@@ -38,7 +39,7 @@ class PackingRecord:
             entry = self._entry(page.atlas)
             if entry is not None:
                 name, before = entry.name, entry.packing
-                changes.add(lambda name=name, before=before: self._set(name, before))
+                changes.add(partial(self._set, name, before))
                 entry.packing = self._digest(page.targets, page.digests)
 
     def _entry(self, atlas: str | None) -> bpy.types.PropertyGroup | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
 
 import bpy
 
@@ -93,7 +94,7 @@ def unwrap_missing(
         raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
     uids = [obj.session_uid for obj in objects]
     free = frozenset(obj.session_uid for obj in movable)
-    make = lambda: _Unwrapping(context, uv_layer, resolution, changes, anew, free)  # noqa: E731
+    make = partial(_Unwrapping, context, uv_layer, resolution, changes, anew, free)
     yield Progress("Unwrapping", 0.0)
     yield None
     for _ in range(_ATTEMPTS):

@@ -6,6 +6,7 @@ import os
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from typing import Any
 
 from ....engine.errors import WorkerError
 from ....engine.progress import Progress, map_progress
@@ -45,7 +46,7 @@ def unwrap_in_process(
     those, or all meshes if xatlas is not installed. Raises WorkerError if the process dies or hangs even
     without xatlas.
     """
-    known, failed = tuple(charts), []
+    known, failed = tuple(charts), list[int]()
     if not has_xatlas():
         known = yield from _charts_by_blender(meshes, known)
     try:
@@ -64,7 +65,7 @@ def unwrap_in_process(
 
 def _run(
     work: str, meshes: Sequence[PolygonMesh], arguments: tuple[object, ...] = (), attempts: int = 2
-) -> Generator:
+) -> Generator[Progress | None, None, Any]:
     """Run a generator of the engine on meshes in a separate process, with a time-out by triangle count."""
     from ....engine.worker.disposable import run_apart
     from ....engine.worker.process import UNWRAPPING
@@ -143,7 +144,7 @@ def _cut_each(
     mesh that fails is cut by Blender. Raises WorkerError if the process cannot even be started.
     """
     yield from _run(_CUT, (), (cutting,))
-    known, failed = list(charts), []
+    known, failed = list(charts), list[int]()
     groups = [[index for index, made in enumerate(charts) if made is None]]
     while groups:
         group = groups.pop()

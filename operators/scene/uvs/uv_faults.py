@@ -43,7 +43,7 @@ def is_inside(uvs: np.ndarray) -> bool:
 
 def overlap(uvs: np.ndarray) -> bool:
     """Return whether triangles, (t, 3, 2) finite UVs, overlap beyond rounding errors; cached."""
-    key = hashlib.blake2b(np.ascontiguousarray(uvs)).digest()
+    key = hashlib.blake2b(np.ascontiguousarray(uvs).data).digest()
     known = _overlapping.pop(key, None)
     _overlapping[key] = _overlap(uvs) if known is None else known
     while len(_overlapping) > _REMEMBERED:

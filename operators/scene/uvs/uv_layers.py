@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bmesh
 import bpy
 import numpy as np
@@ -16,7 +18,7 @@ MOST_LAYERS = 8
 
 def add_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Rollback) -> None:
     """Add a UV layer, (l, 2) float32 at the loops; which layers are active and rendered is kept."""
-    changes.add(lambda uid=obj.session_uid: _remove_from(uid, name))
+    changes.add(partial(_remove_from, obj.session_uid, name))
     (_add_edited if obj.data.is_editmode else _add_stored)(obj, name, uvs)
 
 
@@ -47,7 +49,7 @@ def replace_layer(obj: bpy.types.Object, name: str, uvs: np.ndarray, changes: Ro
         return
     obj.update_from_editmode()
     before = read_uvs(obj.data.uv_layers[name])
-    changes.add(lambda uid=obj.session_uid: _bring_back(uid, name, before))
+    changes.add(partial(_bring_back, obj.session_uid, name, before))
     _exchange(obj, name, uvs)
 
 

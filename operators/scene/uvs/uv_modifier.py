@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from functools import partial
 
 import bpy
 import numpy as np
@@ -73,13 +74,15 @@ def add_uv_modifier(
     group = new_uv_group(objects[0].name, uvs, digest, uv_layer, changes)
     for obj in objects:
         _attach(obj, group)
-        changes.add(lambda uid=obj.session_uid: _detach(uid, uv_layer))
+        changes.add(partial(_detach, obj.session_uid, uv_layer))
 
 
 def drop_uv_modifier(obj: bpy.types.Object, uv_layer: str, changes: Rollback) -> None:
     """Remove the UV modifier of an object; undoing `changes` adds it again."""
-    group = uv_modifier(obj, uv_layer).node_group
-    changes.add(lambda uid=obj.session_uid, group_uid=group.session_uid: _attach_again(uid, group_uid))
+    modifier = uv_modifier(obj, uv_layer)
+    assert modifier is not None
+    group = modifier.node_group
+    changes.add(partial(_attach_again, obj.session_uid, group.session_uid))
     _detach(obj.session_uid, uv_layer)
 
 
@@ -112,6 +115,6 @@ def _attach_again(uid: int, group_uid: int) -> None:
 
 def _detach(uid: int, uv_layer: str) -> None:
     obj = find(bpy.data.objects, uid)
-    modifier = obj and uv_modifier(obj, uv_layer)
-    if modifier:
+    modifier = None if obj is None else uv_modifier(obj, uv_layer)
+    if obj is not None and modifier is not None:
         obj.modifiers.remove(modifier)

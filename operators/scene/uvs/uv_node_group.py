@@ -13,6 +13,8 @@ longer, Blender can remove all of them as unused data.
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 import numpy as np
 
@@ -44,13 +46,13 @@ def new_uv_group(
     owner:  name of the object for which the UVs are made
     """
     points = bpy.data.meshes.new(f".{NAME} of {owner}")
-    changes.add(lambda uid=points.session_uid: _remove(bpy.data.meshes, uid))
+    changes.add(partial(_remove, "meshes", points.session_uid))
     points.vertices.add(len(uvs))
     points.vertices.foreach_set("co", np.c_[uvs, np.zeros(len(uvs))].astype(np.float32).reshape(-1))
     carrier = _new_carrier(points)
-    changes.add(lambda uid=carrier.session_uid: _remove(bpy.data.objects, uid))
+    changes.add(partial(_remove, "objects", carrier.session_uid))
     group = _new_group(carrier, len(uvs), uv_layer)
-    changes.add(lambda uid=group.session_uid: _remove(bpy.data.node_groups, uid))
+    changes.add(partial(_remove, "node_groups", group.session_uid))
     group[_LAYER], group[_TOPOLOGY] = uv_layer, topology
     return group
 
@@ -159,7 +161,9 @@ def _new_carrier(points: bpy.types.Mesh) -> bpy.types.Object:
     return carrier
 
 
-def _remove(collection, uid: int) -> None:
+def _remove(name: str, uid: int) -> None:
+    """Remove a datablock from a collection of `bpy.data`."""
+    collection = getattr(bpy.data, name)
     datablock = find(collection, uid)
     if datablock is not None:
         collection.remove(datablock)

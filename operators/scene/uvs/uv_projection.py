@@ -40,6 +40,12 @@ class UvMesh:
     polygon: np.ndarray
     uvs: np.ndarray | None
 
+    @property
+    def corner_uvs(self) -> np.ndarray:
+        """UVs of the triangles' corners, (t, 3, 2) float64, of a mesh that has the layer."""
+        assert self.uvs is not None
+        return self.uvs[self.triangles].astype(np.float64)
+
     @cached_property
     def points(self) -> np.ndarray:
         """Positions of the triangles' corners, (t, 3, 3) float64 in object space."""
@@ -69,7 +75,7 @@ class UvProjection:
 
     def __init__(self, surface: UvMesh) -> None:
         """Build a bounding volume hierarchy over the surface, which must have UVs and faces."""
-        self._surface, self._points = surface, surface.points
+        self._corner_uvs, self._points = surface.corner_uvs, surface.points
         self._chart = _charts(surface)
         self._whole = self._tree(np.arange(len(self._points)))
         self._parts: dict[int, tuple[BVHTree, np.ndarray]] = {}
@@ -88,7 +94,7 @@ class UvProjection:
         """
         chart = self._charts_of(mesh)
         points = np.concatenate([mesh.points, mesh.points.mean(axis=1, keepdims=True)], axis=1)
-        corners = mesh.uvs[mesh.triangles].astype(np.float64)
+        corners = mesh.corner_uvs
         uvs = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
         right = self._nearest(points.reshape(-1, 3), np.repeat(chart[mesh.polygon], 4))
         return float(np.linalg.norm(uvs.reshape(-1, 2) - right, axis=1).max(initial=0.0))
@@ -127,7 +133,7 @@ class UvProjection:
         first, second, third = self._points[triangle]
         sides = np.stack([second - first, third - first], axis=1)
         weights = np.linalg.lstsq(sides, place - first, rcond=None)[0]
-        uvs = self._surface.uvs[self._surface.triangles[triangle]].astype(np.float64)
+        uvs = self._corner_uvs[triangle]
         return uvs[0] + weights @ (uvs[1:] - uvs[0])
 
     def _part(self, chart: int) -> tuple[BVHTree, np.ndarray]:
@@ -145,7 +151,7 @@ class UvProjection:
 
 def _charts(mesh: UvMesh) -> np.ndarray:
     """Return the chart of each triangle, (t,) int64: triangles that share a vertex and its UV are joined."""
-    steps = np.round(mesh.uvs[mesh.triangles].astype(np.float64) * _STEPS).astype(np.int64)
+    steps = np.round(mesh.corner_uvs * _STEPS).astype(np.int64)
     keys = np.concatenate([mesh.corners[mesh.triangles][..., None], steps], axis=2).reshape(-1, 3)
     place = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
     of_corner = np.repeat(np.arange(len(mesh.triangles)), 3)

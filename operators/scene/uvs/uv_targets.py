@@ -147,6 +147,7 @@ def _lacks_uvs(obj: bpy.types.Object, mesh: bpy.types.Mesh, uv_layer: str, made:
 def is_usable_layer(mesh: bpy.types.Mesh, uv_layer: str) -> bool:
     """Return True if UVs are finite, within 0-1, without overlaps, and cover nearly all of the surface."""
     corners = read_corners(mesh, uv_layer, {})
+    assert corners.uvs is not None
     if not is_finite(corners.uvs) or not is_inside(corners.uvs):
         return False
     return not overlap(corners.uvs) and cover(corners.uvs, corners.positions)

@@ -39,10 +39,11 @@ def project_for_viewport(
         pairs = read_pairs(context, list(users.values()), uv_layer)
     for uid, obj in users.items():
         group, pair = find(bpy.data.node_groups, uid), pairs.get(obj.session_uid)
-        digest = "" if pair is None or pair[0].has_faces_of(pair[1]) else _digest(pair)
+        pair = None if pair is None or pair[0].has_faces_of(pair[1]) else pair
+        digest = "" if pair is None else _digest(pair)
         if digest != kept_viewport_uvs(group)[1]:
             _restore_later(uid, *kept_viewport_uvs(group), changes)
-            _store(group, UvProjection(pair[0]).corner_uvs(pair[1]) if digest else None, digest)
+            _store(group, None if pair is None else UvProjection(pair[0]).corner_uvs(pair[1]), digest)
 
 
 def read_pairs(context: SceneContext, objects: Sequence[bpy.types.Object], uv_layer: str) -> dict[int, Pair]:
@@ -85,6 +86,7 @@ def _digest(pair: Pair) -> str:
     for mesh in pair:
         for array in (mesh.positions, mesh.corners, mesh.starts):
             digest.update(array.tobytes())
+    assert pair[0].uvs is not None
     digest.update(pair[0].uvs.tobytes())
     return digest.hexdigest()
 

@@ -97,12 +97,12 @@ def find_wall_edges(obj: bpy.types.Object, mesh: PolygonMesh, walls: Sequence[Wa
     covered = [
         loop
         for loop in np.flatnonzero(shared & _near(ends, walls, _BESIDE * size)).tolist()
-        if _is_covered(*ends[loop], normals[loop], walls, _BESIDE * size)
+        if _is_covered(ends[loop, 0], ends[loop, 1], normals[loop], walls, _BESIDE * size)
     ]
     parted = np.zeros(len(ends), bool)
     for loop in covered:
         if not parted[loop]:
-            parted |= _in_line(ends, *ends[loop], _BESIDE * size)
+            parted |= _in_line(ends, ends[loop, 0], ends[loop, 1], _BESIDE * size)
     return np.flatnonzero(parted & shared)
 
 

@@ -145,7 +145,7 @@ def _bake(
     # All other light is gathered: from hemicubes drawn in each iteration (IV.B), or from visibility samples.
     job = SolveJob(
         graphics, compute, patch_scene, rays, lighting.gathered_emission, lighting.gathered_sky, sampled,
-        areas.result(), settings, remote, kept, near=contacts, backs=lighting.backs_left,
+        areas.result(), settings, remote, kept, contacts=contacts, backs=lighting.backs_left,
         mapped=patch_scene.patches.count_in(len(atlases)),
     ).after(previous)  # fmt: skip
     solution, choice, solved = choose_solver(job)
@@ -227,7 +227,7 @@ def _direct_light(
     """
     stages.sampling(lighting.part_to_sample)
     if previous:
-        store.hide(previous.front, previous.near)
+        store.hide(previous.front, previous.contacts)
         if not lighting.part_to_sample:
             return (yield from stages.run(stages.direct, lighting.gather()))
     if previous and outputs.begin_with_direct:

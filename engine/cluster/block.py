@@ -104,9 +104,9 @@ class BlockVisibility:
         self._first, self._sources = unpacked(rows).first, prepared(shipment).sources(table)
         with self._sources.working():
             lookers = self._sources.part(rows)
-            identity = make_sampler(lookers, untried_visibility(lookers.settings))
-            self.bytes = identity.row_bytes * lookers.count
-            sweep, compute = caching_gather(lookers, identity), lookers.opencl
+            sampler = make_sampler(lookers, untried_visibility(lookers.settings))
+            self.bytes = sampler.row_bytes * lookers.count
+            sweep, compute = caching_gather(lookers, sampler), lookers.opencl
             self._gather = GatherPass(compute, sweep, np.zeros((lookers.count, 3), np.float32))
 
             # The block owns the samples, so they are removed from the job's session cache.

@@ -124,10 +124,12 @@ class ClusterDevices:
         """Return the irradiance gradients (L1) for radiance `light`, (n, 3, 3)."""
         return (yield from self._of_blocks(block.gather_l1, self._light_sent(light)))
 
-    def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
+    def of_groups(self, representative: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
         """Switch the workers to patch groups and start to compute the groups' visibility."""
         table = PatchTable.of(texel_to_group, SparseRadiance.of(emission), self._back_to_back, self._folder)
-        self._solved = ShippedPatches(self._tasks, self._parts.patches.part(leader), table, self._folder)
+        self._solved = ShippedPatches(
+            self._tasks, self._parts.patches.part(representative), table, self._folder
+        )
         self._find()
 
         # Both tables are combined to one value, because Dask schedules tasks slowly if they depend on many

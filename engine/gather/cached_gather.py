@@ -32,7 +32,7 @@ class CachedGather:
 
     The first iteration fills the cache if it is not complete, and sums the background light.
 
-    identity:    visibility sampler that fills the cache; None if it is complete
+    sampler:    visibility sampler that fills the cache; None if it is complete
     l1:          gathers L1 of the converged light
     checkpoint:  stores rows of the cache, so that an interrupted bake can resume
     """
@@ -41,12 +41,12 @@ class CachedGather:
         self,
         compute: ComputeDevice,
         kept: VisibilityCache,
-        identity: VisibilitySampler | None,
+        sampler: VisibilitySampler | None,
         static: BackgroundLight,
         l1: L1Gather | NoL1,
         checkpoint: Checkpoint,
     ) -> None:
-        self._compute, self._kept, self._identity, self._checkpoint = compute, kept, identity, checkpoint
+        self._compute, self._kept, self._sampler, self._checkpoint = compute, kept, sampler, checkpoint
         self._kernels = GatherKernels(compute, kept.sampling)
         self._static, self._l1, self._begun = static, l1, False
 
@@ -75,10 +75,10 @@ class CachedGather:
     def _begin(self, light: GatherBuffers) -> Generator[float, None, None]:
         """Fill the visibility cache and sum the background light; yield progress 0..1."""
         found = 0.0
-        if self._identity is not None:
+        if self._sampler is not None:
             found = 1 - _SUMMING
-            yield from run_as_fraction(0.0, found, self._kept.find(self._identity, self._checkpoint))
-            self._identity = None
+            yield from run_as_fraction(0.0, found, self._kept.find(self._sampler, self._checkpoint))
+            self._sampler = None
         if not self._static.complete:
             yield from run_as_fraction(found, 1.0, self._sum_up())
             self._static.complete = True
@@ -102,7 +102,7 @@ class StreamGather:
     def __init__(
         self,
         compute: ComputeDevice,
-        identity: VisibilitySampler,
+        sampler: VisibilitySampler,
         backs: BackfaceLight,
         static: BackgroundLight,
         count: int,
@@ -111,9 +111,9 @@ class StreamGather:
     ) -> None:
         """Allocate sample rows for at most `cached` patches at a time."""
         self._compute, self._static, self._l1, self._backs = compute, static, l1, backs
-        self._identity, self._count, self._step = identity, count, max(1, min(cached, count))
-        self._kernels = GatherKernels(compute, SampleLayout.of(identity))
-        size = identity.row_bytes * self._step
+        self._sampler, self._count, self._step = sampler, count, max(1, min(cached, count))
+        self._kernels = GatherKernels(compute, SampleLayout.of(sampler))
+        size = sampler.row_bytes * self._step
         self._cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
@@ -121,7 +121,7 @@ class StreamGather:
         self._l1.keep_radiance(light.radiance)
         for first in range(0, self._count, self._step):
             last = min(first + self._step, self._count)
-            for done in self._identity.find(first, last, self._backs.found_with(self._cache, first)):
+            for done in self._sampler.find(first, last, self._backs.found_with(self._cache, first)):
                 yield (first + done * (last - first)) / self._count
             rows = SampleRows(self._cache, first, last)
             finished(self._static.sum_up(rows, self._backs))
@@ -142,20 +142,20 @@ class RayStreamGather:
     def __init__(
         self,
         compute: ComputeDevice,
-        identity: RaySampler,
+        sampler: RaySampler,
         count: int,
         sources: int,
         l1: L1Gather | NoL1,
     ) -> None:
-        self._identity, self._count, self._l1 = identity, count, l1
-        self._kernels = GatherKernels(compute, SampleLayout.of(identity))
+        self._sampler, self._count, self._l1 = sampler, count, l1
+        self._kernels = GatherKernels(compute, SampleLayout.of(sampler))
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
         """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
-        yield from self._identity.gather(self._count, light.radiance, seen)
+        yield from self._sampler.gather(self._count, light.radiance, seen)
         self._kernels.take(self._gathered, light, column)
 
     def gather_l1(self) -> Generator[float, None, L1]:

@@ -102,17 +102,17 @@ class LightGroupPass:
     def __init__(
         self,
         compute: ComputeDevice,
-        identity: VisibilitySampler,
+        sampler: VisibilitySampler,
         count: int,
         sources: int,
         static: Sequence[BackgroundLight],
         cached: int,
     ) -> None:
-        self._compute, self._identity, self._count = compute, identity, count
+        self._compute, self._sampler, self._count = compute, sampler, count
         self._static, self._step = static, max(1, min(cached, count))
         self._backs = BackfaceLight(compute, count, sources, False)
         self._runs = [slice(first, first + TOGETHER) for first in range(0, len(static), TOGETHER)]
-        sampling = SampleLayout.of(identity)
+        sampling = SampleLayout.of(sampler)
         self._kernels = [GatherKernels(compute, sampling, len(static[run])) for run in self._runs]
         self._radiances = [_Radiance(compute, len(static[run]), sources) for run in self._runs]
 
@@ -126,10 +126,10 @@ class LightGroupPass:
         nothing, lights = zeros(compute, max(sizes)), [zeros(compute, size) for size in sizes]
         for run, read in zip(self._runs, self._radiances, strict=True):
             read.load(radiance[:, run])
-        cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, self._identity.row_bytes * self._step)
+        cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, self._sampler.row_bytes * self._step)
         for first in range(0, count, self._step):
             last = min(first + self._step, count)
-            for done in self._identity.find(first, last, self._backs.found_with(cache, first)):
+            for done in self._sampler.find(first, last, self._backs.found_with(cache, first)):
                 yield (first + done * (last - first)) / count
             rows = SampleRows(cache, first, last)
             for static in self._static:

@@ -37,10 +37,10 @@ class RemoteGather(Protocol):
         """Return the irradiance gradients (L1) for radiance `light`, (n, 3, 3)."""
         ...
 
-    def of_groups(self, leader: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
+    def of_groups(self, representative: np.ndarray, texel_to_group: np.ndarray, emission: np.ndarray) -> None:
         """Switch the devices to patch groups, and start to compute the visibility of the groups.
 
-        leader:          (m,) int64, the representative patch of each group
+        representative:  (m,) int64, the representative patch of each group
         texel_to_group:  (atlases, r, r) uint32, group + 1 of each texel's patch, or 0
         emission:        (m, 3) float32, emitted radiance of each group
         """

@@ -37,7 +37,7 @@ class SavedRows:
         first ............ read ......... saved ........ found ........... last
           | of a checkpoint  | written      | found since  | to be found     |
 
-    identity:  name of the visibility sampler
+    sampler:  name of the visibility sampler
     tables:    buffers by name; those with rows hold one row per patch
     """
 
@@ -45,18 +45,18 @@ class SavedRows:
         self,
         compute: ComputeDevice,
         checkpoint: Checkpoint,
-        identity: str,
+        sampler: str,
         patches: tuple[int, int],
         tables: Mapping[str, Table],
     ) -> None:
-        self._queue, self._checkpoint, self._identity = compute.queue, checkpoint, identity
+        self._queue, self._checkpoint, self._sampler = compute.queue, checkpoint, sampler
         self._first, self._last = patches
         self._saved, self._tables = self._first, tables
         self._row = sum(table.row for table in tables.values())
 
     def read(self) -> Generator[float, None, int]:
         """Read all consecutive rows of the checkpoint from the first on; return the patch after them."""
-        while found := self._checkpoint.rows(self._identity, self._saved, self._last):
+        while found := self._checkpoint.rows(self._sampler, self._saved, self._last):
             last, arrays = found
             for name, table in self._tables.items():
                 offset, _ = table.span(self._saved, last)
@@ -82,7 +82,7 @@ class SavedRows:
             name: self._download(table.buffer, *table.span(self._saved, last))
             for name, table in self._tables.items()
         }
-        if self._checkpoint.write_rows(self._identity, self._saved, last, arrays):
+        if self._checkpoint.write_rows(self._sampler, self._saved, last, arrays):
             self._saved = last
 
     def _download(self, buffer: cl.Buffer, offset: int, size: int) -> np.ndarray:

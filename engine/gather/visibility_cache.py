@@ -142,13 +142,13 @@ class VisibilityCache:
         self._compute.queue.finish()
         self.pieces[-1] = SampleRows(cache, rows.first, last)
 
-    def find(self, identity: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
+    def find(self, sampler: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
         """Compute the missing visibility samples, after those of a checkpoint or a cancelled bake.
 
         Yields progress 0..1 of the samples that neither the cache nor a checkpoint holds.
         """
-        if self._moved is not None and isinstance(identity, RaySampler):
-            yield from self._find_again(identity, self._moved)
+        if self._moved is not None and isinstance(sampler, RaySampler):
+            yield from self._find_again(sampler, self._moved)
         before, known = self._found, 0
         while not self.complete:
             rows = self._unfinished_piece()
@@ -156,9 +156,9 @@ class VisibilityCache:
             read = yield from saved.read()
             known += max(0, read - self._found)
             first = self._found = max(self._found, read)
-            for done in identity.find(first, rows.last, self.backs.found_with(rows.cache, rows.first)):
+            for done in sampler.find(first, rows.last, self.backs.found_with(rows.cache, rows.first)):
                 found = int(done * (rows.last - first))
-                self._found = first + _finished(identity, found)
+                self._found = first + _finished(sampler, found)
                 yield (first + found - before - known) / (self.count - before - known)
                 saved.write(self._found)
             self._found = rows.last
@@ -168,14 +168,14 @@ class VisibilityCache:
                 f"Visibility of {known:,} of {self.count:,} texels was restored from an interrupted bake."
             )
 
-    def _find_again(self, identity: RaySampler, moved: StaleSamples) -> Generator[float, None, None]:
+    def _find_again(self, sampler: RaySampler, moved: StaleSamples) -> Generator[float, None, None]:
         """Update stale samples after geometry moved; yield progress 0..1."""
         moved.begun = True
         for rows in self.pieces:
             last = min(rows.last, self._found)
             if last > rows.first:
                 seen = self.backs.found_with(rows.cache, rows.first)
-                for done in identity.update_moved(rows.first, last, seen, moved.buffers):
+                for done in sampler.update_moved(rows.first, last, seen, moved.buffers):
                     yield (rows.first + done * (last - rows.first)) / self.count
         self._parts, self._receivers, self._moved = moved.parts, moved.rays.receivers, None
 
@@ -241,9 +241,9 @@ class VisibilityCache:
         return seen
 
 
-def _finished(identity: VisibilitySampler, found: int) -> int:
+def _finished(sampler: VisibilitySampler, found: int) -> int:
     """Return the number of complete rows, given that the sampler has reported `found` rows.
 
     A batch is complete once the sampler proceeds to the next one.
     """
-    return max(found - 1, 0) // identity.batch * identity.batch
+    return max(found - 1, 0) // sampler.batch * sampler.batch

@@ -142,7 +142,7 @@ def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
 
 
 def _cached_gather(job: SolveJob, cache: VisibilityCache, sampler: VisibilitySampler | None) -> DeviceGather:
-    """Return a gather from cached samples; `identity` computes the missing ones, None if there are none."""
+    """Return a gather from cached samples; `sampler` computes the missing ones, None if there are none."""
     sampling = cache.sampling
     l1 = _l1_gather(job, sampling)
     if sampler is not None:

@@ -89,9 +89,9 @@ def _solver(
     job: SolveJob, choose_substitutes: ChooseSubstitutes | None = None
 ) -> tuple[Solver, SolverChoice]:
     """Return a solver with one unknown for each patch; see `Solver`."""
-    if choose_substitutes is None and job.near is not None:
+    if choose_substitutes is None and job.contacts is not None:
         choose_substitutes = partial(
-            substitute_patches, job.parts, job.near, find_pairs=job.kept.find_substitutes
+            substitute_patches, job.parts, job.contacts, find_pairs=job.kept.find_substitutes
         )
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
@@ -112,7 +112,9 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
     backs = None if job.backs is None else groups.mean(job.backs)
     if job.remote is not None:
         # Other processes start to compute the visibility of groups while this process prepares the solver.
-        job.remote.of_groups(groups.leader, groups.texel_to_group, emission if backs is None else backs)
+        job.remote.of_groups(
+            groups.representative, groups.texel_to_group, emission if backs is None else backs
+        )
     groups_job = replace(
         job,
         settings=_settings_of_groups(job),
@@ -125,7 +127,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
         indirect=None if job.indirect is None else groups.mean(colors_on_host(job.indirect)),
         direct=None,
         front=None,
-        near=job.near and job.near.part(groups.leader),
+        contacts=job.contacts and job.contacts.part(groups.representative),
     )
     solver, choice = _solver(groups_job)
     if is_adaptive(job):
@@ -170,9 +172,11 @@ _Squares = tuple[np.ndarray, np.ndarray, int]
 def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
     """Return the groupings for the interpolation: the solved groups, then the smaller ones."""
     inside = job.kept.inside(job.rays)
-    leader = group_representatives(job.rays, job.parts, job.first_radiance, inside, _SMALLER, job.mapped)
-    smaller = numbered(leader)
-    return [(groups.group, groups.leader, groups.width), (*smaller, _SMALLER)]
+    smaller_representative = group_representatives(
+        job.rays, job.parts, job.first_radiance, inside, _SMALLER, job.mapped
+    )
+    smaller = numbered(smaller_representative)
+    return [(groups.group, groups.representative, groups.width), (*smaller, _SMALLER)]
 
 
 def _interpolated(

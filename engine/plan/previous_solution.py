@@ -50,7 +50,7 @@ class PreviousSolution:
     front:    (n,) float32, validity
     sampled:  (n, 3) float32, E/pi from shadow rays
     direct:   (n, 3) float32, E/pi before any reflection
-    near:     contacts of the patches
+    contacts: contacts of the patches
     sources:  everything that determines `direct`, see `SolveJob.direct_sources`; None if unknown
     """
 
@@ -59,7 +59,7 @@ class PreviousSolution:
     front: np.ndarray
     sampled: np.ndarray
     direct: Values
-    near: Contacts
+    contacts: Contacts
     sources: DirectSources | None = None
 
     @classmethod
@@ -68,12 +68,12 @@ class PreviousSolution:
         solution: Solution,
         patches: PatchList,
         sampled: np.ndarray,
-        near: Contacts,
+        contacts: Contacts,
         sources: DirectSources | None,
     ) -> PreviousSolution:
         """Return the current light of a solution; sampled: (n, 3) float32, E/pi from shadow rays."""
         light, direct = solution.so_far
-        return cls(patches, light, solution.front, sampled, direct, near, sources)
+        return cls(patches, light, solution.front, sampled, direct, contacts, sources)
 
     def front_of(self, sources: DirectSources | None) -> np.ndarray | None:
         """Return the validity of the patches if their visibility has not changed, else None."""
@@ -112,10 +112,10 @@ class PreviousSolution:
             lit: np.ndarray = np.where(known[:, None] if values.ndim > 1 else known, values[found], elsewhere)
             return lit.astype(values.dtype)
 
-        near = Contacts(of(self.near.hide), of(self.near.back_to_back), of(self.near.shine))
+        contacts = Contacts(of(self.contacts.hide), of(self.contacts.back_to_back), of(self.contacts.shine))
         light = of(rows_of(self.light), np.array([0, 0, 0, 1], np.float32))
         front, direct = of(self.front, 1), colors_on_host(self.direct)
-        return PreviousSolution(patches, light, front, of(self.sampled), of(direct), near)
+        return PreviousSolution(patches, light, front, of(self.sampled), of(direct), contacts)
 
     def _numbers_of(self, patches: PatchList) -> tuple[np.ndarray, np.ndarray]:
         """Return the old patch at the texel of each new patch, (m,) int64, and a mask of existing ones."""

@@ -49,7 +49,7 @@ class SolveJob:
     direct:             (n, 3) float32, E/pi of light before any reflection, if it is unchanged; else None
     front:              (n,) float32, validity, if it is unchanged; else None
     part_of:            job of all light, if this job solves a part of it, such as a light group
-    near:               contacts of the patches; None if unknown
+    contacts:           contacts of the patches; None if unknown
     backs:              (n, 3) float32, radiance of each patch's back face; None if equal to `emission`
     mapped:             number of patches in lightmaps, which come first; None if unknown
     """
@@ -69,7 +69,7 @@ class SolveJob:
     direct: Values | None = None
     front: np.ndarray | None = None
     part_of: SolveJob | None = None
-    near: Contacts | None = None
+    contacts: Contacts | None = None
     backs: np.ndarray | None = None
     mapped: int | None = None
 

@@ -82,29 +82,29 @@ class Checkpoint:
         """Maximum number of bytes that one write may take now."""
         return self._shared.time.room
 
-    def rows_from_the_first(self, identity: str) -> int:
+    def rows_from_the_first(self, sampler: str) -> int:
         """Return the number of consecutive patches, from the first on, for which rows are stored."""
-        runs = [(first, last) for name, first, last in self._rows() if name == identity]
+        runs = [(first, last) for name, first, last in self._rows() if name == sampler]
         end = 0
         for first, last in sorted(runs):
             end = max(end, last) if first <= end else end
         return end
 
-    def rows(self, identity: str, first: int, end: int) -> tuple[int, Arrays] | None:
+    def rows(self, sampler: str, first: int, end: int) -> tuple[int, Arrays] | None:
         """Return the longest run of rows that starts at `first` and ends by `end`, as (end of run, arrays).
 
         None if no run starts there.
         """
-        lasts = [last for name, begin, last in self._rows() if (name, begin) == (identity, first)]
+        lasts = [last for name, begin, last in self._rows() if (name, begin) == (sampler, first)]
         for last in sorted((last for last in lasts if first < last <= end), reverse=True):
-            arrays = self._read(_rows_name(identity, first, last))
+            arrays = self._read(_rows_name(sampler, first, last))
             if arrays is not None:
                 return last, arrays
         return None
 
-    def write_rows(self, identity: str, first: int, last: int, arrays: Arrays) -> bool:
+    def write_rows(self, sampler: str, first: int, last: int, arrays: Arrays) -> bool:
         """Store the rows of the patches first <= i < last; return True if they were written."""
-        return self._write(_rows_name(identity, first, last), arrays)
+        return self._write(_rows_name(sampler, first, last), arrays)
 
     def light(self, key: Callable[[], str]) -> Arrays | None:
         """Return the solver state stored under a key; None if there is none."""
@@ -144,8 +144,8 @@ class Checkpoint:
         return written
 
 
-def _rows_name(identity: str, first: int, last: int) -> str:
-    return f"{identity}-{first}-{last}"
+def _rows_name(sampler: str, first: int, last: int) -> str:
+    return f"{sampler}-{first}-{last}"
 
 
 class WriteThrottle:

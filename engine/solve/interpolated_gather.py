@@ -149,13 +149,13 @@ class InterpolatedGather:
         steps = 1 + len(smaller)
         for step, squares in enumerate(smaller):
             leads = np.zeros_like(left)
-            leads[squares.leader] = True
+            leads[squares.representative] = True
             leads &= left
             if leads.any():
                 yield from run_as_fraction(
                     step / steps, (step + 1) / steps, gather_for(values, np.flatnonzero(leads))
                 )
-            found, fits = fit(squares, [layer[squares.leader] for layer in values])
+            found, fits = fit(squares, [layer[squares.representative] for layer in values])
             left &= ~leads
             for layer, finer in zip(values, found, strict=True):
                 layer[left & fits] = finer[left & fits]

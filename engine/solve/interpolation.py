@@ -18,7 +18,7 @@ _DARK, _BRIGHT = 0.05, 2.0
 class Interpolation:
     """Planes fitted to the irradiance of the groups around each of n patches, by OpenCL.
 
-    leader:  (m,) int64, representative patch of each group
+    representative:  (m,) int64, representative patch of each group
     """
 
     def __init__(
@@ -26,7 +26,7 @@ class Interpolation:
         rays: RayScene,
         parts: PatchScene,
         group: np.ndarray,
-        leader: np.ndarray,
+        representative: np.ndarray,
         width: int,
         opening: cl.Buffer | None,
         beside_backs: np.ndarray | None = None,
@@ -37,13 +37,13 @@ class Interpolation:
         beside_backs:  (n,) bool, patches from which back faces with patches of their own are visible.
                        Irradiance varies quickly there, so no plane is fitted. None if there are none
         """
-        self.leader, self._opening = leader, opening
-        self._apart = None if beside_backs is None else beside_backs[leader]
+        self.representative, self._opening = representative, opening
+        self._apart = None if beside_backs is None else beside_backs[representative]
         self._compute, self._receivers = rays.compute, rays.receivers
         source = RECEIVER, "interpolate.cl"
         self._interpolate, self._spread = self._compute.kernels(source, "interpolate", "spread")
         patches = parts.patches
-        numbers = group.astype(np.int32), leader.astype(np.int32)
+        numbers = group.astype(np.int32), representative.astype(np.int32)
         self._count = len(patches)
         self._where = (
             upload_once(self._compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
@@ -96,13 +96,15 @@ class Interpolation:
         fits:    (n,) bool, True for interpolated patches
         lowest:  lower bound of the light; see `fit`
         """
-        compute, count, leader = self._compute, self._count, self.leader
-        rest = np.stack([layer - value[leader] for layer, value in zip(layers, values, strict=True)])
-        rest[:, ~fits[leader]] = 0
+        compute, count, representative = self._compute, self._count, self.representative
+        rest = np.stack([layer - value[representative] for layer, value in zip(layers, values, strict=True)])
+        rest[:, ~fits[representative]] = 0
         rest[..., 3] = 0
         light, fitting = upload(compute, layers[0]), upload(compute, fits.astype(np.int32))
-        chosen = upload(compute, leader.astype(np.int32))
-        smooth = self._spread_over(light, fitting, chosen, upload(compute, rest), len(layers), len(leader))
+        chosen = upload(compute, representative.astype(np.int32))
+        smooth = self._spread_over(
+            light, fitting, chosen, upload(compute, rest), len(layers), len(representative)
+        )
         found = self._spread_over(light, fitting, None, smooth, len(layers), count)
         for value, more in zip(values, download(compute, found, (len(layers), count, 4)), strict=True):
             np.maximum(value + more, lowest, out=value)
@@ -121,6 +123,6 @@ class Interpolation:
         spread = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count * layers)
         compute.run(
             self._spread, count, *self._where, self._receivers, light, fits, chosen, values,
-            np.int32(layers), np.int32(len(self.leader)), spread, np.int32(count),
+            np.int32(layers), np.int32(len(self.representative)), spread, np.int32(count),
         )  # fmt: skip
         return spread

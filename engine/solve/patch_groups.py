@@ -31,24 +31,24 @@ class PatchGroups:
 
     width           side of the squares, texels
     group           (n,) int64, group of each patch
-    leader          (m,) int64, representative patch of each group
+    representative  (m,) int64, representative patch of each group
     texel_to_group  (atlases, r, r) uint32, group + 1 of each texel's patch, or 0
     """
 
     def __init__(
-        self, rays: RayScene, parts: PatchScene, area: np.ndarray, leader: np.ndarray, width: int
+        self, rays: RayScene, parts: PatchScene, area: np.ndarray, representative: np.ndarray, width: int
     ) -> None:
         """Form groups.
 
         rays    rays from the patches
         parts   the patches
         area    (n,) float32, m^2
-        leader  (n,) uint32, see `group_representatives`
+        representative  (n,) uint32, see `group_representatives`
         """
         self.width = width
-        self.group, self.leader = numbered(leader)
+        self.group, self.representative = numbered(representative)
         self._rays, self._parts, self._area = rays, parts, area
-        self._means = _GroupMeans(rays.compute, parts, leader, self.leader, width)
+        self._means = _GroupMeans(rays.compute, parts, representative, self.representative, width)
         entries = np.zeros(len(self.group) + 1, np.uint32)
         np.add(self.group, 1, out=entries[1:], casting="unsafe")
         self.texel_to_group = entries[parts.texel_to_patch]
@@ -56,7 +56,7 @@ class PatchGroups:
     @cached_property
     def parts(self) -> PatchScene:
         """The groups as a PatchScene, with mean materials and the geometry of the representatives."""
-        parts, leader = self._parts, self.leader
+        parts, representative = self._parts, self.representative
         surfaces = PatchMaterials(
             self.mean(colors_on_host(parts.surfaces.reflectance)),
             self.mean(parts.surfaces.emission),
@@ -64,8 +64,8 @@ class PatchGroups:
         )
         return replace(
             parts,
-            patches=parts.patches.part(leader),
-            geometry=parts.geometry.part(leader),
+            patches=parts.patches.part(representative),
+            geometry=parts.geometry.part(representative),
             surfaces=surfaces,
             texel_to_patch=self.texel_to_group,
             source_count=None,
@@ -74,7 +74,7 @@ class PatchGroups:
     @cached_property
     def area(self) -> np.ndarray:
         """Total area of the patches in each group, (m,) float32, m^2."""
-        members = np.bincount(self.group, minlength=len(self.leader)).astype(np.float32)
+        members = np.bincount(self.group, minlength=len(self.representative)).astype(np.float32)
         area: np.ndarray = self.mean(self._area) * members
         return area
 
@@ -86,7 +86,7 @@ class PatchGroups:
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of patch values over each group, (n, ...) -> (m, ...) float32."""
         if not values.any():
-            return np.zeros((len(self.leader), *values.shape[1:]), np.float32)
+            return np.zeros((len(self.representative), *values.shape[1:]), np.float32)
         return self._means.of(values)
 
 
@@ -107,16 +107,21 @@ class SinglePatches:
 class _GroupMeans:
     """Means over groups, computed on the OpenCL device.
 
-    leader   (n,) uint32, representative of each patch
+    representative  (n,) uint32, representative of each patch
     leading  (m,) int64, all representatives
     """
 
     def __init__(
-        self, compute: ComputeDevice, parts: PatchScene, leader: np.ndarray, leading: np.ndarray, width: int
+        self,
+        compute: ComputeDevice,
+        parts: PatchScene,
+        representative: np.ndarray,
+        leading: np.ndarray,
+        width: int,
     ) -> None:
         self._compute, self._count, patches = compute, len(leading), parts.patches
         (self._kernel,) = compute.kernels("group_means.cl", "group_means")
-        some = leader, leading.astype(np.uint32), patches.atlas[leading]
+        some = representative, leading.astype(np.uint32), patches.atlas[leading]
         self._groups = (
             upload_once(compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
             upload_once(compute, patches.texel), *(upload(compute, array) for array in some),
@@ -132,15 +137,15 @@ class _GroupMeans:
         return download(compute, means, (self._count, *values.shape[1:]))
 
 
-def numbered(leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def numbered(representative: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the group of each patch, (n,) int64, and the representative of each group, (m,) int64.
 
-    leader: (n,) uint32, representative of each patch
+    representative:  (n,) uint32, representative of each patch
     """
-    leading = np.flatnonzero(leader == np.arange(len(leader), dtype=np.uint32))
-    number = np.zeros(len(leader), np.int64)
+    leading = np.flatnonzero(representative == np.arange(len(representative), dtype=np.uint32))
+    number = np.zeros(len(representative), np.int64)
     number[leading] = np.arange(len(leading))
-    return number[leader], leading
+    return number[representative], leading
 
 
 def group_representatives(

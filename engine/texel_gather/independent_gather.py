@@ -26,21 +26,23 @@ _OTHER = 0x9E3779B9
 
 
 def gather_independent_estimate(
-    what: TexelGatherJob, solution: Solution
+    texel_job: TexelGatherJob, solution: Solution
 ) -> Generator[float, None, tuple[dict[str, Values], float]]:
     """Return independent light outputs, (n, 3) float32 by name, and their fraction of all rays.
 
     Yields the fraction done. Returns no outputs without OpenCL, with the paper's method, and where other
     processes gather.
     """
-    job = what.job
-    if job.compute is None or job.remote is not None or what.choice.method in ("none", "paper"):
+    job = texel_job.job
+    if job.compute is None or job.remote is not None or texel_job.choice.method in ("none", "paper"):
         return {}, 0.0
     settings = _few_rays(job.settings)
-    lighting = what.lighting.of(job.rays, settings)
+    lighting = texel_job.lighting.of(job.rays, settings)
     sampled = yield from run_as_fraction(0.0, 0.5, lighting.gather())
-    last, _ = make_final_gather(what.solved, what.choice, Receivers(job.parts, job.rays, sampled), settings)
-    radiance = radiance_of(what.solved, solution.settled, solution.substitute)
+    last, _ = make_final_gather(
+        texel_job.solved, texel_job.choice, Receivers(job.parts, job.rays, sampled), settings
+    )
+    radiance = radiance_of(texel_job.solved, solution.settled, solution.substitute)
     yield from run_as_fraction(0.5, 1.0, last.gather_from(radiance))
     rays = ray_count(settings)
     outputs = {name: light_output(name, last) for name in job.settings.light_outputs}

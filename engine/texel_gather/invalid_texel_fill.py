@@ -29,12 +29,12 @@ class InvalidTexelFill:
     centre. The fill is the harmonic mean of the neighbours. At a thin wall with light on one side it is dark;
     a bright value would light the foot of the wall on the dark side.
 
-    what:    patches, and the senders of light: the same patches, or patch groups
+    texel_job:  patches, and the senders of light: the same patches, or patch groups
     hidden:  (n,) bool, invalid patches of the job
     """
 
-    def __init__(self, what: TexelGatherJob, hidden: np.ndarray) -> None:
-        parts, self._hidden, self._solved = what.job.parts, np.flatnonzero(hidden), what.solved
+    def __init__(self, texel_job: TexelGatherJob, hidden: np.ndarray) -> None:
+        parts, self._hidden, self._solved = texel_job.job.parts, np.flatnonzero(hidden), texel_job.solved
         entries = entries_around(parts.texel_to_patch, parts.patches.key[self._hidden])
 
         # Most invalid patches are far from valid ones and stay black.
@@ -42,19 +42,19 @@ class InvalidTexelFill:
         reached, beside = self._hidden[self._reached], take_rows(entries, self._reached)
 
         # Number the remaining invalid patches and their neighbours from 1, in patch order.
-        near = np.zeros(len(hidden) + 1, bool)
-        near[beside] = near[reached + 1] = True
-        near[0] = False
-        chosen = np.flatnonzero(near)
-        number = np.zeros(len(near), np.int64)
+        contacts = np.zeros(len(hidden) + 1, bool)
+        contacts[beside] = contacts[reached + 1] = True
+        contacts[0] = False
+        chosen = np.flatnonzero(contacts)
+        number = np.zeros(len(contacts), np.int64)
         number[chosen] = np.arange(1, len(chosen) + 1)
         self._mine, self._beside = number[reached + 1] - 1, number[beside]
         self._visible = ~hidden[chosen - 1]
 
         # Sender of light for each numbered patch: the patch itself, or its group.
         self._sender, self._groups = chosen - 1, None
-        if len(self._hidden) and what.solved is not what.job:
-            group = what.solved.parts.texel_to_patch.ravel().take(parts.patches.key)
+        if len(self._hidden) and texel_job.solved is not texel_job.job:
+            group = texel_job.solved.parts.texel_to_patch.ravel().take(parts.patches.key)
             self._sender = group[chosen - 1].astype(np.int64) - 1
             self._groups = _HiddenGroups(group, self._hidden)
 
@@ -95,11 +95,11 @@ class InvalidTexelFill:
 
         light:  (m, 3 g) float32, values of all senders
         """
-        near = values_at(light, self._sender)
-        of_hidden = np.zeros((len(self._hidden), near.shape[1]), np.float32)
-        if len(near):
-            brightest = float(channel_sum(near).max())
-            of_hidden[self._reached] = self._beside_hidden(near, max(_FAINTEST * brightest, 1e-30))
+        contacts = values_at(light, self._sender)
+        of_hidden = np.zeros((len(self._hidden), contacts.shape[1]), np.float32)
+        if len(contacts):
+            brightest = float(channel_sum(contacts).max())
+            of_hidden[self._reached] = self._beside_hidden(contacts, max(_FAINTEST * brightest, 1e-30))
         if self._groups:
             return self._groups.changed, self._groups.mean(light, of_hidden)
         return self._hidden, of_hidden
@@ -115,10 +115,10 @@ class InvalidTexelFill:
         for _ in range(_REACH):
             counts = (beside > 0) & known[beside - 1]
             reached = any_in_rows(counts)
-            mine, near = left[reached], take_rows(beside, reached)
+            mine, contacts = left[reached], take_rows(beside, reached)
             counts = take_rows(counts, reached).astype(np.float32)
-            sums = np.einsum("hk,hkc->hc", counts, take_rows(light, near - 1))
-            light[mine] = sums * _darkened(total[near - 1], counts, faintest)[:, None]
+            sums = np.einsum("hk,hkc->hc", counts, take_rows(light, contacts - 1))
+            light[mine] = sums * _darkened(total[contacts - 1], counts, faintest)[:, None]
             total[mine] = channel_sum(light[mine])
             known[mine] = True
             left, beside = left[~reached], take_rows(beside, ~reached)

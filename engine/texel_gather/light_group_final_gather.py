@@ -75,8 +75,8 @@ def _look(
 ) -> LightGroupPass:
     """Return a gather for light groups without emission, which share one set of visibility samples."""
     jobs = [receiver_job(group, receivers, settings) for group in groups]
-    identity = make_sampler(jobs[0], choice.visibility)
-    sampling, first = SampleLayout.of(identity), jobs[0]
-    fitting = max(settings.batch_bytes // identity.row_bytes, identity.batch)
+    sampler = make_sampler(jobs[0], choice.visibility)
+    sampling, first = SampleLayout.of(sampler), jobs[0]
+    fitting = max(settings.batch_bytes // sampler.row_bytes, sampler.batch)
     static = [static_light(job, sampling) for job in jobs]
-    return LightGroupPass(first.opencl, identity, first.count, len(first.emission), static, fitting)
+    return LightGroupPass(first.opencl, sampler, first.count, len(first.emission), static, fitting)

@@ -19,26 +19,26 @@ Maps = dict[str, np.ndarray]
 
 
 def light_by_groups(
-    what: TexelGatherJob, solution: Solution, lit: TexelSampleLight
+    texel_job: TexelGatherJob, solution: Solution, lit: TexelSampleLight
 ) -> Generator[float, None, tuple[Maps, Maps]]:
     """Return the light group maps of patches, and of texel samples if there are any.
 
     Yields the fraction done.
     """
-    if not what.job.settings.by_light_groups:
+    if not texel_job.job.settings.by_light_groups:
         return {}, {}
-    names = light_group_maps(what.scene)
-    if what.choice.method == "none":
-        return {name: np.zeros((what.job.count, 3), np.float32) for name in names}, {}
-    sampled = yield from run_as_fraction(0.0, 0.1, what.lighting.gather_by_group())
-    sampled = np.stack([both_sides(what.job.parts.sides, light) for light in sampled])
-    left = map(what.lighting.left_to_hemicubes, range(len(names)))
+    names = light_group_maps(texel_job.scene)
+    if texel_job.choice.method == "none":
+        return {name: np.zeros((texel_job.job.count, 3), np.float32) for name in names}, {}
+    sampled = yield from run_as_fraction(0.0, 0.1, texel_job.lighting.gather_by_group())
+    sampled = np.stack([both_sides(texel_job.job.parts.sides, light) for light in sampled])
+    left = map(texel_job.lighting.left_to_hemicubes, range(len(names)))
     sources = [
         GroupEmission(emission, sky, light, backs)
         for (emission, sky, backs), light in zip(left, sampled, strict=True)
     ]
-    solving = solve_light_groups(what.job, what.solved, what.choice, solution, sources)
+    solving = solve_light_groups(texel_job.job, texel_job.solved, texel_job.choice, solution, sources)
     groups = yield from run_as_fraction(0.1, 0.6, solving)
     patches = {name: group.irradiance for name, group in zip(names, groups, strict=True)}
-    samples = yield from run_as_fraction(0.6, 1.0, light_groups_in_texels(what, lit, groups))
+    samples = yield from run_as_fraction(0.6, 1.0, light_groups_in_texels(texel_job, lit, groups))
     return patches, dict(zip(names, samples, strict=False))

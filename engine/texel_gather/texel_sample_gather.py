@@ -95,44 +95,47 @@ class TexelSampleLight:
 
 
 def gather_texel_samples(
-    what: TexelGatherJob, atlases: int, near: Contacts, solution: Solution, front: np.ndarray
+    texel_job: TexelGatherJob, atlases: int, contacts: Contacts, solution: Solution, front: np.ndarray
 ) -> Generator[float, None, TexelSampleLight]:
     """Gather light at the texel samples of a solution; yield the fraction done.
 
-    what:      patches and direct light
+    texel_job: patches and direct light
     atlases:   number of the user's lightmaps
-    near:      contacts of the patches
+    contacts:  contacts of the patches
     solution:  solution of all light
     front:     (n,) float32, validity from `valid_front`
     """
-    if what.job.settings.texel_samples == 1 or what.choice.method == "none":
+    if texel_job.job.settings.texel_samples == 1 or texel_job.choice.method == "none":
         return _nothing()
-    compute, why = what.job.compute, _why_centres_only(what.job, what.choice)
+    compute, why = texel_job.job.compute, _why_centres_only(texel_job.job, texel_job.choice)
     if why or compute is None:
         return _nothing(why)
-    known = PatchLight(channel_sums(solution.light), front, invalid_patches(what, front, near))
-    asked, clipper = what.job.settings.texel_samples, what.job.kept.texels.clipper(compute, what.job.parts)
-    samples, count = display_samples(clipper, what.job.parts, atlases, known, asked)
+    known = PatchLight(channel_sums(solution.light), front, invalid_patches(texel_job, front, contacts))
+    asked, clipper = (
+        texel_job.job.settings.texel_samples,
+        texel_job.job.kept.texels.clipper(compute, texel_job.job.parts),
+    )
+    samples, count = display_samples(clipper, texel_job.job.parts, atlases, known, asked)
     if not len(samples):
         return _nothing("No texel needs more than one sample.")
-    settings = _settings_of_samples(what.job.settings, count)
-    radiance, remote = radiance_of(what.solved, solution.settled), what.job.remote
-    if what.job.parts.sides is not None:
+    settings = _settings_of_samples(texel_job.job.settings, count)
+    radiance, remote = radiance_of(texel_job.solved, solution.settled), texel_job.job.remote
+    if texel_job.job.parts.sides is not None:
         # Remote devices do not store the weights of both sides of a surface, so this device gathers.
-        what, remote = replace(what, solved=replace(what.solved, remote=None)), None
-    InvalidTexelFill(what, known.hidden).replace(radiance, solution.settled)
+        texel_job, remote = replace(texel_job, solved=replace(texel_job.solved, remote=None)), None
+    InvalidTexelFill(texel_job, known.hidden).replace(radiance, solution.settled)
     if remote is not None:
-        sent = HalfRadiance.of(compute, radiance, what.solved.count)
-        lit = yield from remote.gather_at(samples, sent, what.choice, settings)
+        sent = HalfRadiance.of(compute, radiance, texel_job.solved.count)
+        lit = yield from remote.gather_at(samples, sent, texel_job.choice, settings)
     else:
         lit = []
         for batch, done in _batches(samples):
-            lit.append((yield from run_as_fraction(*done, gather_at(what, radiance, batch, settings))))
-    return _joined(what, lit, known, count)
+            lit.append((yield from run_as_fraction(*done, gather_at(texel_job, radiance, batch, settings))))
+    return _joined(texel_job, lit, known, count)
 
 
 def light_groups_in_texels(
-    what: TexelGatherJob, lit: TexelSampleLight, groups: list[LightGroupSolution]
+    texel_job: TexelGatherJob, lit: TexelSampleLight, groups: list[LightGroupSolution]
 ) -> Generator[float, None, list[np.ndarray]]:
     """Return E/pi of light groups at the texel samples, (s, 3) float32 each.
 
@@ -140,32 +143,32 @@ def light_groups_in_texels(
     """
     if not len(lit.samples):
         return []
-    settings = of_all_light(_settings_of_samples(what.job.settings, lit.count))
+    settings = of_all_light(_settings_of_samples(texel_job.job.settings, lit.count))
     side_by_side = np.concatenate([group.settled for group in groups], axis=1)
-    hidden = InvalidTexelFill(what, lit.hidden)
+    hidden = InvalidTexelFill(texel_job, lit.hidden)
     seen = hidden.seen(side_by_side).reshape(len(side_by_side), len(groups), 3)
     solved = [hidden.on_surfaces(group.solved) for group in groups]
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
-        both, sides = with_other_sides(batch, what.job.parts)
-        points = TexelSamplePoints(what, both, settings)
-        found = yield from run_as_fraction(*done, _gather_groups(what, solved, seen, points))
+        both, sides = with_other_sides(batch, texel_job.job.parts)
+        points = TexelSamplePoints(texel_job, both, settings)
+        found = yield from run_as_fraction(*done, _gather_groups(texel_job, solved, seen, points))
         light.append(np.stack([both_sides(sides, group)[: len(batch)] for group in found]))
     return list(np.concatenate(light, axis=1))
 
 
 def _gather_groups(
-    what: TexelGatherJob, solved: list[SolveJob], seen: np.ndarray, points: TexelSamplePoints
+    texel_job: TexelGatherJob, solved: list[SolveJob], seen: np.ndarray, points: TexelSamplePoints
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups at texel samples, (g, s, 3) float32.
 
     solved:  job of each group, with the filled reflectance of invalid patches
     """
-    lighting = what.lighting.of(points.rays, points.settings)
+    lighting = texel_job.lighting.of(points.rays, points.settings)
     sampled = yield from run_as_fraction(0.0, 0.3, lighting.gather_by_group())
     settled = list(seen.transpose(1, 0, 2))
     receivers = Receivers(points.parts, points.rays, sampled[0])
-    gathering = gather_light_groups(solved, settled, what.choice, receivers, sampled, points.settings)
+    gathering = gather_light_groups(solved, settled, texel_job.choice, receivers, sampled, points.settings)
     return (yield from run_as_fraction(0.3, 1.0, gathering))
 
 
@@ -204,25 +207,27 @@ def _nothing(*reasons: str) -> TexelSampleLight:
 
 
 def gather_at(
-    what: TexelGatherJob, radiance: cl.Buffer, samples: TexelSamples, settings: Settings
+    texel_job: TexelGatherJob, radiance: cl.Buffer, samples: TexelSamples, settings: Settings
 ) -> Generator[float, None, GatheredSamples]:
     """Gather light at texel samples; yield the fraction done.
 
     radiance:  exitant radiance of the senders on the device, float4, between two black entries
     """
     count = len(samples)
-    samples, sides = with_other_sides(samples, what.job.parts)
-    points = TexelSamplePoints(what, samples, settings)
-    push_offs = points.push_out(what.lighting.lit_by_backs(points.rays), lit_backs_of(what, radiance))
+    samples, sides = with_other_sides(samples, texel_job.job.parts)
+    points = TexelSamplePoints(texel_job, samples, settings)
+    push_offs = points.push_out(
+        texel_job.lighting.lit_by_backs(points.rays), lit_backs_of(texel_job, radiance)
+    )
     yield 0.1
 
     # Gather direct light, then all other light from the radiance of the patches.
-    lighting = what.lighting.of(points.rays, settings)
+    lighting = texel_job.lighting.of(points.rays, settings)
     sampled = yield from run_as_fraction(0.1, 0.3, lighting.gather())
     receivers = Receivers(points.parts, points.rays, sampled)
-    last, _ = make_final_gather(what.solved, what.choice, receivers, settings)
+    last, _ = make_final_gather(texel_job.solved, texel_job.choice, receivers, settings)
     yield from run_as_fraction(0.3, 0.8, last.gather_from(radiance))
-    outputs, geometry = Outputs(what.scene, settings, lighting), points.parts.geometry
+    outputs, geometry = Outputs(texel_job.scene, settings, lighting), points.parts.geometry
     received = last if sides is None else BlendedLight(last, sides)
     made = yield from run_as_fraction(0.8, 1.0, outputs.make(received, geometry))
     values = {name: np.asarray(light) for name, light in made.items()}
@@ -233,7 +238,7 @@ def gather_at(
 
 
 def _joined(
-    what: TexelGatherJob, lit: list[GatheredSamples], known: PatchLight, count: int
+    texel_job: TexelGatherJob, lit: list[GatheredSamples], known: PatchLight, count: int
 ) -> TexelSampleLight:
     """Join the light of all batches; add the report's sentence and the warnings."""
     samples = joined_samples([batch.samples for batch in lit])
@@ -242,7 +247,7 @@ def _joined(
         joined_rows([getattr(batch, name) for batch in lit]) for name in ("visible", "normals", "irradiance")
     )
     values = {name: joined_rows([batch.values[name] for batch in lit]) for name in lit[0].values}
-    parts = what.job.parts
+    parts = texel_job.job.parts
     keys = samples.keys(parts.patches.resolution)
     reason = (
         f"Light was gathered at {len(keys):,} more points in {len(run_starts(keys)):,} texels whose light or "
@@ -250,7 +255,7 @@ def _joined(
     )
     light = channel_sum(irradiance)
     inside = in_thin_walls(parts, samples, push_offs, visible, light)
-    warnings = warn_thin_walls(what.scene, parts, samples, push_offs, inside)
+    warnings = warn_thin_walls(texel_job.scene, parts, samples, push_offs, inside)
     return TexelSampleLight(
         samples=samples,
         visible=visible,

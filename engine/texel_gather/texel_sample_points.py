@@ -84,12 +84,12 @@ class TexelSamplePoints:
     rays:      ray tracer with the samples as origins
     """
 
-    def __init__(self, what: TexelGatherJob, samples: TexelSamples, settings: Settings) -> None:
-        self._job, self.settings = what.job, settings
+    def __init__(self, texel_job: TexelGatherJob, samples: TexelSamples, settings: Settings) -> None:
+        self._job, self.settings = texel_job.job, settings
 
         # A sample represents a fraction of its texel.
         self._side = math.sqrt(settings.texel_samples)
-        self._steps = what.steps(self._side)
+        self._steps = texel_job.steps(self._side)
         self._place(samples)
 
     def _place(self, samples: TexelSamples) -> None:

@@ -28,49 +28,51 @@ def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None
     return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, substitute)
 
 
-def lit_backs_of(what: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
+def lit_backs_of(texel_job: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
     """Return flags on the device: triangles whose back face emits or reflects light."""
-    solved = what.solved
+    solved = texel_job.solved
     return lit_backs(solved.opencl, solved.parts, radiance, len(solved.emission))
 
 
-def _lit_backs(what: TexelGatherJob, settled: Values) -> cl.Buffer | np.ndarray | None:
+def _lit_backs(texel_job: TexelGatherJob, settled: Values) -> cl.Buffer | np.ndarray | None:
     """Return flags of triangles whose back face emits or reflects light, from E/pi (m, 3) of all patches.
 
     In NumPy if there is no OpenCL.
     """
-    solved = what.solved
+    solved = texel_job.solved
     if solved.compute is not None:
-        return lit_backs_of(what, radiance_of(solved, settled))
+        return lit_backs_of(texel_job, radiance_of(solved, settled))
     if not solved.settings.has_indirect:
         return lit_backs_on_host(solved.parts, solved.emission)
     reflectance, light = colors_on_host(solved.parts.surfaces.reflectance), colors_on_host(settled)
     return lit_backs_on_host(solved.parts, solved.emission + reflectance * light[:, :3])
 
 
-def valid_front(what: TexelGatherJob, atlases: int, near: Contacts, solution: Solution) -> np.ndarray:
+def valid_front(
+    texel_job: TexelGatherJob, atlases: int, contacts: Contacts, solution: Solution
+) -> np.ndarray:
     """Return the validity of each patch, (n,) float32; 0 for patches inside geometry.
 
     Validity is the fraction of the hemisphere without back faces. Back faces with patches do not count, so
     probe rays detect patches among dark back faces instead and set them to 0.
 
-    what:      patches and direct light
+    texel_job: patches and direct light
     atlases:   number of the user's lightmaps
-    near:      contacts of the patches
+    contacts:  contacts of the patches
     solution:  solution of all light
     """
-    job, front = what.job, solution.front
-    if job.parts.triangles.backs is None or what.choice.method == "none":
+    job, front = texel_job.job, solution.front
+    if job.parts.triangles.backs is None or texel_job.choice.method == "none":
         return front
-    lit = _lit_backs(what, solution.settled)
+    lit = _lit_backs(texel_job, solution.settled)
     shown = np.arange(job.parts.patches.count_in(atlases))
-    unsure = shown[~(is_invalid(front, near) | near.shine)[shown]]
+    unsure = shown[~(is_invalid(front, contacts) | contacts.shine)[shown]]
     front = front.copy()
-    front[unsure[_inside(what, unsure, lit)]] = 0
+    front[unsure[_inside(texel_job, unsure, lit)]] = 0
     return front
 
 
-def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> np.ndarray:
+def invalid_patches(texel_job: TexelGatherJob, front: np.ndarray, contacts: Contacts) -> np.ndarray:
     """Return a mask of invalid patches, (n,) bool.
 
     Probe rays decide for doubtful patches, since rays from a patch inside a wall may hit the front of a
@@ -78,19 +80,19 @@ def invalid_patches(what: TexelGatherJob, front: np.ndarray, near: Contacts) -> 
 
     front:  (n,) float32, validity from `valid_front`
     """
-    hidden = is_invalid(front, near)
-    if what.job.parts.triangles.backs is None:
+    hidden = is_invalid(front, contacts)
+    if texel_job.job.parts.triangles.backs is None:
         unsure = np.flatnonzero(is_doubtful(front))
-        unsure = unsure[~(hidden[unsure] | near.shine[unsure])]
-        hidden[unsure] = _inside(what, unsure, None)
+        unsure = unsure[~(hidden[unsure] | contacts.shine[unsure])]
+        hidden[unsure] = _inside(texel_job, unsure, None)
     return hidden
 
 
-def _inside(what: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
+def _inside(texel_job: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
     """Test patches, (k,) int64, with probe rays; return a mask of those inside geometry, (k,) bool."""
     if not len(patches):
         return np.zeros(0, bool)
-    parts = what.job.parts
-    points = what.job.rays.of(parts.part(patches))
+    parts = texel_job.job.parts
+    points = texel_job.job.rays.of(parts.part(patches))
     push_offs = push_off_points(points, len(patches), 1.0, parts.geometry.steps.geometric, lit)
-    return push_offs.without(what.lighting.lit_by_backs(points)).inside
+    return push_offs.without(texel_job.lighting.lit_by_backs(points)).inside

@@ -85,9 +85,9 @@ class SampleLayout:
     tints: np.ndarray | None = None
 
     @classmethod
-    def of(cls, identity: VisibilitySampler) -> SampleLayout:
+    def of(cls, sampler: VisibilitySampler) -> SampleLayout:
         """Return the sample layout of a visibility sampler."""
-        return cls(identity.name, identity.samples, identity.row_bytes, identity.multiplier, identity.tints)
+        return cls(sampler.name, sampler.samples, sampler.row_bytes, sampler.multiplier, sampler.tints)
 
     @property
     def even(self) -> bool:

@@ -44,13 +44,13 @@ def room(graphics, compute):
         WIDTH,
     )
     opening = openness(rays, 2.0)
-    return parts, groups, Interpolation(rays, parts, groups.group, groups.leader, WIDTH, opening)
+    return parts, groups, Interpolation(rays, parts, groups.group, groups.representative, WIDTH, opening)
 
 
 def light_of(groups, values, front=1.0):
     """Return light of groups from that of patches, (n,), grey, as a layer."""
-    layer = np.ones((len(groups.leader), 4), np.float32)
-    layer[:, :3] = values[groups.leader, None]
+    layer = np.ones((len(groups.representative), 4), np.float32)
+    layer[:, :3] = values[groups.representative, None]
     layer[:, 3] = np.broadcast_to(front, len(layer))
     return layer
 
@@ -145,7 +145,7 @@ def test_charts_side_by_side_do_not_mix(room):
 def test_groups_that_see_backs_do_not_count(room):
     parts, groups, _ = room
     inside = parts.geometry.center[:, 0] > 1.0
-    front = np.where(inside[groups.leader], 0.5, 1.0)
+    front = np.where(inside[groups.representative], 0.5, 1.0)
     (values,), fits = fit(room, [light_of(groups, np.where(inside, 100.0, 1.0), front)])
     assert values[fits] == pytest.approx(1.0, rel=1e-3)
     far = parts.geometry.center[:, 0] > 1.5
@@ -170,9 +170,11 @@ def test_patches_between_things_that_no_group_knows_do_not_fit(graphics, compute
     )
     rays = RayScene(compute, parts)
     dark = np.zeros(len(parts.patches), np.float32)
-    group, leader = numbered(group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH))
-    interpolation = Interpolation(rays, parts, group, leader, WIDTH, openness(rays, 2.0))
-    even = np.ones((len(leader), 4), np.float32)
+    group, representative = numbered(
+        group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
+    )
+    interpolation = Interpolation(rays, parts, group, representative, WIDTH, openness(rays, 2.0))
+    even = np.ones((len(representative), 4), np.float32)
     _, fits = interpolation.fit([even], np.zeros(len(dark), np.float32), 0.02)
     x, y, z = (parts.geometry.center + parts.triangles.origin).T
     floor = (np.abs(z) < 1e-4) & (parts.geometry.geometric[:, 2] > 0.9) & (np.abs(y) < 0.8)
@@ -226,11 +228,11 @@ def test_groups_of_bright_patches_are_as_even_as_others(graphics, compute):
     parts = make_patch_scene(graphics, compute, nine_quad_room(), Settings(resolution=128))
     rays, center = RayScene(compute, parts), parts.geometry.center
     radiance = (0.05 / (0.005 + ((center - center[len(center) // 3]) ** 2).sum(axis=1))).astype(np.float32)
-    leader = group_representatives(rays, parts, radiance, patches_inside(rays, len(radiance)), WIDTH)
-    apart = np.abs(radiance - radiance[leader])
+    representative = group_representatives(rays, parts, radiance, patches_inside(rays, len(radiance)), WIDTH)
+    apart = np.abs(radiance - radiance[representative])
     assert radiance.max() > 20 * radiance.mean()
     assert (apart <= 0.5 * radiance.mean() + 0.1 * radiance).all()
-    assert len(np.unique(leader)) < len(leader) / 8
+    assert len(np.unique(representative)) < len(representative) / 8
 
 
 def test_patches_without_lightmap_stay_alone(room, compute):
@@ -238,9 +240,9 @@ def test_patches_without_lightmap_stay_alone(room, compute):
     parts, _, _ = room
     rays, dark = RayScene(compute, parts), np.zeros(len(parts.patches), np.float32)
     mapped = len(dark) // 3
-    leader = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH, mapped)
-    assert (leader[mapped:] == np.arange(mapped, len(dark))).all()
-    assert len(np.unique(leader[:mapped])) < mapped / 2
+    representative = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH, mapped)
+    assert (representative[mapped:] == np.arange(mapped, len(dark))).all()
+    assert len(np.unique(representative[:mapped])) < mapped / 2
 
 
 def test_leaders_are_in_the_middle_of_their_groups(room):
@@ -250,7 +252,7 @@ def test_leaders_are_in_the_middle_of_their_groups(room):
     at = np.stack([texel % resolution, texel // resolution], axis=1).astype(float)
     members = np.bincount(groups.group)
     middle = np.stack([np.bincount(groups.group, weights=axis) / members for axis in at.T], axis=1)
-    off = at[groups.leader] - middle
+    off = at[groups.representative] - middle
     assert np.abs(off).max() <= 1.0
     assert np.abs(np.average(off, axis=0, weights=members)).max() < 0.05
 
@@ -346,7 +348,7 @@ def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
     parts = make_patch_scene(graphics, compute, sunk_box(), Settings(resolution=160))
     rays = RayScene(compute, parts)
     dark = np.zeros(len(parts.patches), np.float32)
-    leader = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
+    representative = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
     center, radius = parts.geometry.center + parts.triangles.origin, 0.2
     on_floor = np.abs(center[:, 2]) < 1e-4
     inside = on_floor & (np.abs(center[:, :2] - (-0.01, 0.04)).max(axis=1) < radius)
@@ -355,7 +357,7 @@ def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
     beneath = (center[:, 2] < -0.02) & (np.abs(center[:, :2]).max(axis=1) < 0.4)
     above = (center[:, 2] > 0.02) & (center[:, 2] < 0.4)
     for one, other in ((inside, outside), (beneath, above)):
-        assert not np.intersect1d(leader[one], leader[other]).size
+        assert not np.intersect1d(representative[one], representative[other]).size
 
 
 def test_light_at_the_foot_of_a_sunk_box_is_that_without_groups(few_are_enough):

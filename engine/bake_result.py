@@ -11,9 +11,9 @@ import numpy as np
 class FluxBalance:
     """Flux balance of a bake, W, mean of the channels: emitted = absorbed + escaped + not_bounced.
 
-    Light of lamps that misses all patches is not included.
+    Light of lights that misses all patches is not included.
 
-    emitted:      emission of front faces, and light from lamps, sky and emissive back faces that reaches
+    emitted:      emission of front faces, and light from lights, sky and emissive back faces that reaches
                   patches
     absorbed:     flux absorbed by front faces, and by black back faces that are visible from front faces
     escaped:      flux that leaves the scene

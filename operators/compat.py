@@ -62,7 +62,7 @@ def blackbody(temperature: float) -> np.ndarray | None:
 
 
 def plain_lamp(lamp: bpy.types.Light) -> bpy.types.Light:
-    """Reset all properties of a lamp except shape, energy and nodes; a spot becomes a point lamp."""
+    """Reset all properties of a light except shape, energy and nodes; a spot becomes a point light."""
     lamp.animation_data_clear()
     if lamp.type == "SPOT":
         lamp.type = "POINT"

@@ -26,7 +26,7 @@ class LiveWatch:
 
     It also calls `saving` before and `saved` after each save of the file.
 
-    lamps      True if lights have changed or moved
+    lights      True if lights have changed or moved
     moved      session uids of objects that have moved
     objects    True if anything else has changed that affects light
     materials  session uids of changed materials

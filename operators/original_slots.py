@@ -32,7 +32,7 @@ def shown_materials(
 ) -> list[bpy.types.Material | None]:
     """Return the original material of each slot of an object's evaluated mesh, at least one entry.
 
-    Materials linked to the object replace those of the mesh. Copies that show lightmaps are ignored.
+    Materials linked to the object replace the mesh's materials. Copies that show lightmaps are ignored.
 
     override: material of the view layer that replaces all others, or None
     """

@@ -111,7 +111,7 @@ class UnwrapOperator(ModalOperator):
         return self._end(self._window.run, value)
 
     def _end(self, run: Unwrapping, made: UnwrapSummary) -> set[str]:
-        """Report the result; if no object was unwrapped, undo everything, also moved charts of others."""
+        """Report the result; if no object was unwrapped, undo everything, also moves of other charts."""
         if not made.objects:
             run.cancel()
             made.moved = []

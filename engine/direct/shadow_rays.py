@@ -116,8 +116,8 @@ class ShadowRays:
     def sampled_by_group(self, groups: LightGroups) -> Generator[float, None, np.ndarray]:
         """Return E/pi of each light group, (groups, n, 3) float32; yield progress 0..1.
 
-        Each group has as many samples as if it were alone, so the sum of the groups differs from `sampled` by
-        noise.
+        Each group has as many samples as a bake of the group alone, so the sum of the groups differs from
+        `sampled` by noise.
         """
         light = np.zeros((groups.count, self._count, 3), np.float32)
         for group, lists in enumerate(self._emitters.by_group(groups) if self._count else ()):

@@ -143,7 +143,7 @@ class VisibilityCache:
         self.pieces[-1] = SampleRows(cache, rows.first, last)
 
     def find(self, sampler: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
-        """Compute the missing visibility samples, after those of a checkpoint or a cancelled bake.
+        """Compute the visibility samples that neither a checkpoint nor a cancelled bake has computed.
 
         Yields progress 0..1 of the samples that neither the cache nor a checkpoint holds.
         """

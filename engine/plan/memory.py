@@ -10,7 +10,7 @@ from .solve_job import SolveJob
 #: Width of patch groups, texels.
 _GROUP_WIDTH = 4
 
-#: Factor on the samples of a patch that gives those of a patch group, if light between groups is
+#: Samples of a patch group per sample of a patch, if light between groups is
 #: interpolated.
 MORE_RAYS = 3
 

@@ -14,7 +14,7 @@ def settings_for_tints(scene: Scene, settings: Settings) -> tuple[Settings, tupl
     """Return the settings of a bake, and warnings for the user.
 
     Scenes with colored transparency use ray visibility. Method "paper" draws hemicubes, which have one
-    transmittance for all channels: that of the channel that passes most.
+    transmittance for all channels: the value of the channel with the highest transmittance.
     """
     tinted = [material.name for material in scene.materials if is_tinted_material(material)]
     if not tinted:

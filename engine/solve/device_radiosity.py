@@ -142,7 +142,7 @@ class DeviceRadiosity:
         return IterationStep(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
     def set_substitutes(self, substitute: np.ndarray) -> None:
-        """Replace the reflected light of each patch by that of its substitute, (n,) int64."""
+        """Replace the reflected light of each patch by its substitute's light, (n,) int64."""
         self._substitute = upload(self._compute, substitute.astype(np.uint32))
         self._make_radiance()
 
@@ -231,7 +231,7 @@ class _Sides:
         (self._kernel,) = compute.kernels("sides.cl", "blend_sides")
 
     def blend(self, outputs: tuple) -> None:
-        """Blend the gathered light of each pair; outputs: from `DeviceRadiosity.outputs`."""
+        """Blend the gathered light of both sides of translucent patches in `DeviceRadiosity.outputs`."""
         count = np.int32(self._count)
         self._compute.run(self._kernel, self._count, *self._arguments, *outputs, count)
 

@@ -12,7 +12,7 @@ from .final_gather import FinalGather
 from .interpolation import Interpolation
 from .solver import Solver
 
-#: Types of two functions: one fits planes to groups, the other gathers for chosen patches. See `_by_squares`.
+#: Functions that `_by_squares` calls: one fits planes to groups, the other gathers for chosen patches.
 _Fit = Callable[[Interpolation, list[np.ndarray]], tuple[list[np.ndarray], np.ndarray]]
 _GatherFor = Callable[[list[np.ndarray], np.ndarray], Generator[float, None, None]]
 
@@ -23,8 +23,8 @@ class InterpolatedGather:
     Where the irradiance of the groups around a patch is planar over the lightmap, the patch is interpolated,
     with a correction for curvature. Among the remaining patches, the representatives of smaller squares
     gather first, and planes are fitted to their irradiance; patches that still do not fit gather too.
-    Gathered irradiance that is planar with that of neighbour patches is replaced by the plane, which has less
-    noise.
+    Gathered irradiance that lies in a plane with the irradiance of neighbour patches is replaced by the
+    plane's value, which has less noise.
 
     squares:          fit planes to the solved groups, then to smaller squares; empty if patches are solved
     neighbours:       fits planes to the irradiance of patches
@@ -141,7 +141,7 @@ class InterpolatedGather:
     def _from_squares(
         self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float
     ) -> Generator[float, None, tuple[list[np.ndarray], np.ndarray]]:
-        """Interpolate from ever smaller squares; return the light and a mask of patches that gathered."""
+        """Interpolate from groups of decreasing size; return the light and a mask of gathering patches."""
         solved, *smaller = self._squares
         values, fits = fit(solved, layers)
         solved.put_back(layers, values, fits, lowest)

@@ -182,7 +182,7 @@ class Solver:
 
     @property
     def settled(self) -> Values:
-        """E/pi of the sources, which are the patches themselves, (n, 3) float32."""
+        """E/pi of the sources, (n, 3) float32; patches gather from each other, so it is their own."""
         return self.light
 
     def iteration(self) -> Generator[float, None, None]:

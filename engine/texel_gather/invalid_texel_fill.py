@@ -59,7 +59,7 @@ class InvalidTexelFill:
             self._groups = _HiddenGroups(group, self._hidden)
 
     def seen(self, light: np.ndarray) -> np.ndarray:
-        """Return values of the senders, (m, 3 g) float32; those of invalid senders are filled.
+        """Return values of the senders, (m, 3 g) float32; entries of invalid sources are filled.
 
         light:  (m, 3 g) float32, E/pi of g light groups side by side, whose sum is the weight; or reflectance
         """

@@ -35,7 +35,7 @@ class Signals:
     removal of temporary files. Signals after `heard` are ignored, because the process is about to end.
     Blender's own handler cannot be restored, as Python has no access to it.
 
-    Python ignores exceptions in finalizers and callbacks of weak references, such as those of its import
+    Python ignores exceptions in finalizers and callbacks of weak references, such as callbacks of its import
     system. Blender prints exceptions of handlers and of render engines such as Cycles, and goes on. A signal
     that was lost in one of these is sent again. So is a signal during an import: an exception there may leave
     a lock of the import system taken, and other threads that import then wait forever.

@@ -16,7 +16,7 @@ from ..extension import EXTENSION
 _NAME = "glTF2ExportUserExtension"
 
 #: Options of Blender's exporter that give the state of the bake: evaluated meshes in the pose of the current
-#: frame, and no lamps whose light is in the lightmaps.
+#: frame, and no lights whose light is in the lightmaps.
 _OPTIONS = {
     "export_apply": True,
     "export_gn_mesh": True,

@@ -403,7 +403,7 @@ def _finite_pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def _same_bytes(path: Path, other: Path) -> bool:
-    """Return whether two paths are files with equal content; raises OSError."""
+    """Return True if two paths are files with equal content; raises OSError."""
     return other.is_file() and filecmp.cmp(path, other, shallow=False)
 
 

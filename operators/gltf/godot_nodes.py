@@ -1,6 +1,6 @@
 """Paths of nodes in scenes that Godot 4.5 or newer imports from glTF files.
 
-The rules are those of Godot's sources: `GLTFDocument::_assign_node_names` makes names valid and unique, and
+The rules follow Godot's sources: `GLTFDocument::_assign_node_names` makes names valid and unique, and
 `ResourceImporterScene::_pre_fix_node` gives suffixes such as "-col" their meaning.
 """
 

@@ -1,6 +1,6 @@
 """Text files that Godot 4.6 reads: a scene with lightmaps, their data, and import settings of textures.
 
-The formats are those of Godot's own text resources (format 3).
+The formats follow Godot's own text resources (format 3).
 """
 
 from __future__ import annotations

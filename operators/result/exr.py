@@ -41,7 +41,7 @@ def write_exr(path: Path, pixels: np.ndarray, format: FileFormat = PLAIN, is_col
         image.save_render(str(path), scene=scene)
         _check_end(path)
     except RuntimeError:
-        # Blender reports a full disk as an invalid argument; writing as many bytes finds the cause.
+        # Blender reports a full disk as an invalid argument; a plain write of that size finds the cause.
         try_to_write(path, image.size[0] * image.size[1] * _PIXEL)
         raise
     finally:

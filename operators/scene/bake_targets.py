@@ -65,7 +65,7 @@ def changed_themselves(read: ReadScene, uids: set[int], scene: bpy.types.Scene) 
 def _differing(
     read: ReadScene, uids: set[int], scene: bpy.types.Scene, part: Callable[[str], str]
 ) -> set[int]:
-    """Return the objects for which a part of the fingerprint differs from that of the last bake."""
+    """Return the objects for which a part of the fingerprint differs from the last bake's."""
     known = {obj.session_uid: bake_record(obj, scene).fingerprint for obj in bpy.data.objects}
     return {
         uid
@@ -113,7 +113,7 @@ def source_of(entry: Entry) -> int:
 
 
 def _is_kept(entry: Entry, scene: bpy.types.Scene) -> bool:
-    """Return whether an object that is not baked has no lightmap in the atlas, or keeps its place in it."""
+    """Return True if an object that is not baked has no lightmap in the atlas, or keeps its place in it."""
     obj, place = find(bpy.data.objects, entry.uid), entry.place
     if isinstance(entry, InstanceEntry) or obj is None:
         return False

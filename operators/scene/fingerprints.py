@@ -14,7 +14,7 @@ from .scene_objects import ReadObject
 from .slice_timer import Slices, row_slices
 from .uv_transform import UvTransform
 
-#: Decimals of a lamp's position that count, m; moving it to the scene's origin and back rounds the rest.
+#: Decimals of a light's position that count, m; moving it to the scene's origin and back rounds the rest.
 _DIGITS = 6
 
 _SIZE = 16
@@ -31,7 +31,7 @@ def find_fingerprints(
     The first digest covers its faces, its place in the world and the atlas, and its materials. The second
     covers all light sources.
 
-    surroundings:  lamps in world space, the world's light, and light groups
+    surroundings:  lights in world space, the world's light, and light groups
     """
     looks: list[bytes] = []
     for material in materials:
@@ -53,7 +53,7 @@ def find_fingerprints(
 
 
 def in_the_world(lights: Sequence[Light], origin: np.ndarray) -> tuple[Light, ...]:
-    """Return lamps with positions in world space, which do not depend on the scene's origin."""
+    """Return lights with positions in world space, which do not depend on the scene's origin."""
     return tuple(
         replace(light, position=np.round(light.position + origin, _DIGITS) + 0.0) for light in lights
     )

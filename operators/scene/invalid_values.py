@@ -1,4 +1,4 @@
-"""Replaces materials and worlds with invalid values, and removes lamps with such values."""
+"""Replaces materials and worlds with invalid values, and removes lights with such values."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .slice_timer import Slices
 
 Part = TypeVar("Part")
 
-#: Reflectance of the material that replaces an invalid one, equal to that of an empty slot.
+#: Reflectance of the material that replaces an invalid one, equal to the reflectance of an empty slot.
 _GREY = np.full(3, 0.8, np.float32)
 _BLACK = np.zeros(3, np.float32)
 
 
 def replace_invalid_values(scene: Scene, notes: list[str]) -> Slices[Scene]:
-    """Replace invalid materials by grey ones and an invalid world by black; remove invalid lamps.
+    """Replace invalid materials by grey ones and an invalid world by black; remove invalid lights.
 
     A sentence on each is appended to `notes`.
     """

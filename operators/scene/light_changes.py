@@ -60,16 +60,16 @@ def comparison_settings(settings: Settings) -> Settings:
 def tells_all(settings: Settings, before: Scene, now: Scene) -> bool:
     """Return True if comparison bakes can show every change of the outputs.
 
-    They cannot for shadow masks, which belong to single lamps, and for light groups that are new or renamed.
+    They cannot for shadow masks, which belong to single lights, and for light groups that are new or renamed.
     """
     groups = settings.by_light_groups and light_group_names(before) != light_group_names(now)
     return not groups and "shadow_mask" not in settings.outputs
 
 
 def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
-    """Reduce both scenes to the lamps that differ; return None if other light sources differ as well.
+    """Reduce both scenes to the lights that differ; return None if other light sources differ as well.
 
-    Light is additive, so these lamps give the whole change, without the noise of other lamps.
+    Light is additive, so these lights give the whole change, without the noise of other lights.
     """
     if not same_values(replace(before, lights=()), replace(now, lights=())):
         return None

@@ -1,4 +1,4 @@
-"""Turns objects whose lightmap UVs overlap the UVs of others into occluders."""
+"""Turns objects whose lightmap UVs overlap other objects' UVs into occluders."""
 
 from __future__ import annotations
 

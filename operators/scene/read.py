@@ -57,7 +57,7 @@ class InstanceEntry(NamedTuple):
 
     uid:            session uid of the instancer
     name:           name of the source object
-    persistent_id:  identifies the instance among those of the instancer
+    persistent_id:  identifies the instance among all instances of the instancer
     place:          its place in an atlas
     """
 
@@ -151,7 +151,7 @@ def read_scene(
                     are occluders, unless their role is Ignored.
     uv_layer:       name of the lightmap UV layer
     resolution:     width of the lightmaps, texels
-    earlier_notes:  sentences for the user that precede those of the reading
+    earlier_notes:  sentences for the user, placed before the sentences of the reading
     paces:          seconds per unit of each stage in earlier readings, by its name; updated by this one
     hurried:        True to accept changes during the reading, for a scene that changes all the time
     edits_stored:   True if `store_edits` was called
@@ -178,7 +178,7 @@ def store_edits(context: SceneContext, objects: Sequence[bpy.types.Object]) -> N
 
 
 class _SceneReading:
-    """Reads objects, then materials, world and lamps, and joins them to a scene."""
+    """Reads objects, then materials, world and lights, and joins them to a scene."""
 
     def __init__(
         self, watch: SceneWatch, baked: set[int], uv_layer: str, resolution: int, notes: list[str]
@@ -225,7 +225,7 @@ class _SceneReading:
             yield self._next / self._watch.items if announcement is None else announcement
 
     def looks(self) -> Slices[None]:
-        """Evaluate materials by Cycles where needed, then read the world and the lamps' nodes."""
+        """Evaluate materials by Cycles where needed, then read the world and the lights' nodes."""
         moves = _moves(self._readings, self._places)
         self._materials = yield from self._table.finish(self._resolution, moves)
         world = yield from read_world(self._watch, self._notes, self._cache)

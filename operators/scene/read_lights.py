@@ -1,4 +1,4 @@
-"""Reads the lamps again for a scene that was read before."""
+"""Reads the lights again for a scene that was read before."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .slice_timer import Slices
 def read_lamps(
     context: SceneContext, scene: Scene, hurried: bool = False
 ) -> Generator[Progress | None, None, Scene]:
-    """Return the scene with its current lamps, read again; notes about the lamps are dropped.
+    """Return the scene with its current lights, read again; notes about the lights are dropped.
 
     hurried:  True to accept changes during the reading, see `read_scene`
 
@@ -47,7 +47,7 @@ def _read(watch: SceneWatch, scene: Scene) -> Slices[Scene]:
 
 
 def _add_lamps(evaluation: Evaluation, visible: Set[int], lamps: SceneLights) -> None:
-    """Read the lamps of an evaluation; `visible` has the session uids of objects that renders show."""
+    """Read the lights of an evaluation; `visible` has the session uids of objects that renders show."""
     for item in evaluation.items(visible):
         if item.source.type == "LIGHT":
             lamps.add(item)

@@ -142,7 +142,7 @@ class ItemReader:
 
     @staticmethod
     def is_large(item: SceneItem) -> bool:
-        """Return whether reading an object's mesh takes long."""
+        """Return True if reading an object's mesh takes long."""
         return len(item.object.data.loops) > _LARGE
 
     def add(self, item: SceneItem, override: bpy.types.Material | None) -> None:

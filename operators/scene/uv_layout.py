@@ -137,7 +137,7 @@ def _free_name(atlas: str, taken: set[str | None]) -> str:
 
 
 def is_page(name: str, atlas: str) -> bool:
-    """Return True if a name is that of a page of tiles for an atlas."""
+    """Return True if a name belongs to a page of tiles for an atlas."""
     return re.fullmatch(re.escape(atlas) + "( shared)* instances( [0-9]+)?", name) is not None
 
 
@@ -151,7 +151,7 @@ def _fit(sizes: Sequence[np.ndarray], wanted: float, resolution: int) -> Slices[
     Tiles shrink before more atlases than needed are used, but not below a few texels. None if that is not
     enough.
 
-    wanted:  texels per metre; 0 for as many as fit one atlas
+    wanted:  texels per metre; 0 for the largest density that fits one atlas
     """
     largest = max(float(size.max()) for size in sizes)
     page = Box(0, 0, resolution, resolution)

@@ -1,1 +1,1 @@
-"""Converts Blender's lamps and world to the engine's lights and sky."""
+"""Converts Blender's lights and world to the engine's lights and sky."""

@@ -1,4 +1,4 @@
-"""Evaluates lamp nodes by Cycles: bakes the direct light that a lamp sends to small squares around it."""
+"""Evaluates light nodes by Cycles: bakes the direct light that a light sends to small squares around it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .light_node_reader import LightNodes
 _AZIMUTHS, _POLARS = 361, 181
 _FEW = 9, 7
 
-#: Samples per square for point, spot and sun lamps, and for area lamps, which average over their face.
+#: Samples per square for point, spot and sun lights, and for area lights, which average over their face.
 _SAMPLES, _FACE_SAMPLES = 1, 256
 
 #: Geometry of the squares. _WIDTH is the width of a square as a fraction of its distance. _DISTANCE is the
-#: distance from the lamp in m, and _FAR the distance from area lamps in lamp widths.
+#: distance from the light in m, and _FAR the distance from area lights in light widths.
 _WIDTH = 1e-3
 _DISTANCE, _FAR = 1.0, 30.0
 
@@ -38,12 +38,12 @@ _MOST = 1e20
 
 
 def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> LightNodes:
-    """Measure the factors that a lamp's nodes apply to its power; raises RuntimeError if Cycles fails.
+    """Measure the factors that a light's nodes apply to its power; raises RuntimeError if Cycles fails.
 
-    A point or spot lamp gets a profile of directions in steps of 1 degree, measured 1 m away. A sun gets one
-    colour. An area lamp gets the mean colour over its face, along its axis.
+    A point or spot light gets a profile of directions in steps of 1 degree, measured 1 m away. A sun gets one
+    colour. An area light gets the mean colour over its face, along its axis.
 
-    matrix:  (4, 4) float64, lamp space to world space
+    matrix:  (4, 4) float64, light space to world space
     """
     if lamp.type in {"SUN", "AREA"}:
         return LightNodes(_lit(lamp, matrix, np.array([[0.0, 0.0, -1.0]]))[0])
@@ -59,7 +59,7 @@ def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> LightNodes:
 
 
 def _grid(azimuths: int, polars: int) -> np.ndarray:
-    """Return unit directions at the angles of a profile, (azimuths * polars, 3) float64, in lamp space."""
+    """Return unit directions at the angles of a profile, (azimuths * polars, 3) float64, in light space."""
     azimuth = np.linspace(0, 2 * np.pi, azimuths)[:, None] - np.pi
     polar = np.linspace(0, np.pi, polars)
     x, y = np.sin(azimuth) * np.sin(polar), np.cos(azimuth) * np.sin(polar)
@@ -67,7 +67,7 @@ def _grid(azimuths: int, polars: int) -> np.ndarray:
 
 
 def _lit(lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Measure the factors of a lamp's nodes along directions in lamp space, (n, 3) -> (n, 3) float64 RGB."""
+    """Measure the factors of a light's nodes for directions in light space, (n, 3) -> (n, 3) float64 RGB."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.where(scale > 0, scale, 1)
     away = directions / np.where(scale > _FLAT * scale.max(), scale, 1) @ axes.T
@@ -132,9 +132,9 @@ def _image_width(texels: int) -> int:
 def _stage(
     lamp: bpy.types.Light, matrix: np.ndarray, mesh: bpy.types.Mesh, distance: float
 ) -> Iterator[tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Image]]:
-    """Set up a scene with the lamp and white diffuse squares, and remove it at the end.
+    """Set up a scene with the light and white diffuse squares, and remove it at the end.
 
-    The lamp's power is such that the baked light equals the factors of its nodes.
+    The light's power is such that the baked light equals the factors of its nodes.
     """
     scene = bpy.data.scenes.new("hemibake")
     white = bpy.data.materials.new("hemibake")

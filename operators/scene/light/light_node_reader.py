@@ -1,4 +1,4 @@
-"""Reads lamp nodes as factors of the lamp's power: colour, profile over directions, falloff over distance."""
+"""Reads light nodes as factors of the light's power: colour, profile by direction, falloff by distance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FALLOFF_POWERS = {"Quadratic": 0, "Linear": 1, "Constant": 2}
 
 @dataclass(frozen=True)
 class LightNodes:
-    """Factors of a lamp's power.
+    """Factors of a light's power.
 
     colour:   (3,) float64 RGB
     profile:  factor over directions; None for 1 in all directions
@@ -48,7 +48,7 @@ class LightNodes:
 
 
 class LightNodeReader:
-    """Reads the nodes of lamps if they can be represented exactly.
+    """Reads the nodes of lights if they can be represented exactly.
 
     notes:  sentences for the user are appended here
     """
@@ -58,7 +58,7 @@ class LightNodeReader:
         self._profiles: dict[str, Profile] = {}
 
     def read(self, tree: bpy.types.NodeTree, name: str) -> LightNodes:
-        """Return the factors of a lamp's nodes; raises ComplexError if only Cycles can evaluate them."""
+        """Return the factors of a light's nodes; raises ComplexError if only Cycles can evaluate them."""
         output = tree.get_output_node("CYCLES")
         shader = feeding_socket(output.inputs["Surface"]) if output else None
         if shader is None or not shader.is_output:
@@ -120,7 +120,7 @@ class LightNodeReader:
 
 
 def own_constants(tree: bpy.types.NodeTree) -> LightNodes:
-    """Return the unlinked Color times Strength of a lamp's Emission node; factor 1 for other shaders."""
+    """Return the unlinked Color times Strength of a light's Emission node; factor 1 for other shaders."""
     output = tree.get_output_node("CYCLES")
     node = feeding_socket(output.inputs["Surface"]).node
     if node.bl_idname != "ShaderNodeEmission":

@@ -1,4 +1,4 @@
-"""Converts Blender's lamps to engine lights with the units and formulas of Cycles."""
+"""Converts Blender's lights to engine lights with the units and formulas of Cycles."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from ..slice_timer import Slices
 from .light_bake import bake_lamp
 from .light_node_reader import LightNodeReader, LightNodes, own_constants
 
-#: Axes whose scale must not be 0 for a lamp of each type to emit light, as in Cycles (measured in 5.0.1).
+#: Axes whose scale must not be 0 for a light of each type to emit light, as in Cycles (measured in 5.0.1).
 _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}
 
-#: Half angle of the spread of an area lamp with full spread, radians.
+#: Half angle of the spread of an area light with full spread, radians.
 _SPREAD_OFF = np.pi / 2
 
 
 class SceneLights:
-    """Collects the lamps of a scene; each instance of a lamp becomes a lamp of its own.
+    """Collects the lights of a scene; each instance of a light becomes a light of its own.
 
     notes:  sentences on what cannot be converted exactly are appended here
     """
@@ -43,7 +43,7 @@ class SceneLights:
         self._inexact = defaultdict[str, list[str]](list)
 
     def add(self, item: SceneItem) -> None:
-        """Read one lamp without its nodes."""
+        """Read one light without its nodes."""
         name, lamp = item.object.name, item.object.data
         if lamp.type == "AREA" and getattr(lamp, "cycles", None) and lamp.cycles.is_portal:
             self._portals.append(name)
@@ -58,7 +58,7 @@ class SceneLights:
         self._lights.append((_read_light(item), item.source.data.session_uid, item.matrix))
 
     def finish(self, origin: np.ndarray, watch: SceneWatch) -> Slices[tuple[Light, ...]]:
-        """Read the lamps' nodes; return the engine lights; add notes on lamps that are approximated.
+        """Read the lights' nodes; return the engine lights; add notes on lights that are approximated.
 
         origin:  (3,) float64 in world space; positions of the lights are relative to it
         """
@@ -79,7 +79,7 @@ class SceneLights:
         return tuple(replace(light, position=light.position - origin) for light in lights)
 
     def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LightNodes]:
-        """Return factors of a lamp's nodes, exact if possible, else measured by Cycles, else constants."""
+        """Return factors of a light's nodes, exact if possible, else measured by Cycles, else constants."""
         watch.depsgraph()
         try:
             return self._read_nodes(find(bpy.data.lights, uid), name)
@@ -92,7 +92,7 @@ class SceneLights:
             watch.accept()
 
     def _read_nodes(self, lamp: bpy.types.Light, name: str) -> LightNodes:
-        """Return the factors of a lamp's nodes; raises ComplexError if only Cycles can evaluate them."""
+        """Return the factors of a light's nodes; raises ComplexError if only Cycles can evaluate them."""
         tree = light_nodes(lamp)
         if tree is None:
             return LightNodes()
@@ -100,7 +100,7 @@ class SceneLights:
         return _along_axis(nodes) if lamp.type == "SUN" else nodes
 
     def _bake_nodes(self, lamp: bpy.types.Light, name: str, matrix: np.ndarray) -> LightNodes:
-        """Return the factors of a lamp's nodes measured by Cycles, or the Emission's constants on failure."""
+        """Return the factors of a light's nodes measured by Cycles; on failure the Emission's constants."""
         tree = light_nodes(lamp)
         try:
             nodes = bake_lamp(lamp, matrix)
@@ -158,7 +158,7 @@ def _scale(item: SceneItem) -> np.ndarray:
 
 
 def _read_light(item: SceneItem) -> Light:
-    """Return one lamp as engine light, without its nodes.
+    """Return one light as engine light, without its nodes.
 
     Formulas: Cycles, scene/light.cpp. Units: Blender manual, Light Objects.
     """
@@ -190,7 +190,7 @@ def _read_light(item: SceneItem) -> Light:
 
 
 def _power(lamp: bpy.types.Light) -> np.ndarray:
-    """Return a lamp's power times its colour, (3,) float64: W, or W/m^2 for a sun."""
+    """Return a light's power times its colour, (3,) float64: W, or W/m^2 for a sun."""
     return light_power(lamp) * np.array(lamp.color, np.float64) * light_temperature(lamp)
 
 
@@ -205,9 +205,9 @@ def _sun(lamp: bpy.types.Light, power: np.ndarray) -> np.ndarray:
 
 
 def _intensity(lamp: bpy.types.Light, power: np.ndarray, radius: float) -> np.ndarray:
-    """Return the radiant intensity of a point or spot lamp, (3,) float32 W/sr.
+    """Return the radiant intensity of a point or spot light, (3,) float32 W/sr.
 
-    It is P / (4 pi). If the lamp is not normalized, its radiance is P / pi and its intensity P r^2.
+    It is P / (4 pi). If the light is not normalized, its radiance is P / pi and its intensity P r^2.
     """
     if _normalized(lamp) or radius == 0:
         return (power / (4 * np.pi)).astype(np.float32)

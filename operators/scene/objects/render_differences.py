@@ -15,7 +15,7 @@ from .render_settings import level_settings
 from .visible import visible_objects
 
 #: Resolution properties for the viewport and for renders, by type of object. A value of 0 for renders means
-#: that of the viewport.
+#: the viewport's value.
 _RESOLUTIONS = {
     "CURVE": (("resolution_u", "render_resolution_u"), ("resolution_v", "render_resolution_v")),
     "FONT": (("resolution_u", "render_resolution_u"),),
@@ -40,7 +40,7 @@ def uses_render(context: SceneContext) -> bool:
     """Return True if a bake must read the dependency graph of renders.
 
     Otherwise the viewport has the same objects. It also has the same meshes, if the setting Meshes demands
-    those of renders.
+    meshes of renders.
     """
     if hidden_in_viewport(context):
         return True

@@ -1,4 +1,4 @@
-"""Converts strands of hair to flat two-sided ribbons, whose mean projected width is that of the strand."""
+"""Converts strands of hair to flat two-sided ribbons, whose mean projected width equals the strand's."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _TRIANGLES = 4
 def thin_out(strands: Strands, most: int) -> Strands:
     """Return a random subset of strands with at most `most` triangles, with larger radii in return.
 
-    The mean shadow equals that of all strands (Cook et al., "Stochastic Simplification of Aggregate Detail",
-    2007).
+    The mean shadow equals the shadow of all strands (Cook et al., "Stochastic Simplification of Aggregate
+    Detail", 2007).
     """
     total = count_triangles(strands)
     if total <= most:

@@ -69,7 +69,7 @@ def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Coverage
 
 
 def find_overlapping(footprints: Sequence[CoverageGrid], grid: int) -> Generator[None, None, list[bool]]:
-    """Return for each object True if its charts overlap those of others; yields after each object."""
+    """Return for each object True if its charts overlap charts of other objects; yields after each object."""
     count = np.zeros((grid, grid), np.int32)
     for footprint in footprints:
         count[footprint.window] += footprint.covered

@@ -18,7 +18,7 @@ _STEPS = 1 << 20
 
 
 def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
-    """Return whether the UV layer is as Hemibake made it, for all objects that use one mesh."""
+    """Return True if the UV layer is as Hemibake made it, for all objects that use one mesh."""
     mesh = objects[0].data
     if layer not in mesh.uv_layers:
         return False

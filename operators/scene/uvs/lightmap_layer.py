@@ -73,7 +73,7 @@ def layer_triangles(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
 
 
 def _usable(mesh: bpy.types.Mesh, name: str) -> bool:
-    """Return whether a layer's UVs are finite, within 0-1 and free of overlaps; True in edit mode."""
+    """Return True if a layer's UVs are finite, within 0-1 and free of overlaps; True in edit mode."""
     if mesh.is_editmode:
         return True
     uvs = layer_triangles(mesh, name)

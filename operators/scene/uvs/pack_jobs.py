@@ -73,7 +73,7 @@ def _by_atlas(targets: Sequence[UnwrapMesh]) -> dict[str, list[int]]:
 
 
 def _is_tiled(target: UnwrapMesh, objects: ObjectLookup, multi_user: set[int], instanced: set[int]) -> bool:
-    """Return whether several objects or instances may use the mesh, which then gets a tile of its own."""
+    """Return True if several objects or instances may use the mesh, which then gets a tile of its own."""
     first = objects[target.uids[0]]
     if target.topology is None:
         return first.data.session_uid in multi_user

@@ -52,7 +52,7 @@ class UnwrapSummary:
     """Outcome of unwrapping.
 
     objects:  objects that got lightmap UVs
-    moved:    objects whose charts were repacked to make room for those of other objects
+    moved:    objects whose charts were repacked to make room for other objects
     skipped:  objects that need lightmap UVs but cannot have them
     notes:    sentences for the user
     """
@@ -278,7 +278,7 @@ class _Unwrapping:
 
 
 def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: Evaluation) -> bool:
-    """Return whether the evaluated mesh of an object no longer fits the UVs of its UV modifier."""
+    """Return True if the evaluated mesh of an object no longer fits the UVs of its UV modifier."""
     with evaluated_mesh(obj, evaluation) as mesh:
         return mesh is not None and not fits(modifier, mesh)
 

@@ -32,17 +32,17 @@ _FLAT = 0.01
 
 
 def is_finite(uvs: np.ndarray) -> bool:
-    """Return whether all UVs are finite numbers."""
+    """Return True if all UVs are finite numbers."""
     return bool(np.isfinite(uvs).all())
 
 
 def is_inside(uvs: np.ndarray) -> bool:
-    """Return whether all UVs lie within 0-1, up to a tolerance; True for no UVs."""
+    """Return True if all UVs lie within 0-1, up to a tolerance; True for no UVs."""
     return not uvs.size or bool(uvs.min() >= -UV_TOLERANCE and uvs.max() <= 1 + UV_TOLERANCE)
 
 
 def overlap(uvs: np.ndarray) -> bool:
-    """Return whether triangles, (t, 3, 2) finite UVs, overlap beyond rounding errors; cached."""
+    """Return True if triangles, (t, 3, 2) finite UVs, overlap beyond rounding errors; cached."""
     key = hashlib.blake2b(np.ascontiguousarray(uvs).data).digest()
     known = _overlapping.pop(key, None)
     _overlapping[key] = _overlap(uvs) if known is None else known
@@ -52,7 +52,7 @@ def overlap(uvs: np.ndarray) -> bool:
 
 
 def _overlap(uvs: np.ndarray) -> bool:
-    """Return whether triangles overlap, without the cache: by total area, else by rasterization."""
+    """Return True if triangles overlap, without the cache: by total area, else by rasterization."""
     low = uvs.reshape(-1, 2).min(axis=0, initial=np.inf)
     size = float((uvs.reshape(-1, 2).max(axis=0, initial=-np.inf) - low).max())
     if not size > 0:
@@ -93,7 +93,7 @@ def covered_texels(uvs: np.ndarray, resolution: int) -> tuple[np.ndarray, np.nda
 
 
 def cover(uvs: np.ndarray, positions: np.ndarray) -> bool:
-    """Return whether UVs, (t, 3, 2), give texels to nearly all of a surface, (t, 3, 3) positions."""
+    """Return True if UVs, (t, 3, 2), give texels to nearly all of a surface, (t, 3, 3) positions."""
     flat, surface = _areas(uvs), _areas(positions)
     if not flat.sum() > 0:
         return False

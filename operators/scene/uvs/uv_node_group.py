@@ -126,7 +126,7 @@ def is_uv_group(group: bpy.types.NodeTree | None) -> bool:
 
 
 def stores_layer(group: bpy.types.NodeTree | None, uv_layer: str) -> bool:
-    """Return whether a node group stores lightmap UVs in the given layer."""
+    """Return True if a node group stores lightmap UVs in the given layer."""
     return group is not None and group.get(_LAYER) == uv_layer
 
 

@@ -20,7 +20,7 @@ from .uv_node_group import drop_viewport_uvs, keep_viewport_uvs, kept_viewport_u
 from .uv_projection import UvMesh, UvProjection, read_uv_mesh
 from .uv_targets import evaluated_mesh
 
-#: The baked mesh of an object (that of renders), and its mesh in the viewport.
+#: The baked mesh of an object, as in renders, and its mesh in the viewport.
 Pair = tuple[UvMesh, UvMesh]
 
 

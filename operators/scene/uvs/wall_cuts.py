@@ -107,7 +107,7 @@ def find_wall_edges(obj: bpy.types.Object, mesh: PolygonMesh, walls: Sequence[Wa
 
 
 def _shared(mesh: PolygonMesh) -> np.ndarray:
-    """Return for each loop whether two or more polygons share its edge, (l,) bool."""
+    """Return a mask of the loops whose edge two or more polygons share, (l,) bool."""
     vertex = weld(mesh)
     ends = np.sort(np.stack([vertex[mesh.corners], vertex[mesh.corners[mesh.after]]], axis=1), axis=1)
     _, edge, users = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
@@ -116,7 +116,7 @@ def _shared(mesh: PolygonMesh) -> np.ndarray:
 
 
 def _near(ends: np.ndarray, walls: Sequence[Wall], margin: float) -> np.ndarray:
-    """Return for each edge, (l, 2, 3), whether its bounding box meets that of a wall, (l,) bool."""
+    """Return a mask of the edges, (l, 2, 3), whose bounding box meets a wall's bounding box, (l,) bool."""
     low, high = ends.min(axis=1) - margin, ends.max(axis=1) + margin
     near = np.zeros(len(ends), bool)
     for wall in walls:
@@ -161,7 +161,7 @@ def _has_neighbours(flags: Sequence[bool]) -> bool:
 
 
 def _in_line(ends: np.ndarray, start: np.ndarray, end: np.ndarray, apart: float) -> np.ndarray:
-    """Return for each edge, (l, 2, 3), whether it lies on the line through two points, (l,) bool."""
+    """Return a mask of the edges, (l, 2, 3), on the line through two points, (l,) bool."""
     direction = (end - start) / np.linalg.norm(end - start)
     offset = ends - start
     off = offset - (offset @ direction)[..., None] * direction

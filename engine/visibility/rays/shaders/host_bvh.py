@@ -38,8 +38,8 @@ class HostBvh:
 def build_host_bvh(positions: np.ndarray) -> HostBvh:
     """Build the hierarchy of triangles, (t, 3, 3) float32, m; none is possible.
 
-    The tree is that of Lauterbach et al., "Fast BVH Construction on GPUs" (2009), and Karras (2012): a node
-    splits its run of sorted Morton codes at their highest differing bit, equal codes in the middle.
+    The construction follows Lauterbach et al., "Fast BVH Construction on GPUs" (2009), and Karras (2012):
+    a node splits its run of sorted Morton codes at their highest differing bit, equal codes in the middle.
     """
     count = len(positions)
     order = np.argsort(morton_codes(positions.mean(axis=1)), kind="stable") if count else np.zeros(0, int)

@@ -19,7 +19,7 @@ class ShaderScene:
     """Triangles and patches of a bake on the OpenGL device; the counterpart of `RayScene`."""
 
     def __init__(self, graphics: GraphicsContext, parts: PatchScene, bvh: HostBvh | None = None) -> None:
-        """Store triangles and patches; bvh: of the triangles, if it exists."""
+        """Upload triangles and patches; bvh: BVH of the triangles, None to build it."""
         self.graphics, self._parts, self._bvh = graphics, parts, bvh
 
     @property

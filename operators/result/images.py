@@ -167,9 +167,10 @@ def write_all(
     assert folder is not None
     with staging_folder(folder) as staging:
         staged = [staging / f"{index}{Path(name).suffix}" for index, name in enumerate(names)]
+        others: dict[str, Sequence[ProbeFile | ReflectionFile]] = {"probes": probes, "cubes": cubes}
         staged_probes, staged_cubes = (
             [staging / f"{kind}{index}{Path(file.name).suffix}" for index, file in enumerate(group)]
-            for kind, group in (("probes", probes), ("cubes", cubes))
+            for kind, group in others.items()
         )
         all_files: list[LightmapFile | ProbeFile | ReflectionFile] = [*files, *probes, *cubes]
         for path, file in zip([*staged, *staged_probes, *staged_cubes], all_files, strict=True):
@@ -182,7 +183,7 @@ def write_all(
             **reflection_sections(destination, staged_cubes, cubes),
         }
         write_manifest(manifest, folder, staged, names, entries, sections)
-        names += [file.name for file in (*probes, *cubes)]
+        names += [file.name for group in others.values() for file in group]
         all_staged = [manifest, *staged, *staged_probes, *staged_cubes]
         replace_all(all_staged, [folder / name for name in (NAME, *names)], staging)
 

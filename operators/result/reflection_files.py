@@ -114,7 +114,7 @@ def reflection_sections(
 
     staged:  written files
     """
-    if not files:
+    if not files or destination.folder is None:
         return {}
     sums = {file.name: checksum(path) for path, file in zip(staged, files, strict=True)}
     others = [entry for entry in _known(destination.folder) if not is_own(entry, destination)]

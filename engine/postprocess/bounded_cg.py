@@ -28,11 +28,13 @@ class Normal(Protocol):
 class BoundedCg:
     """Solver of normal equations whose matrix is a sum of terms.
 
-    parts:  the terms; their sum must be positive definite
+    parts:      the terms; their sum must be positive definite
+    tolerance:  residual, relative to the initial one, at which the unconstrained run stops
+    steps:      maximum number of its iterations
     """
 
-    def __init__(self, parts: Sequence[Normal]) -> None:
-        self._parts = parts
+    def __init__(self, parts: Sequence[Normal], tolerance: float = _TOLERANCE, steps: int = _STEPS) -> None:
+        self._parts, self._tolerance, self._steps = parts, tolerance, steps
         self._inverse = 1 / np.sum([part.diagonal for part in parts], axis=0)
 
     def solution(self, right: np.ndarray, start: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -45,8 +47,8 @@ class BoundedCg:
         start:      (n,) float64, initial values
         low, high:  (n,) float64, bounds
         """
-        enough = _TOLERANCE**2 * self._energy(right - self._times(start))
-        solution = self._run(right, start, np.ones(len(start), bool), enough, _STEPS)
+        enough = self._tolerance**2 * self._energy(right - self._times(start))
+        solution = self._run(right, start, np.ones(len(start), bool), enough, self._steps)
         bounded = np.clip(solution, low, high)
         free = bounded == solution
         if free.all():

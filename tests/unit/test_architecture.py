@@ -14,7 +14,7 @@ ORDERS = {
     "engine": [
         "worker", "__init__", "warm_up", "self_test", "session", "live", "cluster", "pipeline",
         "texel_trace", "bake_state", "probes", "reflections", "texel_gather", "plan",
-        "postprocess", "solve", "gather", "direct", "validity", "visibility", "patches",
+        "vertex_light", "postprocess", "solve", "gather", "direct", "validity", "visibility", "patches",
         "denoise",
         "device", "unwrap", "encoding", "scene", "resume", "settings", "outputs", "setting_types", "quality",
         "bake_result",

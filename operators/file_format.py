@@ -13,6 +13,7 @@ from ..engine.encoding.logluv import LogLuv
 from ..engine.encoding.rgbd import Rgbd
 from ..engine.encoding.rgbe import Rgbe
 from ..engine.encoding.rgbm import Rgbm
+from ..engine.encoding.shared_exponent import SharedExponent
 from ..engine.encoding.signed_norm import SignedNorm
 from ..engine.encoding.srgb import Srgb
 from ..engine.outputs import PROJECTED_MAPS, SIGNED_MAPS, is_fraction
@@ -22,6 +23,10 @@ from .translations import CONTEXT
 FORMATS = {
     "exr": ("OpenEXR", "Write floats, exact with 32 bits"),
     "hdr": ("Radiance HDR", "Write RGBE. The error is at most 0.4% of the brightest channel"),
+    "ktx2": (
+        "KTX2",
+        "Write RGB9E5 with mip levels, for GPUs. The error is at most 0.2% of the brightest channel",
+    ),
     "png": ("PNG", "Write sRGB pictures. Light above white is clipped, see Exposure"),
     "rgbm": ("PNG, RGBM", "Write an 8-bit color and a multiplier, for shaders that decode RGBM"),
     "rgbd": ("PNG, RGBD", "Write an 8-bit color and a divisor, for shaders that decode RGBD"),
@@ -29,7 +34,10 @@ FORMATS = {
 }
 
 #: Formats that Blender cannot display as light; an OpenEXR file is written too and displayed instead.
-ENCODED = ("png", "rgbm", "rgbd", "logluv")
+ENCODED = ("ktx2", "png", "rgbm", "rgbd", "logluv")
+
+#: Floating-point formats that store no negative values.
+_UNSIGNED = ("hdr", "ktx2")
 
 #: Formats with the settings Range and Gamma.
 RANGED = ("rgbm", "rgbd")
@@ -149,11 +157,11 @@ class FileFormat:
         """Return the format for maps of an output.
 
         Signed maps (directional ones) are written as 16-bit PNG with a bias, see `SignedNorm`, or as OpenEXR
-        instead of Radiance HDR, which stores no negative values.
+        instead of Radiance HDR and KTX2, which store no negative values.
         """
         if output not in SIGNED_MAPS or self.name == "exr":
             return self
-        return FileFormat("png", png_depth=_SIGNED_DEPTH) if self.name in ENCODED else PLAIN
+        return PLAIN if self.name in _UNSIGNED else FileFormat("png", png_depth=_SIGNED_DEPTH)
 
     @property
     def label(self) -> str:
@@ -164,7 +172,7 @@ class FileFormat:
     def endings(self) -> tuple[str, ...]:
         """File endings of a lightmap: of the displayed file, and of the file for engines if it differs."""
         if self.name in ENCODED:
-            return ".exr", ".png"
+            return ".exr", ".ktx2" if self.name == "ktx2" else ".png"
         return (f".{self.name}",)
 
     @property
@@ -186,6 +194,8 @@ class FileFormat:
         match self.name:
             case "hdr":
                 return Rgbe()
+            case "ktx2":
+                return SharedExponent()
             case "png" if output in SIGNED_MAPS:
                 return SignedNorm(1.0 if output in PROJECTED_MAPS else brightest or 1.0, self.png_depth)
             case "png":

@@ -12,6 +12,7 @@ from .sidebar import SubPanel, split_properties
 _OF_FORMAT = {
     "exr": ("exr_depth", "exr_codec"),
     "hdr": (),
+    "ktx2": (),
     "png": ("png_depth", "exposure"),
     "rgbm": ("light_range", "light_gamma"),
     "rgbd": ("light_range", "light_gamma"),

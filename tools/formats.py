@@ -21,12 +21,14 @@ from headless import MODULE, ROOT, blender
 
 sys.path.insert(0, str(ROOT))
 from engine.encoding.encoding import Encoding
+from engine.encoding.ktx2 import from_rgb9e5, ktx2_texture
 from engine.encoding.logluv import LogLuv
 from engine.encoding.png import png_bytes
 from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
+from engine.encoding.shared_exponent import SharedExponent
 from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 
@@ -41,6 +43,7 @@ DARKEST, BRIGHTEST = 1e-3, 16.0
 #: Formats that need no Blender: name in the table, encoding, and function that writes the file.
 ENCODINGS: dict[str, tuple[Encoding, Callable[[np.ndarray], bytes]]] = {
     "Radiance HDR": (Rgbe(), radiance_bytes),
+    "KTX2, Zstandard": (SharedExponent(), lambda texels: ktx2_texture([from_rgb9e5(texels[..., 0])])),
     "PNG, sRGB, Exposure −4": (Srgb(-4.0), lambda texels: png_bytes(texels, srgb=True)),
     "PNG, 16 bits, sRGB, Exposure −4": (Srgb(-4.0, 16), lambda texels: png_bytes(texels, srgb=True)),
     "PNG, 16 bits, biased, range 16": (SignedNorm(16.0), lambda texels: png_bytes(texels, srgb=False)),

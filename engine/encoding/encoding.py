@@ -27,7 +27,7 @@ class Limits(Protocol):
 class Encoding(Limits, Protocol):
     """Encoding of light to integer texels.
 
-    Light is E/pi, (h, w, 3) float, scene-linear Rec.709; texels are (h, w, channels) uint8 or uint16.
+    Light is E/pi, (h, w, 3) float, scene-linear Rec.709; texels are (h, w, channels) uint8, uint16 or uint32.
     """
 
     @property

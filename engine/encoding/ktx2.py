@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 
 import numpy as np
 
@@ -16,6 +17,12 @@ _IDENTIFIER, _FORMAT, _TYPE_SIZE = b"\xabKTX 20\xbb\r\n\x1a\n", 123, 4
 
 #: Bytes of the header with the index, and of the index of one level.
 _HEADER, _LEVEL = 80, 24
+
+#: Number of Zstandard in the header, and its level of compression: higher ones take longer and gain 1 %.
+_ZSTANDARD, _EFFORT = 2, 9
+
+#: Texels that are encoded at once.
+_AT_ONCE = 1 << 18
 
 #: Upper bound of a mantissa in the data format descriptor, as in files of the `ktx` tool.
 _UPPER = 8448
@@ -58,28 +65,68 @@ def ktx2_cube(levels: Sequence[np.ndarray]) -> bytes:
     return _file((size, size, 0), 6, levels, b"rd")
 
 
-def _file(size: tuple[int, int, int], faces: int, levels: Sequence[np.ndarray], orientation: bytes) -> bytes:
+def ktx2_texture(levels: Sequence[np.ndarray]) -> bytes:
+    """Return a 2D texture or an array of 2D textures of light.
+
+    The levels are compressed by Zstandard if Python has the package zstandard, as in official Blender builds.
+
+    levels:  (h, w, 3) or (layers, h, w, 3) float each, top row first, each half as wide as the one before
+    """
+    *layers, height, width, _ = levels[0].shape
+    return _file((width, height, 0), 1, levels, b"rd", sum(layers), _zstandard())
+
+
+def _file(
+    size: tuple[int, int, int],
+    faces: int,
+    levels: Sequence[np.ndarray],
+    orientation: bytes,
+    layers: int = 0,
+    compress: Callable[[bytes], bytes] | None = None,
+) -> bytes:
     """Return a file of levels of light, (..., 3) float, the largest first.
 
     size:         width, height and depth of the first level
     orientation:  directions of the axes
+    layers:       number of layers of an array; 0 without one
+    compress:     compression by Zstandard; None to store the levels as they are
     """
-    data = [rgb9e5(level).astype("<u4").tobytes() for level in levels]
+    raw = [_packed(level) for level in levels]
+    data = [compress(level) for level in raw] if compress else raw
     descriptor, facts = _descriptor(), _key_values(orientation)
     descriptor_at = _HEADER + _LEVEL * len(data)
     facts_at = descriptor_at + len(descriptor)
-    level_at = -(-(facts_at + len(facts)) // 4) * 4
-    header = struct.pack("<9I", _FORMAT, _TYPE_SIZE, *size, 0, faces, len(data), 0)
+    level_at = facts_at + len(facts)
+    level_at += 0 if compress else -level_at % 4
+    scheme = _ZSTANDARD if compress else 0
+    header = struct.pack("<9I", _FORMAT, _TYPE_SIZE, *size, layers, faces, len(data), scheme)
     index = struct.pack("<4I2Q", descriptor_at, len(descriptor), facts_at, len(facts), 0, 0)
 
     # The index lists the largest level first, the data begins with the smallest (KTX 2.0, 3.9.7).
     ends = level_at + np.cumsum([len(level) for level in reversed(data)])[::-1]
     places = [
-        struct.pack("<3Q", end - len(level), len(level), len(level))
-        for level, end in zip(data, ends.tolist(), strict=True)
+        struct.pack("<3Q", end - len(level), len(level), len(before))
+        for level, before, end in zip(data, raw, ends.tolist(), strict=True)
     ]
     start = (_IDENTIFIER + header + index + b"".join(places) + descriptor + facts).ljust(level_at, b"\0")
     return start + b"".join(reversed(data))
+
+
+def _packed(light: np.ndarray) -> bytes:
+    """Return the texels of a level, encoded in parts, because encoding needs several doubles a channel."""
+    rows = light.reshape(-1, 3)
+    parts = (rows[start : start + _AT_ONCE] for start in range(0, len(rows), _AT_ONCE))
+    return b"".join(rgb9e5(part).astype("<u4").tobytes() for part in parts)
+
+
+def _zstandard() -> Callable[[bytes], bytes] | None:
+    """Return the compression by Zstandard; None if Python lacks the package."""
+    try:
+        zstandard = import_module("zstandard")
+    except ImportError:
+        return None
+    compress: Callable[[bytes], bytes] = zstandard.ZstdCompressor(level=_EFFORT).compress
+    return compress
 
 
 def _unit(exponent: np.ndarray) -> np.ndarray:

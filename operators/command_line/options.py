@@ -32,7 +32,7 @@ OWN: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "meshes": (str.upper, "CHOICE", "render or viewport: which meshes are baked"),
     "uv_layer": (str, "NAME", "name of the lightmap UV layer"),
     "file_name": (str, "TEMPLATE", "name of the files, such as {file}_{lightmap}_{output}"),
-    "file_format": (str.lower, "FORMAT", "exr, hdr, png, rgbm, rgbd or logluv"),
+    "file_format": (str.lower, "FORMAT", "exr, hdr, ktx2, png, rgbm, rgbd or logluv"),
     "exr_depth": (str, "BITS", "of a channel of OpenEXR: 32 or 16"),
     "png_depth": (str, "BITS", "of a channel of PNG: 8 or 16"),
     "exr_codec": (str.lower, "CODEC", "of OpenEXR: zip, piz, dwaa, dwab or none"),

@@ -89,6 +89,7 @@ def store(
     states: Mapping[str, dict],
     probes: Sequence[ProbeFile] = (),
     cubes: Sequence[ReflectionFile] = (),
+    has_patch: np.ndarray | None = None,
 ) -> list[LightmapFile]:
     """Write the files of lightmaps, probes and cubes, assign shown files to images, return the lightmaps'.
 
@@ -101,11 +102,12 @@ def store(
     states:     light states of the scene for the manifest
     probes:     files of light probes
     cubes:      files of reflection cubes
+    has_patch:  (atlases, h, w) bool, texels of charts, for mip levels; None if unknown
     """
     if destination.folder is None:
         _pack_all(images, lightmaps, destination)
         return []
-    files = list(lightmap_files(lightmaps, destination, facts))
+    files = list(lightmap_files(lightmaps, destination, facts, has_patch))
     try:
         write_all(files, destination, states, probes, cubes)
     except (OSError, RuntimeError) as error:

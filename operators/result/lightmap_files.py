@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from ...engine.encoding.encoding import Encoding, encode_in_bands
+from ...engine.encoding.ktx2 import ktx2_texture
 from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
 from ...engine.encoding.signed_norm import SignedNorm
 from ...engine.encoding.srgb import Srgb
 from ...engine.outputs import RATIO_MAPS
+from ...engine.postprocess.chart_mips import chart_mips
 from ..file_format import FileFormat
 from .destination import Destination
 from .exr import write_exr
@@ -28,6 +30,7 @@ class LightmapFile:
     encoding:  encoding of light as bytes; None for OpenEXR
     light:     (h, w, 3) float32, scene-linear, bottom row first
     facts:     manifest entries of the lightmap
+    charts:    (h, w) bool, texels of charts, which mip levels need; None to write no mip levels
     """
 
     name: str
@@ -35,11 +38,16 @@ class LightmapFile:
     encoding: Encoding | None
     light: np.ndarray
     facts: dict
+    charts: np.ndarray | None = None
 
     def write(self, path: Path) -> None:
         """Write the file to a path; raises OSError or RuntimeError."""
         if self.encoding is None:
             write_exr(path, self.light, self.format, self.facts["output"] not in RATIO_MAPS)
+            return
+        if self.format.name == "ktx2":
+            levels = [self.light] if self.charts is None else chart_mips(self.light, self.charts)
+            path.write_bytes(ktx2_texture([level[::-1] for level in levels]))
             return
         texels = encode_in_bands(self.encoding, self.light)
         if self.format.name == "hdr":
@@ -62,11 +70,15 @@ class LightmapFile:
 
 
 def lightmap_files(
-    lightmaps: np.ndarray, destination: Destination, facts: Sequence[dict]
+    lightmaps: np.ndarray,
+    destination: Destination,
+    facts: Sequence[dict],
+    has_patch: np.ndarray | None = None,
 ) -> Iterator[LightmapFile]:
     """Yield the files of lightmaps, (m, h, w, 3) float32, first those for Blender, then for engines.
 
-    facts:  manifest entries of each lightmap, including its output
+    facts:      manifest entries of each lightmap, including its output
+    has_patch:  (atlases, h, w) bool, texels of charts of the atlases, of each output in turn; None if unknown
     """
     brightest = _brightest(lightmaps, [fact["output"] for fact in facts])
     each = list(zip(lightmaps, destination.stems, destination.formats, facts, strict=True))
@@ -75,10 +87,11 @@ def lightmap_files(
         told = fact if shown == chosen else {**fact, "shown_for": f"{stem}{chosen.endings[-1]}"}
         encoding = shown.encoding(output, brightest[output])
         yield LightmapFile(f"{stem}{shown.endings[0]}", shown, encoding, light, told)
-    for light, stem, chosen, fact in each:
+    for index, (light, stem, chosen, fact) in enumerate(each):
         if chosen.shown != chosen:
             encoding = chosen.encoding(fact["output"], brightest[fact["output"]])
-            yield LightmapFile(f"{stem}{chosen.endings[-1]}", chosen, encoding, light, fact)
+            charts = None if has_patch is None else has_patch[index % len(has_patch)]
+            yield LightmapFile(f"{stem}{chosen.endings[-1]}", chosen, encoding, light, fact, charts)
 
 
 def _brightest(lightmaps: np.ndarray, outputs: Sequence[str]) -> dict[str, float]:
@@ -98,6 +111,8 @@ def _in_words(file: LightmapFile) -> str:
             return f"OpenEXR, {bits}-bit float, scene-linear Rec.709"
         case "hdr":
             return "Radiance RGBE, scene-linear Rec.709"
+        case "ktx2":
+            return "KTX2, RGB9E5, scene-linear Rec.709"
         case "png":
             biased = isinstance(file.encoding, SignedNorm)
             return f"PNG, {format.png_depth}-bit {'biased, no colour space' if biased else 'sRGB'}"

@@ -2,6 +2,7 @@
 
 import json
 import re
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from tools.headless import ROOT
 FORMATS = {
     "exr": (".exr",),
     "hdr": (".hdr",),
+    "ktx2": (".exr", ".ktx2"),
     "png": (".exr", ".png"),
     "rgbm": (".exr", ".png"),
     "rgbd": (".exr", ".png"),
@@ -79,6 +81,17 @@ def noise(seed=4, shape=(61, 97)) -> np.ndarray:
     return (10 ** generator.uniform(-3, 2, (*shape, 3))).astype(np.float32)
 
 
+def assert_ktx2_holds(data, light):
+    """Fail unless a file holds light, (h, w, 3), with its first row at the bottom."""
+    (scheme,) = struct.unpack_from("<I", data, 44)
+    start, stored = struct.unpack_from("<2Q", data, 80)
+    texels = data[start : start + stored]
+    if scheme == 2:
+        texels = pytest.importorskip("zstandard").ZstdDecompressor().decompress(texels)
+    packed = np.frombuffer(texels, "<u4").reshape(light.shape[:2])[::-1]
+    assert part("engine.encoding.ktx2").from_rgb9e5(packed) == pytest.approx(light, rel=0.01, abs=1e-6)
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_each_format_holds_the_light_as_the_manifest_says(settings, tmp_path, name):
     import bpy
@@ -96,6 +109,9 @@ def test_each_format_holds_the_light_as_the_manifest_says(settings, tmp_path, na
 
     entry = manifest(tmp_path)["lightmaps"][files[-1].name]
     assert entry["format"] == name and entry["output"] == "combined"
+    if name == "ktx2":
+        assert_ktx2_holds(files[-1].read_bytes(), pixels(image)[..., :3])
+        return
     read = loaded(files[-1], "Linear Rec.709" if name in ("exr", "hdr") else "Non-Color")
     if name == "exr":
         assert read[..., :3] == pytest.approx(pixels(image)[..., :3], rel=1e-6)

@@ -16,6 +16,7 @@ from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
+from engine.encoding.shared_exponent import SharedExponent
 from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 
@@ -32,6 +33,7 @@ ENCODINGS = [
     Rgbd(7.1, 1.0),
     LogLuv(),
     Rgbe(),
+    SharedExponent(),
 ]
 
 

@@ -19,6 +19,7 @@ def bake_report(
     images: Sequence[str],
     files: Sequence[str],
     notes: Sequence[str],
+    on_vertices: Sequence[dict],
 ) -> dict:
     """Return the report of a bake; the convergence error is None if a single iteration could not estimate it.
 
@@ -28,6 +29,7 @@ def bake_report(
     images   names of the images
     files    paths of the files
     notes    sentences for the user; duplicates are removed
+    on_vertices  "object", number of "values" and "error" of each object with light at its vertices
     """
     warnings = list(dict.fromkeys(notes))
     return {
@@ -50,6 +52,7 @@ def bake_report(
         "devices": dict(facts.devices),
         "images": list(images),
         "files": list(files),
+        "vertex_light": list(on_vertices),
         "warnings": warnings,
         "objects_of_warnings": [objects_of(note) for note in warnings],
         "fixes_of_warnings": [fix_of(note) for note in warnings],

@@ -40,6 +40,7 @@ from .result.probe_files import probe_files
 from .result.probe_images import keep_probes
 from .result.progress_images import ProgressImages, image_names
 from .result.reflection_files import reflection_files
+from .result.vertex_light import store_vertex_light
 from .rollback import Rollback
 from .run_stages import RunStages
 from .scene import SceneChangedError, SceneContext, read_scene, visible_meshes
@@ -327,6 +328,8 @@ class BakeRun:
         if self._settings.light_probes and (lightmap.probes or not self._read.scene.probe_volumes):
             keep_probes(self._context.scene, lightmap.probes, self._read.scene.origin)
         mark_objects(self._context.scene, self._read, targets, self._uv_layer, lost)
+        shown = dict(zip(lightmap.atlases, pixels, strict=False))
+        on_vertices, vertex_notes = store_vertex_light(self._context, self._read, shown, lost)
         forget_moved_charts(self._context.scene, self._baked_names(lost))
         self._read_findings()
         self._remember_light(lost)
@@ -336,8 +339,8 @@ class BakeRun:
         keep_paces(owner.paces)
         facts, names = lightmap.report, [image.name for image in targets]
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
-        notes = [*self._read.notes, *facts.warnings, *clipped, *self._notes_on_result(lost)]
-        report = bake_report(self._read, facts, lost, seconds, names, files, notes)
+        notes = [*self._read.notes, *facts.warnings, *clipped, *vertex_notes, *self._notes_on_result(lost)]
+        report = bake_report(self._read, facts, lost, seconds, names, files, notes, on_vertices)
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
             scene.hemibake.report = json.dumps(report)
@@ -378,7 +381,9 @@ class BakeRun:
                 lightmap.reflections, baked.reflection_spheres, baked.origin, self._destination
             )
             states = manifest_states(scene)
-            files = images.store(targets, pixels, self._destination, contents, states, probes, cubes)
+            charts = None if any(self._kept.objects()) else lightmap.has_patch
+            where = self._destination
+            files = images.store(targets, pixels, where, contents, states, probes, cubes, charts)
         except EngineError as error:
             self.failure = str(error)
             return [], []

@@ -335,6 +335,12 @@ class _BakeRecord:
         options={"HIDDEN"},
         override=_OVERRIDABLE,
     )
+    on_vertices: BoolProperty(
+        name="On Vertices",
+        description="True if the last bake of the object wrote its light to the vertices",
+        options={"HIDDEN"},
+        override=_OVERRIDABLE,
+    )
 
 
 class HemibakeBakeRecord(_BakeRecord, bpy.types.PropertyGroup):
@@ -361,6 +367,16 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
             ("DYNAMIC", "Dynamic", "Moves: left out of bakes, and lit by light probes in the preview"),
         ],
         default="BAKED",
+        override=_OVERRIDABLE,
+    )
+    bake_to: EnumProperty(
+        name="Bake To",
+        description="Choose where the object's light is stored",
+        translation_context=CONTEXT,
+        items=[
+            ("LIGHTMAP", "Lightmap", "Show the light of the lightmap"),
+            ("VERTICES", "Vertices", "Fit the light of the lightmap to the vertices, as a color attribute"),
+        ],
         override=_OVERRIDABLE,
     )
     atlas: StringProperty(

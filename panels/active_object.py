@@ -43,6 +43,7 @@ def _draw_role(layout: bpy.types.UILayout, obj: bpy.types.Object, scene: bpy.typ
     """Draw the role of an object with faces, and the lightmap of a mesh that has one."""
     layout.prop(obj.hemibake, "role")
     if obj.type == "MESH" and obj.hemibake.role == "BAKED":
+        layout.prop(obj.hemibake, "bake_to")
         layout.prop(obj.hemibake, "atlas")
         layout.prop(obj.hemibake, "lightmap_scale")
         layout.prop(obj.hemibake, "cut_along_walls")

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..object_properties import is_left_out
 from ..result.instance_uv_table import baked_instances, instance_image
+from ..result.vertex_light import shows_vertices
 from ..scene.bake_records import bake_record
 from ..scene.objects.items import SceneItem, scene_items
 from ..scene.objects.visible import visible_objects
@@ -49,6 +50,7 @@ class ExportItem:
     instancer:      name of the object that makes the instance; None for the object itself
     persistent_id:  Blender's identifier of the instance
     place:          its lightmap; None without one
+    on_vertices:    True if the colors of its mesh hold its light
     """
 
     source: bpy.types.Object
@@ -57,6 +59,7 @@ class ExportItem:
     instancer: str | None
     persistent_id: tuple[int, ...]
     place: GltfUvTransform | None
+    on_vertices: bool
 
     @property
     def lightmap(self) -> GltfUvTransform:
@@ -77,6 +80,11 @@ class ExportItems:
     def images(self) -> list[bpy.types.Image]:
         """The lightmaps without duplicates."""
         return list(dict.fromkeys(surface.place.image for surface in self.all if surface.place))
+
+    @property
+    def on_vertices(self) -> bool:
+        """True if the colors of a mesh hold light."""
+        return any(surface.on_vertices for surface in self.all)
 
     def of_object(self, source: bpy.types.Object, matrix: np.ndarray) -> ExportItem | None:
         """Return the object or its instance whose world matrix is nearest to `matrix`."""
@@ -119,9 +127,15 @@ def _read(context: bpy.types.Context) -> Iterator[ExportItem]:
         if item.source.type == "MESH":
             entry = baked.get((item.instancer, item.source.name, item.persistent_id))
             instancer = None if item.instancer is None else item.instancer.name
+            on_vertices = instancer is None and _is_on_vertices(item.source, scene)
             place = _own_place(item.source, scene) if instancer is None else _place(item, entry, scene)
             mesh, number = item.object.data.name, item.persistent_id
-            yield ExportItem(item.source, mesh, item.matrix, instancer, number, place)
+            place = None if on_vertices else place
+            yield ExportItem(item.source, mesh, item.matrix, instancer, number, place, on_vertices)
+
+
+def _is_on_vertices(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    return not is_left_out(obj) and shows_vertices(obj, bake_record(obj, scene))
 
 
 def _own_place(obj: bpy.types.Object, scene: bpy.types.Scene) -> GltfUvTransform | None:

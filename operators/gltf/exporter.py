@@ -39,10 +39,11 @@ _FAILED = (
 )
 
 
-def write_gltf(path: Path, hooks: object) -> None:
+def write_gltf(path: Path, hooks: object, with_attributes: bool) -> None:
     """Write the visible objects of the scene as .glb or .gltf, by the suffix of the path; raises EngineError.
 
-    hooks:  an object with the exporter's hooks as methods
+    hooks:            an object with the exporter's hooks as methods
+    with_attributes:  True to offer the attributes of meshes to the hooks
     """
     if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
         raise EngineError(
@@ -52,7 +53,11 @@ def write_gltf(path: Path, hooks: object) -> None:
     try:
         with _hooked(hooks):
             bpy.ops.export_scene.gltf(
-                filepath=str(path), check_existing=False, export_format=kind, **_OPTIONS
+                filepath=str(path),
+                check_existing=False,
+                export_format=kind,
+                export_attributes=with_attributes,
+                **_OPTIONS,
             )
     except RuntimeError as error:
         raise EngineError(_FAILED.format(_last_words(error))) from error

@@ -70,6 +70,11 @@ _CLEAR = (
     "Transparent, but opaque in an unlit file: {}. Export for an engine with lightmaps to keep transparency."
 )
 
+_EMITS = (
+    "Emission of objects with light at vertices is not in the file, where they are unlit: {}. Set Bake To to "
+    "Lightmap."
+)
+
 #: Kind of hooks of an export.
 Hooks = TypeVar("Hooks", bound=LightmapHooks)
 
@@ -112,7 +117,7 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
     where, uv_layer = SceneContext(context), context.scene.hemibake.uv_layer
     notes += warn_changed_uvs(lit, where)
     notes += note_other_meshes(where, surfaces.all, uv_layer)
-    if not usable:
+    if not usable and not surfaces.on_vertices:
         raise EngineError("\n".join(notes) or _NOTHING_BAKED)
     changes = Rollback()
     try:
@@ -131,9 +136,10 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
                 hooks: LightmapHooks = unlit
             else:
                 hooks = work.write(surfaces, options.kind, _extras(context.scene, groups))
-            if options.for_godot:
+            notes += [object_message(_EMITS, hooks.emitting)] if hooks.emitting else []
+            if options.for_godot and usable:
                 notes += work.write_godot(hooks, context.scene)
-            elif options.use_files:
+            elif options.use_files and usable:
                 work.write_files(hooks.lit, _shown_output(context.scene), manifest_states(context.scene))
             files = work.keep()
     except (OSError, RuntimeError) as error:
@@ -144,7 +150,7 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
     except EngineError:
         changes.undo()
         raise
-    return Exported(tuple(files), len(hooks.lit), (*notes, *_unlit(hooks)))
+    return Exported(tuple(files), len(hooks.lit) + len(hooks.colored), (*notes, *_unlit(hooks)))
 
 
 class _Export:
@@ -202,10 +208,10 @@ class _Export:
 
     def _written(self, hooks: Hooks) -> Hooks:
         """Write the glTF file with hooks, and return them."""
-        write_gltf(self._made / self._path.name, hooks)
+        write_gltf(self._made / self._path.name, hooks, hooks.needs_attributes)
         if hooks.error is not None:
             raise hooks.error
-        if not hooks.lit:
+        if not hooks.lit and not hooks.colored:
             raise EngineError(object_message(_GONE, hooks.lost) if hooks.lost else _NOTHING_BAKED)
         return hooks
 

@@ -16,9 +16,11 @@ import numpy as np
 from io_scene_gltf2.io.com import gltf2_io
 from mathutils import Matrix, Quaternion
 
+from ..result.vertex_light import COLORS
 from .encoded import EncodedLightmap
 from .export_items import ExportItem, ExportItems, GltfUvTransform
 from .materials import LitMaterials, UnlitMaterials
+from .vertex_colors import LIGHT, light_colors
 
 #: Rotation from Blender's axes (z up) to glTF's axes (y up).
 _Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
@@ -27,11 +29,13 @@ _Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
 class LightmapHooks:
     """Hooks under the names that the exporter looks for.
 
-    lit:    surfaces in the file that have lightmaps
-    nodes:  index of the node of each of them in the file
-    dark:   names of objects with surfaces that have none
-    lost:   names of objects whose mesh lacks the UV layer of their lightmap
-    error:  exception of a hook, since the exporter itself would go on
+    lit:       surfaces in the file that have lightmaps
+    nodes:     index of the node of each of them in the file
+    colored:   surfaces in the file with light as vertex colors
+    emitting:  names of objects among these whose materials emit light
+    dark:      names of objects with surfaces that have none
+    lost:      names of objects whose mesh lacks the UV layer of their lightmap
+    error:     exception of a hook, since the exporter itself would go on
     """
 
     def __init__(
@@ -44,7 +48,10 @@ class LightmapHooks:
         self._surfaces, self._lightmaps, self._materials = surfaces, lightmaps, materials
         self._extras = extras
         self._layers: dict[int, tuple[gltf2_io.Mesh, list[str]]] = {}
+        self._colors: dict[int, tuple[gltf2_io.MeshPrimitive, gltf2_io.Accessor, bool]] = {}
         self.lit: list[ExportItem] = []
+        self.colored: list[ExportItem] = []
+        self.emitting: list[str] = []
         self.nodes: list[int] = []
         self._lit_nodes: list[gltf2_io.Node] = []
         self.dark: list[str] = []
@@ -62,9 +69,24 @@ class LightmapHooks:
             if entry.blender_object is None and entry.original_object.instance_type != "NONE":
                 entry.keep_tag = False
 
+    @property
+    def needs_attributes(self) -> bool:
+        """True if the hooks need the colors of meshes."""
+        return self._surfaces.on_vertices
+
+    def gather_attribute_keep(self, attribute: object, *others: object) -> None:
+        """Export the light of vertices, under a name of its own, and no other attribute."""
+        attribute.keep = attribute.attr_name == COLORS
+        attribute.attr_name = LIGHT if attribute.keep else attribute.attr_name
+
     def gather_mesh_hook(self, mesh: gltf2_io.Mesh, made_of: bpy.types.Mesh, *others: object) -> None:
-        """Record the UV layers of a mesh by name, since glTF's UV sets have no names."""
+        """Record the UV layers of a mesh by name, since glTF's UV sets have no names, and take its light."""
         self._layers[id(mesh)] = mesh, [layer.name for layer in made_of.uv_layers]
+        paints = made_of.color_attributes.default_color_name not in ("", COLORS)
+        for primitive in mesh.primitives:
+            light = primitive.attributes.pop(LIGHT, None)
+            if light is not None:
+                self._colors[id(primitive)] = primitive, light, paints
 
     def gather_gltf_hook(self, active: int, scenes: Sequence[gltf2_io.Scene], *others: Any) -> None:
         """Add lightmaps to the nodes of all scenes."""
@@ -89,6 +111,9 @@ class LightmapHooks:
             surface = self._surfaces.of_object(entry.blender_object.original, matrix)
         else:
             surface = self._surfaces.of_mesh(entry.data.name, matrix)
+        if surface is not None and surface.on_vertices:
+            self._color(node, surface)
+            return
         if surface is None or surface.place is None:
             self.dark.append(_name(entry) if surface is None else surface.source.name)
             return
@@ -106,6 +131,28 @@ class LightmapHooks:
         ]
         self.lit.append(surface)
         self._lit_nodes.append(node)
+
+    def _color(self, node: gltf2_io.Node, surface: ExportItem) -> None:
+        """Assign the light of its vertices to a node: a mesh of its own with colors and unlit materials."""
+        if not any(id(primitive) in self._colors for primitive in node.mesh.primitives):
+            self.dark.append(surface.source.name)
+            return
+        if any(any(part.material.emissive_factor or ()) for part in node.mesh.primitives if part.material):
+            self.emitting.append(surface.source.name)
+        node.mesh = copy.copy(node.mesh)
+        node.mesh.primitives = [self._colored_primitive(primitive) for primitive in node.mesh.primitives]
+        self.colored.append(surface)
+
+    def _colored_primitive(self, primitive: gltf2_io.MeshPrimitive) -> gltf2_io.MeshPrimitive:
+        """Return a primitive with the light of its vertices as color; unchanged without any."""
+        if id(primitive) not in self._colors:
+            return primitive
+        _, light, paints = self._colors[id(primitive)]
+        made = copy.copy(primitive)
+        color = light_colors(light, primitive.attributes.get("COLOR_0") if paints else None)
+        made.attributes = {**primitive.attributes, "COLOR_0": color}
+        made.material = self._materials.colored(primitive.material)
+        return made
 
     def _lit_primitive(
         self,

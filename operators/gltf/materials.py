@@ -52,6 +52,16 @@ class LitMaterials:
             self._materials[key] = material, made
         return self._materials[key][1]
 
+    def colored(self, material: gltf2_io.Material | None) -> gltf2_io.Material:
+        """Return an unlit copy of a material, which shows its color times the colors of vertices."""
+        key = (id(material), "vertices")
+        if key not in self._materials:
+            made = _grey() if material is None else copy.copy(material)
+            unlit = {"KHR_materials_unlit": Extension("KHR_materials_unlit", {}, required=False)}
+            made.extensions = {**(made.extensions or {}), **unlit}
+            self._materials[key] = material, made
+        return self._materials[key][1]
+
     def _groups(self, lightmap: EncodedLightmap) -> dict[str, dict]:
         """Return texture and intensity of each light group of a lightmap."""
         return {

@@ -16,12 +16,14 @@ from ..original_slots import PREVIEW_MARK, is_filled, own_slots
 from ..scene.bake_records import bake_record
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
+from .color_nodes import ShownColors
 from .directional_images import images_beside
 from .instance_uv_table import InstanceUvTransform, instance_places, place_table
 from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
 from .preview_material import ShownLight, preview_material, remove_unused_previews
 from .probe_nodes import ShownProbes, shown_probes
+from .vertex_light import COLORS, shows_vertices
 
 #: Indices of all material slots of an object.
 ALL_SLOTS = range(1 << 15)
@@ -215,8 +217,12 @@ def _shown_light(
     scene: bpy.types.Scene,
     probes: ShownProbes | None,
 ) -> ShownLight:
-    """Return the probes for a dynamic object, else its lightmap."""
-    return probes if probes and _is_dynamic(obj) else _shown_lightmap(obj, instances, scene)
+    """Return the probes for a dynamic object, else the light of its vertices or its lightmap."""
+    if probes and _is_dynamic(obj):
+        return probes
+    if instances is None and shows_vertices(obj, bake_record(obj, scene)):
+        return ShownColors(COLORS)
+    return _shown_lightmap(obj, instances, scene)
 
 
 def _shown_lightmap(

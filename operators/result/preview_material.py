@@ -11,12 +11,13 @@ import bpy
 
 from ..compat import new_node_tree, node_tree
 from ..original_slots import PREVIEW_MARK
+from .color_nodes import ColorNodes, ShownColors
 from .lightmap_nodes import LightmapNodes, ShownLightmap
 from .nodes import Feed, feed, feeding_output, make_node
 from .probe_nodes import ProbeNodes, ShownProbes
 
 #: Light that a preview shows on an object.
-ShownLight = ShownLightmap | ShownProbes
+ShownLight = ShownLightmap | ShownProbes | ShownColors
 
 #: Width of a node column.
 _COLUMN = 180
@@ -93,7 +94,7 @@ class _LitTree:
 
     def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLight) -> None:
         self._tree, self._lightmap = tree, lightmap
-        self._light: LightmapNodes | ProbeNodes | None = None
+        self._light: LightmapNodes | ProbeNodes | ColorNodes | None = None
 
     def make(
         self, kind: str, beside: bpy.types.Node, column: int, *inputs: Feed, **settings: object
@@ -123,16 +124,18 @@ class _LitTree:
     def _light_on(self, node: bpy.types.Node) -> bpy.types.NodeSocket:
         """Return the socket of E/pi for a shader; with directional maps, for the shader's own normal."""
         if self._light is None:
-            shown = self._lightmap
-            self._light = (
-                ProbeNodes(self._tree, shown)
-                if isinstance(shown, ShownProbes)
-                else LightmapNodes(self._tree, shown)
-            )
+            self._light = _light_nodes(self._tree, self._lightmap)
         normal = feeding_output(node.inputs["Normal"]) if "Normal" in node.inputs else None
-        if normal is None or not self._light.has_directions:
+        if normal is None or isinstance(self._light, ColorNodes) or not self._light.has_directions:
             return self._light.colour
         return self._light.shaded(normal)
+
+
+def _light_nodes(tree: bpy.types.NodeTree, light: ShownLight) -> LightmapNodes | ProbeNodes | ColorNodes:
+    """Return the nodes that read baked light."""
+    if isinstance(light, ShownProbes):
+        return ProbeNodes(tree, light)
+    return ColorNodes(tree, light) if isinstance(light, ShownColors) else LightmapNodes(tree, light)
 
 
 def _holds(socket: bpy.types.NodeSocket, value: float) -> bool:

@@ -16,6 +16,7 @@ import bpy
 #: The properties of a record.
 FIELDS = (
     "image", "uv_layer", "uv_scale", "uv_offset", "baked_uvs", "fingerprint", "light_change", "instances",
+    "on_vertices",
 )  # fmt: skip
 
 
@@ -31,6 +32,7 @@ class NoRecord:
     fingerprint: str = ""
     light_change: float = 0.0
     instances: str = ""
+    on_vertices: bool = False
 
 
 Record: TypeAlias = bpy.types.PropertyGroup | NoRecord

@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import numpy as np
 
 _DTYPES = {5126: np.float32, 5123: np.uint16, 5125: np.uint32}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 class GltfFile:

@@ -78,7 +78,7 @@ def test_three_mixes_directional_maps(hemibake, engine, tmp_path):
     close_enough(engine.show(path, _WIDTH, _WIDTH, cornell.HIDDEN, True, "Night").pixels, wanted)
 
 
-@pytest.mark.parametrize("kind", ["hdr", "rgbm", "rgbd", "logluv"])
+@pytest.mark.parametrize("kind", ["hdr", "ktx2", "rgbm", "rgbd", "logluv"])
 def test_three_reads_files_of_bakes(hemibake, engine, tmp_path, kind):
     """A .glb without lightmaps in the folder of a bake, with encoded maps of light groups."""
     import bpy

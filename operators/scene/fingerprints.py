@@ -28,8 +28,8 @@ def find_fingerprints(
 ) -> Slices[list[str | None]]:
     """Return two concatenated digests of each object or instance; None for occluders.
 
-    The first digest covers its faces, its place in the world and the atlas, and its materials. The second
-    covers all light sources.
+    The first digest covers its faces, its place in the world and the atlas, its materials, and whether its
+    light is stored in vertices. The second covers all light sources.
 
     surroundings:  lights in world space, the world's light, and light groups
     """
@@ -43,6 +43,7 @@ def find_fingerprints(
         if id(shape) not in shapes:
             shapes[id(shape)] = yield from _digest_of((shape.corners, shape.slots))
         parts = (shapes[id(shape)], *(looks[index] for index in used), reading.matrix, place)
+        parts += ("vertices",) if reading.on_vertices else ()
         own.append((yield from _digest_of(parts)))
         if any(emits(materials[index]) for index in used):
             shining.append(own[-1] + reading.light_group.encode())

@@ -56,6 +56,7 @@ class ReadObject:
     scale:          factor of its texels per metre
     light_group:    name of the light group of its emission
     shape:          its mesh; None until all meshes have been read
+    on_vertices:    True if its light is to be stored in its vertices
     """
 
     name: str
@@ -68,6 +69,7 @@ class ReadObject:
     scale: float
     light_group: str
     shape: SharedMesh | None
+    on_vertices: bool = False
 
     @property
     def mesh(self) -> SharedMesh:
@@ -260,6 +262,7 @@ class ItemReader:
             scale=item.source.hemibake.lightmap_scale,
             light_group=item.source.lightgroup,
             shape=None,
+            on_vertices=item.source.hemibake.bake_to == "VERTICES",
         )
 
     def _instancer_ignored(self, item: SceneItem) -> bool:

@@ -4,18 +4,32 @@ import numpy as np
 import pytest
 
 from .gltf_file import GltfFile, unique_rows
-from .things import CUBE, INWARD, SQUARE_UVS, mesh_object, part, pixels, report
+from .things import CUBE, INWARD, SQUARE_UVS, mesh_object, part, pixels, read_scene, report
 
 COLORS = "Lightmap Color"
 
 
-def bake():
+def store(light):
+    """Store light, (h, w, 3), as the lightmaps of a bake; return the entries of the report, and the notes."""
     import bpy
 
-    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    scene, read = bpy.context.scene, read_scene()
+    images = part("operators.result.images")
+    made = []
+    for atlas in read.scene.atlases:
+        image = bpy.data.images.new(atlas, light.shape[1], light.shape[0], float_buffer=True)
+        image[images.MARK] = atlas
+        images.show(image, light)
+        images.remember(scene, atlas, image)
+        made.append(image)
+    part("operators.result.baked_marks").mark_objects(scene, read, made, "Lightmap", {})
+    context = part("operators.scene").SceneContext(bpy.context)
+    lightmaps = dict.fromkeys(read.scene.atlases, light)
+    entries, notes = part("operators.result.vertex_light").store_vertex_light(context, read, lightmaps, {})
+    return {entry["object"]: entry for entry in entries}, " ".join(notes)
 
 
-def lamp(location, power=30.0):
+def lamp(location, power):
     import bpy
 
     data = bpy.data.lights.new("Lamp", "POINT")
@@ -23,7 +37,12 @@ def lamp(location, power=30.0):
     obj = bpy.data.objects.new("Lamp", data)
     obj.location = location
     bpy.context.scene.collection.objects.link(obj)
-    return obj
+
+
+def smooth_light():
+    """Return light of two linear channels and of one that differs between the halves, (64, 64, 3)."""
+    v, u = (np.mgrid[0:64, 0:64] + 0.5) / 64
+    return np.stack([1 + u + 2 * v, 3 - v, 1 + 9 * (u > 0.5)], axis=-1).astype(np.float32)
 
 
 def grid(name="Ground", count=9, size=1.0):
@@ -74,8 +93,9 @@ def scene_of_all_kinds():
     """Return objects by name: meshes that can hold light, and others that keep their lightmap."""
     import bpy
 
-    cube = mesh_object("Cube", CUBE, [face[::-1] for face in INWARD])
-    smooth = mesh_object("Smooth", CUBE, [face[::-1] for face in INWARD])
+    uvs = np.concatenate([np.array(SQUARE_UVS) / 3 + (x / 3, y / 3) for y in (0, 1) for x in (0, 1, 2)])
+    cube = mesh_object("Cube", CUBE, [face[::-1] for face in INWARD], uvs)
+    smooth = mesh_object("Smooth", CUBE, [face[::-1] for face in INWARD], uvs)
     smooth.data.shade_smooth()
     grids = [grid(name, 2) for name in ("Bent", "Shared", "Arrayed", "Named", "Copied")]
     objects = {obj.name: obj for obj in (grid(), cube, odd_mesh(), smooth, *grids)}
@@ -90,19 +110,9 @@ def scene_of_all_kinds():
     objects["Named"].data.attributes.new(COLORS, "FLOAT", "POINT")
     instanced(objects["Copied"])
     objects["Ground"].data.color_attributes.new("Paint", "BYTE_COLOR", "CORNER")
-    lamp((0.3, 0.4, 0.8))
-    lamp((4, 0.5, 6), 500)
     bpy.context.scene.hemibake.resolution = 64
+    bpy.context.view_layer.update()
     return objects
-
-
-def assert_light_of_the_lightmap(ground, error):
-    """Fail unless the light of a fine mesh is that of the lightmap at its vertices."""
-    found, light = colors(ground), pixels(ground.hemibake.image)[..., :3]
-    there = part("engine.vertex_light.surface_integrals").look_up(light, corner_uvs(ground))
-    assert (found[:, 3] == 1).all() and np.std(there) > 0.1
-    assert np.sqrt(np.square(found[:, :3] - there).mean()) < 0.06 * there.mean()
-    assert 0 < error < 0.1
 
 
 def assert_exported(path, objects, lit):
@@ -126,33 +136,53 @@ def assert_exported(path, objects, lit):
 
 
 def test_light_at_vertices(tmp_path):
-    objects = scene_of_all_kinds()
-    bake()
-    entries = {entry["object"]: entry for entry in report()["vertex_light"]}
+    objects, light = scene_of_all_kinds(), smooth_light()
+    entries, notes = store(light)
     assert list(entries) == ["Bent", "Cube", "Ground", "Odd", "Smooth"]
     counts = {name: entries[name]["values"] for name in ("Cube", "Ground", "Smooth")}
     assert counts == {"Cube": 24, "Ground": 100, "Smooth": 8}
     for obj in objects.values():
         assert obj.hemibake.on_vertices == (obj.name in entries)
         assert (COLORS in obj.data.color_attributes) == (obj.name in entries)
-        assert obj.hemibake.image is not None
-    text = " ".join(report()["warnings"])
-    assert "'Copied', 'Shared': several objects" in text and "'Arrayed': modifiers" in text
-    assert "'Named': an attribute" in text and "'Smooth': light at the vertices differs" in text
+    assert "'Copied', 'Shared': several objects" in notes and "'Arrayed': modifiers" in notes
+    assert "'Named': an attribute" in notes and "'Smooth': light at the vertices differs" in notes
 
-    ground = objects["Ground"]
-    assert_light_of_the_lightmap(ground, entries["Ground"]["error"])
-    attributes = ground.data.color_attributes
+    # Linear channels are exact, except where a chart reaches the border of the lightmap.
+    for name in ("Ground", "Bent", "Cube"):
+        expected = part("engine.vertex_light.surface_integrals").look_up(light, corner_uvs(objects[name]))
+        assert colors(objects[name])[:, :2] == pytest.approx(expected[:, :2], rel=0.02)
+    assert np.isfinite(colors(objects["Odd"])).all() and colors(objects["Odd"]).min() >= 0.5
+    attributes = objects["Ground"].data.color_attributes
     assert attributes.active_color_name == attributes.default_color_name == "Paint"
-    upper, lower = colors(objects["Cube"])[4:8, :3], colors(objects["Cube"])[:4, :3]
-    assert upper.min() > 10 * lower.max()
-    assert np.isfinite(colors(objects["Odd"])).all() and colors(objects["Odd"])[:, :3].min() > 0.01
-    assert shown_attribute(ground) == COLORS and shown_attribute(objects["Named"]) is None
     assert_exported(tmp_path / "room.glb", objects, entries)
 
-    ground.hemibake.bake_to = "LIGHTMAP"
-    bake()
-    assert [one.name for one in attributes] == ["Paint"] and shown_attribute(ground) is None
+    objects["Ground"].hemibake.bake_to = "LIGHTMAP"
+    assert "Ground" not in store(light)[0]
+    assert [one.name for one in attributes] == ["Paint"] and not objects["Ground"].hemibake.on_vertices
+
+
+def test_bakes_store_and_show_light_at_vertices():
+    import bpy
+
+    ground, other = grid(count=3), grid("Other", 2)
+    other.location.x, ground.hemibake.bake_to = 3, "VERTICES"
+    lamp((0.3, 0.4, 0.8), 30)
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    (entry,) = report()["vertex_light"]
+    assert entry["object"] == "Ground" and entry["values"] == 16 and 0 < entry["error"] < 0.25
+    light = pixels(ground.hemibake.image)[..., :3]
+    there = part("engine.vertex_light.surface_integrals").look_up(light, corner_uvs(ground))
+    assert np.sqrt(np.square(colors(ground)[:, :3] - there).mean()) < 0.2 * there.mean()
+    assert shown_attribute(ground) == COLORS and shown_attribute(other) is None
+
+
+def test_a_change_of_the_place_of_light_changes_the_object():
+    ground = grid(count=1)
+    before = read_scene().fingerprints[ground.session_uid]
+    ground.hemibake.bake_to = "VERTICES"
+    after = read_scene().fingerprints[ground.session_uid]
+    own = part("operators.scene.fingerprints").own_part
+    assert own(before) != own(after) and before.removeprefix(own(before)) == after.removeprefix(own(after))
 
 
 def shown_attribute(obj):

@@ -44,7 +44,8 @@ def integrate(lightmap: np.ndarray, uvs: np.ndarray, areas: np.ndarray) -> Surfa
     areas:     (t,) float64
     """
     weighted, squares = np.zeros((len(uvs), 3, 3)), 0.0
-    rows = _rows(uvs, lightmap.shape[:2])
+    height, width = lightmap.shape[:2]
+    rows = _rows(uvs, (height, width))
     for count in np.unique(rows):
         points = _points(int(count))
         for chosen in _batches(np.flatnonzero(rows == count), len(points)):

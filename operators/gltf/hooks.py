@@ -74,7 +74,7 @@ class LightmapHooks:
         """True if the hooks need the colors of meshes."""
         return self._surfaces.on_vertices
 
-    def gather_attribute_keep(self, attribute: object, *others: object) -> None:
+    def gather_attribute_keep(self, attribute: Any, *others: object) -> None:
         """Export the light of vertices, under a name of its own, and no other attribute."""
         attribute.keep = attribute.attr_name == COLORS
         attribute.attr_name = LIGHT if attribute.keep else attribute.attr_name

@@ -36,4 +36,4 @@ def _values(accessor: gltf2_io.Accessor) -> np.ndarray:
     """Return the values of an accessor, (n, 3 or 4) float32."""
     dtype = np.dtype(_DTYPES[int(accessor.component_type)])
     values = np.frombuffer(accessor.buffer_view.data, dtype).reshape(accessor.count, -1).astype(np.float32)
-    return values if dtype.kind == "f" else values / np.iinfo(dtype).max
+    return values if dtype.kind == "f" else values / (256**dtype.itemsize - 1)

@@ -14,7 +14,6 @@ from ..scene import ReadScene, SceneContext
 from ..scene.bake_records import Record, writable_record
 from ..scene.objects.evaluation import Evaluation, evaluate
 from ..scene.objects.meshes import MeshArrays, read_mesh
-from ..scene.uv_transform import UvTransform
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.multi_user import multi_user_sources
 from ..scene.uvs.uv_targets import evaluated_mesh
@@ -70,15 +69,16 @@ def store_vertex_light(
     meshes = read_vertex_meshes(context, wanted, {entry.name for entry in read.instances}) if wanted else {}
     fitted, troubles = dict[str, VertexLight](), dict[str, list[str]]()
     for obj in baked:
-        record, mesh = writable_record(obj, scene), meshes.get(obj.session_uid)
-        if isinstance(mesh, MeshArrays):
-            place = places[obj.session_uid]
-            fitted[obj.name] = _store(obj, mesh, place, lightmaps[place.atlas])
-        elif mesh is not None:
+        record, mesh, light = writable_record(obj, scene), meshes.get(obj.session_uid), None
+        if isinstance(mesh, str):
             troubles.setdefault(mesh, []).append(obj.name)
-        if record.on_vertices and not isinstance(mesh, MeshArrays):
+        elif mesh is not None and mesh.uvs is not None:
+            place = places[obj.session_uid]
+            light = _store(obj, mesh, place.apply(mesh.uvs), lightmaps[place.atlas])
+            fitted[obj.name] = light
+        if record.on_vertices and light is None:
             _remove_colors(obj)
-        record.on_vertices = isinstance(mesh, MeshArrays)
+        record.on_vertices = light is not None
     coarse = [name for name, light in fitted.items() if light.error > _COARSE]
     if coarse:
         troubles[_TOO_COARSE] = coarse
@@ -135,14 +135,17 @@ def shows_vertices(obj: bpy.types.Object, record: Record) -> bool:
     return bool(record.on_vertices) and COLORS in obj.data.color_attributes
 
 
-def _store(obj: bpy.types.Object, mesh: MeshArrays, place: UvTransform, lightmap: np.ndarray) -> VertexLight:
-    """Fit a lightmap to the vertices of an object, and store the light in its mesh."""
+def _store(obj: bpy.types.Object, mesh: MeshArrays, uvs: np.ndarray, lightmap: np.ndarray) -> VertexLight:
+    """Fit a lightmap to the vertices of an object, and store the light in its mesh.
+
+    uvs:  (l, 2) float32, lightmap UVs of corners
+    """
     values = corner_values(mesh.corners, mesh.normals)
     points = mesh.positions[mesh.corners[mesh.loops]].astype(np.float64)
     sides = (points[:, 1:] - points[:, :1]) @ np.array(obj.matrix_world, np.float64)[:3, :3].T
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
-    uvs, count = place.apply(mesh.uvs)[mesh.loops], int(values.max(initial=-1)) + 1
-    light = fit_vertices(lightmap, uvs, areas, values[mesh.loops], count)
+    count = int(values.max(initial=-1)) + 1
+    light = fit_vertices(lightmap, uvs[mesh.loops], areas, values[mesh.loops], count)
     colors = np.ones((len(values), 4), np.float32)
     colors[:, :3] = from_rec709(light.light)[values]
     _write_colors(obj.data, colors)

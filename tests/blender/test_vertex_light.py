@@ -136,6 +136,8 @@ def assert_exported(path, objects, lit):
 
 
 def test_light_at_vertices(tmp_path):
+    import bpy
+
     objects, light = scene_of_all_kinds(), smooth_light()
     entries, notes = store(light)
     assert list(entries) == ["Bent", "Cube", "Ground", "Odd", "Smooth"]
@@ -154,6 +156,10 @@ def test_light_at_vertices(tmp_path):
     assert np.isfinite(colors(objects["Odd"])).all() and colors(objects["Odd"]).min() >= 0.5
     attributes = objects["Ground"].data.color_attributes
     assert attributes.active_color_name == attributes.default_color_name == "Paint"
+    preview = part("operators.result.preview")
+    preview.show_preview(bpy.context.scene, bpy.context.evaluated_depsgraph_get())
+    shown = {obj.name: shown_attribute(obj) for obj in objects.values()}
+    assert shown == {name: COLORS if name in entries else None for name in objects}
     assert_exported(tmp_path / "room.glb", objects, entries)
 
     objects["Ground"].hemibake.bake_to = "LIGHTMAP"

@@ -86,6 +86,7 @@ class ProbeGrid:
     validity:      (n,) float32, 1 for probes at their place, 0.5 for probes moved out of geometry, 0 for
                    probes inside geometry, whose light comes from valid neighbours
     positions:     (n, 3) float32, m, of the light, relative to `Scene.origin`
+    groups:        the same coefficients of each light group by name; empty without the output light groups
     """
 
     name: str
@@ -94,6 +95,7 @@ class ProbeGrid:
     coefficients: np.ndarray
     validity: np.ndarray
     positions: np.ndarray
+    groups: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from .device.devices import Devices
 from .direct.contact import Contacts
 from .direct.emitters import SampledTriangles
 from .direct.lighting import DirectLighting
+from .outputs import LIGHT_GROUP
 from .patches.patch_scene import PatchScene
 from .patches.seams import Seams
 from .patches.sides import both_sides
@@ -163,7 +164,7 @@ def _bake(
     made, gathered = yield from _made(stages, outputs, texels, len(atlases), contacts, solution, validity)
 
     # Radiance over the sphere at the probes of volumes, from the solved patches.
-    probes, probe_notes = yield from _probes(stages, texels, solution, validity, contacts)
+    probes, probe_notes = yield from _probes(stages, texels, solution, validity, contacts, made)
 
     # Final images: denoised, equal across seams, dilated (VI.B). Reflection cubes show them.
     finishing = Finishing(store, texels, solution, made, gathered)
@@ -318,18 +319,23 @@ def _probes(
     solution: Solution,
     validity: np.ndarray,
     contacts: Contacts,
+    made: dict[str, Values],
 ) -> Generator[Progress, None, tuple[tuple[ProbeGrid, ...], tuple[str, ...]]]:
     """Return the light of the probe volumes, and warnings; both are empty unless probes are baked.
 
     validity:  (n,) float32, validity of the patches from `valid_front`
     contacts:  contacts of the patches
+    made:      outputs of the patches by name, of which probes need the maps of light groups
     """
     if not (texels.job.settings.light_probes and texels.scene.probe_volumes):
         return (), ()
     warnings = probe_warnings(texels)
     if texels.job.compute is None:
         return (), warnings
-    gathering = gather_probes(texels, solution, validity, contacts)
+    groups = {
+        name.removeprefix(LIGHT_GROUP): light for name, light in made.items() if name.startswith(LIGHT_GROUP)
+    }
+    gathering = gather_probes(texels, solution, validity, contacts, groups)
     return (yield from stages.run(stages.probes, gathering)), warnings
 
 

@@ -14,6 +14,7 @@ from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError
 from ..engine.postprocess.output_names import output_names
 from ..engine.progress import Progress, finished
+from ..engine.scene.digests import same_values
 from ..engine.scene.model import Scene
 from ..engine.scene.scene_changes import changes_between
 from ..engine.settings import Settings
@@ -23,6 +24,7 @@ from .live_watch import LiveWatch
 from .lookup import find_all
 from .result.images import pack_for_bake
 from .result.preview import refresh_preview
+from .result.probe_images import update_probes
 from .result.progress_images import image_names
 from .scene import SceneChangedError, read_lamps, read_moved, read_scene, store_edits, visible_meshes
 from .scene.objects.render_differences import uses_render
@@ -64,8 +66,8 @@ class LiveRun(BakeRun):
         self._begun_with, self._next_look = self._chosen_settings(), 0.0
 
     def _read_settings(self) -> Settings:
-        """Return the settings of the scene without probes and reflection cubes, which Live does not bake."""
-        return replace(super()._read_settings(), light_probes=False, reflection_cubes=False)
+        """Return the settings of the scene without reflection cubes, which Live does not bake."""
+        return replace(super()._read_settings(), reflection_cubes=False)
 
     def _chosen_target(self) -> str:
         """Return "ALL", since a change may affect the light of all objects."""
@@ -139,6 +141,7 @@ class LiveRun(BakeRun):
             if isinstance(step, BakeResult):
                 self._take(step)
                 self._show_finished(step)
+                update_probes(self._context.scene, step.probes)
                 yield RESTING
             elif step is not None:
                 if step.intermediate is not None:
@@ -152,7 +155,7 @@ class LiveRun(BakeRun):
         """Return all settings that require a new run when they change; raises SettingsError."""
         chosen = self._context.scene.hemibake
         width = chosen.size_mode, texels_per_unit(chosen), chosen.largest_width
-        settings = replace(read_settings(chosen), centres=False, light_probes=False, reflection_cubes=False)
+        settings = replace(read_settings(chosen), centres=False, reflection_cubes=False)
         return settings, chosen.uv_layer, *width
 
     def _take(self, lightmap: BakeResult) -> None:
@@ -200,7 +203,8 @@ class LiveRun(BakeRun):
             return
         self._guessed = not everything
         scene = self._read.scene
-        if image_names(scene.atlases, output_names(scene, self._settings)) != self._names:
+        new_names = image_names(scene.atlases, output_names(scene, self._settings)) != self._names
+        if new_names or not same_values(scene.probe_volumes, self._sent.probe_volumes):
             self.outdated = True
             return
         changes = changes_between(self._sent, scene)

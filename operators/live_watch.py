@@ -11,8 +11,10 @@ from .lookup import find
 from .original_slots import PREVIEW_MARK
 from .result.images import MARK as LIGHTMAP
 from .result.preview import is_previewed, set_preview_aside
+from .result.probe_images import MARK as PROBES
 from .scene import SceneContext
 from .scene.objects.render_depsgraph import reads_render
+from .scene.probe_volumes import is_probe_volume
 
 #: Types of datablocks that affect the appearance of objects.
 _LOOKS = (bpy.types.Material, bpy.types.Image, bpy.types.Texture)
@@ -83,7 +85,7 @@ class LiveWatch:
         for update in depsgraph.updates:
             if _is_lamp(update.id):
                 self.lamps = True
-            elif _only_moves(update):
+            elif _only_moves(update) and not is_probe_volume(update.id):
                 self.moved.add(update.id.original.session_uid)
             elif _matters(update):
                 self.objects = True
@@ -120,5 +122,5 @@ def _matters(update: bpy.types.DepsgraphUpdate) -> bool:
         return True
     if isinstance(update.id, bpy.types.World):
         return True
-    own = update.id.get(LIGHTMAP) is not None or update.id.get(PREVIEW_MARK) is not None
+    own = any(update.id.get(mark) is not None for mark in (LIGHTMAP, PROBES, PREVIEW_MARK))
     return update.is_updated_shading and isinstance(update.id, _LOOKS) and not own

@@ -118,6 +118,7 @@ class HemibakeProbeVolumeProperties(bpy.types.PropertyGroup):
 
     name: StringProperty(name="Volume")
     image: PointerProperty(type=bpy.types.Image, name="Image", options={"HIDDEN"})
+    light_groups: StringProperty(name="Light Groups", options={"HIDDEN"})
     resolution: IntVectorProperty(name="Resolution", size=3, options={"HIDDEN"})
     matrix: FloatVectorProperty(name="Matrix", size=16, options={"HIDDEN"})
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..bake_result import ProbeGrid
+from ..device.device_array import Values
 from ..direct.contact import Contacts
+from ..plan.solve_job import SolveJob
 from ..progress import run_as_fraction
+from ..scene.light_groups import light_groups
 from ..scene.probe_volume import ProbeVolume
 from ..solve.solution import Solution
 from ..texel_gather.invalid_texel_fill import InvalidTexelFill
@@ -20,7 +23,7 @@ from ..validity.thresholds import DARK_BACK, MAX_BACKS_PROBE
 from ..visibility.views.viewpoints import OF_COORDINATE
 from .probe_fill import filled, moved_out
 from .probe_lights import ProbeLights
-from .probe_rows import ProbeRadiance, ProbeRows
+from .probe_rows import COEFFICIENTS, ProbeRadiance, ProbeRows
 from .sphere_directions import direction_count
 
 #: Maximum number of probes whose samples are in memory at once, and maximum size of these samples, bytes.
@@ -47,7 +50,11 @@ _BLACK = 1e-30
 
 
 def gather_probes(
-    what: TexelGatherJob, solution: Solution, front: np.ndarray, near: Contacts
+    what: TexelGatherJob,
+    solution: Solution,
+    front: np.ndarray,
+    near: Contacts,
+    groups: Mapping[str, Values],
 ) -> Generator[float, None, tuple[ProbeGrid, ...]]:
     """Return the light of all probe volumes of a scene; yield the fraction done.
 
@@ -55,12 +62,18 @@ def gather_probes(
     solution:  solution of all light
     front:     (n,) float32, validity of the patches, see `valid_front`
     near:      contacts of the patches
+    groups:    (n, 3) float32, E/pi of the patches, by light group in order; empty without light groups
     """
     # Patches emit their final light, also where groups of them were solved.
     what, volumes = replace(what, solved=what.job), what.scene.probe_volumes
     total = sum(volume.count for volume in volumes)
-    light = _radiance(what, solution, front, near)
-    gather = _ProbeGather(what, light)
+    hidden = None if what.choice.method == "none" else invalid_patches(what, front, near)
+    lights = [_radiance(what, what.job, solution.light, hidden)]
+    for number, light in enumerate(groups.values()):
+        emission, sky, backs = what.lighting.left_to_hemicubes(number)
+        job = replace(what.job, emission=emission, sky=sky, backs=backs, part_of=what.job)
+        lights.append(_radiance(what, job, light, hidden))
+    gather = _ProbeGather(what, lights, tuple(groups))
     made, before = list[ProbeGrid](), 0
     for volume in volumes:
         done = before / total, (before + volume.count) / total
@@ -69,12 +82,16 @@ def gather_probes(
     return tuple(made)
 
 
-def _radiance(what: TexelGatherJob, solution: Solution, front: np.ndarray, near: Contacts) -> ProbeRadiance:
-    """Return the radiance that probes receive from patches and background."""
-    job = what.job
-    radiance = radiance_of(job, solution.light)
-    if what.choice.method != "none":
-        InvalidTexelFill(what, invalid_patches(what, front, near)).replace(radiance, solution.light)
+def _radiance(what: TexelGatherJob, job: SolveJob, light: Values, hidden: np.ndarray | None) -> ProbeRadiance:
+    """Return the radiance that probes receive from patches and background.
+
+    job:     patches with all light, or with that of a light group
+    light:   (n, 3) float32, E/pi of the patches
+    hidden:  (n,) bool, invalid patches; None if nothing is gathered
+    """
+    radiance = radiance_of(job, light)
+    if hidden is not None:
+        InvalidTexelFill(replace(what, job=job, solved=job), hidden).replace(radiance, light)
     mean = mean_luminance(job.opencl, radiance, job.count)
     return ProbeRadiance(radiance, job.background, job.fronts + 1, max(DARK_BACK * mean, _BLACK))
 
@@ -85,12 +102,19 @@ def _batch_size(directions: int) -> int:
 
 
 class _ProbeGather:
-    """Gather of volumes from the light of one solution."""
+    """Gather of volumes from the light of one solution, and of its light groups.
 
-    def __init__(self, what: TexelGatherJob, light: ProbeRadiance) -> None:
-        self._what, self._light, self._settings = what, light, what.job.settings
+    lights:  radiance of all light, then of each light group
+    names:   names of the light groups
+    """
+
+    def __init__(self, what: TexelGatherJob, lights: Sequence[ProbeRadiance], names: Sequence[str]) -> None:
+        self._what, self._lights, self._names, self._settings = what, lights, names, what.job.settings
         self._compute, self._rays = what.job.opencl, what.job.rays.rays
-        self._lights = ProbeLights(self._compute, self._rays, what.job.parts, what.lighting, self._settings)
+        groups = light_groups(what.scene) if names else None
+        self._direct = ProbeLights(
+            self._compute, self._rays, what.job.parts, what.lighting, self._settings, groups
+        )
         self._origin = what.job.parts.triangles.origin
         self._drop_rows_of_others()
 
@@ -110,28 +134,42 @@ class _ProbeGather:
             volume.name,
             volume.resolution,
             volume.matrix,
-            coefficients,
+            np.ascontiguousarray(coefficients[:, 0]),
             validity,
             (positions + self._origin).astype(np.float32),
+            {
+                name: np.ascontiguousarray(coefficients[:, number])
+                for number, name in enumerate(self._names, 1)
+            },
         )
 
     def _batch(
         self, volume: ProbeVolume, points: np.ndarray, first: int
     ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Return coefficients, validity and positions of consecutive probes of a volume."""
+        """Return coefficients, (n, lights, 9, 3), validity and positions of consecutive probes."""
         rows = self._kept_rows(volume, points, first)
         yield from run_as_fraction(0.0, _TRACING, rows.trace())
-        gathered = yield from run_as_fraction(_TRACING, _PROJECTING, rows.project(self._light))
-        validity = (gathered[:, 0, 3] >= 1 - MAX_BACKS_PROBE).astype(np.float32)
-        coefficients, points = gathered[..., :3], points.copy()
+        coefficients, valid = yield from run_as_fraction(_TRACING, _PROJECTING, self._projected(rows))
+        validity, points = valid.astype(np.float32), points.copy()
         invalid = np.flatnonzero(validity == 0)
         if len(invalid):
             moving = self._moved(volume, rows, invalid, first)
             moved, positions, light = yield from run_as_fraction(_PROJECTING, _MOVING, moving)
             coefficients[moved], points[moved], validity[moved] = light, positions, 0.5
             rows = self._rows(volume, points, first) if len(moved) else rows
-        direct = yield from run_as_fraction(_MOVING, 1.0, self._lights.project(rows))
-        return coefficients + direct, validity, points
+        coefficients += yield from run_as_fraction(_MOVING, 1.0, self._direct.project(rows))
+        return coefficients, validity, points
+
+    def _projected(self, rows: ProbeRows) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+        """Return the light of samples, (n, lights, 9, 3) float32, and the mask of valid probes, (n,) bool."""
+        coefficients = np.empty((rows.count, len(self._lights), COEFFICIENTS, 3), np.float32)
+        for number, light in enumerate(self._lights):
+            span = number / len(self._lights), (number + 1) / len(self._lights)
+            gathered = yield from run_as_fraction(*span, rows.project(light))
+            coefficients[:, number] = gathered[..., :3]
+            if number == 0:
+                valid = gathered[:, 0, 3] >= 1 - MAX_BACKS_PROBE
+        return coefficients, valid
 
     def _moved(
         self, volume: ProbeVolume, rows: ProbeRows, invalid: np.ndarray, first: int
@@ -140,12 +178,11 @@ class _ProbeGather:
         offsets, stays = moved_out(volume, *rows.ways_out(invalid))
         chosen, points = invalid[stays], (rows.points[invalid] + offsets)[stays]
         if not len(chosen):
-            return chosen, points, np.zeros((0, 9, 3), np.float32)
+            return chosen, points, np.zeros((0, len(self._lights), COEFFICIENTS, 3), np.float32)
         moved = self._rows(volume, points, first)
         yield from run_as_fraction(0.0, 0.9, moved.trace())
-        gathered = yield from run_as_fraction(0.9, 1.0, moved.project(self._light))
-        valid = gathered[:, 0, 3] >= 1 - MAX_BACKS_PROBE
-        return chosen[valid], points[valid], gathered[valid, :, :3]
+        coefficients, valid = yield from run_as_fraction(0.9, 1.0, self._projected(moved))
+        return chosen[valid], points[valid], coefficients[valid]
 
     def _kept_rows(self, volume: ProbeVolume, points: np.ndarray, first: int) -> ProbeRows:
         """Return the samples of probes from the session's cache, else new ones."""

@@ -14,6 +14,8 @@ from ..direct.light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
 from ..direct.lighting import DirectLighting
 from ..direct.shadow_rays import glow_arguments, sky_arguments
 from ..patches.patch_scene import PatchScene
+from ..progress import run_as_fraction
+from ..scene.light_groups import LightGroups
 from ..settings import Settings
 from ..visibility.rays.ray_tracer import RayTracer
 from .probe_rows import COEFFICIENTS, ProbeRows
@@ -29,23 +31,47 @@ class ProbeLights:
         parts: PatchScene,
         lighting: DirectLighting,
         settings: Settings,
+        groups: LightGroups | None = None,
     ) -> None:
+        """Make the tables of all light and of each light group, if there are any."""
         self._compute, self._rays, self._seed = compute, rays, settings.seed
         lamps, split = lighting.emitters
-        lamps = [lamp for lamp in lamps if lamp.of_world or not settings.probes_indirect_only]
         emitters = EmitterLists(lamps, parts.triangles, split.bright, split.sky)
-        self._joined = joined_emitters(emitters.lists, settings.light_samples)
+        left_out = {
+            number for number, lamp in enumerate(lamps) if settings.probes_indirect_only and not lamp.of_world
+        }
+        self._joined = [
+            joined_emitters(
+                [records for number, records in enumerate(lists) if number not in left_out],
+                settings.light_samples,
+            )
+            for lists in (emitters.lists, *(emitters.by_group(groups) if groups else ()))
+        ]
         self._tables = [upload(compute, array) for array in (emitters.modulations, emitters.profiles)]
         self._glow = glow_arguments(compute, parts, split.bright)
         self._sky = sky_arguments(compute, split.sky.distribution)
         self._size = int(parts.triangles.mesh.size).bit_length()
 
     def project(self, probes: ProbeRows) -> Generator[float, None, np.ndarray]:
-        """Return the direct light of probes, (n, 9, 3) float32, SH L2 of radiance; yield progress 0..1."""
+        """Return the direct light of probes, (n, 1 + g, 9, 3) float32: of all light and of g light groups.
+
+        SH L2 of radiance. Yields progress 0..1.
+        """
+        light = np.zeros((probes.count, len(self._joined), COEFFICIENTS, 3), np.float32)
+        for number, joined in enumerate(self._joined):
+            if joined is not None:
+                span = number / len(self._joined), (number + 1) / len(self._joined)
+                light[:, number] = yield from run_as_fraction(*span, self._projected(probes, *joined))
+        return light
+
+    def _projected(
+        self, probes: ProbeRows, emitters: np.ndarray, budget: int
+    ) -> Generator[float, None, np.ndarray]:
+        """Return the direct light of some emitters, (n, 9, 3) float32; yield progress 0..1.
+
+        budget:  number of shadow rays of each probe
+        """
         compute, count = self._compute, probes.count
-        if self._joined is None:
-            return np.zeros((count, COEFFICIENTS, 3), np.float32)
-        emitters, budget = self._joined
         (kernel,) = self._rays.kernels(
             (*LIGHT_TREE_RECORDS, "light_probes.cl"), "light_probes", options=("-DSPHERE",)
         )

@@ -116,6 +116,8 @@ def _with_paths(entry: dict, name: str) -> dict:
     """Return a probe's entry with the paths of its files relative to the folder of all parts."""
     moved = dict(entry)
     moved |= {key: f"{name}/{entry[key]}" for key in ("file", "ktx2") if key in entry}
+    if "groups" in entry:
+        moved["groups"] = [{**group, "file": f"{name}/{group['file']}"} for group in entry["groups"]]
     if "files" in entry:
         moved["files"] = [f"{name}/{file}" for file in entry["files"]]
     return moved

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,40 +35,45 @@ _LAYOUT = (
 
 @dataclass(frozen=True)
 class ProbeFile:
-    """File of a probe volume: the atlas (.exr), or ambient cubes for Bevy (.ktx2).
+    """File of a probe volume: an atlas (.exr), or ambient cubes for Bevy (.ktx2).
 
     name:   file name with extension
     grid:   light of the volume
-    entry:  entry of the manifest for both files, without checksums
+    entry:  entry of the manifest for all files of the volume, without checksums
+    group:  light group of an atlas; None for all light
     """
 
     name: str
     grid: ProbeGrid
     entry: dict
+    group: str | None = None
 
     @property
-    def is_atlas(self) -> bool:
-        """True for the atlas."""
-        return self.name.endswith(_ATLAS)
+    def is_first(self) -> bool:
+        """True for the atlas of all light, the first file of a volume."""
+        return self.name == self.entry["file"]
 
     def write(self, path: Path) -> None:
         """Write the file to a path; raises OSError or RuntimeError."""
-        if self.is_atlas:
-            write_exr(path, probe_atlas(self.grid), PLAIN, is_colour=False)
+        if self.name.endswith(_ATLAS):
+            write_exr(path, probe_atlas(self.grid, self.group), PLAIN, is_colour=False)
         else:
             coefficients = windowed(self.grid.coefficients)
             path.write_bytes(ktx2_volume(bevy_voxels(coefficients, self.grid.resolution)))
 
 
-def probe_atlas(grid: ProbeGrid) -> np.ndarray:
+def probe_atlas(grid: ProbeGrid, group: str | None = None) -> np.ndarray:
     """Return the atlas of a grid, (ny nz, 10 nx, 3) float32, bottom row first; see `read_atlas`.
 
     Coefficients are windowed where E/pi would be negative.
+
+    group:  light group; None for all light
     """
     x, y, z = grid.resolution
     validity = np.zeros((len(grid.validity), 1, 3), np.float32)
     validity[:, 0, 0] = grid.validity
-    blocks = np.concatenate([windowed(grid.coefficients), validity], axis=1)
+    light = grid.coefficients if group is None else grid.groups[group]
+    blocks = np.concatenate([windowed(light), validity], axis=1)
     return blocks.reshape(z * y, x, COEFFICIENTS + 1, 3).swapaxes(1, 2).reshape(z * y, -1, 3)
 
 
@@ -80,10 +85,10 @@ def read_atlas(atlas: np.ndarray, resolution: tuple[int, int, int]) -> tuple[np.
 
 
 def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Destination) -> list[ProbeFile]:
-    """Return the files of the probe volumes of a bake, two for each; none without a folder.
+    """Return the files of the probe volumes of a bake; none without a folder.
 
-    Files are named after the .blend and the volume. A file of another program is never replaced; the new file
-    gets a number instead.
+    Each volume has an atlas, a texture, and an atlas for each light group, named after the .blend and the
+    volume. A file of another program is never replaced; the new file gets a number instead.
 
     origin:  (3,) float64, world space: the point to which the grids are relative
     """
@@ -100,11 +105,27 @@ def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Des
             name
             for name in numbered
             if name.casefold() not in taken
-            and all(may_write(folder / f"{name}{ending}", ours) for ending in (_ATLAS, _TEXTURE))
+            and all(
+                may_write(folder / file, ours)
+                for file in (f"{name}{_ATLAS}", f"{name}{_TEXTURE}", *_group_files(name, grid).values())
+            )
         )
         taken.add(name.casefold())
         entry = _entry(name, grid, origin, destination)
         files += [ProbeFile(f"{name}{ending}", grid, entry) for ending in (_ATLAS, _TEXTURE)]
+        files += [ProbeFile(file, grid, entry, group) for group, file in _group_files(name, grid).items()]
+    return files
+
+
+def _group_files(stem: str, grid: ProbeGrid) -> dict[str, str]:
+    """Return the file of each light group of a volume; names differ, ignoring case."""
+    files: dict[str, str] = {}
+    for group in grid.groups:
+        base, taken = file_name(f"{stem}_{group}"), {file.casefold() for file in files.values()}
+        numbered = (base, *(f"{base}.{number:03d}" for number in range(1, len(grid.groups))))
+        files[group] = next(
+            f"{name}{_ATLAS}" for name in numbered if f"{name}{_ATLAS}".casefold() not in taken
+        )
     return files
 
 
@@ -121,12 +142,16 @@ def probe_sections(
         return {}
     sums = {file.name: checksum(path) for path, file in zip(staged, files, strict=True)}
     others = [entry for entry in _known(destination.folder) if not is_own(entry, destination)]
-    mine = [
-        {**file.entry, "sha256": sums[file.name], "ktx2_sha256": sums[file.entry["ktx2"]]}
-        for file in files
-        if file.is_atlas
-    ]
+    mine = [_with_checksums(file.entry, sums) for file in files if file.is_first]
     return {"probes": [*others, *mine]}
+
+
+def _with_checksums(entry: dict, sums: Mapping[str, str]) -> dict:
+    """Return an entry of the manifest with the checksums of its files."""
+    made = {**entry, "sha256": sums[entry["file"]], "ktx2_sha256": sums[entry["ktx2"]]}
+    if "groups" in entry:
+        made["groups"] = [{**group, "sha256": sums[group["file"]]} for group in entry["groups"]]
+    return made
 
 
 def _known(folder: Path) -> list[dict]:
@@ -142,7 +167,8 @@ def is_own(entry: dict, destination: Destination) -> bool:
 
 def _checksums(entries: Sequence[dict]) -> dict[str, str]:
     """Return the checksums of the files of entries, by file."""
-    sums = {entry.get("file", ""): entry.get("sha256", "") for entry in entries}
+    groups = (group for entry in entries for group in entry.get("groups", ()))
+    sums = {entry.get("file", ""): entry.get("sha256", "") for entry in (*entries, *groups)}
     return sums | {entry.get("ktx2", ""): entry.get("ktx2_sha256", "") for entry in entries}
 
 
@@ -151,6 +177,7 @@ def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, destination: Destinat
     matrix = grid.matrix.copy()
     matrix[:3, 3] += origin
     filled, moved = (int((grid.validity == value).sum()) for value in (0, 0.5))
+    groups = [{"name": group, "file": file} for group, file in _group_files(stem, grid).items()]
     return {
         "name": grid.name,
         "blend": destination.blend,
@@ -162,6 +189,7 @@ def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, destination: Destinat
         "coefficients": "radiance SH L2",
         "layout": _LAYOUT,
         "validity": {"filled": filled, "moved": moved, "block": COEFFICIENTS},
+        **({"groups": groups} if groups else {}),
     }
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ..original_slots import PREVIEW_MARK
+from .light_mixer import light_mixer
+from .light_states import baked_groups
 from .nodes import Feed, make_node
 
 #: Position of the group's node, above the nodes of the material, and width of a column.
@@ -46,7 +50,7 @@ def shown_probes(scene: bpy.types.Scene) -> ShownProbes | None:
     """Return the light of a scene's baked probes; None without any.
 
     Fine volumes replace coarse ones inside their boxes. Outside of all boxes, the light is that at the border
-    of the coarsest.
+    of the coarsest. Light groups, if all volumes have those of the last bake, pass through the mixer.
     """
     volumes = [entry for entry in scene.hemibake.probe_volumes if entry.image is not None]
     if not volumes:
@@ -58,13 +62,34 @@ def shown_probes(scene: bpy.types.Scene) -> ShownProbes | None:
     nodes = _Nodes(tree)
     functions = nodes.basis(tree.nodes.new("NodeGroupInput").outputs[0])
     position = nodes.make("ShaderNodeNewGeometry").node.outputs["Position"]
-    light: Feed | None = None
-    for volume in sorted(volumes, key=_spacing, reverse=True):
-        here, inside = _Volume(nodes, volume, position).light(functions)
-        light = here if light is None else nodes.mixed(light, here, inside)
+    parts = [_Volume(nodes, volume, position) for volume in sorted(volumes, key=_spacing, reverse=True)]
+    groups = _common_groups(scene, volumes)
+    lights = [_joined(nodes, parts, functions, layer) for layer in range(1, 1 + len(groups))]
+    if groups:
+        light = nodes.make("ShaderNodeGroup", *lights, node_tree=light_mixer(scene, groups))
+    else:
+        light = _joined(nodes, parts, functions, 0)
     output = tree.nodes.new("NodeGroupOutput")
     tree.links.new(nodes.vector("MAXIMUM", light, (0.0, 0.0, 0.0)), output.inputs[0])
     return ShownProbes(tree)
+
+
+def _common_groups(scene: bpy.types.Scene, volumes: Sequence[bpy.types.PropertyGroup]) -> list[str]:
+    """Return the light groups of the scene's last bake if all volumes have their light; else nothing."""
+    groups = baked_groups(scene)
+    same = all(volume.light_groups and json.loads(volume.light_groups) == groups for volume in volumes)
+    return groups if same else []
+
+
+def _joined(nodes: _Nodes, parts: Sequence[_Volume], functions: list[Feed], layer: int) -> Feed:
+    """Return E/pi of volumes, of which later ones replace earlier ones inside their boxes.
+
+    layer:  0 for all light, else 1 + number of a light group
+    """
+    light = parts[0].light(functions, layer)
+    for part in parts[1:]:
+        light = nodes.mixed(light, part.light(functions, layer), part.inside)
+    return light
 
 
 def _spacing(volume: bpy.types.PropertyGroup) -> float:
@@ -116,16 +141,18 @@ class _Volume:
         self, nodes: _Nodes, volume: bpy.types.PropertyGroup, position: bpy.types.NodeSocket
     ) -> None:
         self._nodes, self._image, self._size = nodes, volume.image, tuple(volume.resolution)
+        self._layers = 1 + len(json.loads(volume.light_groups or "[]"))
         self._unit = self._unit_position(np.linalg.inv(_matrix(volume)), position)
+        self._place = [self._index(axis) for axis in range(3)]
+        self.inside = self._inside()
 
-    def light(self, functions: list[Feed]) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-        """Return E/pi, and 1 inside the box, else 0."""
-        nodes = self._nodes
-        x, y, z = (self._index(axis) for axis in range(3))
+    def light(self, functions: list[Feed], layer: int) -> Feed:
+        """Return E/pi of a layer of the image."""
+        nodes, (x, y, z) = self._nodes, self._place
         first = nodes.number("FLOOR", nodes.number("MINIMUM", z, max(self._size[2] - 2, 0)))
         part = nodes.number("SUBTRACT", z, first)
-        low = self._slice(x, y, first)
-        high = self._slice(x, y, nodes.number("ADD", first, 1.0)) if self._size[2] > 1 else low
+        low = self._slice(x, y, first, layer)
+        high = self._slice(x, y, nodes.number("ADD", first, 1.0), layer) if self._size[2] > 1 else low
         light: Feed = (0.0, 0.0, 0.0)
         for block, function in enumerate(functions):
             value = self._texel(low, block)
@@ -133,7 +160,7 @@ class _Volume:
                 value = nodes.mixed(value, self._texel(high, block), part)
             weight = (function,) * 3 if isinstance(function, float) else function
             light = nodes.vector("MULTIPLY_ADD", value, weight, light)
-        return light, self._inside()
+        return light
 
     def _unit_position(
         self, to_unit: np.ndarray, position: bpy.types.NodeSocket
@@ -153,12 +180,13 @@ class _Volume:
             "MAXIMUM", self._nodes.number("MINIMUM", place, self._size[axis] - 1.0), 0.0
         )
 
-    def _slice(self, x: Feed, y: Feed, z: Feed) -> bpy.types.NodeSocket:
-        """Return the UV of a point in the first block of a slice along z."""
+    def _slice(self, x: Feed, y: Feed, z: Feed, layer: int) -> bpy.types.NodeSocket:
+        """Return the UV of a point in the first block of a slice along z of a layer."""
         nodes, (width, height, depth) = self._nodes, self._size
         u = nodes.number("MULTIPLY_ADD", x, 1 / (9 * width), 0.5 / (9 * width))
         row = nodes.number("MULTIPLY_ADD", z, float(height), y)
-        v = nodes.number("MULTIPLY_ADD", row, 1 / (height * depth), 0.5 / (height * depth))
+        rows = height * depth * self._layers
+        v = nodes.number("MULTIPLY_ADD", row, 1 / rows, (layer * height * depth + 0.5) / rows)
         return nodes.make("ShaderNodeCombineXYZ", u, v)
 
     def _texel(self, place: bpy.types.NodeSocket, block: int) -> bpy.types.NodeSocket:

@@ -97,6 +97,30 @@ def test_all_probes_of_a_furnace_are_equal(session):
     assert grid.coefficients == pytest.approx(np.broadcast_to(constant(2.0)[:, None], (30, 9, 3)), abs=2e-4)
 
 
+@pytest.mark.parametrize("indirect_only", [False, True])
+def test_light_groups_are_parts_of_all_light(session, indirect_only):
+    """The walls of a furnace alone give 2; the rest of the light is a lamp's, also for probes in walls."""
+    room = furnace(0.5, 1.0)
+    lamp = Light("Lamp", "point", np.array([0.4, 0.5, 0.6]), np.eye(3), np.float32([5, 2, 1]))
+    scene = dataclasses.replace(
+        room,
+        meshes=(dataclasses.replace(room.meshes[0], light_group="Walls"),),
+        lights=(dataclasses.replace(lamp, light_group="Lamps"),),
+        light_groups=("Lamps", "Walls"),
+        probe_volumes=(volume((0.75, 0.5, 0.5), (0.5, 0.1, 0.1), (7, 1, 1)),),
+    )
+    (grid,) = bake(
+        session, scene, resolution=32, samples=64, tolerance=1e-6, outputs=("combined", "light_groups"),
+        probes_indirect_only=indirect_only, sample_emission=False,
+    )  # fmt: skip
+    assert list(grid.groups) == ["Lamps", "Walls"] and (grid.validity == 0).any()
+    walls = np.broadcast_to(constant(2.0)[:, None], (7, 9, 3))
+    assert grid.groups["Walls"] == pytest.approx(walls, abs=2e-3)
+    lamps = grid.groups["Lamps"]
+    assert lamps + grid.groups["Walls"] == pytest.approx(grid.coefficients, rel=5e-3, abs=5e-3)
+    assert (lamps[:, 0] > 0.01).all()
+
+
 def test_half_of_the_sphere(session):
     """Below a probe near a large emissive floor all is 1, above it black: c = 2 pi mean of the basis."""
     floor = quads(rectangle((-500, -500, 0), 1000 * X, 1000 * Y)[None], [(0, 0, 16, 16)], [0], 16, "Floor")

@@ -8,14 +8,15 @@ from tests.blender.test_preview_render import render
 from tests.blender.things import bpy_link, furnace, material, part, snapshot, square
 
 
-def grid(name, matrix, resolution, level=0.0):
-    """Return probes whose coefficients vary at random around a level of the mean."""
+def grid(name, matrix, resolution, level=0.0, has_groups=False):
+    """Return probes whose coefficients vary at random around a level of the mean; a quarter is of Lamps."""
     results = part("engine.bake_result")
     count = int(np.prod(resolution))
     light = np.random.default_rng(count).uniform(-0.2, 0.2, (count, 9, 3)).astype(np.float32)
     light[:, 0] += 3 + level
     valid, places = np.ones(count, np.float32), np.zeros((count, 3), np.float32)
-    return results.ProbeGrid(name, resolution, matrix, light, valid, places)
+    groups = {"Lamps": 0.25 * light, "Sky": 0.75 * light} if has_groups else {}
+    return results.ProbeGrid(name, resolution, matrix, light, valid, places, groups)
 
 
 def expected(probes, point, normal):
@@ -50,24 +51,38 @@ def place(obj, normal, centre):
     return np.array(turn)[:3, :3]
 
 
-@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.6, -0.64, 0.48)])
-def test_the_preview_interpolates_the_probes(tmp_path, normal):
-    """Of two nested volumes, one rotated, the fine one lights a square that leaves it at the right."""
+@pytest.mark.parametrize(
+    ("normal", "has_groups"),
+    [((0.0, 0.0, 1.0), False), ((0.6, -0.64, 0.48), False), ((0.6, -0.64, 0.48), True)],
+)
+def test_the_preview_interpolates_the_probes(tmp_path, normal, has_groups):
+    """Of two nested volumes, one rotated, the fine one lights a square that leaves it at the right.
+
+    The light mixer weights the parts of light groups.
+    """
     import bpy
 
     scene = bpy.context.scene
     turned = np.eye(4)
     turned[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
-    coarse = grid("Coarse", turned @ np.diag([2.0, 2, 2, 1]), (2, 3, 1))
+    coarse = grid("Coarse", turned @ np.diag([2.0, 2, 2, 1]), (2, 3, 1), 0.0, has_groups)
     inner = np.diag([0.6, 0.7, 0.5, 1.0])
     inner[:3, 3] = [-0.4, 0.1, 0.2]
-    fine = grid("Fine", inner, (3, 2, 4), level=2.0)
+    fine = grid("Fine", inner, (3, 2, 4), 2.0, has_groups)
     part("operators.result.probe_images").keep_probes(scene, [fine, coarse], np.zeros(3))
+    if has_groups:
+        entry = scene.hemibake.lightmaps.add()
+        entry.name, entry.light_groups = "Lightmap", '["Lamps", "Sky"]'
     obj = square("Character", uvs=None, surface=material("Skin", (0.8, 0.5, 0.25)))
     obj.hemibake.role = "DYNAMIC"
     centre = np.array([0.1, 0.05, 0.1])
     axes = place(obj, normal, centre)
     assert bpy.ops.hemibake.preview() == {"FINISHED"}
+    factor = 1.0
+    if has_groups:
+        mixer = part("operators.result.light_mixer")
+        mixer.set_mixer_mix(scene.hemibake.light_mixer, {"Lamps": ((1, 1, 1), 2.0), "Sky": ((1, 1, 1), 0.5)})
+        factor = 0.25 * 2.0 + 0.75 * 0.5
     found = render(scene, tmp_path, 64)
     count = len(found)
     steps = (np.arange(count) + 0.5) / count - 0.5
@@ -75,7 +90,7 @@ def test_the_preview_interpolates_the_probes(tmp_path, normal):
         point = centre + 0.9 * axes @ [steps[column], steps[row], 0]
         unit = np.linalg.solve(fine.matrix, np.append(point, 1))[:3]
         probes = fine if np.abs(unit).max() < 1 else coarse
-        light = expected(probes, point, np.array(normal)) * [0.8, 0.5, 0.25]
+        light = expected(probes, point, np.array(normal)) * [0.8, 0.5, 0.25] * factor
         assert found[row, column] == pytest.approx(light, rel=0.03)
 
 

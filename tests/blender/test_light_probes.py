@@ -88,6 +88,36 @@ def test_a_file_that_cannot_be_read_gets_a_neighbor(tmp_path, monkeypatch):
     assert files._may_write(tmp_path / "Other.exr", {})
 
 
+def test_light_groups_have_an_atlas_each(tmp_path):
+    """The atlases add up to that of all light; names that differ in signs alone get files of their own."""
+    import bpy
+
+    furnace()
+    probe_volume(resolution=(3, 1, 2))
+    scene = bpy.context.scene
+    for name in ("a/b", "a:b"):
+        bpy.context.view_layer.lightgroups.add(name=name)
+        lamp = bpy_link(bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT")))
+        lamp.location, lamp.lightgroup = (0.5, 0.5, 0.9), name
+    scene.hemibake.outputs = {"combined", "light_groups"}
+    (entry,) = bake(tmp_path)["probes"]
+    assert faults(json.loads((tmp_path / "hemibake.json").read_text())) == []
+    assert [group["name"] for group in entry["groups"]] == ["a/b", "a:b", "Ungrouped"]
+    read = part("operators.result.probe_files").read_atlas
+    atlases = [
+        read(pixels(bpy.data.images.load(str(tmp_path / file)))[..., :3], (3, 1, 2))[0]
+        for file in (entry["file"], *(group["file"] for group in entry["groups"]))
+    ]
+    assert sum(atlases[1:]) == pytest.approx(atlases[0], rel=0.05, abs=0.05)
+    assert all(light[:, 0].min() > 0.01 for light in atlases)
+    (shown,) = scene.hemibake.probe_volumes
+    assert json.loads(shown.light_groups) == ["a/b", "a:b", "Ungrouped"]
+    before = shown.image
+    (again,) = bake(tmp_path)["probes"]
+    assert [group["file"] for group in again["groups"]] == [group["file"] for group in entry["groups"]]
+    assert scene.hemibake.probe_volumes[0].image == before
+
+
 def test_scenes_of_a_blend_keep_their_probes(tmp_path):
     """Each scene has a volume of the same name; the entry of a deleted scene goes with its next bake."""
     import bpy
@@ -176,7 +206,7 @@ def test_the_button_leaves_linked_collections(tmp_path):
     assert "Volume" in scene.collection.objects and not linked.objects
 
 
-def test_the_button_fits_large_scenes_and_live_bakes_no_probes():
+def test_the_button_fits_large_scenes():
     """A terrain of 3 x 1 km does not fit a spacing of 1 m."""
     import bpy
 
@@ -186,7 +216,6 @@ def test_the_button_fits_large_scenes_and_live_bakes_no_probes():
     fitting = part("operators.probes")._fitting_spacing
     assert fitting(bpy.context, 1.0) == 16 and fitting(bpy.context, 100.0) == 100
     assert bpy.ops.hemibake.add_light_probes(spacing=16) == {"FINISHED"}
-    assert not part("operators.live_run").LiveRun(bpy.context)._read_settings().light_probes
 
 
 def test_too_small_a_spacing_names_the_remedy():

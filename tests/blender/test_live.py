@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from tests.blender.test_light_probes import probe_volume
 from tests.blender.test_modal import (  # noqa: F401
     ESCAPE,
     TIMER,
@@ -435,6 +436,33 @@ def test_lightmaps_or_groups_that_are_added_start_it_anew(operator, context, win
     mixed = [node.image.name for node in shown if node.type == "TEX_IMAGE"]
     lightmap = room.hemibake.image.name
     assert mixed == [f"{lightmap} light group {'Ungrouped' if what == 'lightmap' else 'Night'}"]
+
+
+def test_light_probes_follow_lamps_and_volumes(operator, context, window):  # noqa: F811
+    """Four times the power shows in the same image; a volume that moves starts Live again."""
+    import bpy
+
+    scene = bpy.context.scene
+    _, lamp = lit_room()
+    volume = probe_volume(resolution=(2, 1, 1))
+    scene.hemibake.light_probes, scene.hemibake.samples = True, 32
+    start(operator, context)
+    settle(operator, context)
+    (entry,) = scene.hemibake.probe_volumes
+    image, first = entry.image, pixels(entry.image).copy()
+    assert first[..., 0].max() > 0
+    lamp.data.energy *= 4
+    settle(operator, context)
+    assert scene.hemibake.probe_volumes[0].image == image
+    assert pixels(image)[..., :3] == pytest.approx(4 * first[..., :3], rel=0.02, abs=1e-3 * first.max())
+    owner = part("operators.worker_manager").owner
+    before = owner.running
+    volume.location.x -= 0.05
+    bpy.context.view_layer.update()
+    drive(operator, context, until=lambda: owner.running is not before and owner.running.following)
+    assert scene.hemibake.probe_volumes[0].matrix[3] == pytest.approx(0.45)
+    operator.invoke(context, None)
+    assert drive(operator, context) == {"FINISHED"} and window.is_as_before()
 
 
 def shown_colours(obj) -> list[tuple[float, ...]]:

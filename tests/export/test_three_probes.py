@@ -25,7 +25,8 @@ def volume(hemibake, engine, tmp_path):
         "Volume", RESOLUTION, matrix(), coefficients, np.ones(24, np.float32), np.zeros((24, 3), np.float32)
     )
     probe_files = part("operators.result.probe_files")
-    entry = probe_files._entry("box_Probes", grid, np.zeros(3), "")
+    owner = part("operators.result.destination").Destination(tmp_path, (), "")
+    entry = probe_files._entry("box_Probes", grid, np.zeros(3), owner)
     probe_files.ProbeFile("box_Probes.exr", grid, entry).write(tmp_path / "box_Probes.exr")
     turned = {**entry, "name": "Turned", "matrix": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
     lost = {**entry, "name": "Lost", "file": "lost.exr"}

@@ -1,9 +1,9 @@
-"""Compares light probes with small white spheres that Cycles bakes, at 27 points of a scene.
+"""Compares light probes with small white spheres that Cycles bakes, at 27 points of each scene.
 
-    python tools/probes.py [--blend FILE] [--samples N] [--table docs/design/probes.md]
+    python tools/probes.py [--scenes FOLDER] [--only NAME ...] [--samples N] [--page docs/design/probes.md]
 
-Prints the error of each band at the worst and the median point, relative to the mean of band 0. Ends with
-status 1 if one exceeds 3 %. Without --blend the scene is the Cornell box of examples.
+Prints a row for each scene: the largest error of each band, relative to the mean of band 0, and the noise
+of Cycles. Ends with status 1 if an error exceeds 3 %. Without --scenes, the scene is the Cornell box.
 """
 
 from __future__ import annotations
@@ -20,88 +20,109 @@ import numpy as np  # noqa: E402
 
 from tools.headless import blender as blender_with_hemibake  # noqa: E402
 from tools.headless import load, quiet_stdout  # noqa: E402
+from tools.page_table import replace_rows, table_row  # noqa: E402
 
 #: Limit of the errors, and the fraction of the scene's box that the grid fills.
 _LIMIT, _FILLED = 0.03, 0.8
+
+#: Number of points, and of probes along each axis, of which some may lie inside geometry.
+_POINTS, _PROBES = 27, 4
+
+#: Scenes with the resolutions of their lightmaps, texels.
+_SCENES = {"Cornell box": 128, "living_room": 256, "house": 512}
+
+_TITLES = ("Scene", "Points", "Band 0", "Band 1", "Band 2", "Noise of Cycles")
 
 _MARKS = ("<!-- table: made by tools/probes.py -->", "<!-- end of table -->")
 
 
 def main() -> None:
-    """Bake, compare, print, and write the table."""
+    """Bake, compare, print, and write the rows."""
     options = parse()
-    with blender_with_hemibake(), quiet_stdout():
-        open_scene(options.blend)
-        errors = compare(options.samples)
-    rows = [row(f"band {band}", errors[:, band]) for band in range(3)]
-    print("\n".join(rows))
-    if options.table:
-        write_table(options.table, rows)
-    if errors.max() > _LIMIT:
-        raise SystemExit(f"An error of {errors.max():.1%} exceeds {_LIMIT:.0%}.")
+    worst = 0.0
+    with blender_with_hemibake():
+        for name in options.only or (_SCENES if options.scenes else ["Cornell box"]):
+            with quiet_stdout():
+                open_scene(name, options.scenes)
+                errors, noise = compare(_SCENES[name], options.samples)
+            worst = max(worst, errors.max())
+            figures = [f"{100 * error:.2f} %" for error in errors.max(axis=0)]
+            row = table_row(
+                name, str(len(errors)), *figures, " / ".join(f"{100 * x:.2f}" for x in noise) + " %"
+            )
+            print(row, flush=True)
+            if options.page:
+                replace_rows(options.page, _MARKS, _TITLES, [row])
+    if worst > _LIMIT:
+        raise SystemExit(f"An error of {worst:.1%} exceeds {_LIMIT:.0%}.")
 
 
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--blend", type=Path, help="the scene; the Cornell box without it")
-    parser.add_argument("--samples", type=int, default=1024, help="of Cycles for each facet of a sphere")
-    parser.add_argument("--table", type=Path, help="page whose table to replace")
+    parser.add_argument("--scenes", type=Path, help="folder with scenes; the Cornell box alone without it")
+    parser.add_argument("--only", nargs="+", choices=list(_SCENES), help="names of scenes")
+    parser.add_argument("--samples", type=int, default=512, help="of Cycles for each facet of a sphere")
+    parser.add_argument("--page", type=Path, help="page whose rows are replaced")
     return parser.parse_args()
 
 
-def open_scene(blend: Path | None) -> None:
-    """Open a file, or build the Cornell box."""
+def open_scene(name: str, folder: Path | None) -> None:
+    """Open a scene of a folder, or build the Cornell box."""
     import bpy
 
-    if blend is not None:
-        bpy.ops.wm.open_mainfile(filepath=str(blend.resolve()))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    if name == "Cornell box":
+        sys.path.insert(0, str(ROOT / "examples"))
+        import cornell_box
+
+        cornell_box.build()
         return
-    sys.path.insert(0, str(ROOT / "examples"))
-    import cornell_box
+    from tools.verification import scenes
 
-    cornell_box.build()
+    scenes.register_files(folder)
+    scenes.SCENES[name]()
 
 
-def compare(samples: int) -> np.ndarray:
-    """Return the errors of the three bands at 27 points, (27, 3), relative to the mean of band 0."""
+def compare(resolution: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the errors of the bands, (n, 3), relative to the mean of band 0, and the noise of Cycles, (3,).
+
+    The points are evenly chosen among the probes that are not inside geometry. Noise is the standard error of
+    a coefficient.
+    """
     import bpy
 
     from tools.verification.cycles import realised
     from tools.verification.probe_spheres import bake_probes
     from tools.verification.run import read_for_bake
 
-    volumes, harmonics = load("engine.scene.probe_volume"), load("engine.probes.spherical_harmonics")
-    engine = load("engine")
+    engine, bands = load("engine"), load("engine.probes.spherical_harmonics").BANDS
     settings = bpy.context.scene.hemibake
-    settings.quality, settings.resolution = "high", 128
+    settings.quality, settings.resolution = "high", resolution
     read, settings = read_for_bake(bpy.context)
-    box = np.concatenate([mesh.positions.reshape(-1, 3) for mesh in read.scene.meshes])
+    scene = replace(read.scene, probe_volumes=(volume_around(read.scene),))
+    settings = replace(settings, light_probes=True, probe_samples=6000, light_samples=512)
+    (grid,) = engine.finished(engine.bake(scene, settings)).probes
+    valid = np.flatnonzero(grid.validity > 0)
+    valid = valid[np.unique(np.linspace(0, len(valid) - 1, _POINTS).astype(int))]
+    points = grid.positions[valid] + read.scene.origin
+    with realised(bpy.context, read, resolution) as reference:
+        bakes = [bake_probes(reference, points, samples // 2, seed) for seed in (1, 2)]
+    expected = np.mean(bakes, axis=0)
+    mean = expected[:, 0].mean()
+    errors = np.abs(grid.coefficients[valid] - expected).mean(axis=2) / mean
+    noise = np.square((bakes[0] - bakes[1]) / 2 / mean)
+    of_bands = [band == bands for band in range(3)]
+    largest = np.stack([errors[:, band].max(axis=1) for band in of_bands], axis=1)
+    return largest, np.sqrt([noise[:, band].mean() for band in of_bands])
+
+
+def volume_around(scene):
+    """Return a volume of probes around a scene."""
+    box = np.concatenate([mesh.positions.reshape(-1, 3) for mesh in scene.meshes])
     low, high = box.min(axis=0), box.max(axis=0)
     matrix = np.diag([*(_FILLED * (high - low) / 2), 1.0])
     matrix[:3, 3] = (low + high) / 2
-    volume = volumes.ProbeVolume("Volume", matrix, (3, 3, 3))
-    scene = replace(read.scene, probe_volumes=(volume,))
-    settings = replace(settings, light_probes=True, probe_samples=6000, light_samples=512)
-    (grid,) = engine.finished(engine.bake(scene, settings)).probes
-    with realised(bpy.context, read, settings.resolution) as reference:
-        expected = bake_probes(reference, grid.positions + read.scene.origin, samples, 1)
-    differences = np.abs(grid.coefficients - expected).mean(axis=2)
-    mean = expected[:, 0].mean()
-    return np.stack([differences[:, band == harmonics.BANDS].max(axis=1) / mean for band in range(3)], axis=1)
-
-
-def row(name: str, errors: np.ndarray) -> str:
-    """Return a row of the table: median and largest error."""
-    return f"| {name} | {100 * np.median(errors):.2f} % | {100 * errors.max():.2f} % |"
-
-
-def write_table(page: Path, rows: list[str]) -> None:
-    """Replace the table between the marks of a page."""
-    text = page.read_text(encoding="utf-8")
-    before, rest = text.split(_MARKS[0])
-    after = rest.split(_MARKS[1])[1]
-    table = "\n".join(["", "| Coefficients | median | largest of 27 |", "|---|---|---|", *rows, ""])
-    page.write_text(f"{before}{_MARKS[0]}\n{table}\n{_MARKS[1]}{after}", encoding="utf-8")
+    return load("engine.scene.probe_volume").ProbeVolume("Volume", matrix, (_PROBES,) * 3)
 
 
 if __name__ == "__main__":

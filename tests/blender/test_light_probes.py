@@ -84,8 +84,8 @@ def test_a_file_that_cannot_be_read_gets_a_neighbor(tmp_path, monkeypatch):
 
     (tmp_path / "Probes.exr").write_bytes(b"old")
     monkeypatch.setattr(files, "checksum", locked)
-    assert not files._may_write(tmp_path / "Probes.exr", {"Probes.exr": "0"})
-    assert files._may_write(tmp_path / "Other.exr", {})
+    assert not files.may_write(tmp_path / "Probes.exr", {"Probes.exr": "0"})
+    assert files.may_write(tmp_path / "Other.exr", {})
 
 
 def test_light_groups_have_an_atlas_each(tmp_path):

@@ -3,7 +3,12 @@
 from dataclasses import replace
 
 from engine import Material
-from engine.scene.transmission import CLEAR, Transmission, from_opacity, uniform_transmission
+from engine.scene.transmission import CLEAR, Transmission, Transmittance, from_opacity
+
+
+def uniform_transmission(transmittance: Transmittance) -> Transmission:
+    """Return the transmission of a surface with equal transmittance for all rays and both sides."""
+    return Transmission(transmittance, transmittance)
 
 
 def transparent(alpha=1.0, texture=None, threshold=None) -> Transmission:

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene.triangles import Triangles
-from .chart_edges import ChartEdges, chart_edges
-from .edge_pairs import EdgePairs, edge_pairs
+from .chart_edges import ChartEdges
+from .edge_pairs import EdgePairs
 
 #: Points for each texel of seam length.
 _POINTS = 1.5
@@ -41,16 +40,6 @@ class Seams:
 def no_seams() -> Seams:
     """Return an empty set of seams."""
     return Seams(np.zeros((0, 2), np.int32), np.zeros((0, 2, 2)), np.zeros(0))
-
-
-def find_seams(triangles: Triangles, atlases: int, resolution: int) -> Seams:
-    """Return the seams between the charts of the first `atlases` lightmaps.
-
-    Two chart edges form a seam if they coincide and their shading normals are similar. They may belong to one
-    object or two, with the same corners or not. A hard edge is no seam.
-    """
-    edges = chart_edges(triangles, atlases, resolution)
-    return seams_of(edges, edge_pairs(edges))
 
 
 def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:

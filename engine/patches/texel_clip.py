@@ -35,12 +35,6 @@ def clip_at_texels(corners: np.ndarray, texels: np.ndarray) -> np.ndarray:
     return polygons
 
 
-def polygon_areas(points: np.ndarray) -> np.ndarray:
-    """Return the areas, (m,), of convex polygons with vertices (m, k, 2)."""
-    areas: np.ndarray = fan_areas(points).sum(axis=1)
-    return areas
-
-
 def fan_areas(points: np.ndarray) -> np.ndarray:
     """Return the areas, (m, k - 2), of the triangle fan of polygons with vertices (m, k, 2)."""
     first, second = points[:, 1:-1] - points[:, :1], points[:, 2:] - points[:, :1]

@@ -55,8 +55,3 @@ class Transmission:
     bounce: Transmittance = OPAQUE
     shadow_back: Transmittance | None = None
     bounce_back: Transmittance | None = None
-
-
-def uniform_transmission(transmittance: Transmittance) -> Transmission:
-    """Return the transmission of a surface with equal transmittance for all rays and both sides."""
-    return Transmission(transmittance, transmittance)

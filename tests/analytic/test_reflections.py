@@ -12,8 +12,9 @@ from engine.reflections.cube_faces import cube_directions, mean_radiance, texel_
 from engine.reflections.prefilter import prefiltered, roughness_of
 from engine.scene.reflection_sphere import ReflectionSphere, ReflectionVolume
 from engine.scene.texture import Texture
-from engine.scene.transmission import Transmittance, uniform_transmission
+from engine.scene.transmission import Transmittance
 from tests.analytic.scenes import furnace, material, quads, rectangle
+from tests.transparency import uniform_transmission
 
 SIZE = 64
 SETTINGS = Settings(

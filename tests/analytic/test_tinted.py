@@ -9,9 +9,10 @@ from engine import Material, Scene, Settings, Texture
 from engine.errors import SceneError
 from engine.scene.checks import check_material
 from engine.scene.model import Light
-from engine.scene.transmission import CLEAR, OPAQUE, Transmission, Transmittance, uniform_transmission
+from engine.scene.transmission import CLEAR, OPAQUE, Transmission, Transmittance
 from tests.analytic.drive import drive
 from tests.analytic.scenes import material, quads, rectangle, room_walls
+from tests.transparency import uniform_transmission
 
 SETTINGS = Settings(resolution=32, hemicube=16, samples=2048, sample_emission=False, max_bounces=2)
 BLACK = np.zeros(3, np.float32)

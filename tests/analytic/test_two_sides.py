@@ -8,10 +8,10 @@ import pytest
 
 from engine import Material, Scene, Settings, Texture
 from engine.scene.model import BackSide
-from engine.scene.transmission import Transmission, Transmittance, uniform_transmission
+from engine.scene.transmission import Transmission, Transmittance
 from tests.analytic.drive import drive
 from tests.analytic.scenes import quads, rectangle
-from tests.transparency import transparent
+from tests.transparency import transparent, uniform_transmission
 
 SETTINGS = Settings(resolution=32, hemicube=16, samples=4096, max_bounces=1, light_samples=256)
 BLACK, ONE = np.zeros(3, np.float32), np.ones(3, np.float32)

@@ -20,10 +20,11 @@ from engine.cluster.blocks import cut
 from engine.errors import DeviceError, OverlapError, SettingsError
 from engine.progress import finished
 from engine.scene.model import BackSide
-from engine.scene.transmission import Transmittance, uniform_transmission
+from engine.scene.transmission import Transmittance
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
 from tests.gpu.schedulers import ONE_THREAD, running_scheduler
+from tests.transparency import uniform_transmission
 
 #: Each test starts workers.
 pytestmark = pytest.mark.long

@@ -11,7 +11,7 @@ from engine.device.buffers import download, upload, upload_float4
 from engine.device.cl_device import ComputeDevice
 from engine.direct.contact import Contacts
 from engine.patches.patch_list import PatchList
-from engine.patches.seams import Seams, find_seams, no_seams
+from engine.patches.seams import Seams, no_seams
 from engine.postprocess import device_images
 from engine.postprocess.bilinear import footprints
 from engine.postprocess.device_bilinear_equations import DeviceBilinearEquations
@@ -26,6 +26,7 @@ from engine.postprocess.store import LightmapImages
 from engine.postprocess.texel_means import TexelMeans
 from engine.postprocess.texel_samples import TexelSamples
 from tests.gpu.test_texel_fragments import triangles_of
+from tests.seams import find_seams
 from tests.unit.test_bilinear_fit import NO_SEAMS, covered, points_at, shown, step
 from tests.unit.test_near_charts import all_over, images_of, near_charts
 from tests.unit.test_seams import R, cylinder, joined, tile

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from engine import Light, Scene, Settings
-from engine.patches.seams import find_seams
 from engine.postprocess.bilinear import footprints
 from engine.scene.triangles import join_meshes
 from tests.analytic.drive import drive
 from tests.analytic.scenes import material, quads, rectangle
+from tests.seams import find_seams
 
 SETTINGS = Settings(
     resolution=53, visibility="rays", samples=128, max_bounces=2, light_samples=16, intermediates=False,

@@ -15,7 +15,7 @@ from engine.patches.patch_scene import make_patch_scene
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
 from engine.scene.model import NO_LIGHTMAP
-from engine.scene.transmission import Transmittance, uniform_transmission
+from engine.scene.transmission import Transmittance
 from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.sampler import upload_background
@@ -23,7 +23,7 @@ from tests.analytic.scenes import nine_quad_room
 from tests.gpu.graphics_card import GraphicsCard
 from tests.gpu.slice_sizes import fix_slice_size
 from tests.rows import long
-from tests.transparency import CLEAR_BACK
+from tests.transparency import CLEAR_BACK, uniform_transmission
 
 SETTINGS = Settings(
     resolution=37, hemicube=8, samples=68, visibility="rays", light_samples=3, texel_samples=1,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.patches.texel_clip import clip_at_texels, clipped_centroids, polygon_areas
+from engine.patches.texel_clip import clip_at_texels, clipped_centroids, fan_areas
 from engine.patches.texel_fragments import TexelClipper
 from engine.scene.triangles import Triangles
 
@@ -25,7 +25,9 @@ def all_areas(triangles):
     corners = triangles.uvs.astype(np.float64) * RESOLUTION
     return np.stack(
         [
-            polygon_areas(clip_at_texels(np.repeat(corner[None], len(texels), axis=0), texels)[:, :, :2])
+            fan_areas(clip_at_texels(np.repeat(corner[None], len(texels), axis=0), texels)[:, :, :2]).sum(
+                axis=1
+            )
             for corner in corners
         ]
     )

@@ -9,10 +9,11 @@ from engine import Material, Scene, Texture
 from engine.device.cl_device import ComputeDevice
 from engine.scene.cutouts import BOUNCE, SHADOW, read_cutouts
 from engine.scene.tints import EXACT, SIZE, tint_palette
-from engine.scene.transmission import CLEAR, OPAQUE, Transmission, Transmittance, uniform_transmission
+from engine.scene.transmission import CLEAR, OPAQUE, Transmission, Transmittance
 from engine.scene.triangles import join_meshes
 from engine.visibility.rays.ray_tracer import RayTracer
 from tests.analytic.scenes import quads, rectangle
+from tests.transparency import uniform_transmission
 
 BLACK = np.zeros(3, np.float32)
 UP, DOWN = (0, 0, 1), (0, 0, -1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.patches.patch_list import PatchList
-from engine.patches.seams import Seams, find_seams
+from engine.patches.seams import Seams
 from engine.postprocess.bilinear import footprints
 from engine.postprocess.bilinear_fit import BilinearFit
 from engine.postprocess.bounded_cg import BoundedCg
@@ -14,6 +14,7 @@ from engine.postprocess.dilation import Dilation
 from engine.postprocess.ell_matrix import EllMatrix
 from engine.postprocess.lightmap_points import LightmapPoints, off_centre_patches
 from engine.postprocess.texel_stencil import TexelStencil
+from tests.seams import find_seams
 from tests.unit.test_seams import R, cylinder, joined, tile, world_of
 
 NO_SEAMS = Seams(np.zeros((0, 2), np.int32), np.zeros((0, 2, 2)), np.zeros(0))

@@ -10,8 +10,8 @@ from engine import Light, Material, Mesh, Scene, Texture
 from engine.scene import digests
 from engine.scene.digests import ArrayDigests, digest_of, geometry_digest, surfaces_digest
 from engine.scene.model import NO_LIGHTMAP
-from engine.scene.transmission import CLEAR, Transmission, Transmittance, uniform_transmission
-from tests.transparency import CLEAR_BACK, transparent
+from engine.scene.transmission import CLEAR, Transmission, Transmittance
+from tests.transparency import CLEAR_BACK, transparent, uniform_transmission
 
 
 def texture(seed: int, channels: int, uv_map: str = "UVMap") -> Texture:

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from engine.patches.seams import find_seams, no_seams
+from engine.patches.seams import no_seams
 from engine.postprocess.bilinear_equations import display_equations
 from engine.postprocess.final_images import FinalImages
 from engine.postprocess.seam_lookups import display_seams
+from tests.seams import find_seams
 from tests.unit.test_bilinear_fit import centres, covered, points_at, shown, step
 from tests.unit.test_seams import R, joined, tile
 

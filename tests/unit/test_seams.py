@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine.patches.chart_edges import chart_edges
-from engine.patches.seams import find_seams
 from engine.scene.triangles import Triangles
+from tests.seams import find_seams
 
 R = 64
 

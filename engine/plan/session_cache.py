@@ -55,7 +55,7 @@ class SessionCache:
     key:             digest of the scene and settings for which the cache is valid
     surfaces:        open surfaces of the last scene
     probes:          visibility of probes, by volume and samples; see `probes.gather_probes`
-    visible:         back faces of the last scene that something sees
+    visible:         back faces of the last scene that rays from surfaces meet
     checkpoints:     files of interrupted bakes and of the current one
     """
 

@@ -44,7 +44,7 @@ class Contacts:
 
 
 def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return which patches are covered by a touching face, and which are back to back, (n,) bool each.
+    """Return masks of patches covered by a touching face, and of patches back to back, (n,) bool each.
 
     A covered patch is not visible, and its rays would start beyond the other face. Back-to-back patches are
     visible, since both faces are open to their side.

@@ -167,7 +167,7 @@ class DirectLighting:
         return (yield from self._casting().ambient_occlusion())
 
     def contacts(self) -> Contacts:
-        """Return which patches touching faces cover, which are back to back, and which back faces light."""
+        """Return masks of patches that are covered, back to back, or lit by back faces; see `Contacts`."""
         return self._near or Contacts(*self._in_contact(), self.lit_by_backs(self._ray_scene))
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
@@ -179,7 +179,7 @@ class DirectLighting:
         return patches_lit_by_backs(points, points.count, shining, triangles.positions[: triangles.solid])
 
     def _in_contact(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return which patches touching faces cover, and which are back to back, (n,) bool each.
+        """Return masks of patches covered by a touching face, and of patches back to back, (n,) bool each.
 
         A patch of a back face coincides with the front of the same face, which does not count as a cover.
         """

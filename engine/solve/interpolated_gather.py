@@ -21,7 +21,7 @@ class InterpolatedGather:
     """Adaptive `FinalGather` for n patches, from a solution of m patch groups or of the patches.
 
     Where the irradiance of the groups around a patch is planar over the lightmap, the patch is interpolated,
-    with a correction for curvature. Among the remaining patches, the representatives of smaller squares
+    with a correction for curvature. Among the remaining patches, the representatives of smaller groups
     gather first, and planes are fitted to their irradiance; patches that still do not fit gather too.
     Gathered irradiance that lies in a plane with the irradiance of neighbour patches is replaced by the
     plane's value, which has less noise.
@@ -90,7 +90,7 @@ class InterpolatedGather:
         sampled_light: np.ndarray,
         gather_patches: Callable[[np.ndarray], Generator[float, None, np.ndarray]],
     ) -> Generator[float, None, np.ndarray]:
-        """Return E/pi of light groups, (g, n, 3) float32, after all light was gathered.
+        """Return E/pi of light groups, (g, n, 3) float32; call it after all light was gathered.
 
         Yields progress 0..1.
 
@@ -122,7 +122,7 @@ class InterpolatedGather:
 
         Yields progress 0..1.
 
-        fit:         fits planes to the light of squares; see `Interpolation.fit`
+        fit:         fits planes to the light of groups; see `Interpolation.fit`
         gather_for:  replaces the light of patches, by index, in layers of all patches
         lowest:      lower bound of the light
         """

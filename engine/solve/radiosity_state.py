@@ -111,7 +111,7 @@ class Radiosity(Protocol):
     def set_substitutes(self, substitute: np.ndarray) -> None:
         """Replace the reflected light of each patch by the light of another, (n,) int64, mostly its own.
 
-        Most patches are their own substitute. Emission stays. The current radiance is updated too.
+        Emission stays. The current radiance is updated too.
         """
 
     def iterate(self, column: int) -> Values:

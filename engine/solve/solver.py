@@ -120,7 +120,7 @@ class Solver:
         if self._newest < 0:
             return self._sampled_light
 
-        # The array object stays the same, because uploads are cached by object.
+        # Return the same array object each time, because uploads are cached by object.
         light = self._newest_light
         if isinstance(light, DeviceArray):
             return light.colors

@@ -23,7 +23,7 @@ from .polygon_mesh import PolygonMesh, areas, signed_areas
 #: UV of each triangle corner, (t, 3, 2) float64, metres, and chart of each triangle, (t,) int64, -1 for none.
 Segments = tuple[np.ndarray, np.ndarray]
 
-#: Side of a square with the number of texels of the draft layout.
+#: Width in texels of a square with as many texels as the draft layout has.
 _DRAFT = 887
 
 #: Maximum extent of a mesh in the draft layout, texels.

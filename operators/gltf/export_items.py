@@ -113,7 +113,7 @@ class _Group:
 
 
 def _grouped(surfaces: Iterable[ExportItem], name: str) -> dict:
-    """Return the surfaces grouped by an attribute."""
+    """Return the surfaces in a dictionary by the value of an attribute."""
     groups: dict = {}
     for surface in surfaces:
         groups.setdefault(getattr(surface, name), []).append(surface)

@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine import Light, Settings, bake, finished
+from engine import Light, Settings, finished
 from engine.device.cl_device import device_name, found_devices, trouble_with
+from engine.session import Session
 from tests.gpu.test_live import LIT, ROOM
 
 SETTINGS = Settings(resolution=37, hemicube=8, samples=64, light_samples=9, hide_seams=True, texel_samples=4)
@@ -17,6 +18,15 @@ SCENE = dataclasses.replace(ROOM, lights=(*LIT, SUN, PANEL))
 
 _NAMES = [device_name(device) for device in found_devices() if not trouble_with(device)]
 DEVICES = list(dict.fromkeys(_NAMES))
+
+
+@pytest.fixture(scope="module")
+def sessions():
+    """A session for each device: a driver builds programs for seconds."""
+    made = {name: Session() for name in DEVICES}
+    yield made
+    for session in made.values():
+        session.close()
 
 
 @pytest.mark.skipif(len(DEVICES) < 2, reason="one OpenCL driver alone")
@@ -30,11 +40,12 @@ DEVICES = list(dict.fromkeys(_NAMES))
     ],
     ids=["outputs", "drawn", "stream", "groups"],
 )
-def test_every_driver_bakes_the_same_light(changes):
+def test_every_driver_bakes_the_same_light(sessions, changes):
     """Rays that end beside an edge may differ: a texel in a hundred."""
     settings = dataclasses.replace(SETTINGS, **{"visibility": "rays", **changes})
     first, *others = [
-        finished(bake(SCENE, dataclasses.replace(settings, opencl_device=name))) for name in DEVICES
+        finished(session.bake(SCENE, dataclasses.replace(settings, opencl_device=name)))
+        for name, session in sessions.items()
     ]
     for name, other in zip(DEVICES[1:], others, strict=True):
         known = first.known & other.known

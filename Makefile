@@ -16,7 +16,7 @@ WHEELS := out/wheels/.ready
 WHEELS_DASK := out/wheels_dask/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-fast test-4.2 test-4.5 test-5.1 test-5.2 test-5.3 test-long package package-dask test-package test-package-short test-gui test-export gui-picture fuzz-short fuzz verify bench bench-gpu lint setup locks clean
+.PHONY: help demo test test-fast test-4.2 test-4.5 test-5.1 test-5.2 test-5.3 test-long package package-dask test-package test-package-short test-gui test-export gui-picture gallery fuzz-short fuzz verify bench bench-gpu lint setup locks clean
 
 help: ## list the targets
 	@grep -E '^[a-z0-9.-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9.-]+):.*## /\1\t/' | expand -t 20
@@ -84,6 +84,9 @@ gui-picture: package ## renew the pictures of Blender and of all panels in READM
 	.venv/bin/python -m tools.gui.docs_picture out/package/hemibake-*-linux_x64.zip docs/user/pictures/blender.png
 	.venv/bin/python -m tools.gui.live_picture out/package/hemibake-*-linux_x64.zip docs/user/pictures/live.png
 	.venv/bin/python -m tools.gui.panel_pictures out/package/hemibake-*-linux_x64.zip docs/user/pictures
+
+gallery: $(READY50) ## build, bake and export the gallery's scenes, and show them in Blender, three.js and Godot
+	.venv/bin/python -m tools.gallery docs/gallery --page docs/gallery.md
 
 verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/design/accuracy.md
 	@tools/system_packages.sh .venv/bin/python

@@ -48,10 +48,20 @@ func set_up(node: Node) -> void:
 		node.current = true
 	if node is Node3D and String(node.name) in asked.hidden:
 		node.visible = false
+	if node is WorldEnvironment and asked.has("background"):
+		set_background(node.environment, asked.background)
 	if node is LightmapGI and asked.has("data"):
 		node.light_data = load("res://" + asked.data.replace("NODE", node.name))
 	for child in node.get_children():
 		set_up(child)
+
+
+# Shows a radiance where nothing is drawn, which lights nothing.
+func set_background(environment: Environment, radiance: Array) -> void:
+	environment.background_mode = Environment.BG_COLOR
+	environment.background_color = Color(radiance[0], radiance[1], radiance[2]).linear_to_srgb()
+	environment.ambient_light_source = Environment.AMBIENT_SOURCE_DISABLED
+	environment.reflected_light_source = Environment.REFLECTION_SOURCE_DISABLED
 
 
 func black() -> WorldEnvironment:

@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import tempfile
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -87,6 +88,7 @@ class WebEngine:
         state: str = "",
         seconds: float = 0.0,
         groups: tuple[tuple[str, tuple[float, float, float], float], ...] = (),
+        background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> Shown:
         """Return what the engine shows through a file's camera; raises RuntimeError with the page's error.
 
@@ -94,10 +96,11 @@ class WebEngine:
         files:    show the lightmaps beside the file instead of those in it
         state:    light state to show, after a fade of `seconds`
         groups:   name, color and strength of light groups that are set before
+        background:  radiance where nothing is shown, in three.js
         """
         asked = {
             "file": path.name, "width": width, "height": height, "hide": hide, "files": files, "state": state,
-            "seconds": seconds, "groups": groups,
+            "seconds": seconds, "groups": groups, "background": background,
         }  # fmt: skip
         problems, data = self.answer(path.parent, asked)
         return Shown(np.frombuffer(data, np.float32).reshape(height, width, 4)[..., :3].copy(), problems)

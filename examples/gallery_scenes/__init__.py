@@ -1,0 +1,1 @@
+"""Scenes of the gallery; the function `build` of each adds it to an empty scene."""

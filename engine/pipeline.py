@@ -6,7 +6,7 @@ visibility comes from cached rays; method "paper" draws radiance hemicubes in ev
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import replace
@@ -33,6 +33,7 @@ from .plan.opencl_fallback import without_opencl
 from .plan.previous_solution import PreviousSolution
 from .plan.remote_devices import RemoteDevices
 from .plan.session_cache import SessionCache
+from .plan.sharing import sharing_devices
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
@@ -64,15 +65,17 @@ def bake(
     kept: SessionCache,
     ship: Ship | None = None,
     inspect: Inspect = ignore,
+    peers: Sequence[ComputeDevice] = (),
 ) -> Generator[Progress, None, BakeResult]:
     """Bake a validated scene; see `engine.bake`. The devices and the session cache stay open.
 
     ship:     sends the scene to other processes; None to use only the given devices
     inspect:  called with the intermediate results before they are released
+    peers:    devices of the model of the OpenCL device that share a large bake
     """
     # On the first use of a device, wait for the programs of direct light. Other programs are built meanwhile.
     yield from stages.prepare(devices.compute, early=True)
-    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect)))
+    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect, peers)))
 
 
 def _current(
@@ -98,6 +101,7 @@ def _bake(
     kept: SessionCache,
     ship: Ship | None,
     inspect: Inspect,
+    peers: Sequence[ComputeDevice],
 ) -> Generator[Progress, None, BakeResult]:
     """Run the stages of the bake."""
     graphics, compute = devices.graphics, devices.compute
@@ -120,11 +124,13 @@ def _bake(
     # Direct light: shadow rays to lights, small bright surfaces and bright sky. The first intermediate
     # lightmap shows it before visibility is computed.
     rays = kept.ray_scene(graphics, compute, patch_scene)
+    rays.peers, shared = sharing_devices(peers, settings, len(patch_scene.patches))
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_squares = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
-    meanwhile = partial(kept.inside, rays) if in_squares else None
-    lighting = DirectLighting(scene, patch_scene, rays, settings, remote, split, meanwhile)
+    lighting = DirectLighting(
+        scene, patch_scene, rays, settings, remote, split, partial(kept.inside, rays) if in_squares else None
+    )
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)
     sampled = yield from _direct_light(stages, store, outputs, lighting, previous, compute)
@@ -182,7 +188,7 @@ def _bake(
         method=choice.method,
         visibility=choice.visibility,
         samples=choice.samples,
-        reasons=(*choice.reasons, *finishing.reasons),
+        reasons=(*choice.reasons, *shared, *finishing.reasons),
         iterations=solution.iterations,
         convergence_error=solution.residual,
         converged=solution.converged or not settings.has_indirect,

@@ -25,7 +25,7 @@ from .resume.checkpoint import Checkpoints
 from .scene.checks import check_scene
 from .scene.model import Scene
 from .scene.scene_changes import SceneChanges
-from .settings import Settings, check_settings
+from .settings import ALL_DEVICES, Settings, check_settings
 
 if TYPE_CHECKING:
     from .bake_state import Inspect
@@ -150,9 +150,12 @@ class Session:
         kept.checkpoints = _checkpoints(settings)
         stages.opened(devices.on_card)
         try:
-            with _workers(settings) as workers:
+            peers = devices.peers() if settings.scheduler == ALL_DEVICES else ()
+            with _workers(replace(settings, scheduler="") if peers else settings) as workers:
                 ship = partial(workers.ship, settings) if workers else None
-                lightmap = yield from bake(devices, scene, settings, stages, kept, ship, inspect or ignore)
+                lightmap = yield from bake(
+                    devices, scene, settings, stages, kept, ship, inspect or ignore, peers
+                )
         except GeneratorExit:
             if settings.warm_start or self._is_warming_up:
                 self._keep(devices, kept, settings)

@@ -24,6 +24,9 @@ from .setting_types import (
     described,
 )
 
+#: Value of `Settings.scheduler` for all devices of this machine.
+ALL_DEVICES = "all"
+
 _METHODS = {
     "auto": Option("Automatic", "Cached if there is memory for it, else Stream"),
     "cached": Option(
@@ -270,7 +273,7 @@ class Settings:
     scheduler: str = described(
         "",
         "Scheduler",
-        "Address of a Dask scheduler, such as tcp://host:8786. 'all' uses all local devices, empty uses one",
+        "Address of a Dask scheduler, such as tcp://host:8786. 'all' uses all local GPUs, empty uses one",
         Address(),
         PREFERENCES,
         invalidates=(),

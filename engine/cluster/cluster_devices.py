@@ -19,12 +19,11 @@ from ..plan.solver_choice import SolverChoice
 from ..plan.visibility_trial import untried_visibility
 from ..postprocess.texel_samples import TexelSamples
 from ..scene.color import colors_of
-from ..settings import Settings
+from ..settings import ALL_DEVICES, Settings
 from ..visibility.rays.ray_scene import RayScene
 from . import block, final_tasks, shadow_tasks
 from .blocks import Span, cut
 from .distributed_scene import DistributedScene
-from .local_workers import LOCAL
 from .patch_rows import PatchRows
 from .patch_table import PatchTable, SceneTable, SparseRadiance
 from .radiance_exchange import RadianceExchangePair
@@ -78,7 +77,7 @@ class ClusterDevices:
             if count == 1
             else f"{count} Dask workers compute visibility and gather"
         )
-        watched = "" if self._settings.scheduler == LOCAL else f"; dashboard: {self._tasks.dashboard}"
+        watched = "" if self._settings.scheduler == ALL_DEVICES else f"; dashboard: {self._tasks.dashboard}"
         return f"{who} for them{watched}."
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:

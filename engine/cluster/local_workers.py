@@ -19,9 +19,6 @@ from ..errors import DeviceError
 from .event_loop import event_loop
 from .prepared_scene import DEVICE
 
-#: Value of the setting `scheduler` that starts one worker per device of this machine.
-LOCAL = "all"
-
 #: Address of scheduler, workers and dashboards, not reachable from other machines.
 _HERE = "127.0.0.1"
 

@@ -13,14 +13,14 @@ from ..direct.emitters import SampledTriangles
 from ..errors import DeviceError
 from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
-from ..settings import Settings
+from ..settings import ALL_DEVICES, Settings
 from ..visibility.rays.ray_scene import RayScene
 from .admission import REFUSED, Admission, refusal
 from .cluster_devices import ClusterDevices
 from .connection import connected, is_of_this_machine, is_private
 from .distributed_scene import DistributedScene
 from .event_loop import event_loop
-from .local_workers import LOCAL, RESULTS, LocalWorkers, local_environments
+from .local_workers import RESULTS, LocalWorkers, local_environments
 from .memory_folder import is_at_hand, memory_folder
 from .scene_payload import ScenePayload
 from .tasks import Tasks
@@ -97,7 +97,7 @@ def workers(scheduler: str) -> Iterator[Workers]:
     Raises DeviceError if there is no scheduler at the address, or it has no workers.
     """
     with memory_folder() as folder:
-        if scheduler == LOCAL:
+        if scheduler == ALL_DEVICES:
             with closing(LocalWorkers(local_environments())) as local:
                 yield Workers(local.client, folder)
             return

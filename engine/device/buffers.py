@@ -23,6 +23,14 @@ def upload(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
     return buffer
 
 
+def write(compute: ComputeDevice, buffer: cl.Buffer, values: np.ndarray, at: int) -> None:
+    """Write a contiguous array into a buffer from byte `at` on."""
+    if compute.is_staged(values.nbytes):
+        compute.staging.write(buffer, values, at)
+    else:
+        cl.enqueue_copy(compute.queue, buffer, values, dst_offset=at)
+
+
 def upload_rows_once(compute: ComputeDevice, values: np.ndarray) -> tuple[cl.Buffer, int]:
     """Upload values, (n, c), as float32 with the gaps between rows; return buffer and row stride.
 

@@ -12,6 +12,7 @@ from .async_open import AsyncOpen
 from .cl_device import ComputeDevice
 from .gl_context import GraphicsContext
 from .opencl import cl
+from .peers import open_peers
 
 #: Text in the OpenCL error for a buffer above the maximum size.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"
@@ -36,6 +37,7 @@ class Devices:
     ) -> None:
         self.cache_dir, self.opencl_device, self.missing = cache_dir, opencl_device, ""
         self.compute: ComputeDevice | None = None
+        self._peers: tuple[ComputeDevice, ...] | None = None
         try:
             self.compute = opening.compute() if opening else ComputeDevice(cache_dir, opencl_device)
         except DeviceError as error:
@@ -54,6 +56,12 @@ class Devices:
     def begin_opening(cache_dir: str | None, opencl_device: str | None) -> AsyncOpen:
         """Start to open an OpenCL device for these parameters."""
         return AsyncOpen(lambda ahead: ComputeDevice(cache_dir, opencl_device, ahead=ahead))
+
+    def peers(self) -> tuple[ComputeDevice, ...]:
+        """Return the other GPUs of the same model, opened on first use."""
+        if self._peers is None:
+            self._peers = open_peers(self.compute, self.cache_dir) if self.compute else ()
+        return self._peers
 
     @property
     def on_card(self) -> bool:
@@ -87,8 +95,9 @@ class Devices:
         self._release_compute()
 
     def _release_compute(self) -> None:
-        if self.compute is not None:
-            self.compute.release()
+        for compute in (self.compute, *(self._peers or ())):
+            if compute is not None:
+                compute.release()
 
 
 def _is_memory_error(error: Exception) -> bool:

@@ -31,8 +31,11 @@ class Staging:
         self._copies: list[cl.Event | None] = [None] * _CHUNKS
         self._next = 0
 
-    def write(self, buffer: cl.Buffer, values: np.ndarray) -> None:
-        """Write a contiguous array into a buffer; the array may change after the call returns."""
+    def write(self, buffer: cl.Buffer, values: np.ndarray, at: int = 0) -> None:
+        """Write a contiguous array into a buffer from byte `at` on.
+
+        The array may change after the call returns.
+        """
         source = values.reshape(-1).view(np.uint8)
         for first in range(0, len(source), _CHUNK):
             part = source[first : first + _CHUNK]
@@ -40,7 +43,7 @@ class Staging:
             chunk = self._chunks[slot][: len(part)]
             chunk[:] = part
             self._copies[slot] = cl.enqueue_copy(
-                self._queue, buffer, chunk, dst_offset=first, is_blocking=False
+                self._queue, buffer, chunk, dst_offset=at + first, is_blocking=False
             )
         self._queue.flush()
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 from .opencl import cl
+from .row_range import RowRange
 
 #: Seconds below which a slice is mostly launch latency, so that the size grows regardless of throughput.
 #: Chosen.
@@ -82,13 +83,22 @@ class TimeSlicer:
 
         work:  returns when its slice is complete
         """
-        start, self._allowed = first, self._limits.longest
-        while start < last:
-            end, began = min(start + self._items, last), time.perf_counter()
-            work(start, end)
-            self._adapt(_Slice(end - start, time.perf_counter() - began))
-            start = end
+        for _, end in self.share(RowRange(first, last), work):
             yield end
+
+    def share(
+        self, rows: RowRange, work: Callable[[int, int], object], from_end: bool = False
+    ) -> Generator[tuple[int, int], None, None]:
+        """Call work(start, end) for slices of rows that other devices take from too; yield each slice.
+
+        from_end:  take slices from the end of the rows
+        """
+        self._allowed = self._limits.longest
+        while (taken := rows.take(self._items, self._limits.fill, from_end)) is not None:
+            began = time.perf_counter()
+            work(*taken)
+            self._adapt(_Slice(taken[1] - taken[0], time.perf_counter() - began))
+            yield taken
 
     def _adapt(self, done: _Slice) -> None:
         """Choose the size of the next slice; a shortened last slice only counts if it is too slow."""
@@ -164,9 +174,24 @@ def sliced(
 
     size:  controller from earlier slices of the same work
     """
+    for _, end in sliced_rows(queue, RowRange(first, last), launch, size):
+        yield end
+
+
+def sliced_rows(
+    queue: cl.CommandQueue,
+    rows: RowRange,
+    launch: Callable[[int, int], object],
+    size: TimeSlicer,
+    from_end: bool = False,
+) -> Generator[tuple[int, int], None, None]:
+    """Call launch(start, end) for slices of rows; yield each slice after the queue finishes.
+
+    Parameters as for `sliced` and `TimeSlicer.share`.
+    """
 
     def work(start: int, end: int) -> None:
         launch(start, end)
         queue.finish()
 
-    return size.run(first, last, work)
+    return size.share(rows, work, from_end)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -14,12 +15,15 @@ from ..device.buffers import (
     upload,
     upload_float4_once,
     upload_once,
+    write,
     zeros,
 )
 from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
-from ..device.time_slicer import sliced
+from ..device.peer_threads import run_beside
+from ..device.row_range import RowRange
+from ..device.time_slicer import sliced_rows
 from ..patches.patch_scene import PatchScene
 from ..progress import run_as_fraction
 from ..scene.light_groups import LightGroups
@@ -49,6 +53,10 @@ class ShadowCaster(Protocol):
         ...
 
 
+#: Function that returns the kernel of a caster and the kernel's arguments between receivers and result.
+_Work = Callable[["ShadowRays"], "tuple[Kernel, tuple]"]
+
+
 class ShadowRays:
     """Shadow rays from the patches of `receivers` to all sampled lights.
 
@@ -68,6 +76,7 @@ class ShadowRays:
         settings: Settings,
     ) -> None:
         compute, rays = receivers.compute, receivers.rays
+        self._scene, self._lights = receivers, (parts, lamps, bright, sky, settings)
         self._compute, self._rays, self._settings = compute, rays, settings
         self._count, self._triangles = receivers.count, len(parts.triangles.mesh).bit_length()
         options = directional_options(settings)
@@ -150,9 +159,12 @@ class ShadowRays:
         """
         reach = np.float32(self._settings.ao_distance or np.inf)
         arguments = (np.int32(self._settings.ao_samples), reach, np.uint32(self._settings.seed))
-        (occlusion,) = self._rays.kernels((*EMITTER_RECORDS, "ambient_occlusion.cl"), "ambient_occlusion")
-        samples = self._settings.ao_samples
-        result = yield from self._sliced(occlusion, samples, arguments, self._count)
+
+        def occlusion(caster: ShadowRays) -> tuple[Kernel, tuple]:
+            (kernel,) = caster._rays.kernels((*EMITTER_RECORDS, "ambient_occlusion.cl"), "ambient_occlusion")
+            return kernel, arguments
+
+        result = yield from self._cast(occlusion, self._settings.ao_samples, self._count)
         return download(self._compute, result, (self._count, 4))[:, 0].copy()
 
     def _light(
@@ -165,13 +177,18 @@ class ShadowRays:
         items = self._count if chosen is None else len(chosen)
         tree = build_light_tree(emitters)
         nodes = tree.nodes if len(tree.nodes) else LIGHT_NODE.array(1)
-        arguments = (
-            upload(self._compute, emitters), upload(self._compute, nodes), np.int32(tree.root),
-            *self._modulations, np.int32(budget),
-            *self._glow, *self._sky, np.uint32(self._settings.seed), self._l1,
-            None if chosen is None else upload(self._compute, chosen),
-        )  # fmt: skip
-        return (yield from self._sliced(self._direct, budget, arguments, items))
+
+        def direct(caster: ShadowRays) -> tuple[Kernel, tuple]:
+            compute = caster._compute
+            arguments = (
+                upload(compute, emitters), upload(compute, nodes), np.int32(tree.root),
+                *caster._modulations, np.int32(budget),
+                *caster._glow, *caster._sky, np.uint32(self._settings.seed), caster._l1,
+                None if chosen is None else upload(compute, chosen),
+            )  # fmt: skip
+            return caster._direct, arguments
+
+        return (yield from self._cast(direct, budget, items))
 
     def _read_l1(self, items: int) -> np.ndarray:
         """Return L1 of the light sampled last, (items, 3, 3) float32. (0, 3, 3) without directional maps."""
@@ -179,20 +196,47 @@ class ShadowRays:
             return np.zeros((0, 3, 3), np.float32)
         return download_colors(self._compute, self._l1, items, 3).transpose(1, 0, 2)
 
-    def _sliced(
-        self, kernel: Kernel, samples: int, arguments: tuple, items: int
-    ) -> Generator[float, None, cl.Buffer]:
-        """Run a kernel over items in time slices; return its results, float4 of each item."""
-        result = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * items)
+    def _cast(self, work: _Work, samples: int, items: int) -> Generator[float, None, cl.Buffer]:
+        """Run a kernel over items on all devices that share the patches; yield progress 0..1.
+
+        Returns its results, float4 of each item.
+        """
+        peers = () if self._settings.directional else self._scene.peers
+        rows, result = RowRange(0, items, 1 + len(peers)), self._result(items)
+        found: list[tuple[int, np.ndarray]] = []
+
+        def cast_on(peer: ComputeDevice) -> None:
+            caster = self._on(peer)
+            there = caster._result(items)
+            for first, end in caster._slices(work, samples, rows, there, from_end=True):
+                found.append((first, download(peer, there, (end - first, 4), 16 * first)))
+
+        own = rows.progress(self._slices(work, samples, rows, result))
+        yield from run_beside(own, [partial(cast_on, peer) for peer in peers], rows.stop)
+        for first, light in found:
+            write(self._compute, result, light, 16 * first)
+        return result
+
+    def _on(self, peer: ComputeDevice) -> ShadowRays:
+        """Return the caster of the same rays on another device."""
+        return ShadowRays(self._scene.on(peer), *self._lights)
+
+    def _result(self, items: int) -> cl.Buffer:
+        """Return a buffer for the results of items, float4 each."""
+        return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 16 * items)
+
+    def _slices(
+        self, work: _Work, samples: int, rows: RowRange, result: cl.Buffer, from_end: bool = False
+    ) -> Generator[tuple[int, int], None, None]:
+        """Run a kernel over slices of rows on this device; yield each slice."""
+        kernel, arguments = work(self)
 
         def launch(start: int, end: int) -> None:
             slice_ = np.int32(start), np.int32(end)
             self._rays.run(kernel, end - start, self._receivers, *arguments, result, *slice_)
 
         size = self._compute.slice_size(kernel, samples, self._triangles)
-        for end in sliced(self._compute.queue, 0, items, launch, size):
-            yield end / items
-        return result
+        yield from sliced_rows(self._compute.queue, rows, launch, size, from_end)
 
 
 def glow_arguments(compute: ComputeDevice, parts: PatchScene, bright: SampledTriangles) -> tuple:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from functools import partial
 
+from ..device.buffers import download
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
+from ..device.peer_threads import run_beside
+from ..device.row_range import RowRange
 from ..progress import finished, run_as_fraction
 from ..resume.checkpoint import Checkpoint
 from ..visibility.rays.ray_sampler import GatheredBuffers, RaySampler
@@ -15,10 +19,11 @@ from .device_l1 import L1
 from .gather_kernels import GatherKernels
 from .interface import GatherBuffers
 from .l1_gather import L1Gather, NoL1
+from .peer_stream import PeerStream
 from .visibility_cache import BackfaceLight, SampleRows, VisibilityCache
 
 #: Sparse iterations read one of this many groups of four samples (chosen).
-_STRIDE = 8
+STRIDE = 8
 
 #: Minimum number of samples per patch for sparse iterations.
 _MANY = 1024
@@ -60,7 +65,7 @@ class CachedGather:
         if not self._begun:
             yield from self._begin(light)
         self._l1.keep_radiance(light.radiance)
-        stride = _STRIDE if light.sparse else 1
+        stride = STRIDE if light.sparse else 1
         for rows in self._kept.pieces:
             self._kernels.gather(rows, light.radiance, self._static.light, light.outputs(column), stride)
         yield 1.0
@@ -137,7 +142,10 @@ class StreamGather:
 
 
 class RayStreamGather:
-    """Gather that traces all rays in every iteration and stores no samples."""
+    """Gather that traces all rays in every iteration and stores no samples.
+
+    others:  other devices that gather a part of the patches; none with L1
+    """
 
     def __init__(
         self,
@@ -146,8 +154,10 @@ class RayStreamGather:
         count: int,
         sources: int,
         l1: L1Gather | NoL1,
+        others: Sequence[PeerStream] = (),
     ) -> None:
         self._sampler, self._count, self._l1 = sampler, count, l1
+        self._compute, self._sources, self._others = compute, sources, others
         self._kernels = GatherKernels(compute, SampleLayout.of(sampler))
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
         self._backs_seen = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sources + 1)
@@ -155,7 +165,15 @@ class RayStreamGather:
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
         """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
-        yield from self._sampler.gather(self._count, light.radiance, seen)
+        rows = RowRange(0, self._count, 1 + len(self._others))
+        own = rows.progress(self._sampler.gather(rows, light.radiance, seen))
+        others = []
+        if self._others:
+            radiance = download(self._compute, light.radiance, (self._sources + 2, 4))
+            others = [partial(other.gather, rows, radiance) for other in self._others]
+        yield from run_beside(own, others, rows.stop)
+        for other in self._others:
+            other.write_to(self._compute, self._gathered, light.patches_seen)
         self._kernels.take(self._gathered, light, column)
 
     def gather_l1(self) -> Generator[float, None, L1]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import zeros
+from ..device.buffers import download, write, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
+from ..device.row_range import RowRange
 from ..patches.patch_scene import PatchScene
 from ..resume.checkpoint import Checkpoint
 from ..scene.digests import same_values
@@ -21,6 +22,9 @@ from .stale_samples import StaleSamples
 
 #: Maximum size of a piece of the cache, bytes.
 _PIECE = 1 << 30
+
+#: Minimum number of patches of a piece where several devices share the patches (chosen).
+_FEWEST = 1 << 12
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ class BackfaceLight:
     """
 
     def __init__(self, compute: ComputeDevice, count: int, sources: int, directional: bool) -> None:
+        self._compute = compute
         self.light, self.patches_seen = zeros(compute, 16 * count), zeros(compute, 4 * count)
         self.seen = zeros(compute, -(-(sources + 1) // 4) * 4)
         self.l1 = zeros(compute, 48 * count) if directional else None
@@ -49,6 +54,21 @@ class BackfaceLight:
     def found_with(self, cache: cl.Buffer, first: int) -> VisibilityBuffers:
         """Return the buffers into which a sampler writes the samples of patches from `first` on."""
         return VisibilityBuffers(cache, first, self.light, self.patches_seen, self.seen, self.l1)
+
+    def add(self, other: BackfaceLight, there: ComputeDevice, pieces: Iterable[SampleRows]) -> None:
+        """Add the rows of some pieces, and all marks, from the buffers of another device."""
+        for piece in pieces:
+            for name, table in other.tables().items():
+                if table.row:
+                    shape = ((piece.last - piece.first) * table.row // 4,)
+                    first = piece.first * table.row
+                    rows = download(there, table.buffer, shape, first)
+                    write(self._compute, self.tables()[name].buffer, rows, first)
+        here, marks = (
+            download(device, buffer, (buffer.size // 4,)).view(np.uint8)
+            for device, buffer in ((self._compute, self.seen), (there, other.seen))
+        )
+        write(self._compute, self.seen, here | marks, 0)
 
     @property
     def bytes(self) -> int:
@@ -68,10 +88,12 @@ class VisibilityCache:
     The cache is valid for any light on the same patches. Exception: emission of back faces is summed, not
     stored per sample.
 
+    compute:   device of the samples
     sampling:  layout of the samples
     count:     number of receiving patches
     pieces:    rows in allocation order; incomplete until all patches are done
     limited:   True if rows were freed after a bake, see `shrink`
+    others:    caches of the other rows, on other devices
     """
 
     def __init__(
@@ -89,12 +111,13 @@ class VisibilityCache:
         rays:      rays from these patches
         emission:  (m, 3) float32 radiance of the patches that samples may hit
         """
-        self._compute, self.sampling, self.count = compute, sampling, len(parts.patches)
+        self.compute, self.sampling, self.count = compute, sampling, len(parts.patches)
         self._parts, self._receivers, self._emission = parts, rays.receivers, emission
         self._moved: StaleSamples | None = None
         self.backs = BackfaceLight(compute, self.count, len(emission), directional)
         self.pieces: list[SampleRows] = []
         self._found, self.limited = 0, False
+        self.others: list[VisibilityCache] = []
 
     @property
     def complete(self) -> bool:
@@ -117,6 +140,8 @@ class VisibilityCache:
         The next bake computes the freed rows again. A cache with stale samples is kept or freed as a whole.
         """
         row = self.sampling.row_bytes
+        if self.others:
+            return all(cache._bytes <= budget for cache in (self, *self.others))
         fitting = max(0, budget - self.backs.bytes) // row
         if fitting >= sum(rows.last - rows.first for rows in self.pieces):
             return True
@@ -137,9 +162,9 @@ class VisibilityCache:
         if rows.last <= last:
             return
         size = self.sampling.row_bytes * (last - rows.first)
-        cache = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)
-        cl.enqueue_copy(self._compute.queue, cache, rows.cache, byte_count=size)
-        self._compute.queue.finish()
+        cache = cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size)
+        cl.enqueue_copy(self.compute.queue, cache, rows.cache, byte_count=size)
+        self.compute.queue.finish()
         self.pieces[-1] = SampleRows(cache, rows.first, last)
 
     def find(self, sampler: VisibilitySampler, checkpoint: Checkpoint) -> Generator[float, None, None]:
@@ -168,6 +193,38 @@ class VisibilityCache:
                 f"Visibility of {known:,} of {self.count:,} texels was restored from an interrupted bake."
             )
 
+    def take(
+        self, sampler: VisibilitySampler, rows: RowRange, from_end: bool = False
+    ) -> Generator[None, None, None]:
+        """Compute the samples of rows that other devices take from too, until none is left.
+
+        A piece must fit `backs`, which holds all patches.
+        """
+        wanted = max(1, self._largest_piece // self.sampling.row_bytes)
+        while (taken := rows.take(wanted, _FEWEST, from_end)) is not None:
+            size = self.sampling.row_bytes * (taken[1] - taken[0])
+            cache = cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size)
+            self.pieces.append(SampleRows(cache, *taken))
+            for _ in sampler.find(*taken, self.backs.found_with(cache, taken[0])):
+                yield
+
+    def join(self, others: list[VisibilityCache]) -> None:
+        """Add the rows that other devices have computed; this cache then counts as complete."""
+        if not self.complete:
+            for other in others:
+                self.backs.add(other.backs, other.compute, other.pieces)
+        self.others, self._found = others, self.count
+
+    @property
+    def _largest_piece(self) -> int:
+        """Maximum size of a piece, bytes."""
+        return int(min(_PIECE, self.compute.device.max_mem_alloc_size))
+
+    @property
+    def _bytes(self) -> int:
+        """Device memory of the samples and of the light of back faces, bytes."""
+        return self.backs.bytes + sum(rows.cache.size for rows in self.pieces)
+
     def _find_again(self, sampler: RaySampler, moved: StaleSamples) -> Generator[float, None, None]:
         """Update stale samples after geometry moved; yield progress 0..1."""
         moved.begun = True
@@ -183,15 +240,14 @@ class VisibilityCache:
         """Return the reader and writer of checkpoints for the sample rows of one buffer."""
         tables = {"samples": Table(rows.cache, self.sampling.row_bytes, rows.first), **self.backs.tables()}
         patches = (rows.first, rows.last)
-        return SavedRows(self._compute, checkpoint, self.sampling.name, patches, tables)
+        return SavedRows(self.compute, checkpoint, self.sampling.name, patches, tables)
 
     def _unfinished_piece(self) -> SampleRows:
         """Return the piece of the first missing patch; allocate it if there is none."""
         if self.pieces and self._found < self.pieces[-1].last:
             return self.pieces[-1]
-        row, context = self.sampling.row_bytes, self._compute.context
-        largest = min(_PIECE, self._compute.device.max_mem_alloc_size)
-        first, last = self._found, min(self._found + max(1, largest // row), self.count)
+        row, context = self.sampling.row_bytes, self.compute.context
+        first, last = self._found, min(self._found + max(1, self._largest_piece // row), self.count)
         cache = cl.Buffer(context, cl.mem_flags.READ_WRITE, row * (last - first))
         self.pieces.append(SampleRows(cache, first, last))
         return self.pieces[-1]
@@ -236,7 +292,7 @@ class VisibilityCache:
     def _backs_seen(self) -> np.ndarray:
         """Patches whose back faces are visible, (m,) bool."""
         marks = np.empty(self.backs.seen.size, np.uint8)
-        cl.enqueue_copy(self._compute.queue, marks, self.backs.seen)
+        cl.enqueue_copy(self.compute.queue, marks, self.backs.seen)
         seen: np.ndarray = marks[1 : len(self._emission) + 1] > 0
         return seen
 

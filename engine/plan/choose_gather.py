@@ -6,17 +6,21 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
+from ..device.cl_device import ComputeDevice
 from ..gather.background_light import BackgroundLight
 from ..gather.cached_gather import CachedGather, RayStreamGather, StreamGather
 from ..gather.interface import DeviceGather
 from ..gather.l1_gather import L1Gather, NoL1
+from ..gather.peer_stream import PeerStream
 from ..gather.remote_gather import RemoteIteration
+from ..gather.shared_gather import DeviceParts, DeviceRows, SharedCachedGather
 from ..gather.visibility_cache import BackfaceLight, VisibilityCache
 from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.sample_counts import expected_samples
 from ..visibility.sampler import SampleLayout, VisibilitySampler
-from .memory import is_cached, memory_budget, memory_clause
+from .memory import is_cached, memory_budget, memory_clause, shares_cache
 from .solve_job import SolveJob
 from .solver_choice import SolverChoice
 from .visibility_trial import SAMPLERS, choose_sampler, make_sampler, untried_visibility
@@ -59,7 +63,9 @@ def _remote_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
 def _reused_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
     """Return a gather from the visibility cache of an earlier bake; None if no valid cache exists."""
     cache = job.kept.samples
-    if cache is None or not cache.pieces or not cache.holds_for(job.parts, job.rays, job.back_emission):
+    if cache is None or not cache.pieces or (cache.others and job.settings.warm_start):
+        return None
+    if not cache.holds_for(job.parts, job.rays, job.back_emission):
         return None
     sampling, found = cache.sampling, cache.complete
     facts = (sampling.name, sampling.samples, (_reason_of(cache),))
@@ -124,10 +130,41 @@ def _gather_for(job: SolveJob, sampler: VisibilitySampler) -> tuple[DeviceGather
 
 def caching_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
     """Return a gather that stores visibility in the session cache during the first iteration."""
-    sampling = SampleLayout.of(sampler)
-    seen = (job.parts, job.rays, job.back_emission, job.settings.directional)
-    job.kept.samples = VisibilityCache(job.opencl, sampling, *seen)
+    job.kept.samples = _empty_cache(job, SampleLayout.of(sampler))
+    resumes = job.checkpoint.rows_from_the_first(sampler.name)
+    if shares_cache(job) and isinstance(sampler, RaySampler) and not resumes:
+        job.kept.background.clear()
+        others = [DeviceRows(peer, partial(_new_parts, job.on(peer))) for peer in job.rays.peers]
+        return _shared_gather(job, job.kept.samples, sampler, others)
     return _cached_gather(job, job.kept.samples, sampler)
+
+
+def _empty_cache(job: SolveJob, sampling: SampleLayout) -> VisibilityCache:
+    """Return an empty visibility cache for the patches of a job."""
+    seen = (job.parts, job.rays, job.back_emission, job.settings.directional)
+    return VisibilityCache(job.opencl, sampling, *seen)
+
+
+def _new_parts(job: SolveJob) -> DeviceParts:
+    """Return the objects of another device that computes visibility samples and gathers from them."""
+    sampler = RaySampler(job.opencl, job.rays, job.parts, job.background, job.settings)
+    sampling = SampleLayout.of(sampler)
+    return DeviceParts(_empty_cache(job, sampling), sampler, static_light(job, sampling))
+
+
+def _kept_rows(job: SolveJob, cache: VisibilityCache) -> DeviceRows:
+    """Return the rows of another device that gathers from the samples of the last bake."""
+    there = job.on(cache.compute)
+    return DeviceRows(cache.compute, lambda: DeviceParts(cache, None, static_light(there, cache.sampling)))
+
+
+def _shared_gather(
+    job: SolveJob, cache: VisibilityCache, sampler: RaySampler | None, others: list[DeviceRows]
+) -> DeviceGather:
+    """Return a gather by several devices from cached samples; None as sampler if all samples are known."""
+    static = static_light(job, cache.sampling)
+    own = DeviceRows(job.opencl, lambda: DeviceParts(cache, sampler, static))
+    return SharedCachedGather(job.opencl, own, others, static, job.checkpoint)
 
 
 def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
@@ -135,15 +172,32 @@ def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
     sampling = SampleLayout.of(sampler)
     l1, sources = _l1_gather(job, sampling), len(job.emission)
     if isinstance(sampler, RaySampler):
-        return RayStreamGather(job.opencl, sampler, job.count, sources, l1)
+        others = [] if job.settings.directional else _peer_streams(job)
+        return RayStreamGather(job.opencl, sampler, job.count, sources, l1, others)
     fitting = max(min(memory_budget(job), job.settings.batch_bytes) // sampler.row_bytes, sampler.batch)
     backs = BackfaceLight(job.opencl, job.count, sources, job.settings.directional)
     return StreamGather(job.opencl, sampler, backs, static_light(job, sampling), job.count, fitting, l1)
 
 
+def _peer_streams(job: SolveJob) -> list[PeerStream]:
+    """Return the rows of a stream gather on each other device that shares the work of the patches."""
+    return [
+        PeerStream(peer, partial(_ray_sampler, job, peer), job.count, len(job.emission))
+        for peer in job.rays.peers
+    ]
+
+
+def _ray_sampler(job: SolveJob, peer: ComputeDevice) -> RaySampler:
+    """Return the ray sampler of a job on another device."""
+    there = job.on(peer)
+    return RaySampler(peer, there.rays, there.parts, there.background, there.settings)
+
+
 def _cached_gather(job: SolveJob, cache: VisibilityCache, sampler: VisibilitySampler | None) -> DeviceGather:
     """Return a gather from cached samples; `sampler` computes the missing ones, None if there are none."""
     sampling = cache.sampling
+    if cache.others:
+        return _shared_gather(job, cache, None, [_kept_rows(job, other) for other in cache.others])
     l1 = _l1_gather(job, sampling)
     if sampler is not None:
         job.kept.background.clear()

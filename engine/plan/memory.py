@@ -25,14 +25,33 @@ _FEWEST = 1 << 14
 
 
 def memory_budget(job: SolveJob) -> int:
-    """Return the device memory for visibility samples, bytes; half of the device by default."""
+    """Return the memory of all devices for visibility samples, bytes; half of each device by default."""
+    return device_budget(job) * (1 + len(job.rays.peers) if shares_cache(job) else 1)
+
+
+def device_budget(job: SolveJob) -> int:
+    """Return the memory of one device for visibility samples, bytes."""
     memory = job.opencl.device.global_mem_size
     return min(job.settings.memory_budget or memory // 2, memory)
 
 
+def shares_cache(job: SolveJob) -> bool:
+    """Return True if several devices keep the visibility samples of the patches, each of a part of them.
+
+    Directional maps and light groups read samples on one device.
+    """
+    settings = job.settings
+    return (
+        bool(job.rays.peers)
+        and settings.visibility != "raster"
+        and not (settings.directional or settings.by_light_groups or settings.warm_start)
+    )
+
+
 def is_cached(job: SolveJob, sampler: VisibilitySampler) -> bool:
     """Return True if the samples of all patches are cached."""
-    return job.settings.method != "stream" and sampler.row_bytes * job.count <= memory_budget(job)
+    budget = memory_budget(job) if sampler.name == "rays" else device_budget(job)
+    return job.settings.method != "stream" and sampler.row_bytes * job.count <= budget
 
 
 def visibility_passes(job: SolveJob, sampler: VisibilitySampler) -> int:

@@ -128,6 +128,10 @@ class SolveJob:
         key = partial(_visibility_key, parts, back_emission, devices, self.kept.key, self.settings)
         return self.kept.checkpoints.of(key)
 
+    def on(self, peer: ComputeDevice) -> SolveJob:
+        """Return a copy for another device, which computes a part of the patches."""
+        return replace(self, compute=peer, rays=self.rays.on(peer))
+
     def after(self, last: PreviousSolution | None) -> SolveJob:
         """Return a copy that starts from the light of an earlier bake, if there is any."""
         if last is None:

@@ -12,7 +12,7 @@ from ..settings import Settings
 from ..visibility.raster.raster_sampler import RasterSampler
 from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.sampler import VisibilitySampler
-from .memory import memory_budget, visibility_passes
+from .memory import device_budget, visibility_passes
 from .rates import DrawingRates, hemicubes_bound
 from .solve_job import SolveJob
 
@@ -113,7 +113,7 @@ def _patches_per_second(job: SolveJob, sampler: VisibilitySampler) -> float:
     patches take only a moment.
     """
     tried, before = min(_TRIED, job.count), (0, 0.0)
-    largest = min(job.opencl.device.max_mem_alloc_size, memory_budget(job)) // sampler.row_bytes
+    largest = min(job.opencl.device.max_mem_alloc_size, device_budget(job)) // sampler.row_bytes
     largest = min(job.count, max(tried, largest))
     views = job.count * visibility_passes(job, sampler)
     _time(job, sampler, tried)

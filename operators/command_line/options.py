@@ -64,7 +64,7 @@ def parser(program: str, description: str) -> Parser:
     )
     made.add_argument(
         "--devices", choices=["all"], dest="scheduler",
-        help="bake on all devices of this machine, by a worker on each, instead of one (needs Dask)",
+        help="bake on all equal GPUs of this machine, or on different devices by workers (needs Dask)",
     )  # fmt: skip
     for name, (kind, word, text) in OWN.items():
         made.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=word, help=text)

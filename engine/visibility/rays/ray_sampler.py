@@ -11,7 +11,8 @@ from ...device.buffers import upload, upload_once
 from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
 from ...device.opencl import cl
-from ...device.time_slicer import sliced
+from ...device.row_range import RowRange
+from ...device.time_slicer import sliced_rows
 from ...patches.patch_scene import PatchScene
 from ...scene.tints import tint_palette
 from ...settings import Settings
@@ -102,7 +103,8 @@ class RaySampler:
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
         """Compute the visibility samples of the patches first <= i < last; yield progress 0..1."""
-        yield from self._run(self._look, first, last, _outputs(seen))
+        for _, end in self._run(self._look, RowRange(first, last), _outputs(seen)):
+            yield (end - first) / (last - first)
 
     def update_moved(
         self, first: int, last: int, seen: VisibilityBuffers, moved: MovedBuffers
@@ -113,24 +115,28 @@ class RaySampler:
         """
         (look_again,) = self._kernels("retrace_visibility.cl", "retrace_visibility")
         more = (moved.nodes, moved.triangles, moved.ball, moved.views)
-        yield from self._run(look_again, first, last, _outputs(seen), more)
+        for _, end in self._run(look_again, RowRange(first, last), _outputs(seen), more):
+            yield (end - first) / (last - first)
 
-    def gather(self, count: int, radiance: cl.Buffer, seen: GatheredBuffers) -> Generator[float, None, None]:
-        """Gather for the first `count` patches without a cache; yield progress 0..1.
+    def gather(
+        self, rows: RowRange, radiance: cl.Buffer, seen: GatheredBuffers, from_end: bool = False
+    ) -> Generator[tuple[int, int], None, None]:
+        """Gather for the patches of `rows` without a cache; yield each slice.
 
-        radiance: float4 by source + 1, W/(m^2 sr)
+        radiance:  float4 by source + 1, W/(m^2 sr)
+        from_end:  take slices from the end of the rows
         """
         outputs = (radiance, *self._sky, seen.light, seen.patches_seen, seen.backs_seen, seen.l1)
-        yield from self._run(self._gather_rays, 0, count, outputs)
+        yield from self._run(self._gather_rays, rows, outputs, from_end=from_end)
 
     def _kernels(self, file: str, *names: str) -> list[Kernel]:
         """Return kernels of a file that trace the samples of patches."""
         return self._rays.kernels((RECEIVER, file), *names, options=self._options)
 
     def _run(
-        self, kernel: Kernel, first: int, last: int, outputs: tuple, more: tuple = ()
-    ) -> Generator[float, None, None]:
-        """Run a kernel over patches first <= i < last in time slices, one work group per patch."""
+        self, kernel: Kernel, rows: RowRange, outputs: tuple, more: tuple = (), from_end: bool = False
+    ) -> Generator[tuple[int, int], None, None]:
+        """Run a kernel over patches in time slices, one work group per patch; yield each slice."""
         (group,) = kernel.group(*self._compute.work_sizes.look)
         partial = cl.LocalMemory(16 * group)
 
@@ -141,8 +147,7 @@ class RaySampler:
             )  # fmt: skip
 
         size = self._compute.slice_size(kernel, self.samples, self._size, items=group)
-        for end in sliced(self._queue, first, last, launch, size):
-            yield (end - first) / (last - first)
+        yield from sliced_rows(self._queue, rows, launch, size, from_end)
 
 
 def _outputs(seen: VisibilityBuffers) -> tuple:

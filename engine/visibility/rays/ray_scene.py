@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +32,12 @@ def make_tracer(
 
 
 class RayScene:
-    """Triangles and patches of a bake on the OpenCL device."""
+    """Triangles and patches of a bake on the OpenCL device.
+
+    peers:  other devices that share the work of the patches; empty for one device
+    """
+
+    peers: Sequence[ComputeDevice] = ()
 
     def __init__(
         self,
@@ -48,6 +54,7 @@ class RayScene:
         """
         self._compute, self._parts, self._before, self.shaders = compute, parts, before, shaders
         self._bvh = bvh
+        self._twins: dict[ComputeDevice, RayScene] = {}
 
     @property
     def compute(self) -> ComputeDevice:
@@ -72,8 +79,14 @@ class RayScene:
         """True if there is an OpenCL device, so that rays can be traced."""
         return self._compute is not None
 
+    def on(self, peer: ComputeDevice) -> RayScene:
+        """Return a scene of the same triangles and patches on another device, created on first use."""
+        if peer not in self._twins:
+            self._twins[peer] = RayScene(peer, self._parts)
+        return self._twins[peer]
+
     def of(self, parts: PatchScene) -> RayScene:
-        """Return a scene of the same triangles with other patches."""
+        """Return a scene of the same triangles with other patches, for one device."""
         if self.shaders is not None:
             return RayScene(None, parts, shaders=self.shaders.of(parts))
         other = RayScene(self._compute, parts)

@@ -1,0 +1,56 @@
+"""Rows of a stream gather that another device of this process computes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..device.buffers import download, upload, write
+from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
+from ..device.row_range import RowRange
+from ..visibility.rays.ray_sampler import GatheredBuffers, RaySampler
+
+#: Bytes of a row of gathered light, and of `patches_seen`.
+_LIGHT, _SEEN = 16, 4
+
+
+class PeerStream:
+    """Gathers rows from the end of a range on another device of the same model, so that bits are equal.
+
+    compute:       the other device
+    make_sampler:  creates its sampler, in the thread of the device
+    count:         number of receivers
+    sources:       number of patches that rays may hit
+    """
+
+    def __init__(
+        self, compute: ComputeDevice, make_sampler: Callable[[], RaySampler], count: int, sources: int
+    ) -> None:
+        self._compute, self._make_sampler, self._count, self._sources = compute, make_sampler, count, sources
+        self._sampler: RaySampler | None = None
+        self._rows: list[tuple[int, np.ndarray, np.ndarray]] = []
+
+    def gather(self, rows: RowRange, radiance: np.ndarray) -> None:
+        """Gather for slices of rows until none is left; radiance: (sources + 2, 4) float32."""
+        self._rows = []
+        if self._sampler is None:
+            self._sampler = self._make_sampler()
+            context, flags = self._compute.context, cl.mem_flags.READ_WRITE
+            light = cl.Buffer(context, flags, _LIGHT * self._count)
+            seen = cl.Buffer(context, flags, _SEEN * self._count)
+            marks = cl.Buffer(context, flags, self._sources + 1)
+            self._seen = GatheredBuffers(light, seen, marks, None)
+        held = upload(self._compute, radiance)
+        for first, end in self._sampler.gather(rows, held, self._seen, from_end=True):
+            gathered = download(self._compute, self._seen.light, (end - first, 4), _LIGHT * first)
+            fractions = download(self._compute, self._seen.patches_seen, (end - first,), _SEEN * first)
+            self._rows.append((first, gathered, fractions))
+
+    def write_to(self, compute: ComputeDevice, light: cl.Buffer, patches_seen: cl.Buffer) -> None:
+        """Write the gathered rows into buffers of another device."""
+        for first, rows, seen in self._rows:
+            write(compute, light, rows, _LIGHT * first)
+            write(compute, patches_seen, seen, _SEEN * first)
+        self._rows = []

@@ -1,0 +1,153 @@
+"""Gather from a visibility cache whose rows lie on several devices of this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ..device.buffers import download, upload, write, zeros
+from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
+from ..device.peer_threads import run_beside
+from ..device.row_range import RowRange
+from ..progress import finished
+from ..resume.checkpoint import Checkpoint
+from ..visibility.sampler import VisibilitySampler
+from .background_light import BackgroundLight
+from .cached_gather import STRIDE, CachedGather
+from .gather_kernels import GatherKernels
+from .interface import GatherBuffers
+from .l1_gather import NoL1
+from .visibility_cache import VisibilityCache
+
+#: Bytes of the gathered light of a patch.
+_LIGHT = 16
+
+
+@dataclass(frozen=True)
+class DeviceParts:
+    """Objects of one device that gather from its rows; created in the thread of the device.
+
+    cache:    visibility samples of some patches
+    sampler:  fills the cache; None if it is complete
+    static:   background light
+    """
+
+    cache: VisibilityCache
+    sampler: VisibilitySampler | None
+    static: BackgroundLight
+
+
+class DeviceRows:
+    """Rows of visibility samples on one device, and the gather from them.
+
+    compute:  the device
+    make:     creates its objects on first use
+    """
+
+    def __init__(self, compute: ComputeDevice, make: Callable[[], DeviceParts]) -> None:
+        self.compute, self._make = compute, make
+        self._parts: DeviceParts | None = None
+
+    @property
+    def cache(self) -> VisibilityCache:
+        """Visibility samples of the device."""
+        return self._made.cache
+
+    @property
+    def _made(self) -> DeviceParts:
+        if self._parts is None:
+            parts = self._parts = self._make()
+            count = parts.cache.count
+            self._kernels = GatherKernels(self.compute, parts.cache.sampling)
+            self._dark, self.light = (zeros(self.compute, _LIGHT * count) for _ in range(2))
+            self._outputs = (self._dark, self._dark, self.light, self.light, np.int32(0), np.int32(count))
+        return self._parts
+
+    def fill(self, rows: RowRange, from_end: bool = False) -> Generator[None, None, None]:
+        """Compute the samples of rows until none is left, then their background light."""
+        parts = self._made
+        if parts.sampler is not None:
+            yield from parts.cache.take(parts.sampler, rows, from_end)
+        for piece in parts.cache.pieces:
+            for _ in parts.static.sum_up(piece, parts.cache.backs):
+                yield
+
+    def gather(self, radiance: cl.Buffer, stride: int) -> None:
+        """Start to gather for the rows from radiance, float4 by source + 1, into `light`."""
+        parts = self._made
+        for piece in parts.cache.pieces:
+            self._kernels.gather(piece, radiance, parts.static.light, self._outputs, stride)
+
+
+class SharedCachedGather(CachedGather):
+    """`CachedGather` of several devices of one model; its light has the same bits as that of one device.
+
+    Each device computes visibility samples of a part of the patches and keeps them. In each iteration it
+    receives the radiance of all patches and returns the light of its own.
+
+    own:     rows of this device, whose cache also knows the other caches
+    others:  rows of the other devices
+    static:  background light on this device
+    """
+
+    def __init__(
+        self,
+        compute: ComputeDevice,
+        own: DeviceRows,
+        others: Sequence[DeviceRows],
+        static: BackgroundLight,
+        checkpoint: Checkpoint,
+    ) -> None:
+        super().__init__(compute, own.cache, None, static, NoL1(), checkpoint)
+        self._own, self._others = own, others
+
+    def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
+        """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
+        if not self._begun:
+            yield from self._begin(light)
+        stride = STRIDE if light.sparse else 1
+        sources = light.radiance.size // _LIGHT
+        radiance = download(self._compute, light.radiance, (sources, 4))
+        found: list[tuple[int, np.ndarray]] = []
+        work = [partial(_gather_there, rows, radiance, stride, found) for rows in self._others]
+        yield from run_beside(self._gather_own(light, stride), work, lambda: None)
+        for first, rows in found:
+            write(self._compute, self._own.light, rows, _LIGHT * first)
+        self._kernels.take(self._own.light, light, column)
+
+    def _gather_own(self, light: GatherBuffers, stride: int) -> Generator[float, None, None]:
+        """Gather for the rows of this device."""
+        self._own.gather(light.radiance, stride)
+        yield 1.0
+
+    def _begin(self, light: GatherBuffers) -> Generator[float, None, None]:
+        """Compute the missing samples and the background light on all devices; yield progress 0..1."""
+        cache = self._own.cache
+        rows = RowRange(0, 0 if cache.complete else cache.count, 1 + len(self._others))
+        own = rows.progress(self._own.fill(rows))
+        fill = [partial(_fill_there, other, rows) for other in self._others]
+        yield from run_beside(own, fill, rows.stop)
+        cache.join([other.cache for other in self._others])
+        self._static.complete = True
+        cl.enqueue_copy(self._compute.queue, light.patches_seen, cache.backs.patches_seen)
+        self._begun = True
+
+
+def _fill_there(rows: DeviceRows, left: RowRange) -> None:
+    """Compute samples on another device until no row is left."""
+    finished(rows.fill(left, from_end=True))
+    rows.compute.queue.finish()
+
+
+def _gather_there(
+    rows: DeviceRows, radiance: np.ndarray, stride: int, found: list[tuple[int, np.ndarray]]
+) -> None:
+    """Gather on another device; add the first patch and the light of each of its pieces to `found`."""
+    rows.gather(upload(rows.compute, radiance), stride)
+    for piece in rows.cache.pieces:
+        size = piece.last - piece.first
+        found.append((piece.first, download(rows.compute, rows.light, (size, 4), _LIGHT * piece.first)))

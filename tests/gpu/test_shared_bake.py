@@ -1,0 +1,137 @@
+"""Bakes that several devices of one process share; here two contexts of one device."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pytest
+
+from benchmarks.rooms import hilly_room
+from engine import Settings, finished
+from engine.bake_result import BakeResult
+from engine.device import peers
+from engine.device.cl_device import ComputeDevice
+from engine.device.row_range import RowRange
+from engine.errors import DeviceError
+from engine.gather import visibility_cache
+from engine.plan import sharing
+from engine.scene.model import Scene
+from engine.session import Session
+from engine.settings import ALL_DEVICES
+
+#: An odd width, so that devices share rows unevenly.
+_WIDTH = 45
+
+_SETTINGS = Settings(
+    resolution=_WIDTH, samples=64, visibility="rays", intermediates=False, adaptive=False, light_samples=8
+)
+
+
+#: Event of each range of rows, set once the other device has taken rows.
+_begun = WeakKeyDictionary[RowRange, threading.Event]()
+_take, _stop = RowRange.take, RowRange.stop
+
+
+def _waiting_take(rows: RowRange, wanted: int, least: int, from_end: bool = False) -> tuple[int, int] | None:
+    """Let the first device wait until the other one takes rows, since it may be done before."""
+    begun = _begun.setdefault(rows, threading.Event())
+    if not from_end and rows._takers > 1 and rows.left:
+        begun.wait(30)
+    taken = _take(rows, wanted, least, from_end)
+    if from_end:
+        begun.set()
+    return taken
+
+
+def _waking_stop(rows: RowRange) -> None:
+    """Wake the first device after an error of the other one."""
+    _begun.setdefault(rows, threading.Event()).set()
+    _stop(rows)
+
+
+@pytest.fixture
+def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a second context of the device count as another device, for small bakes too."""
+    monkeypatch.setattr(peers, "equal_devices", lambda device: [device])
+    monkeypatch.setattr(sharing, "_FEWEST_RAYS", 1)
+    monkeypatch.setattr(visibility_cache, "_FEWEST", 50)
+    monkeypatch.setattr(RowRange, "take", _waiting_take)
+    monkeypatch.setattr(RowRange, "stop", _waking_stop)
+
+
+def _baked(session: Session, settings: Settings, scene: Scene | None = None) -> BakeResult:
+    return finished(session.bake(scene or hilly_room(_WIDTH, 200), settings))
+
+
+@pytest.mark.usefixtures("two_devices")
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"method": "stream"},
+        {"patch_groups": 4},
+        {"samples": 1024, "resolution": 17},
+        {"outputs": ("combined", "ambient_occlusion")},
+        {"outputs": ("combined", "directional")},
+    ],
+    ids=lambda changes: "-".join(map(str, changes.values())) or "cached",
+)
+def test_bits_equal_those_of_one_device(changes: dict[str, object]) -> None:
+    settings = replace(_SETTINGS, **changes)
+    scene = hilly_room(settings.resolution, 200)
+    alone = _baked(Session(), settings, scene)
+    shared = _baked(Session(), replace(settings, scheduler=ALL_DEVICES), scene)
+    assert any("2 devices" in reason for reason in shared.report.reasons)
+    assert shared.report.iterations == alone.report.iterations
+    for name, image in alone.passes.items():
+        assert np.array_equal(image, shared.passes[name]), name
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_both_devices_keep_visibility_for_the_next_bake() -> None:
+    scene, session = hilly_room(_WIDTH, 200), Session()
+    settings = replace(_SETTINGS, scheduler=ALL_DEVICES)
+    _baked(session, settings, scene)
+    kept = session._kept.samples
+    rows = [sum(rows.last - rows.first for rows in cache.pieces) for cache in (kept, *kept.others)]
+    assert len(rows) == 2 and min(rows) > 0 and sum(rows) == kept.count
+    brighter = [replace(made, emission=made.emission * 1.25) for made in scene.materials]
+    relit = replace(scene, materials=tuple(brighter))
+    again = _baked(session, settings, relit)
+    assert any("kept from the last bake" in reason for reason in again.report.reasons)
+    assert np.array_equal(again.image, _baked(Session(), _SETTINGS, relit).image)
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_error_of_another_device_ends_the_bake(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise DeviceError("The second device is lost.")
+
+    first: list[ComputeDevice] = []
+    sliced = ComputeDevice.slice_size
+
+    def slice_size(compute: ComputeDevice, *arguments: object, **options: object) -> object:
+        first.append(compute)
+        return sliced(compute, *arguments, **options) if compute is first[0] else fail()
+
+    monkeypatch.setattr(ComputeDevice, "slice_size", slice_size)
+    with pytest.raises(DeviceError, match="second device"):
+        _baked(Session(), replace(_SETTINGS, scheduler=ALL_DEVICES))
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_cancelled_bake_stops_both_devices() -> None:
+    work = Session().bake(hilly_room(_WIDTH, 200), replace(_SETTINGS, scheduler=ALL_DEVICES))
+    for progress in work:
+        if progress.stage == "Direct light" and progress.fraction > 0:
+            break
+    work.close()
+
+
+def test_small_bake_is_not_shared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peers, "equal_devices", lambda device: [device])
+    made = _baked(Session(), replace(_SETTINGS, scheduler=ALL_DEVICES, samples=16, resolution=16))
+    assert any("too few to share" in reason for reason in made.report.reasons)

@@ -8,6 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from ..array_ops import map_slabs
 from ..device.buffers import upload_float4_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, colors_on_host
@@ -158,9 +159,13 @@ class SolveJob:
         """
         light, reflectance = self.sampled_light, colors_on_host(self.parts.surfaces.reflectance)
         radiance: np.ndarray = channel_sum(self.parts.surfaces.emission)
-        column = np.empty_like(radiance)
-        for channel in range(3):
-            radiance += np.multiply(reflectance[:, channel], light[:, channel], out=column)
+
+        def add_reflected(rows: slice) -> None:
+            column = np.empty_like(radiance[rows])
+            for channel in range(3):
+                radiance[rows] += np.multiply(reflectance[rows, channel], light[rows, channel], out=column)
+
+        map_slabs(len(radiance), 28, add_reflected)
         return radiance
 
     @property

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..array_ops import taken
 from ..device.buffers import download, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import colors_on_host
@@ -51,7 +52,7 @@ class PatchGroups:
         self._means = _GroupMeans(rays.compute, parts, representative, self.representative, width)
         entries = np.zeros(len(self.group) + 1, np.uint32)
         np.add(self.group, 1, out=entries[1:], casting="unsafe")
-        self.texel_to_group = entries[parts.texel_to_patch]
+        self.texel_to_group = taken(entries, parts.texel_to_patch.ravel()).reshape(parts.texel_to_patch.shape)
 
     @cached_property
     def parts(self) -> PatchScene:
@@ -145,7 +146,7 @@ def numbered(representative: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     leading = np.flatnonzero(representative == np.arange(len(representative), dtype=np.uint32))
     number = np.zeros(len(representative), np.int64)
     number[leading] = np.arange(len(leading))
-    return number[representative], leading
+    return taken(number, representative), leading
 
 
 def group_representatives(

@@ -13,12 +13,17 @@ _SENTENCE = (
     "stands in a room, recalculate the normals of the room. Otherwise set its role to No Lightmap."
 )
 
+#: One row of this many is examined first, since most scenes have light on all objects (chosen).
+_ROWS = 16
+
 
 def warn_buried(scene: Scene, patch_scene: PatchScene, known: np.ndarray) -> list[str]:
     """Return a warning that names the objects without a texel of valid light.
 
     known:  (atlases, r, r) bool, texels with valid light
     """
+    if _all_lit(scene, patch_scene, known):
+        return []
     meshes = len(scene.meshes)
     of_entry = np.append(meshes, patch_scene.triangles.mesh[patch_scene.patches.triangle])
     has_texel, has_light = np.zeros((2, len(of_entry)), bool)
@@ -30,3 +35,13 @@ def warn_buried(scene: Scene, patch_scene: PatchScene, known: np.ndarray) -> lis
     )
     buried = np.flatnonzero(shown & ~lit)
     return [object_message(_SENTENCE, [scene.meshes[index].name for index in buried])] if len(buried) else []
+
+
+def _all_lit(scene: Scene, patch_scene: PatchScene, known: np.ndarray) -> bool:
+    """Return True if some texels, one row of `_ROWS`, show that each object with a lightmap has light."""
+    lit = np.zeros(len(scene.meshes), bool)
+    for entries, valid in zip(patch_scene.texel_to_patch, known, strict=False):
+        some = entries[::_ROWS][valid[::_ROWS]]
+        patches = some[some > 0] - 1
+        lit[patch_scene.triangles.mesh[patch_scene.patches.triangle[patches]]] = True
+    return all(lit[number] for number, mesh in enumerate(scene.meshes) if mesh.atlas < len(known))

@@ -92,7 +92,9 @@ def _inside(texel_job: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | np.
     """Test patches, (k,) int64, with probe rays; return a mask of those inside geometry, (k,) bool."""
     if not len(patches):
         return np.zeros(0, bool)
-    parts = texel_job.job.parts
-    points = texel_job.job.rays.of(parts.part(patches))
-    push_offs = push_off_points(points, len(patches), 1.0, parts.geometry.steps.geometric, lit)
-    return push_offs.without(texel_job.lighting.lit_by_backs(points)).inside
+    # Many patches are tested together with all others, whose records are on the device already.
+    parts, all_of_them = texel_job.job.parts, 2 * len(patches) > texel_job.job.count
+    points = texel_job.job.rays if all_of_them else texel_job.job.rays.of(parts.part(patches))
+    push_offs = push_off_points(points, points.count, 1.0, parts.geometry.steps.geometric, lit)
+    inside = push_offs.without(texel_job.lighting.lit_by_backs(points)).inside
+    return inside[patches] if all_of_them else inside

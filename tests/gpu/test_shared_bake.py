@@ -15,6 +15,7 @@ from engine.bake_result import BakeResult
 from engine.device import peers
 from engine.device.cl_device import ComputeDevice
 from engine.device.row_range import RowRange
+from engine.direct import shadow_rays
 from engine.errors import DeviceError
 from engine.gather import visibility_cache
 from engine.plan import sharing
@@ -57,6 +58,7 @@ def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a second context of the device count as another device, for small bakes too."""
     monkeypatch.setattr(peers, "equal_devices", lambda device: [device])
     monkeypatch.setattr(sharing, "_FEWEST_RAYS", 1)
+    monkeypatch.setattr(shadow_rays, "_FEWEST_SHARED", 1)
     monkeypatch.setattr(visibility_cache, "_FEWEST", 50)
     monkeypatch.setattr(RowRange, "take", _waiting_take)
     monkeypatch.setattr(RowRange, "stop", _waking_stop)

@@ -145,7 +145,7 @@ def _stage_row(stage: str, wall: float, entries: list[Entry]) -> tuple[Any, ...]
 def _bake_logged(log: DeviceLog, session: Session, scene: Scene, settings: Settings, again: bool) -> None:
     """Bake and log."""
     if again:
-        scene = _relit(scene)
+        scene = relit_scene(scene)
     else:
         session.forget()
     log.clear()
@@ -160,7 +160,7 @@ def _bake(session: Session, scene: Scene, settings: Settings) -> None:
     finished(session.bake(scene, settings))
 
 
-def _relit(scene: Scene) -> Scene:
+def relit_scene(scene: Scene) -> Scene:
     """Return a scene whose first lamp, or without lamps whose emissive surfaces, have another strength."""
     if scene.lights:
         first = replace(scene.lights[0], strength=scene.lights[0].strength * 1.25)

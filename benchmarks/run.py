@@ -32,6 +32,8 @@ SUITES = {
     "lights": "direct light of 1 to 1,000 lamps",
     "waiting": "first, warm and relit bakes: stages, device, page faults",
     "directional": "what directional maps cost, by stage",
+    "relit": "bakes after a change of light over the part of the visibility that is kept",
+    "probes": "light probes: first bake, and after a change of light",
     "large": "time and memory of millions of triangles, texels and instances",
 }
 

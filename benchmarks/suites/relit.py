@@ -12,7 +12,7 @@ from benchmarks.halls import hall
 from benchmarks.interiors import furnished_room
 from benchmarks.launches import relit_scene
 from benchmarks.options import Options
-from benchmarks.tables import percent, table
+from benchmarks.tables import table
 from engine import finished
 from engine.quality import QUALITIES
 from engine.session import Session
@@ -55,7 +55,7 @@ def run(options: Options) -> list[dict[str, Any]]:
 def tables(records: list[dict[str, Any]], options: Options) -> str:
     """Return the times by the fraction that is allowed."""
     rows = [
-        (percent(record["fraction"]), record["seconds"], f"{min(record['all']):.3g}–{max(record['all']):.3g}",
+        (f"{record['fraction']:.0%}", record["seconds"], f"{min(record['all']):.3g}–{max(record['all']):.3g}",
          record["kept"])
         for record in records
     ]  # fmt: skip

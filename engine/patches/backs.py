@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..scene.memo import Memo
 from ..scene.model import NO_LIGHTMAP, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
@@ -29,18 +30,32 @@ def with_places(
     resolution: int,
     surfaces: OpenSurfaces | None = None,
     find_visible: FindVisible | None = None,
+    last: Memo[Scene] | None = None,
 ) -> Scene:
     """Return the scene with lightmap UVs for surfaces without: occluders, and back faces of open surfaces.
 
     surfaces:      open surfaces of the previous scene; None without one
     find_visible:  chooses the back faces that are visible from a surface; None to use all
+    last:          back faces of the previous scene; None without one
     """
     texel, surfaces = texel_size(scene, resolution), surfaces or OpenSurfaces()
-    placed = place_unmapped(scene, resolution)
+    placed = place_unmapped(scene, resolution, texel)
     is_chosen = _is_opaque(placed) & surfaces.of(placed.meshes)
     if find_visible is not None:
         is_chosen = find_visible(placed, is_chosen, texel)
-    return place_backs(placed, is_chosen, resolution, texel)
+    if last is None:
+        return place_backs(placed, is_chosen, resolution, texel)
+    materials, numbers = _materials_of_backs(placed.materials)
+    key = (placed.meshes, placed.atlases, is_chosen, _translucent(placed), numbers, resolution, texel)
+    made = last.get(key, lambda: place_backs(placed, is_chosen, resolution, texel))
+    if len(made.meshes) == len(placed.meshes):
+        return placed
+    return replace(placed, meshes=made.meshes, atlases=made.atlases, materials=materials)
+
+
+def _translucent(scene: Scene) -> np.ndarray:
+    """Return a mask of translucent materials, (m,) bool."""
+    return np.array([material.translucent for material in scene.materials], bool)
 
 
 def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: float) -> Scene:
@@ -50,7 +65,7 @@ def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: flo
     is_chosen:  (t,) bool, opaque triangles of open surfaces whose back faces get patches
     texel:      mean world size of a lightmap texel, m
     """
-    translucent = np.array([material.translucent for material in scene.materials], bool)
+    translucent = _translucent(scene)
     materials, numbers = _materials_of_backs(scene.materials)
     mirrors: dict[int, int] = {}
     names = list(scene.atlases)

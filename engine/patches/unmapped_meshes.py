@@ -68,12 +68,15 @@ class _Places:
     texels: int
 
 
-def place_unmapped(scene: Scene, resolution: int) -> Scene:
+def place_unmapped(scene: Scene, resolution: int, texel: float | None = None) -> Scene:
     """Return the scene with lightmap UVs for its occluders in additional atlases, if it has occluders.
 
     An occluder whose triangles lie in several atlases becomes one mesh in each.
+
+    texel: mean world size of a lightmap texel, m; None to compute it
     """
-    return place_meshes(scene, resolution, "(occluders)", texel_size(scene, resolution), OCCLUDERS)
+    texel = texel_size(scene, resolution) if texel is None else texel
+    return place_meshes(scene, resolution, "(occluders)", texel, OCCLUDERS)
 
 
 def place_meshes(scene: Scene, resolution: int, name: str, texel: float, blocks: Blocks) -> Scene:

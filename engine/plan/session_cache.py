@@ -71,6 +71,7 @@ class SessionCache:
 
     def __init__(self) -> None:
         self.key, self.surfaces, self.visible = None, OpenSurfaces(), VisibleBacks()
+        self._backs = Memo[Scene]()
         self.checkpoints = Checkpoints()
         self.emitters, self.texels = EmitterCache(), TexelCache()
         self.background = Memo[BackgroundLight](MAX_SKY_BYTES)
@@ -103,7 +104,7 @@ class SessionCache:
             self.visible.of, partial(make_tracer, graphics, compute), resolution=settings.resolution,
             is_moving=settings.warm_start,
         )  # fmt: skip
-        return with_places(scene, settings.resolution, self.surfaces, find_visible)
+        return with_places(scene, settings.resolution, self.surfaces, find_visible, self._backs)
 
     def refresh_backs(self, graphics: GraphicsContext, compute: ComputeDevice | None) -> bool:
         """Choose the visible backs again after objects have moved; return True if the choice changes."""

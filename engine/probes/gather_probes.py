@@ -156,7 +156,7 @@ class _ProbeGather:
             moving = self._moved(volume, rows, invalid, first)
             moved, positions, light = yield from run_as_fraction(_PROJECTING, _MOVING, moving)
             coefficients[moved], points[moved], validity[moved] = light, positions, 0.5
-            rows = self._rows(volume, points, first) if len(moved) else rows
+            rows = self._moved_rows(rows, "all", volume, points, first) if len(moved) else rows
         coefficients += yield from run_as_fraction(_MOVING, 1.0, self._direct.project(rows))
         return coefficients, validity, points
 
@@ -179,10 +179,20 @@ class _ProbeGather:
         chosen, points = invalid[stays], (rows.points[invalid] + offsets)[stays]
         if not len(chosen):
             return chosen, points, np.zeros((0, len(self._lights), COEFFICIENTS, 3), np.float32)
-        moved = self._rows(volume, points, first)
+        moved = self._moved_rows(rows, "some", volume, points, first)
         yield from run_as_fraction(0.0, 0.9, moved.trace())
         coefficients, valid = yield from run_as_fraction(0.9, 1.0, self._projected(moved))
         return chosen[valid], points[valid], coefficients[valid]
+
+    def _moved_rows(
+        self, rows: ProbeRows, key: str, volume: ProbeVolume, points: np.ndarray, first: int
+    ) -> ProbeRows:
+        """Return samples for other points than those of `rows`; the last ones if the points are equal."""
+        place = points.tobytes()
+        known = rows.moved.get(key)
+        if known is None or known[0] != place:
+            known = rows.moved[key] = place, self._rows(volume, points, first)
+        return known[1]
 
     def _kept_rows(self, volume: ProbeVolume, points: np.ndarray, first: int) -> ProbeRows:
         """Return the samples of probes from the session's cache, else new ones."""

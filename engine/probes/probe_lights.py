@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Generator
 
 import numpy as np
@@ -50,6 +51,18 @@ class ProbeLights:
         self._tables = [upload(compute, array) for array in (emitters.modulations, emitters.profiles)]
         self._glow = glow_arguments(compute, parts, split.bright)
         self._sky = sky_arguments(compute, split.sky.distribution)
+        # Shadow rays are traced again only if something that emits light to be sampled has changed.
+        radiance = parts.surfaces.emission, parts.surfaces.emission_of_backs
+        sources = [
+            emitters.modulations,
+            emitters.profiles,
+            *(radiance if len(split.bright.triangles) else ()),
+            split.sky.distribution.pixels,
+        ]
+        common = hashlib.blake2b(repr(settings.light_samples).encode())
+        for array in sources:
+            common.update(np.ascontiguousarray(array))
+        self._digests = [_digest(common, joined) for joined in self._joined]
         self._size = int(parts.triangles.mesh.size).bit_length()
 
     def project(self, probes: ProbeRows) -> Generator[float, None, np.ndarray]:
@@ -59,9 +72,13 @@ class ProbeLights:
         """
         light = np.zeros((probes.count, len(self._joined), COEFFICIENTS, 3), np.float32)
         for number, joined in enumerate(self._joined):
-            if joined is not None:
+            known, digest = probes.direct.get(number), self._digests[number]
+            if known is not None and known[0] == digest:
+                light[:, number] = known[1]
+            elif joined is not None:
                 span = number / len(self._joined), (number + 1) / len(self._joined)
                 light[:, number] = yield from run_as_fraction(*span, self._projected(probes, *joined))
+                probes.direct[number] = digest, light[:, number].copy()
         return light
 
     def _projected(
@@ -91,3 +108,14 @@ class ProbeLights:
             yield end / count
         light: np.ndarray = download(compute, coefficients, (count, COEFFICIENTS, 4))[..., :3]
         return light
+
+
+def _digest(common: hashlib.blake2b, joined: tuple[np.ndarray, int] | None) -> bytes:
+    """Return a digest of all that determines the direct light of some emitters.
+
+    common:  digest of the tables of all emitters
+    """
+    digest = common.copy()
+    if joined is not None:
+        digest.update(np.ascontiguousarray(joined[0]))
+    return digest.digest()

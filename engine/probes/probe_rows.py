@@ -46,6 +46,8 @@ class ProbeRows:
 
     points:  (n, 3) float64, m, relative to `Triangles.origin`
     margin:  (n,) float32, m, distance by which rays start behind a probe
+    direct:  direct light of the last bake by light group, each with the digest of its emitters
+    moved:   samples that replace some of these, by the bytes of what they depend on; the last ones
     """
 
     def __init__(
@@ -62,6 +64,8 @@ class ProbeRows:
         directions = sphere_directions(samples)
         self._samples = len(directions)
         self.points = points
+        self.direct: dict[int, tuple[bytes, np.ndarray]] = {}
+        self.moved: dict[str, tuple[bytes, ProbeRows]] = {}
         probes = to_float4(points)
         probes[:, 3] = margin
         self.probes = upload(compute, probes)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Session, Settings, finished
+from engine.probes.probe_lights import ProbeLights
 from engine.probes.spherical_harmonics import basis
 from engine.scene.probe_volume import ProbeVolume
 from tests.analytic.scenes import furnace, material, quads, rectangle
@@ -163,6 +164,31 @@ def test_probes_in_a_wall_move_out_or_take_light_from_neighbours(session):
     assert (grid.validity[x > 1.01] == 0).all()
     assert (grid.positions[x == 1.0, 0] < 1.0).all()
     assert grid.coefficients == pytest.approx(np.broadcast_to(constant(2.0)[:, None], (8, 9, 3)), abs=1e-3)
+
+
+def test_rays_to_lamps_are_traced_again_only_if_emitters_change(session, monkeypatch):
+    """Other walls leave the light of a lamp, also at a probe that moved out of a wall."""
+    traced = []
+    project = ProbeLights._projected
+
+    def counted(lights, probes, emitters, budget):
+        traced.append(probes.count)
+        return project(lights, probes, emitters, budget)
+
+    monkeypatch.setattr(ProbeLights, "_projected", counted)
+    lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.7]), np.eye(3), np.float32([1, 1, 1]))
+    probes = volume((31 / 32, 0.5, 0.5), (0.25, 0.1, 0.1), (8, 1, 1))
+    room = dataclasses.replace(furnace(0.3, 0.1), lights=(lamp,), probe_volumes=(probes,))
+    bright = dataclasses.replace(furnace(0.3, 0.8), lights=(lamp,), probe_volumes=(probes,))
+    settings = {"resolution": 32, "visibility": "rays", "sample_emission": False}
+    bake(session, room, **settings)
+    found = bake(session, bright, **settings)
+    assert traced == [8]
+    blue = dataclasses.replace(lamp, strength=np.float32([0, 0, 3]))
+    bake(session, dataclasses.replace(bright, lights=(blue,)), **settings)
+    assert traced == [8, 8]
+    fresh = bake(session, bright, seed=3, **settings), bake(session, bright, **settings)
+    assert (fresh[1][0].coefficients == found[0].coefficients).all()
 
 
 def test_a_second_bake_reuses_the_rays_and_gives_the_same_bits(session):

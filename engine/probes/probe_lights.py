@@ -61,7 +61,7 @@ class ProbeLights:
         ]
         common = hashlib.blake2b(repr(settings.light_samples).encode())
         for array in sources:
-            common.update(np.ascontiguousarray(array))
+            common.update(array.tobytes())
         self._digests = [_digest(common, joined) for joined in self._joined]
         self._size = int(parts.triangles.mesh.size).bit_length()
 
@@ -117,5 +117,5 @@ def _digest(common: hashlib.blake2b, joined: tuple[np.ndarray, int] | None) -> b
     """
     digest = common.copy()
     if joined is not None:
-        digest.update(np.ascontiguousarray(joined[0]))
+        digest.update(joined[0].tobytes())
     return digest.digest()

@@ -10,7 +10,7 @@ from ..device.planned_program import Launch, PlannedProgram
 from ..direct.emitters import EMITTER
 from ..direct.light_tree import LIGHT_NODE
 from ..direct.modulation import MODULATION
-from ..scene.cutouts import has_cutouts, is_tinted
+from ..scene.cutouts import has_cutouts, is_angular, is_tinted
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.rays.bvh import BOX, LINK
@@ -48,7 +48,7 @@ def common_programs(scene: Scene, settings: Settings) -> list[PlannedProgram]:
     """Return the programs that a bake needs soon, for a GPU and for a CPU."""
     texels = _COVERED * len(scene.atlases) * settings.resolution**2
     tinted = is_tinted(scene)
-    cutouts = cutout_options(tinted) if has_cutouts(scene) else ()
+    cutouts = cutout_options(tinted, is_angular(scene)) if has_cutouts(scene) else ()
     return _listed(sample_bytes(int(texels), tinted) == 2, tinted, cutouts)
 
 

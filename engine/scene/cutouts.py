@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import SceneError
 from .model import Material, Scene
 from .texture import Texture
-from .transmission import Transmission, Transmittance
+from .transmission import Fresnel, Transmission, Transmittance, mean_angular_factor
 
 #: Texture extension codes of `Cutouts.maps`, column 3.
 EXTENSIONS = ("repeat", "mirror", "extend", "clip")
@@ -35,8 +35,8 @@ SHADOW, BOUNCE, BACK = 0, 1, 2
 class Cutouts:
     """Transmittance of all materials, one record for each material, side and kind of ray.
 
-    The record index is `SETS * material + (0 or BACK) + (SHADOW or BOUNCE)`. The opacity of a channel, 1 -
-    transmittance, is base + factor * map.
+    The record index is `SETS * material + (0 or BACK) + (SHADOW or BOUNCE)`. The opacity of a channel at
+    normal incidence, 1 - transmittance, is base + factor * map.
 
     pixels:     (k,) uint16, 65535 for 1, the values of all maps, one image after another, row by row
     maps:       (r, 4) int32, for each record: offset of the first value, width (0 without a map), height,
@@ -47,6 +47,8 @@ class Cutouts:
     factor:     (r, 3) float32
     threshold:  (r,) float32, opacity at or above which the surface is opaque, below clear; -1 for none. It is
                 lower by half a step of `pixels`, so that rounding moves no pixel below it
+    fresnel:    (r, 3) float32, ior, share and faces of `Fresnel`; share 0 for equal transmittance at all
+                angles
     uvs:        (layers, t, 3, 2) float32, UVs of each triangle corner on the maps of a layer
     """
 
@@ -57,6 +59,7 @@ class Cutouts:
     base: np.ndarray
     factor: np.ndarray
     threshold: np.ndarray
+    fresnel: np.ndarray
     uvs: np.ndarray
 
     @cached_property
@@ -69,6 +72,11 @@ class Cutouts:
         """True if the transmittance of any surface differs between the channels."""
         grey = (self.channels == 1) & _are_equal(self.base) & _are_equal(self.factor)
         return not bool(grey.all())
+
+    @cached_property
+    def angular(self) -> bool:
+        """True if the transmittance of any surface depends on the angle of incidence."""
+        return bool(self.fresnel[:, 1].any())
 
     def uvs_of(self, materials: np.ndarray, record: int) -> np.ndarray:
         """Return the corner UVs of triangles, (t, 3, 2) float32, on the maps of one record.
@@ -88,18 +96,23 @@ class Cutouts:
     def stopped(self, record: int) -> np.ndarray:
         """Return the fraction of rays that each material blocks, (m,) float32; 1 if a map varies it.
 
+        Where it depends on the angle of incidence, it is the mean under uniform light.
+
         record:  (0 or BACK) + (SHADOW or BOUNCE)
         """
         chosen = slice(record, None, SETS)
         opacity, threshold = self.base[chosen].min(axis=1).clip(0, 1), self.threshold[chosen]
         opacity = np.where(threshold < 0, opacity, (opacity >= threshold).astype(np.float32))
+        for index in np.flatnonzero(self.fresnel[chosen, 1]):
+            loss = mean_angular_factor(Fresnel(*self.fresnel[chosen][index].tolist()))
+            opacity[index] = 1 - loss * (1 - opacity[index])
         stopped: np.ndarray = np.where(self.maps[chosen, 1] > 0, np.float32(1), opacity)
         return stopped
 
     @cached_property
     def varies(self) -> np.ndarray:
-        """Mask of the materials whose opacity for gathered light a map varies, (m,) bool."""
-        mapped = self.maps[:, 1].reshape(-1, SETS) > 0
+        """Mask of the materials whose opacity for gathered light depends on a map or the angle, (m,) bool."""
+        mapped = ((self.maps[:, 1] > 0) | (self.fresnel[:, 1] > 0)).reshape(-1, SETS)
         varies: np.ndarray = mapped[:, BOUNCE] | mapped[:, BACK + BOUNCE]
         return varies
 
@@ -126,6 +139,11 @@ def transmission_maps(material: Material) -> list[Texture]:
 def has_cutouts(scene: Scene) -> bool:
     """Return True if any surface transmits light anywhere, as `Cutouts.needed`."""
     return any(_is_see_through(entry) for entry in _all_records(scene))
+
+
+def is_angular(scene: Scene) -> bool:
+    """Return True if the transmittance of any surface depends on the angle, as `Cutouts.angular`."""
+    return any(_fresnel(entry)[1] for entry in _all_records(scene))
 
 
 def is_tinted(scene: Scene) -> bool:
@@ -179,6 +197,7 @@ def read_cutouts(scene: Scene) -> Cutouts:
             mapped[:, None], np.array([factor for _, factor in opacity], np.float32).reshape(-1, 3), 0
         ).astype(np.float32),
         threshold=np.array([_threshold(entry) for entry in entries], np.float32),
+        fresnel=np.array([_fresnel(entry) for entry in entries], np.float32).reshape(-1, 3),
         uvs=layers.uvs(),
     )
 
@@ -191,6 +210,13 @@ def _opacity(entry: Transmittance) -> tuple[np.ndarray, np.ndarray]:
 
 def _threshold(entry: Transmittance) -> float:
     return -1.0 if entry.threshold is None else max(entry.threshold - _HALF_STEP, 0.0)
+
+
+def _fresnel(entry: Transmittance) -> tuple[float, float, float]:
+    fresnel = entry.fresnel
+    if fresnel is None or entry.threshold is not None:
+        return 1.0, 0.0, 1.0
+    return fresnel.ior, fresnel.share, fresnel.faces
 
 
 class _Images:

@@ -96,7 +96,7 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
         digest.feed_uvs(mesh, maps)
     for material in scene.materials:
         for entry in transmittances(material.transmission):
-            digest.feed([entry.offset, entry.scale, entry.threshold])
+            digest.feed([entry.offset, entry.scale, entry.threshold, entry.fresnel])
             digest.feed_texture(entry.texture)
     return digest.value()
 

@@ -10,19 +10,36 @@ from .texture import Texture
 
 
 @dataclass(frozen=True)
+class Fresnel:
+    """Loss of transmittance with the angle of incidence, for smooth glass.
+
+    ior:    index of refraction, relative to the medium outside
+    share:  fraction of the transmittance at normal incidence that passes glass; the rest has no loss
+    faces:  faces of glass that light crosses at this surface: 2 for thin walls, otherwise 1
+    """
+
+    ior: float
+    share: float = 1.0
+    faces: float = 1.0
+
+
+@dataclass(frozen=True)
 class Transmittance:
-    """Fraction of light that passes straight through one side: offset + scale * texture.
+    """Fraction of light that passes straight through one side at normal incidence: offset + scale * texture.
 
     offset:     (3,) float32; the transmittance itself without a texture
     scale:      (3,) float32, factor of the texture
     texture:    texture with 1 or 3 linear channels, or None
     threshold:  opacity (1 - transmittance) at or above it becomes 1, below it 0; None for no threshold
+    fresnel:    loss with the angle of incidence; None for equal transmittance at all angles. Not applied with
+                a threshold
     """
 
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
     scale: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
     texture: Texture | None = None
     threshold: float | None = None
+    fresnel: Fresnel | None = None
 
 
 #: Transmittance of an opaque surface.
@@ -55,3 +72,40 @@ class Transmission:
     bounce: Transmittance = OPAQUE
     shadow_back: Transmittance | None = None
     bounce_back: Transmittance | None = None
+
+
+def fresnel_reflectance(cosine: np.ndarray | float, ior: float) -> np.ndarray:
+    """Return the unpolarised Fresnel reflectance of a dielectric surface; 1 under total reflection.
+
+    The formula is that of Cycles (kernel/closure/bsdf_util.h, `fresnel_dielectric_cos`).
+
+    cosine:  cosines of the angles of incidence, 0..1
+    """
+    c = np.asarray(cosine, np.float64)
+    squared = ior * ior - 1 + c * c
+    g = np.sqrt(np.maximum(squared, 0))
+    first = (g - c) / (g + c)
+    second = (c * (g + c) - 1) / np.where(c * (g - c) == -1, 1, c * (g - c) + 1)
+    reflectance: np.ndarray = np.where(squared > 0, 0.5 * first**2 * (1 + second**2), 1.0)
+    return reflectance
+
+
+def angular_factor(fresnel: Fresnel, cosine: np.ndarray | float) -> np.ndarray:
+    """Return the transmittance at an angle of incidence, relative to normal incidence.
+
+    A face of glass transmits sqrt((1 - F) / (1 + F)). Two faces, a slab, transmit (1 - F) / (1 + F): that is
+    1 - F squared, plus the light of all reflections between the faces.
+
+    cosine:  cosines of the angles of incidence, 0..1
+    """
+    reflected, normal = fresnel_reflectance(cosine, fresnel.ior), fresnel_reflectance(1.0, fresnel.ior)
+    passed = (1 - reflected) * (1 + normal) / np.maximum((1 + reflected) * (1 - normal), 1e-30)
+    factor: np.ndarray = 1 - fresnel.share * (1 - passed ** (0.5 * fresnel.faces))
+    return factor
+
+
+def mean_angular_factor(fresnel: Fresnel) -> float:
+    """Return the mean of `angular_factor` under uniform light, weighted by the cosine."""
+    steps = 256
+    squared = (np.arange(steps) + 0.5) / steps
+    return float(angular_factor(fresnel, np.sqrt(squared)).mean())

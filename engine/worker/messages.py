@@ -28,7 +28,7 @@ from ..scene.profile import Profile
 from ..scene.reflection_sphere import ReflectionSphere, ReflectionVolume
 from ..scene.scene_changes import SceneChanges
 from ..scene.texture import Texture
-from ..scene.transmission import Transmission, Transmittance
+from ..scene.transmission import Fresnel, Transmission, Transmittance
 from ..settings import Settings
 from ..unwrap.chart_options import ChartOptions
 from ..unwrap.polygon_mesh import MeshCharts, PolygonMesh
@@ -44,6 +44,7 @@ RECORDS: dict[str, type] = {
         ChartOptions,
         DeviceSurvey,
         FluxBalance,
+        Fresnel,
         PackResult,
         DeviceInfo,
         Light,

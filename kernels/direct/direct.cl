@@ -206,7 +206,7 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
 #ifdef TRANSMISSION
         // Only the opaque fraction of a surface emits.
         if (s.surface > 0)
-            s.light *= smallest(opacity(&rays, s.surface - 1, s.weights, s.shines_front, BOUNCE));
+            s.light *= smallest(opacity(&rays, s.surface - 1, s.weights, s.shines_front, BOUNCE, s.steepness));
 #endif
         const float cosine = dot(s.direction, r.normal);
         const float over = dot(s.direction, horizon_of(&r, s.back));

@@ -61,6 +61,7 @@ typedef struct {
 #ifdef TRANSMISSION
     int surface;     // emissive triangle + 1, or 0 for lights and sky
     bool shines_front;
+    float steepness;  // cosine of the angle at which light leaves the surface
     float2 weights;
 #endif
 } Sample;
@@ -255,6 +256,7 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
 #ifdef TRANSMISSION
         s.surface = e->triangle + 1;
         s.shines_front = cosine > 0.0f;
+        s.steepness = fmin(fabs(cosine), 1.0f);
         s.weights = w;
 #endif
     }

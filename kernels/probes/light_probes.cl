@@ -65,7 +65,7 @@ __kernel void light_probes(RAYS_ARGUMENTS, __global const float4 *probes, __glob
 #ifdef TRANSMISSION
         // Only the opaque fraction of a surface emits.
         if (s.surface > 0)
-            s.light *= smallest(opacity(&rays, s.surface - 1, s.weights, s.shines_front, BOUNCE));
+            s.light *= smallest(opacity(&rays, s.surface - 1, s.weights, s.shines_front, BOUNCE, s.steepness));
 #endif
         if (!(luminance(s.light) > 0.0f))
             continue;

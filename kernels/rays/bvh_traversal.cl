@@ -3,7 +3,8 @@
 
 // Ray traversal of a BVH with WIDTH boxes per node and leaves of packets of PACKET triangles (RECORD floats per
 // triangle). STACK is the traversal stack's size (engine/visibility/rays/bvh.py chooses all four). TRANSMISSION is
-// defined for scenes with transparent surfaces, TINTED if some of them colour the light that passes.
+// defined for scenes with transparent surfaces, TINTED if some of them colour the light that passes, ANGULAR if some of
+// them are glass, which transmits less at larger angles of incidence.
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -160,9 +161,36 @@ Fraction map_value(const Rays *rays, const float2 uv, __global const Transmittan
 #define OF_CHANNELS(values) (values)[0]
 #endif
 
+#ifdef ANGULAR
+// Returns the fraction of light that a face of glass transmits: sqrt((1 - F) / (1 + F)), with the unpolarised Fresnel
+// reflectance F (engine/scene/transmission.py). cosine: of the angle of incidence.
+float through_face(const float cosine, const float ior)
+{
+    const float squared = ior * ior - 1.0f + cosine * cosine;
+    if (!(squared > 0.0f))
+        return 0.0f;
+    const float g = sqrt(squared), first = (g - cosine) / (g + cosine);
+    const float second = (cosine * (g + cosine) - 1.0f) / (cosine * (g - cosine) + 1.0f);
+    const float reflected = fmin(0.5f * first * first * (1.0f + second * second), 1.0f);
+    return sqrt((1.0f - reflected) / (1.0f + reflected));
+}
+
+// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence.
+Fraction at_angle(const Fraction stopped, __global const Transmittance *surface, const float cosine)
+{
+    if (!(surface->share > 0.0f))
+        return stopped;
+    const float face = through_face(cosine, surface->ior) / fmax(through_face(1.0f, surface->ior), 1e-15f);
+    const float factor = surface->faces > 1.5f ? face * face : face;
+    return 1.0f - (1.0f - stopped) * (1.0f - surface->share * (1.0f - factor));
+}
+#endif
+
 // Returns the opacity of a surface at a point of a triangle: base plus factor times map value, then alpha clip or clamp
-// to 0..1. weights: barycentrics of the second and third corner. kind: SHADOW or BOUNCE.
-Fraction opacity(const Rays *rays, const int triangle, const float2 w, const bool front, const int kind)
+// to 0..1. weights: barycentrics of the second and third corner. kind: SHADOW or BOUNCE. cosine: of the angle of
+// incidence, for ANGULAR.
+Fraction opacity(const Rays *rays, const int triangle, const float2 w, const bool front, const int kind,
+                 const float cosine)
 {
     __global const Transmittance *surface =
         rays->surfaces + 4 * rays->materials[triangle] + (front ? kind : BACK_SIDE + kind);
@@ -176,7 +204,11 @@ Fraction opacity(const Rays *rays, const int triangle, const float2 w, const boo
         const Fraction limit = (Fraction)(surface->threshold);
         return select((Fraction)(1.0f), (Fraction)(0.0f), stopped < limit);
     }
+#ifdef ANGULAR
+    return at_angle(clamp(stopped, 0.0f, 1.0f), surface, cosine);
+#else
     return clamp(stopped, 0.0f, 1.0f);
+#endif
 }
 
 // Returns the smallest opacity that stops a ray at this hit. With DITHERED it is a pseudo-random number from a hash of
@@ -292,6 +324,17 @@ PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *sear
     meet(t, search, meeting);
 }
 
+#ifdef ANGULAR
+// Returns the cosine of the angle of incidence on a triangle of a packet. determinant: of `meet`.
+float cosine_of_incidence(__global const PART *packet, const int lane, const float determinant, const float3 direction)
+{
+    __global const float *t = (__global const float *)packet + lane;
+    const float3 edge1 = (float3)(t[3 * PACKET], t[4 * PACKET], t[5 * PACKET]);
+    const float3 edge2 = (float3)(t[6 * PACKET], t[7 * PACKET], t[8 * PACKET]);
+    return fmin(fabs(determinant) / (length(cross(edge1, edge2)) * length(direction)), 1.0f);
+}
+#endif
+
 // Merges the hits of a packet into the search. Returns false once the search is complete (ray fully blocked).
 #if PACKET == 8 && !defined(TRANSMISSION)
 // Variant for opaque scenes on CPUs: takes the nearest lane by a vector minimum.
@@ -329,7 +372,12 @@ PART_OF_DESCENT bool take_packet(const Rays *rays, __global const PART *packet, 
         const Hit hit = {distance, (float2)(LANE(meeting->u, lane), LANE(meeting->v, lane)),
                          ((__global const int *)packet)[9 * PACKET + lane], front};
 #ifdef TRANSMISSION
-        const Fraction stopped = opacity(rays, hit.triangle, hit.weights, front, search->kind);
+#ifdef ANGULAR
+        const float cosine = cosine_of_incidence(packet, lane, LANE(meeting->determinant, lane), search->direction);
+#else
+        const float cosine = 1.0f;
+#endif
+        const Fraction stopped = opacity(rays, hit.triangle, hit.weights, front, search->kind, cosine);
         const float least = least_opacity(&hit);
 #else
         const Fraction stopped = 1.0f;

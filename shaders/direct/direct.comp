@@ -224,7 +224,7 @@ bool sample_on(const Receiver r)
 #ifdef TRANSMISSION
         // Only the opaque fraction of a surface emits.
         if (s.surface > 0)
-            s.light *= smallest(opacity(s.surface - 1, s.weights, s.shines_front, BOUNCE));
+            s.light *= smallest(opacity(s.surface - 1, s.weights, s.shines_front, BOUNCE, s.steepness));
 #endif
         float cosine = dot(s.direction, r.normal), over = dot(s.direction, horizon_of(r, s.back));
         if (!(cosine > 0.0 && over > 0.0 && luminance(s.light) > 0.0))

@@ -37,12 +37,13 @@ struct Sample {
     bool back;         // of a surface
     int surface;       // number of a surface's triangle + 1, 0 for other light; which side of it shines, and where
     bool shines_front;
+    float steepness;   // cosine of the angle at which light leaves the surface
     vec2 weights;
 };
 
 Sample sample_of(const vec3 direction, const float distance, const vec3 light)
 {
-    return Sample(direction, distance, light, false, 0, false, vec2(0.0));
+    return Sample(direction, distance, light, false, 0, false, 1.0, vec2(0.0));
 }
 
 vec3 strength_of(const int e) { return TO_VEC3(emitters[e].strength); }
@@ -230,6 +231,7 @@ Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u
         radiance = glow_at(e, w, cosine > 0.0);
         s.surface = emitters[e].triangle + 1;
         s.shines_front = cosine > 0.0;
+        s.steepness = min(abs(cosine), 1.0);
         s.weights = w;
     }
     s.light = radiance * weight * INVERSE_PI;

@@ -1,9 +1,11 @@
 #pragma once
+#include "angular.glsl"
 #include "image_borders.glsl"
 
 // Ray traversal of a binary BVH (engine/visibility/rays/shaders/host_bvh.py). The same algorithm as
 // kernels/rays/bvh_traversal.cl. STACK is the depth of the BVH. TRANSMISSION is defined for scenes with transparent
-// surfaces, TINTED if some of them colour the light that passes.
+// surfaces, TINTED if some of them colour the light that passes, ANGULAR if some of them are glass, which transmits
+// less at larger angles of incidence.
 
 #define INFINITY uintBitsToFloat(0x7f800000u)
 #define PI 3.14159265358979
@@ -47,7 +49,7 @@ layout(std430, binding = 2) readonly buffer TransmissionTables { uint transmissi
 uniform int first_pixels, first_map_uvs, first_materials, first_tints;
 
 // Number of 32-bit words of a record `Transmittance`, and offsets of its fields.
-#define SURFACE_WORDS 16
+#define SURFACE_WORDS 20
 #define SURFACE_BASE 0
 #define SURFACE_THRESHOLD 3
 #define SURFACE_FACTOR 4
@@ -58,6 +60,9 @@ uniform int first_pixels, first_map_uvs, first_materials, first_tints;
 #define SURFACE_EXTENSION 11
 #define SURFACE_NEAREST 12
 #define SURFACE_FIRST_CORNER 13
+#define SURFACE_IOR 14
+#define SURFACE_SHARE 15
+#define SURFACE_FACES 16
 
 float transmission_float(const int i) { return uintBitsToFloat(transmission_tables[i]); }
 int transmission_int(const int i) { return int(transmission_tables[i]); }
@@ -117,8 +122,8 @@ Fraction of_channels(const int first)
 }
 
 // Returns the opacity of a surface at a point of a triangle. w: barycentrics of the second and third corner. kind:
-// SHADOW or BOUNCE.
-Fraction opacity(const int triangle, const vec2 w, const bool front, const int kind)
+// SHADOW or BOUNCE. cosine: of the angle of incidence, for ANGULAR.
+Fraction opacity(const int triangle, const vec2 w, const bool front, const int kind, const float cosine)
 {
     int material = transmission_int(first_materials + triangle);
     int surface = SURFACE_WORDS * (4 * material + (front ? kind : BACK_SIDE + kind));
@@ -131,7 +136,14 @@ Fraction opacity(const int triangle, const vec2 w, const bool front, const int k
     float threshold = transmission_float(surface + SURFACE_THRESHOLD);
     if (threshold >= 0.0)
         return step(Fraction(threshold), stopped);
-    return clamp(stopped, 0.0, 1.0);
+    stopped = clamp(stopped, 0.0, 1.0);
+#ifdef ANGULAR
+    vec3 fresnel = vec3(transmission_float(surface + SURFACE_IOR), transmission_float(surface + SURFACE_SHARE),
+                        transmission_float(surface + SURFACE_FACES));
+    if (fresnel.y > 0.0)
+        stopped = 1.0 - (1.0 - stopped) * angular_factor(fresnel, cosine);
+#endif
+    return stopped;
 }
 
 // Returns the smallest opacity that stops a ray at this hit. With DITHERED it is a pseudo-random number from a hash of
@@ -208,7 +220,12 @@ bool take_triangle(const int index, inout Search search)
         return true;
     Hit hit = Hit(distance, vec2(u, v), int(record.w), front, false);
 #ifdef TRANSMISSION
-    Fraction stopped = opacity(hit.triangle, hit.weights, front, search.kind);
+#ifdef ANGULAR
+    float cosine = min(abs(determinant) / (length(cross(edge1, edge2)) * length(d)), 1.0);
+#else
+    const float cosine = 1.0;
+#endif
+    Fraction stopped = opacity(hit.triangle, hit.weights, front, search.kind, cosine);
     float least = least_opacity(hit);
 #else
     Fraction stopped = Fraction(1.0);

@@ -19,6 +19,9 @@ layout(location = 0) out vec4 out_radiance;
 in vec3 cutout;
 in vec2 cutout_back;
 #endif
+#ifdef ANGULAR
+in vec3 towards;
+#endif
 
 #ifdef BACK_TO_BACK
 // Moves a back face that may coincide with a front face away, and returns its inverse distance. The shift exceeds the
@@ -45,7 +48,13 @@ void main()
     }
 #endif
 #ifdef TRANSMISSION
-    if (is_hole(cutout, cutout_back, lightmap_uv.xy))
+#ifdef ANGULAR
+    vec3 across = cross(dFdx(towards), dFdy(towards));
+    float cosine = min(abs(dot(across, towards)) / max(length(across) * length(towards), 1e-30), 1.0);
+#else
+    const float cosine = 1.0;
+#endif
+    if (is_hole(cutout, cutout_back, lightmap_uv.xy, cosine))
         discard;
 #endif
 #ifdef BACK_TO_BACK

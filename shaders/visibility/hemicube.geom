@@ -16,6 +16,9 @@ in vec2 back_corner[];
 out vec3 cutout;
 out vec2 cutout_back;
 #endif
+#ifdef ANGULAR
+out vec3 towards;
+#endif
 
 // Returns true if all three corners lie outside one of the planes of the face's frustum.
 bool culled(vec4 p, vec4 q, vec4 r)
@@ -43,6 +46,9 @@ void main()
 #ifdef TRANSMISSION
         cutout = cutout_corner[i];
         cutout_back = back_corner[i];
+#endif
+#ifdef ANGULAR
+        towards = along_axes(gl_InvocationID, clip[i]);
 #endif
         EmitVertex();
     }

@@ -46,6 +46,9 @@ out vec3 lightmap_uv;
 out vec3 cutout;
 out vec2 cutout_back;
 #endif
+#ifdef ANGULAR
+out vec3 towards;
+#endif
 
 void main()
 {
@@ -59,6 +62,9 @@ void main()
 #ifdef TRANSMISSION
     cutout = in_cutout;
     cutout_back = in_cutout_back;
+#endif
+#ifdef ANGULAR
+    towards = along_axes(face, gl_Position);
 #endif
 }
 #endif

@@ -17,3 +17,10 @@ vec4 project(int slot, int face, vec3 position)
     clip.w = dot(matrix_row(slot, 4 * face + 3), p);
     return clip;
 }
+
+// Returns the vector from the eye to a clip position, along the axes of the face. Side faces draw their upper half
+// only: y = 2 v - w (engine/visibility/views/hemicube.py).
+vec3 along_axes(int face, vec4 clip)
+{
+    return vec3(clip.x, face == 0 ? clip.y : 0.5 * (clip.y + clip.w), clip.w);
+}

@@ -71,22 +71,28 @@ uint hash(uint x)
     return x ^ (x >> 16);
 }
 
-// cutout: UV on the map of the front, material; back_uv: UV on the map of the back
-bool is_hole(vec3 cutout, vec2 back_uv, vec2 lightmap_uv)
+// cutout: UV on the map of the front, material; back_uv: UV on the map of the back; cosine: of the angle of incidence,
+// for ANGULAR
+bool is_hole(vec3 cutout, vec2 back_uv, vec2 lightmap_uv, float cosine)
 {
     int material = int(cutout.z + 0.5);
     int record = 2 * material + (gl_FrontFacing ? 0 : 1);
     int height = textureSize(cutout_constants, 0).y;
-    vec4 base = texelFetch(cutout_constants, in_table(2 * record, height), 0);
+    vec4 base = texelFetch(cutout_constants, in_table(3 * record, height), 0);
     vec3 opacity = base.rgb;
     ivec4 map = texelFetch(cutout_maps, in_table(record, textureSize(cutout_maps, 0).y), 0);
     if (map.y > 0) {
-        vec3 factor = texelFetch(cutout_constants, in_table(2 * record + 1, height), 0).rgb;
+        vec3 factor = texelFetch(cutout_constants, in_table(3 * record + 1, height), 0).rgb;
         opacity += factor * map_value(gl_FrontFacing ? cutout.xy : back_uv, map);
     }
     float stopped = min(opacity.r, min(opacity.g, opacity.b));
     if (base.a >= 0.0)
         return stopped < base.a;
+#ifdef ANGULAR
+    vec3 fresnel = texelFetch(cutout_constants, in_table(3 * record + 2, height), 0).rgb;
+    if (fresnel.y > 0.0)
+        stopped = 1.0 - (1.0 - clamp(stopped, 0.0, 1.0)) * angular_factor(fresnel, cosine);
+#endif
     if (stopped >= 1.0)
         return false;
     uint seed = hash(floatBitsToUint(lightmap_uv.x) ^ uint(material));

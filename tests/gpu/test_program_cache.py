@@ -268,7 +268,7 @@ def test_every_listed_kernel_ends_when_it_is_launched_with_zeros(tmp_path, monke
     device = ComputeDevice(str(tmp_path))
     if not (device.processor and device._is_pocl):
         pytest.skip("another driver")
-    options = cutout_options(tinted) if tinted else ()
+    options = cutout_options(tinted, False) if tinted else ()
     programs = [one for one in _listed(True, tinted, options) if one.for_processor]
     device.build_ahead(programs)
     deadline = time.monotonic() + 120

@@ -35,13 +35,16 @@ class TexelAreas:
     share: np.ndarray
 
 
-def bake_areas(context, read, settings, samples: int) -> TexelAreas:
+def bake_areas(context, read, settings, samples: int, group: str | None = None) -> TexelAreas:
     """Bake with Cycles, `samples` in each texel.
 
     read, settings: the engine's scene as it was read, and the settings of its bake.
+    group: name of the light group whose light is baked; None for all light
     """
     fine = replace(settings, resolution=FINER * settings.resolution)
     with realised(context, read, fine.resolution) as reference:
+        if group is not None:
+            reference.keep_group(group)
         count = -(-samples // FINER**2)
         bakes = reference.bake(count, 1), reference.bake(count, 2)
         colour = reference.colour()

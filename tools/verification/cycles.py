@@ -61,9 +61,11 @@ class RealisedScene:
         self._anchor = bpy.data.objects.new("Anchor", None)
         self._scene.collection.objects.link(self._anchor)
         self._members: list[list[bpy.types.Object]] = [[] for _ in self._atlases]
+        self._groups: dict[str, str] = {}
         self._copies_by_name: dict[str, tuple[bpy.types.Object, int]] = {}
         self._materials: dict[tuple, bpy.types.Material] = {}
         self._made: list = []
+        self._to_rec709 = importlib.import_module(f"{MODULE}.operators.working_space").to_rec709
         self.seconds = 0.0
         places = dict(read.objects)
         places |= {(uid, number): place for uid, _, number, place in read.instances}
@@ -97,6 +99,13 @@ class RealisedScene:
                 for image, objects in zip(self._images, self._members, strict=True)
             ]
         )
+
+    def keep_group(self, name: str) -> None:
+        """Switch off the world and all lights that are not in a light group."""
+        for obj in self._scene.collection.objects:
+            obj.hide_render = obj.type == "LIGHT" and self._groups[obj.name] != name
+        if self._scene.world is not None and self._scene.world.lightgroup != name:
+            self._scene.world = None
 
     def bake_strip(
         self, name: str, corner: np.ndarray, along: np.ndarray, away: np.ndarray, samples: int, seed: int
@@ -167,6 +176,7 @@ class RealisedScene:
 
     def _add(self, item, data) -> bpy.types.Object:
         obj = bpy.data.objects.new(item.source.name, data)
+        self._groups[obj.name] = item.source.lightgroup
         for name in _RAY_VISIBILITY:
             setattr(obj, name, getattr(item.source, name))
         self._made.append((_collection_of(data), data))
@@ -260,7 +270,9 @@ class RealisedScene:
         self.seconds += time.perf_counter() - started
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
-        return pixels.reshape(*reversed(image.size), 4)
+        baked = pixels.reshape(*reversed(image.size), 4)
+        baked[..., :3] = self._to_rec709(baked[..., :3])
+        return baked
 
 
 def _ignored(item) -> bool:
@@ -269,7 +281,9 @@ def _ignored(item) -> bool:
 
 
 def _image(resolution: int) -> bpy.types.Image:
-    return bpy.data.images.new("Reference", resolution, resolution, alpha=True, float_buffer=True)
+    return bpy.data.images.new(
+        "Reference", resolution, resolution, alpha=True, float_buffer=True, is_data=True
+    )
 
 
 def _collection_of(data: bpy.types.ID) -> bpy.types.bpy_prop_collection:

@@ -7,7 +7,23 @@ import math
 import bpy
 import numpy as np
 
-from tools.verification.scenes import ORIGINALS, add, box, floor, lamp, material, scene, stage, world
+from tools.verification.scenes import (
+    GROUPS,
+    ORIGINALS,
+    SETTINGS,
+    WORKING_SPACES,
+    add,
+    box,
+    checker,
+    floor,
+    lamp,
+    link_image,
+    material,
+    picture,
+    scene,
+    stage,
+    world,
+)
 
 
 def _light() -> None:
@@ -106,6 +122,39 @@ def unit_scale():
     for obj in bpy.context.scene.objects:
         obj.scale = tuple(1000 * np.array(obj.scale))
         obj.location = tuple(1000 * np.array(obj.location))
+
+
+SETTINGS["unit_scale"] = {"size_mode": "DENSITY", "texels_per_metre": 14.0}
+
+
+@scene
+def working_space():
+    """A stage with colors and an image, in ACEScg."""
+    floor(material("Floor", (0.7, 0.2, 0.15)))
+    surface = material("Box")
+    link_image(surface, picture("Checker", checker(seed=3)), "Base Color")
+    box(surface, (0.4, 0.2, 0.35))
+    lamp("AREA", energy=60, size=0.5, color=(0.3, 0.9, 0.5))
+    world((0.2, 0.3, 0.9), strength=0.4)
+
+
+WORKING_SPACES["working_space"] = "ACEScg"
+
+
+@scene
+def light_group():
+    """The map of a dim lamp's group, beside a bright sun, a sky and a second lamp."""
+    stage()
+    dim = lamp("AREA", energy=4, size=0.4, color=(1, 0.6, 0.3))
+    other = lamp("POINT", location=(0.8, -0.7, 1.2), energy=90, shadow_soft_size=0.1)
+    _light()
+    for name in ("Dim", "Bright"):
+        bpy.context.view_layer.lightgroups.add(name=name)
+    dim.lightgroup, other.lightgroup = "Dim", "Bright"
+
+
+GROUPS["light_group"] = "Dim"
+SETTINGS["light_group"] = {"outputs": {"combined", "light_groups"}}
 
 
 @scene

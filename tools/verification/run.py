@@ -37,12 +37,13 @@ class Comparison:
     original: float | None = None
 
 
-def verify(context, samples: int, original: str | None = None) -> Comparison:
+def verify(context, samples: int, original: str | None = None, group: str | None = None) -> Comparison:
     """Compare a bake of the scene's settings with Cycles; `samples` in each texel.
 
     Objects without lightmap UVs are unwrapped, as in every bake.
 
     original:  name of an object that Cycles also bakes in the user's scene, which this changes
+    group:     name of the light group whose map is compared; None for all light
     """
     engine = importlib.import_module(f"{MODULE}.engine")
     with quiet_stdout():
@@ -50,13 +51,16 @@ def verify(context, samples: int, original: str | None = None) -> Comparison:
         # Cycles leaves seams as they are.
         lightmap = engine.finished(engine.bake(read.scene, replace(settings, hide_seams=False)))
         with realised(context, read, settings.resolution) as reference:
+            if group is not None:
+                reference.keep_group(group)
             bakes = reference.bake(samples, 1), reference.bake(samples, 2)
             colour = reference.colour()
             covered = None if original is None else reference.covers(original)
-        means = bake_areas(context, read, settings, samples)
+        means = bake_areas(context, read, settings, samples, group)
         known = known_texels(lightmap, read.scene, settings)
-    figures, difference = compare(lightmap.display, known, weight_of(colour), bakes)
-    areas, area_difference = compare(lightmap.display, lightmap.known, means.share, means.bakes)
+    light = lightmap.display if group is None else lightmap.passes[f"light_group {group}"]
+    figures, difference = compare(light, known, weight_of(colour), bakes)
+    areas, area_difference = compare(light, lightmap.known, means.share, means.bakes)
     notes = [*read.notes, *lightmap.report.warnings]
     off = None
     if original is not None:
@@ -79,6 +83,7 @@ def read_for_bake(context):
     """Make missing lightmap UVs; return the scene that a bake of the context would read, and its settings."""
     scene = importlib.import_module(f"{MODULE}.operators.scene")
     unwrap = importlib.import_module(f"{MODULE}.operators.scene.uvs.unwrap")
+    size = importlib.import_module(f"{MODULE}.operators.lightmap_size")
     changes = importlib.import_module(f"{MODULE}.operators.rollback").Rollback()
     settings = importlib.import_module(f"{MODULE}.operators.bake_settings").read_settings(
         context.scene.hemibake
@@ -86,6 +91,9 @@ def read_for_bake(context):
     finished = importlib.import_module(f"{MODULE}.engine.progress").finished
     objects, layer = scene.visible_meshes(context), context.scene.hemibake.uv_layer
     where, resolution = scene.SceneContext(context), settings.resolution
+    if context.scene.hemibake.size_mode == "DENSITY":
+        resolution = finished(size.choose_width(where, objects, changes)).width
+        settings = replace(settings, resolution=resolution)
     made = finished(unwrap.unwrap_missing(where, objects, layer, resolution, changes))
     usable = [obj for obj in objects if obj not in made.skipped]
     return finished(scene.read_scene(where, usable, layer, resolution, made.notes)), settings

@@ -22,6 +22,15 @@ ORIGINALS: dict[str, str] = {}
 #: Limits of RMSE off edges and of bias, per cent, of scenes that differ by design (docs/design/accuracy.md).
 BY_DESIGN: dict[str, tuple[float, float]] = {}
 
+#: Light groups whose own map is compared, by scene; the reference has the lights of the group only.
+GROUPS: dict[str, str] = {}
+
+#: Settings by name that a scene needs in addition to those of every scene.
+SETTINGS: dict[str, dict[str, object]] = {}
+
+#: Working spaces other than Rec.709, by scene; Blender has them since 5.0.
+WORKING_SPACES: dict[str, str] = {}
+
 #: Words that a note of the bake must contain, by scene.
 NOTES: dict[str, str] = {}
 

@@ -62,7 +62,9 @@ class HemicubeRaster:
         one_sided = cutouts.clear_backs[triangles.material] | triangles.one_sided
         self._clusters = TriangleClusters(triangles.positions, one_sided, culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
-        features = (*target.features, *(("transmission",) if cutouts.needed else ()))
+        features = target.features
+        if cutouts.needed:
+            features += ("angular", "transmission") if cutouts.angular else ("transmission",)
         if triangles.backs is not None:
             features += ("backs",)
         if back_to_back:
@@ -176,9 +178,9 @@ def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, m
     gathered = slice(BOUNCE, None, BACK)
     maps = cutouts.maps[gathered].copy()
     maps[:, 3] += np.where(cutouts.channels[gathered] > 1, 8, 0).astype(np.int32)
-    constants = np.zeros((len(maps), 2, 4), np.float32)
+    constants = np.zeros((len(maps), 3, 4), np.float32)
     constants[:, 0, :3], constants[:, 1, :3] = cutouts.base[gathered], cutouts.factor[gathered]
-    constants[:, 0, 3] = cutouts.threshold[gathered]
+    constants[:, 0, 3], constants[:, 2, :3] = cutouts.threshold[gathered], cutouts.fresnel[gathered]
     lists = {"pixels": cutouts.pixels, "maps": maps, "constants": constants.reshape(-1, 4)}
     return {f"cutout_{name}": list_texture(context, values) for name, values in lists.items()}
 

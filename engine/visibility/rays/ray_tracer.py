@@ -30,6 +30,9 @@ TRANSMITTANCE = DeviceStruct(
     ("int", "extension", "index into EXTENSIONS: how the map goes on beyond its borders"),
     ("int", "nearest", "1 if the nearest pixel is taken, 0 if four are interpolated"),
     ("int", "first_corner", "of the map's layer in the list of corners of all layers"),
+    ("float", "ior", "index of refraction"),
+    ("float", "share", "of the transmittance that passes glass and falls with the angle of incidence"),
+    ("float", "faces", "of glass that light crosses, 1 or 2"),
 )
 
 
@@ -61,7 +64,7 @@ class RayTracer:
         self._options, self.bvh = bvh.options, bvh
         arrays: list[np.ndarray] = []
         if cutouts.needed:
-            self._options = (*bvh.options, *cutout_options(cutouts.tinted))
+            self._options = (*bvh.options, *cutout_options(cutouts.tinted, cutouts.angular))
             arrays = [cutouts.pixels, transmittance_records(cutouts), cutouts.uvs, triangles.material]
             tints = tint_palette(cutouts)
             arrays += [] if tints is None else [tints]
@@ -128,9 +131,9 @@ class RayTracer:
         return [upload(self.compute, array) for array in rays]
 
 
-def cutout_options(tinted: bool) -> tuple[str, ...]:
+def cutout_options(tinted: bool, angular: bool) -> tuple[str, ...]:
     """Return the build options of kernels that trace rays through transparent surfaces."""
-    return ("-DTRANSMISSION", "-DTINTED") if tinted else ("-DTRANSMISSION",)
+    return "-DTRANSMISSION", *(("-DTINTED",) if tinted else ()), *(("-DANGULAR",) if angular else ())
 
 
 def transmittance_records(cutouts: Cutouts) -> np.ndarray:
@@ -148,4 +151,7 @@ def transmittance_records(cutouts: Cutouts) -> np.ndarray:
         extension=code % len(EXTENSIONS),
         nearest=code >= len(EXTENSIONS),
         first_corner=cutouts.layer * (3 * cutouts.uvs.shape[1]),
+        ior=cutouts.fresnel[:, 0],
+        share=cutouts.fresnel[:, 1],
+        faces=cutouts.fresnel[:, 2],
     )

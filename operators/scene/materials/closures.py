@@ -14,11 +14,16 @@ from ...compat import node_input
 from .gloss import GLOSSY, METALLIC, glossy_nodes, metal_nodes
 from .socket_math import Operand, SocketMath
 
-#: The quantities of a surface that evaluations of its node tree return.
-QUANTITIES = ("reflect", "emit", "through", "transmit")
+#: The quantities of a surface that evaluations of its node tree return. "glass" is the part of "through" that
+#: falls with the angle of incidence.
+QUANTITIES = ("reflect", "emit", "through", "transmit", "glass")
 
 PRINCIPLED, MIX, ADD = "ShaderNodeBsdfPrincipled", "ShaderNodeMixShader", "ShaderNodeAddShader"
 GLASS, REFRACTION = "ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"
+
+#: Smallest Fresnel reflectance of glass that reflects light. The opaque fraction of glass would otherwise be
+#: too small for the engine, see `engine_materials.MAX_SHARED`.
+LEAST_MIRROR = 1 / 64
 
 #: Closures that emit light.
 EMITTERS = frozenset({"ShaderNodeEmission", "ShaderNodeBackground"})
@@ -43,6 +48,10 @@ def closure_rule(node: bpy.types.Node, quantity: str, glass: bool) -> Rule | Non
     """
     if quantity == "through":
         return (_THROUGH | _GLASS if glass else _THROUGH).get(node.bl_idname)
+    if quantity == "glass":
+        return _FALLING.get(node.bl_idname) if glass else None
+    if quantity == "reflect" and glass and _mirrors(node):
+        return _MIRRORS[node.bl_idname]
     return _RULES[quantity].get(node.bl_idname)
 
 
@@ -62,6 +71,37 @@ def is_glass(node: bpy.types.Node) -> bool:
     if node.bl_idname == PRINCIPLED:
         return _may_exceed(_transmission(node), 0.0) and not _is_thin(node)
     return node.bl_idname in {GLASS, REFRACTION}
+
+
+def passes_glass(node: bpy.types.Node) -> bool:
+    """Return True if a closure transmits light that falls with the angle of incidence."""
+    return node.bl_idname == GLASS or (node.bl_idname == PRINCIPLED and _may_exceed(_transmission(node), 0.0))
+
+
+def passes_evenly(node: bpy.types.Node) -> bool:
+    """Return True if a closure transmits light straight through, equally at all angles of incidence."""
+    if node.bl_idname == PRINCIPLED:
+        return node.inputs["Alpha"].is_linked or node.inputs["Alpha"].default_value < 1
+    return node.bl_idname in {REFRACTION, "ShaderNodeBsdfTransparent"}
+
+
+def refractive_index(node: bpy.types.Node) -> float | None:
+    """Return the constant IOR of a closure of glass; None if nodes determine it."""
+    ior = node.inputs["IOR"]
+    return None if ior.is_linked else max(float(ior.default_value), 1e-5)
+
+
+def crossed_faces(node: bpy.types.Node) -> float:
+    """Return the number of glass faces that light crosses at a closure of glass: 2 for thin walls."""
+    return 2.0 if _is_thin(node) else 1.0
+
+
+def _mirrors(node: bpy.types.Node) -> bool:
+    """Return True if a closure is glass that reflects enough light for the engine."""
+    if not passes_glass(node):
+        return False
+    ior = refractive_index(node)
+    return ior is None or ((ior - 1) / (ior + 1)) ** 2 >= LEAST_MIRROR
 
 
 def is_hair(node: bpy.types.Node) -> bool:
@@ -87,6 +127,8 @@ def _principled_has(node: bpy.types.Node, quantity: str, glass: bool) -> bool:
         return _may_exceed(node.inputs["Emission Strength"], 0.0)
     if quantity == "transmit":
         return _is_thin(node) and _may_exceed(_subsurface(node), 0.0)
+    if quantity == "glass":
+        return passes_glass(node)
     if quantity == "through":
         alpha = node.inputs["Alpha"]
         see_through = alpha.is_linked or alpha.default_value < 1
@@ -154,6 +196,18 @@ def _principled_reflect(math: SocketMath, node: bpy.types.Node) -> Operand:
     return math.add(diffuse, metal)
 
 
+def _principled_mirror(math: SocketMath, node: bpy.types.Node) -> Operand:
+    """Return the diffuse and metallic reflectance, and the light that glass reflects at normal incidence."""
+    weight = math.multiply(_dielectric(math, node), math.clamp(_operand(_transmission(node))))
+    reflected = math.complement(math.window(node.inputs["IOR"]))
+    return math.add(_principled_reflect(math, node), math.multiply(weight, reflected))
+
+
+def _glass_mirror(math: SocketMath, node: bpy.types.Node) -> Operand:
+    """Return color * F."""
+    return math.multiply(node.inputs["Color"], math.complement(math.window(node.inputs["IOR"])))
+
+
 def _principled_transmit(math: SocketMath, node: bpy.types.Node) -> Operand:
     return math.multiply(_diffuse(math, node), _forward(math, node))
 
@@ -168,21 +222,28 @@ def _principled_hole(math: SocketMath, node: bpy.types.Node) -> Operand:
 
 
 def _principled_through(math: SocketMath, node: bpy.types.Node) -> Operand:
-    """Return 1 - alpha plus glass: sqrt(base) (1 - F), or base (1 - F)^2 for a thin wall."""
-    hole, weight = _principled_hole(math, node), _transmission(node)
-    if not _may_exceed(weight, 0.0):
-        return hole
+    """Return 1 - alpha plus glass."""
+    hole = _principled_hole(math, node)
+    return math.add(hole, _principled_glass(math, node)) if passes_glass(node) else hole
+
+
+def _principled_glass(math: SocketMath, node: bpy.types.Node) -> Operand:
+    """Return the light through glass: sqrt(base) (1 - F), or base (1 - F)^2 for a thin wall."""
+    if not passes_glass(node):
+        return 0.0
     window, base = math.window(node.inputs["IOR"]), math.clamp(node.inputs["Base Color"])
     glass = math.multiply(math.square_root(base), window)
     if _is_thin(node):
         thin = node_input(node, "Thin Wall")
         sheet = math.multiply(thin, base, window, window)
         glass = math.add(math.multiply(math.complement(thin), glass), sheet)
-    return math.add(hole, math.multiply(_dielectric(math, node), math.clamp(weight), glass))
+    return math.multiply(_dielectric(math, node), math.clamp(_transmission(node)), glass)
 
 
 _THROUGH: dict[str, Rule] = {"ShaderNodeBsdfTransparent": _color, PRINCIPLED: _principled_hole}
 _GLASS: dict[str, Rule] = {REFRACTION: _color, GLASS: _glass, PRINCIPLED: _principled_through}
+_FALLING: dict[str, Rule] = {GLASS: _glass, PRINCIPLED: _principled_glass}
+_MIRRORS: dict[str, Rule] = {GLASS: _glass_mirror, PRINCIPLED: _principled_mirror}
 _RULES: dict[str, dict[str, Rule]] = {
     "reflect": {
         "ShaderNodeBsdfDiffuse": _color,

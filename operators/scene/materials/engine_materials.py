@@ -9,7 +9,7 @@ import numpy as np
 from ....engine.scene.cutouts import transmission_maps
 from ....engine.scene.model import BackSide, Material
 from ....engine.scene.texture import Texture
-from ....engine.scene.transmission import CLEAR, Transmission, Transmittance, from_opacity
+from ....engine.scene.transmission import CLEAR, Fresnel, Transmission, Transmittance, from_opacity
 from .sockets import ComplexError
 from .values import HOLE, DiffuseSurface, MaterialValue
 
@@ -127,9 +127,21 @@ def _transmittance(surface: DiffuseSurface) -> Transmittance:
     if threshold is not None:
         raise ComplexError
     stopped = (opacity * (1 - through)).astype(np.float32)
+    fresnel = _fresnel(surface, opacity)
     if texture is None:
-        return Transmittance(1 - stopped)
-    return Transmittance(np.ones(3, np.float32), -stopped, texture)
+        return Transmittance(1 - stopped, fresnel=fresnel)
+    return Transmittance(np.ones(3, np.float32), -stopped, texture, fresnel=fresnel)
+
+
+def _fresnel(surface: DiffuseSurface, opacity: float) -> Fresnel | None:
+    """Return the loss of transmittance with the angle of incidence; textures count by their mean."""
+    if surface.fresnel is None or not surface.glass.any():
+        return None
+    texture = surface.cover.texture
+    cover = opacity if texture is None else opacity * float(texture.pixels.mean())
+    glass = cover * float(np.clip(surface.glass, 0, 1).mean())
+    passed = 1 - cover * (1 - float(np.clip(surface.through, 0, 1).mean()))
+    return replace(surface.fresnel, share=min(glass / passed, 1.0))
 
 
 def _not_negative(value: MaterialValue) -> MaterialValue:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ....engine.scene.model import BackSide, Material
 from ....engine.scene.texture import Texture
-from ....engine.scene.transmission import OPAQUE, Transmission, Transmittance
+from ....engine.scene.transmission import OPAQUE, Fresnel, Transmission, Transmittance
 from ..objects.meshes import LIGHTMAP_UVS
 from .evaluated_passes import COVERED, Pass, Pixels
 from .ray_kinds import BOUNCE, RayKind
@@ -28,6 +28,7 @@ class EvaluatedMaterial:
     bumps:      factor of its reflectance for its normal map, see `normal_map_reflectance.surface_bumps`
     has_back:   True if the back was evaluated as well
     is_mapped:  True for textures over lightmap UVs, False for means over covered texels
+    fresnel:    loss of the light through glass with the angle of incidence; None without glass
     """
 
     name: str
@@ -35,6 +36,7 @@ class EvaluatedMaterial:
     bumps: float
     has_back: bool
     is_mapped: bool
+    fresnel: Fresnel | None = None
 
     def material(self) -> Material:
         """Return the engine's material."""
@@ -91,10 +93,22 @@ class EvaluatedMaterial:
         if np.ptp(mean) < _EQUAL:
             mean[:] = mean[0]
         if not self.is_mapped or np.ptp(covered, axis=0).max() < _EQUAL:
-            return Transmittance(mean)
+            return Transmittance(mean, fresnel=self._falling(rays, mean))
         grey = np.ptp(values, axis=2).max() < _EQUAL
         texture = self._texture(values[..., :1] if grey else values)
-        return Transmittance(scale=np.ones(3, np.float32), texture=texture)
+        ones = np.ones(3, np.float32)
+        return Transmittance(scale=ones, texture=texture, fresnel=self._falling(rays, mean))
+
+    def _falling(self, rays: RayKind, through: np.ndarray) -> Fresnel | None:
+        """Return the loss with the angle of incidence for the mean share of glass.
+
+        through:  (3,) float32, mean transmittance
+        """
+        glass = self.pixels.get(Pass("glass", rays))
+        if self.fresnel is None or glass is None:
+            return self.fresnel
+        share = float(glass[self._covered].mean()) / max(float(through.mean()), 1e-30)
+        return replace(self.fresnel, share=min(share, 1.0)) if share else None
 
     def _texture(self, values: np.ndarray) -> Texture:
         return Texture(self.name, np.ascontiguousarray(values), LIGHTMAP_UVS, extension="extend")

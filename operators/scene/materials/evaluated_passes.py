@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..slice_timer import Slices, row_slices
-from .closures import QUANTITIES, closure_quantities
+from .closures import QUANTITIES, closure_quantities, passes_evenly
 from .engine_materials import MAX_SHARED
 from .object_nodes import Dependence
 from .ray_kinds import BOUNCE, RayKind
@@ -43,6 +43,8 @@ def passes_of(material: bpy.types.Material, depends: Dependence, glass: bool) ->
         found |= set(closure_quantities(node, glass))
         if any(_takes_color(socket) for socket in node.inputs):
             found.add("emit")
+    if glass and not any(map(passes_evenly, used_nodes(material.node_tree))):
+        found.discard("glass")  # all light passes glass
     sides = (False, True) if depends.by_side else (False,)
     passes = [
         Pass(quantity, RayKind(back=back))
@@ -50,8 +52,13 @@ def passes_of(material: bpy.types.Material, depends: Dependence, glass: bool) ->
         for quantity in QUANTITIES
         if quantity in found and not (back and quantity == "transmit")
     ]
-    if depends.by_ray and "through" in found:
-        passes += [Pass("through", RayKind(True, back)) for back in sides]
+    if depends.by_ray:
+        passes += [
+            Pass(quantity, RayKind(True, back))
+            for quantity in ("through", "glass")
+            if quantity in found
+            for back in sides
+        ]
     return passes
 
 

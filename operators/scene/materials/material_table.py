@@ -28,6 +28,7 @@ from .evaluated_materials import EvaluatedMaterial
 from .evaluated_passes import COVERED, Pixels, finish_passes, passes_of
 from .evaluation_cache import kept_evaluations
 from .evaluation_digest import evaluation_digest
+from .glass_angles import glass_fresnel
 from .materials import read_material
 from .mean_colors import mean_color
 from .normal_map_reflectance import surface_bumps
@@ -255,6 +256,7 @@ class MaterialTable:
         with self._worn(index) as (material, shapes):
             depends = dependence(material.node_tree)
             passes = passes_of(material, depends, self._glass)
+            fresnel = glass_fresnel(material.node_tree) if self._glass else None
             digest = evaluation_digest(material, shapes, values, size, self._glass)
         pixels = kept_evaluations.get(digest)
         if pixels is None:
@@ -270,7 +272,7 @@ class MaterialTable:
         if not is_mapped:
             self._averaged.append(name)
         bumps = self._complex[index].bumps
-        return EvaluatedMaterial(name, pixels, bumps, depends.by_side, is_mapped).material()
+        return EvaluatedMaterial(name, pixels, bumps, depends.by_side, is_mapped, fresnel).material()
 
     def _mean_color(self, index: int) -> Slices[Material]:
         """Return a texture-free replacement for a material that Cycles failed to evaluate."""

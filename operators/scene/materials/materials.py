@@ -10,8 +10,9 @@ import numpy as np
 
 from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
+from ....engine.scene.transmission import Fresnel
 from ...compat import node_input, node_tree
-from .closures import DARK, EMITTERS, GLASS, PRINCIPLED, REFRACTION
+from .closures import DARK, EMITTERS, GLASS, LEAST_MIRROR, PRINCIPLED, REFRACTION
 from .engine_materials import Sides, to_material
 from .gloss import GLOSSY, METALLIC, conductor_color, glossy_albedo, is_conductor, keeps_energy, metal_albedo
 from .normal_map_reflectance import bump_factor
@@ -174,12 +175,19 @@ def _principled(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     emission = reader.colour(node, "Emission Color", "Emission")
     strength = reader.number(node, "Emission Strength")
     cover, threshold = reader.alpha(node.inputs["Alpha"])
+    reflect = albedo * (1 - forward) + (_metal(reader, node) * metallic if metallic else ZERO)
     passed = dielectric * weight if reader.glass else 0.0
+    glass, fresnel = passed * _principled_glass(reader, node) if passed else np.zeros(3), None
+    if passed:
+        fresnel = Fresnel(_ior(reader, node), faces=2.0 if reader.number(node, "Thin Wall").number else 1.0)
+        reflect += constant(passed * _mirror(reader, node))
     return DiffuseSurface(
-        reflect=albedo * (1 - forward) + (_metal(reader, node) * metallic if metallic else ZERO),
+        reflect=reflect,
         emit=ZERO if strength.is_zero else emission * strength,
         transmit=albedo * forward if forward else ZERO,
-        through=passed * _principled_glass(reader, node) if passed else np.zeros(3),
+        through=glass,
+        glass=glass,
+        fresnel=fresnel,
         cover=cover,
         threshold=threshold,
     )
@@ -222,8 +230,18 @@ def _principled_glass(reader: ShaderReader, node: bpy.types.Node) -> np.ndarray:
 
 def _window(reader: ShaderReader, node: bpy.types.Node) -> float:
     """Return 1 - F, the transmittance of a dielectric surface at normal incidence."""
-    ior = max(reader.number(node, "IOR").number, 1e-5)
+    ior = _ior(reader, node)
     return 1 - ((ior - 1) / (ior + 1)) ** 2
+
+
+def _ior(reader: ShaderReader, node: bpy.types.Node) -> float:
+    return max(reader.number(node, "IOR").number, 1e-5)
+
+
+def _mirror(reader: ShaderReader, node: bpy.types.Node) -> float:
+    """Return F, the light that glass reflects at normal incidence; 0 below `LEAST_MIRROR`."""
+    reflected = 1 - _window(reader, node)
+    return reflected if reflected >= LEAST_MIRROR else 0.0
 
 
 def _plain(value: MaterialValue) -> np.ndarray:
@@ -257,7 +275,10 @@ def _refraction(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
 def _glass(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:
     if not reader.glass:
         return BLACK
-    return DiffuseSurface(through=_plain(reader.colour(node, "Color")) * _window(reader, node))
+    color = _plain(reader.colour(node, "Color"))
+    glass = color * _window(reader, node)
+    reflect = constant(*(color * _mirror(reader, node)))
+    return DiffuseSurface(reflect, through=glass, glass=glass, fresnel=Fresnel(_ior(reader, node)))
 
 
 def _add(reader: ShaderReader, node: bpy.types.Node) -> DiffuseSurface:

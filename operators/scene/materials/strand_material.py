@@ -43,4 +43,5 @@ def _mean_transmittance(side: Transmittance) -> Transmittance:
     pixels = side.offset + side.scale * side.texture.pixels
     if side.threshold is not None:
         pixels = (1 - pixels < side.threshold).astype(np.float32)
-    return Transmittance(pixels.mean(axis=(0, 1), dtype=np.float64).astype(np.float32))
+    mean = pixels.mean(axis=(0, 1), dtype=np.float64).astype(np.float32)
+    return Transmittance(mean, fresnel=None if side.threshold is not None else side.fresnel)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ....engine.scene.texture import Texture
+from ....engine.scene.transmission import Fresnel
 from .sockets import ComplexError
 
 
@@ -63,7 +64,9 @@ class DiffuseSurface:
     reflect:    diffuse reflectance of the sheet
     emit:       radiance that the sheet emits, W/(m^2 sr)
     transmit:   diffuse transmittance of the sheet
-    through:    (3,) float64, straight-through transmittance of the sheet
+    through:    (3,) float64, straight-through transmittance of the sheet at normal incidence
+    glass:      (3,) float64, part of `through` that falls with the angle of incidence
+    fresnel:    how it falls; None without glass. Of several kinds of glass, that of the largest part
     cover:      fraction of the surface that the sheet covers; grey
     threshold:  a cover of at least the threshold becomes 1, and a smaller one 0; None keeps the cover
     """
@@ -72,6 +75,8 @@ class DiffuseSurface:
     emit: MaterialValue = ZERO
     transmit: MaterialValue = ZERO
     through: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    glass: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    fresnel: Fresnel | None = None
     cover: MaterialValue = ONE
     threshold: float | None = None
 
@@ -85,8 +90,9 @@ class DiffuseSurface:
     def scaled(self, factor: float) -> DiffuseSurface:
         """Return the surface multiplied by a factor, as part of a mix; the other part of the mix is black."""
         return DiffuseSurface(
-            self.reflect * factor, self.emit * factor, self.transmit * factor, self.through * factor
-        )
+            self.reflect * factor, self.emit * factor, self.transmit * factor, self.through * factor,
+            self.glass * factor, self.fresnel,
+        )  # fmt: skip
 
     def solid(self) -> DiffuseSurface:
         """Return the same surface with a cover of 1; raises ComplexError if the cover has a texture."""
@@ -98,11 +104,14 @@ class DiffuseSurface:
 
     def __add__(self, other: DiffuseSurface) -> DiffuseSurface:
         """Return the sum of two solid surfaces; raises ComplexError for sums of textures."""
+        larger = self if self.glass.sum() >= other.glass.sum() else other
         return DiffuseSurface(
             self.reflect + other.reflect,
             self.emit + other.emit,
             self.transmit + other.transmit,
             self.through + other.through,
+            self.glass + other.glass,
+            larger.fresnel,
         )
 
 

@@ -61,7 +61,8 @@ class ShaderTracer:
         }
         self._uniforms: dict[str, int] = {}
         if cutouts.needed:
-            self._features += ("transmission", "tinted") if cutouts.tinted else ("transmission",)
+            named = {"transmission": True, "tinted": cutouts.tinted, "angular": cutouts.angular}
+            self._features += tuple(name for name, used in named.items() if used)
             tables = ShaderTables(graphics, _transmission_arrays(triangles, cutouts))
             self._buffers[TRANSMISSION], self._uniforms = tables.buffer, tables.uniforms
         self._programs: dict[tuple[str, tuple[str, ...]], moderngl.ComputeShader] = {}

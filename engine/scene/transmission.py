@@ -15,7 +15,8 @@ class Fresnel:
 
     ior:    index of refraction, relative to the medium outside
     share:  fraction of the transmittance at normal incidence that passes glass; the rest has no loss
-    faces:  faces of glass that light crosses at this surface: 2 for thin walls, otherwise 1
+    faces:  faces of glass that light crosses at this surface: 1, 2 for thin walls, more where the front of a
+            closed body stands for both sides
     """
 
     ior: float

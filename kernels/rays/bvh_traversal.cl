@@ -181,8 +181,7 @@ Fraction at_angle(const Fraction stopped, __global const Transmittance *surface,
     if (!(surface->share > 0.0f))
         return stopped;
     const float face = through_face(cosine, surface->ior) / fmax(through_face(1.0f, surface->ior), 1e-15f);
-    const float factor = surface->faces > 1.5f ? face * face : face;
-    return 1.0f - (1.0f - stopped) * (1.0f - surface->share * (1.0f - factor));
+    return 1.0f - (1.0f - stopped) * (1.0f - surface->share * (1.0f - pow(face, surface->faces)));
 }
 #endif
 

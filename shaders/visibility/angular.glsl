@@ -17,6 +17,5 @@ float through_face(float cosine, float ior)
 float angular_factor(vec3 fresnel, float cosine)
 {
     float face = through_face(cosine, fresnel.x) / max(through_face(1.0, fresnel.x), 1e-15);
-    float factor = fresnel.z > 1.5 ? face * face : face;
-    return 1.0 - fresnel.y * (1.0 - factor);
+    return 1.0 - fresnel.y * (1.0 - pow(face, fresnel.z));
 }

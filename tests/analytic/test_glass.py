@@ -46,7 +46,8 @@ def test_a_sun_at_60_degrees_is_transmitted_as_there(without_opencl, monkeypatch
     if without_opencl:
         monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     turned = np.array([[0.5, 0, -np.sqrt(0.75)], [0, 1, 0], [np.sqrt(0.75), 0, 0.5]])
-    sun = Light("Sun", "sun", np.zeros(3), turned, np.full(3, 2 * np.pi, np.float32))
+    strength = np.full(3, 2 * np.pi, np.float32)
+    sun = Light("Sun", "sun", np.zeros(3), turned, strength, half_angle=0.0)
     found = light_of(slab(lights=(sun,)), samples=16, max_bounces=1)
     assert found == pytest.approx(np.full(3, exact(0.5, IOR) ** 2), rel=1e-3)
 

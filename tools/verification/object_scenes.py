@@ -129,13 +129,13 @@ SETTINGS["unit_scale"] = {"size_mode": "DENSITY", "texels_per_metre": 14.0}
 
 @scene
 def working_space():
-    """A stage with colors and an image, in ACEScg."""
-    floor(material("Floor", (0.7, 0.2, 0.15)))
+    """A stage with an image and with colors within Rec.709, in ACEScg."""
+    floor(material("Floor", (0.6, 0.35, 0.25)))
     surface = material("Box")
     link_image(surface, picture("Checker", checker(seed=3)), "Base Color")
     box(surface, (0.4, 0.2, 0.35))
-    lamp("AREA", energy=60, size=0.5, color=(0.3, 0.9, 0.5))
-    world((0.2, 0.3, 0.9), strength=0.4)
+    lamp("AREA", energy=60, size=0.5, color=(0.6, 0.9, 0.7))
+    world((0.35, 0.45, 0.8), strength=0.4)
 
 
 WORKING_SPACES["working_space"] = "ACEScg"

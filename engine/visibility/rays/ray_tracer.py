@@ -32,7 +32,7 @@ TRANSMITTANCE = DeviceStruct(
     ("int", "first_corner", "of the map's layer in the list of corners of all layers"),
     ("float", "ior", "index of refraction"),
     ("float", "share", "of the transmittance that passes glass and falls with the angle of incidence"),
-    ("float", "faces", "of glass that light crosses, 1 or 2"),
+    ("float", "faces", "of glass that light crosses"),
 )
 
 

@@ -135,13 +135,11 @@ def _transmittance(surface: DiffuseSurface) -> Transmittance:
 
 def _fresnel(surface: DiffuseSurface, opacity: float) -> Fresnel | None:
     """Return the loss of transmittance with the angle of incidence; textures count by their mean."""
-    if surface.fresnel is None or not surface.glass.any():
-        return None
     texture = surface.cover.texture
     cover = opacity if texture is None else opacity * float(texture.pixels.mean())
     glass = cover * float(np.clip(surface.glass, 0, 1).mean())
     passed = 1 - cover * (1 - float(np.clip(surface.through, 0, 1).mean()))
-    return replace(surface.fresnel, share=min(glass / passed, 1.0))
+    return replace(surface.fresnel, share=min(glass / passed, 1.0)) if surface.fresnel and glass else None
 
 
 def _not_negative(value: MaterialValue) -> MaterialValue:

@@ -15,6 +15,7 @@ from ..scene.memo import Memo
 from ..scene.model import NO_LIGHTMAP, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import Transmission
+from .closed_glass import with_closed_glass
 from .unmapped_meshes import BACKS, place_meshes, place_unmapped, texel_size
 
 #: Function of a scene, a mask of its triangles, (t,) bool, and the mean world size of a lightmap texel, m; 0
@@ -39,7 +40,7 @@ def with_places(
     last:          back faces of the previous scene; None without one
     """
     texel, surfaces = texel_size(scene, resolution), surfaces or OpenSurfaces()
-    placed = place_unmapped(scene, resolution, texel)
+    placed = with_closed_glass(place_unmapped(scene, resolution, texel))
     is_chosen = _is_opaque(placed) & surfaces.of(placed.meshes)
     if find_visible is not None:
         is_chosen = find_visible(placed, is_chosen, texel)

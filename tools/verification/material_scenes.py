@@ -70,7 +70,7 @@ def glass_window():
 
 
 NOTES["glass_window"] = "without refraction"
-BY_DESIGN["glass_window"] = (5.0, 4.0)
+BY_DESIGN["glass_window"] = (2.0, 1.5)
 
 
 @scene

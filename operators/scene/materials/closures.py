@@ -237,7 +237,7 @@ def _principled_glass(math: SocketMath, node: bpy.types.Node) -> Operand:
         thin = node_input(node, "Thin Wall")
         sheet = math.multiply(thin, base, window, window)
         glass = math.add(math.multiply(math.complement(thin), glass), sheet)
-    return math.multiply(_dielectric(math, node), math.clamp(_transmission(node)), glass)
+    return math.multiply(_dielectric(math, node), math.clamp(_operand(_transmission(node))), glass)
 
 
 _THROUGH: dict[str, Rule] = {"ShaderNodeBsdfTransparent": _color, PRINCIPLED: _principled_hole}

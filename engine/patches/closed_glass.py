@@ -1,0 +1,73 @@
+"""Closed bodies of glass: each front face also reflects the light of the face behind it.
+
+A body has no patches inside, so that the light that the far face of a pane reflects would be lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene.model import Material, Mesh, Scene
+from ..scene.open_surfaces import open_triangles
+from ..scene.transmission import Fresnel, angular_factor
+
+
+def with_closed_glass(scene: Scene) -> Scene:
+    """Return the scene with other materials for closed bodies of glass; the same scene without any.
+
+    Bodies are closed if their faces of glass are, so that a single sheet in a closed room is open.
+    """
+    losses = [_plain_glass(material) for material in scene.materials]
+    is_glass = np.array([loss is not None for loss in losses], bool)
+    if not is_glass.any():
+        return scene
+    pairs = zip(scene.materials, losses, strict=True)
+    bodies = tuple(_reflecting_twice(material, loss) for material, loss in pairs if loss is not None)
+    numbers = np.cumsum(is_glass, dtype=np.int32) - 1 + len(is_glass)
+    glass = [is_glass[mesh.material] for mesh in scene.meshes]
+    parts = [mesh.part(chosen) for mesh, chosen in zip(scene.meshes, glass, strict=True)]
+    is_open, first = open_triangles(parts), 0
+    meshes = []
+    for mesh, chosen in zip(scene.meshes, glass, strict=True):
+        last = first + int(chosen.sum())
+        closed = np.flatnonzero(chosen)[~is_open[first:last]]
+        meshes.append(_with_numbers(mesh, closed, numbers))
+        first = last
+    return replace(scene, meshes=tuple(meshes), materials=(*scene.materials, *bodies))
+
+
+def _with_numbers(mesh: Mesh, chosen: np.ndarray, numbers: np.ndarray) -> Mesh:
+    """Return a mesh with other materials for the chosen triangles; the same mesh for none.
+
+    chosen:   (k,) indices of triangles
+    numbers:  (m,) int32, the other material of each material
+    """
+    if not len(chosen):
+        return mesh
+    material = mesh.material.copy()
+    material[chosen] = numbers[material[chosen]]
+    return replace(mesh, material=material)
+
+
+def _plain_glass(material: Material) -> Fresnel | None:
+    """Return the loss of glass that reflects light, without textures, equal from both sides; else None."""
+    sides = material.transmission
+    if material.translucent or material.back or sides.bounce_back or not material.reflectance.any():
+        return None
+    return sides.bounce.fresnel if sides.bounce.texture is None else None
+
+
+def _reflecting_twice(material: Material, loss: Fresnel) -> Material:
+    """Return glass whose front also reflects the light of the face behind it.
+
+    A face transmits T and reflects 1 - T of the light at an angle. Two faces reflect 1 - T + T^2 (1 - T), of
+    which the front face now reflects all. The factor is the ratio of the means under uniform light.
+    """
+    steps = 256
+    cosines = np.sqrt((np.arange(steps) + 0.5) / steps)
+    passed = float(np.max(material.transmission.bounce.offset)) * angular_factor(loss, cosines)
+    reflected = 1 - passed
+    factor = (reflected * (1 + passed**2)).mean() / reflected.mean()
+    return replace(material, reflectance=material.reflectance * np.float32(factor))

@@ -1,0 +1,59 @@
+"""Closed bodies of glass: fronts reflect for both faces, open sheets stay as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from engine import Material, Scene
+from engine.patches.closed_glass import with_closed_glass
+from engine.scene.transmission import Fresnel, Transmittance, angular_factor, uniform_transmission
+from tests.analytic.scenes import material, quads, rectangle, room_walls
+
+GREY = np.full(3, 0.4, np.float32)
+
+
+def glass(*passed, **fresnel):
+    transmittance = Transmittance(np.float32(passed), fresnel=Fresnel(1.5, **fresnel))
+    return Material("Glass", GREY, 0 * GREY, transmission=uniform_transmission(transmittance))
+
+
+def bodies(*materials, wall=0):
+    """Return a box of material `wall`, a closed room of all materials in turn, and a sheet of each.
+
+    All are far from the origin.
+    """
+    places = [(1 + 3 * i, 1, 2, 2) for i in range(6)]
+    box = quads(room_walls(1, 1, 1)[:, ::-1] + 900, places, [wall] * 6, 32)
+    turns = [i % len(materials) for i in range(6)]
+    room = quads(room_walls(1, 1, 1) + 910, places, turns, 32)
+    sheets = np.stack(
+        [rectangle((900 + 3 * i, 905, 901), (1, 0, 0), (0, 1, 0)) for i in range(len(materials))]
+    )
+    sheet = quads(sheets, [(1 + 3 * i, 9, 2, 2) for i in range(len(materials))], range(len(materials)), 32)
+    return Scene((box, room, sheet), materials)
+
+
+def test_only_bodies_of_glass_get_another_material():
+    """Neither a sheet nor panes in a closed room of walls are bodies."""
+    scene = bodies(material("Wall", 0.5), glass(0.9, 0.9, 0.6), wall=1)
+    found = with_closed_glass(scene)
+    assert set(found.meshes[0].material) == {2} and found.meshes[1:] == scene.meshes[1:]
+    assert found.materials[:2] == scene.materials
+    assert found.materials[2].transmission == scene.materials[1].transmission
+    assert (found.materials[2].reflectance > 1.3 * GREY).all()
+
+
+def test_both_faces_of_white_glass_reflect_what_they_do_not_transmit():
+    """All light but what is reflected more than once inside: T^2 + 1 - T + T^2 (1 - T) is nearly 1."""
+    surface = replace(glass(0.96, 0.96, 0.96), reflectance=np.ones(3, np.float32))
+    factor = float(with_closed_glass(bodies(surface)).materials[1].reflectance[0])
+    cosines = np.sqrt((np.arange(1000) + 0.5) / 1000)
+    passed = 0.96 * angular_factor(Fresnel(1.5), cosines)
+    total = (passed**2 + factor * (1 - passed)).mean()
+    assert 0.975 < total < 1
+
+
+def test_scenes_without_plain_glass_stay_the_same():
+    uneven = replace(glass(0.9, 0.9, 0.9), translucency=GREY)
+    for scene in (bodies(material("Wall", 0.5)), bodies(uneven), Scene((), ())):
+        assert with_closed_glass(scene) is scene

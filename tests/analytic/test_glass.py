@@ -8,10 +8,11 @@ import pytest
 from engine import Material
 from engine.device import devices
 from engine.scene.model import Light
-from engine.scene.transmission import Fresnel, Transmittance, mean_angular_factor, uniform_transmission
+from engine.scene.transmission import Fresnel, Transmittance, mean_angular_factor
 from tests.analytic.test_tinted import light_of, under_panes
 from tests.gpu.test_glass_angles import exact
 from tests.gpu.test_shader_bakes import NoCompute
+from tests.transparency import uniform_transmission
 
 BLACK = np.zeros(3, np.float32)
 IOR = 1.45

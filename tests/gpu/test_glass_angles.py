@@ -6,11 +6,12 @@ import pytest
 from engine import Material, Scene
 from engine.device.cl_device import ComputeDevice
 from engine.scene.cutouts import BOUNCE, SHADOW, read_cutouts
-from engine.scene.transmission import Fresnel, Transmittance, angular_factor, uniform_transmission
+from engine.scene.transmission import Fresnel, Transmittance, angular_factor
 from engine.scene.triangles import join_meshes
 from engine.visibility.rays.ray_tracer import RayTracer
 from engine.visibility.rays.shaders.shader_tracer import ShaderTracer
 from tests.analytic.scenes import quads, rectangle
+from tests.transparency import uniform_transmission
 
 BLACK = np.zeros(3, np.float32)
 ANGLES = np.radians([0.0, 13.0, 31.0, 56.3, 60.0, 75.0, 88.0])

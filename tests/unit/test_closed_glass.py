@@ -6,8 +6,9 @@ import numpy as np
 
 from engine import Material, Scene
 from engine.patches.closed_glass import with_closed_glass
-from engine.scene.transmission import Fresnel, Transmittance, angular_factor, uniform_transmission
+from engine.scene.transmission import Fresnel, Transmittance, angular_factor
 from tests.analytic.scenes import material, quads, rectangle, room_walls
+from tests.transparency import uniform_transmission
 
 GREY = np.full(3, 0.4, np.float32)
 

@@ -33,6 +33,7 @@ from .result.baked_marks import mark_lightmaps, mark_objects
 from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
 from .result.destination import Destination, choose_destination
+from .result.level_maps import mark_levels, store_levels
 from .result.light_states import manifest_states
 from .result.preserved_texels import PreservedTexels
 from .result.preview import renew_preview, show_preview, shows_preview
@@ -89,6 +90,7 @@ class BakeRun:
         self._check: IdleCheck | None = None
         self._unwraps = False
         self._changed: ChangedObjects | None = None
+        self._levels: dict[int, int] = {}
         self.findings: tuple[Finding, ...] = ()
         self.failure: str | None = None
         self.uvs_undone = False
@@ -319,15 +321,18 @@ class BakeRun:
         start = time.perf_counter()
         pixels = self._show_finished(lightmap)
         targets = self._pictures.found()
+        lost = self._uvs.lost()
+        baked = {entry.uid: entry.place for entry in self._read.objects if entry.uid not in lost}
+        self._levels, level_notes = store_levels(self._context, baked, self._settings.resolution)
         files, clipped = self._store(targets, pixels, lightmap)
         self._pictures.keep()
         entries = self._context.scene.hemibake.lightmaps
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
-        lost = self._uvs.lost()
         # A bake that could not make probes, such as one without OpenCL, leaves those of the last one.
         if self._settings.light_probes and (lightmap.probes or not self._read.scene.probe_volumes):
             keep_probes(self._context.scene, lightmap.probes, self._read.scene.origin)
         mark_objects(self._context.scene, self._read, targets, self._uv_layer, lost)
+        mark_levels(self._context.scene, self._levels)
         shown = dict(zip(lightmap.atlases, pixels, strict=False))
         on_vertices, vertex_notes = store_vertex_light(self._context, self._read, shown, lost)
         forget_moved_charts(self._context.scene, self._baked_names(lost))
@@ -339,7 +344,14 @@ class BakeRun:
         keep_paces(owner.paces)
         facts, names = lightmap.report, [image.name for image in targets]
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
-        notes = [*self._read.notes, *facts.warnings, *clipped, *vertex_notes, *self._notes_on_result(lost)]
+        notes = [
+            *self._read.notes,
+            *facts.warnings,
+            *clipped,
+            *vertex_notes,
+            *level_notes,
+            *self._notes_on_result(lost),
+        ]
         report = bake_report(self._read, facts, lost, seconds, names, files, notes, on_vertices)
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:
@@ -374,7 +386,9 @@ class BakeRun:
         """Store lightmaps; return the paths of their files, and notes on clipped values."""
         try:
             scene = self._context.scene
-            contents = lightmap_contents(scene, self._read, self._settings, self._uv_layer, self._kept)
+            contents = lightmap_contents(
+                scene, self._read, self._settings, self._uv_layer, self._kept, self._levels
+            )
             baked = self._read.scene
             probes = probe_files(lightmap.probes, baked.origin, self._destination)
             cubes = reflection_files(

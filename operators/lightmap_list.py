@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from .object_properties import gets_lightmap
 from .result.instance_uv_table import baked_instances, instance_image
 from .scene.bake_records import bake_record
 from .scene.uv_layout import is_page
@@ -16,8 +17,7 @@ def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:
     return [
         obj
         for obj in scene.objects
-        if obj.type == "MESH"
-        and obj.hemibake.role == "BAKED"
+        if gets_lightmap(obj)
         and (obj.hemibake.atlas == atlas or (image is not None and bake_record(obj, scene).image == image))
     ]
 
@@ -28,11 +28,7 @@ def unlisted(scene: bpy.types.Scene) -> list[str]:
     Objects that share a mesh are not counted once they have been baked: they have tiles in another lightmap.
     """
     tiled = _tiled(scene)
-    baked = [
-        obj
-        for obj in scene.objects
-        if obj.type == "MESH" and obj.hemibake.role == "BAKED" and obj not in tiled
-    ]
+    baked = [obj for obj in scene.objects if gets_lightmap(obj) and obj not in tiled]
     return sorted({obj.hemibake.atlas for obj in baked} - {entry.name for entry in scene.hemibake.lightmaps})
 
 

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import bpy
 
+from .levels import first_level
 from .lookup import find
 from .rollback import Rollback
 
 
 def is_left_out(obj: bpy.types.Object) -> bool:
-    """Return True if bakes leave an object out by its role."""
+    """Return True if bakes leave an object out: by its role, or as a level of detail of another one."""
+    return has_left_role(obj) or first_level(obj) is not None
+
+
+def has_left_role(obj: bpy.types.Object) -> bool:
+    """Return True if an object has no part in bakes by its role."""
     return obj.hemibake.role in {"IGNORED", "DYNAMIC"}
+
+
+def gets_lightmap(obj: bpy.types.Object) -> bool:
+    """Return True if an object gets a lightmap of its own."""
+    return obj.type == "MESH" and obj.hemibake.role == "BAKED" and first_level(obj) is None
 
 
 def set_property(obj: bpy.types.Object, name: str, value: object, changes: Rollback) -> None:

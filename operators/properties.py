@@ -354,6 +354,11 @@ def _known_atlases(owner: bpy.types.bpy_struct, context: bpy.types.Context, text
     return [*listed, *unlisted(context.scene)]
 
 
+def _may_be_first_level(levels: bpy.types.PropertyGroup, obj: bpy.types.Object) -> bool:
+    """Return True if an object may be chosen as the first level of another one."""
+    return obj.type == "MESH" and obj != levels.id_data
+
+
 class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
     """Settings of an object for bakes, and data of its last bake."""
 
@@ -368,6 +373,13 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
             ("DYNAMIC", "Dynamic", "Moves: left out of bakes, and lit by light probes in the preview"),
         ],
         default="BAKED",
+        override=_OVERRIDABLE,
+    )
+    level_of: PointerProperty(
+        type=bpy.types.Object,
+        name="Level Of",
+        description="First level of detail, whose lightmap the object shows; bakes leave the object out",
+        poll=_may_be_first_level,
         override=_OVERRIDABLE,
     )
     bake_to: EnumProperty(

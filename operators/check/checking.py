@@ -31,6 +31,7 @@ from .faces import (
     check_zero_area,
 )
 from .finding import ERROR, INFO, WARNING, Checked, Finding
+from .levels import check_levels
 from .meshes import CheckedMesh, read_meshes
 from .surroundings import check_differences, check_images, check_light
 from .uvs import (
@@ -87,7 +88,7 @@ def check_scene(context: SceneContext) -> Slices[Checked]:
     baked = [mesh for mesh in meshes if mesh.uid in targets]
     findings += check_missing(baked)
     findings += check_kept(baked, context.scene.hemibake.meshes == "RENDER")
-    findings += check_moved(meshes)
+    findings += [*check_moved(meshes), *check_levels(context, settings.resolution)]
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]
     findings += yield from check_overlaps(charts, context.scene.hemibake.uv_layer)

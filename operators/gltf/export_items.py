@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..object_properties import is_left_out
+from ..object_properties import has_left_role
 from ..result.instance_uv_table import baked_instances, instance_image
 from ..result.vertex_light import shows_vertices
 from ..scene.bake_records import bake_record
@@ -135,12 +135,12 @@ def _read(context: bpy.types.Context) -> Iterator[ExportItem]:
 
 
 def _is_on_vertices(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    return not is_left_out(obj) and shows_vertices(obj, bake_record(obj, scene))
+    return not has_left_role(obj) and shows_vertices(obj, bake_record(obj, scene))
 
 
 def _own_place(obj: bpy.types.Object, scene: bpy.types.Scene) -> GltfUvTransform | None:
     known = bake_record(obj, scene)
-    if known.image is None or is_left_out(obj):
+    if known.image is None or has_left_role(obj):
         return None
     return GltfUvTransform(known.image, known.uv_layer, known.uv_scale, tuple(known.uv_offset))
 
@@ -151,8 +151,8 @@ def _place(item: SceneItem, entry: dict | None, scene: bpy.types.Scene) -> GltfU
     if (
         entry is None
         or image is None
-        or is_left_out(item.source)
-        or (item.instancer and is_left_out(item.instancer))
+        or has_left_role(item.source)
+        or (item.instancer and has_left_role(item.instancer))
     ):
         return None
     layer = bake_record(item.source, scene).uv_layer or lightmap_layer(item.source, scene.hemibake.uv_layer)

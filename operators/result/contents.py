@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import bpy
@@ -16,14 +16,28 @@ from ..scene.bake_records import Record, bake_record
 from ..scene.uv_transform import UvTransform
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .file_names import names_by_template
+from .level_maps import LEVEL_UVS
 from .preserved_texels import PreservedTexels
 
 
 def lightmap_contents(
-    scene: bpy.types.Scene, read: ReadScene, settings: Settings, uv_layer: str, kept: PreservedTexels
+    scene: bpy.types.Scene,
+    read: ReadScene,
+    settings: Settings,
+    uv_layer: str,
+    kept: PreservedTexels,
+    levels: Mapping[int, int],
 ) -> list[dict]:
-    """Return "atlas", "output" and "objects" of each lightmap, all atlases of each output in turn."""
+    """Return "atlas", "output" and "objects" of each lightmap, all atlases of each output in turn.
+
+    levels:  session uid of the first level by that of each level of detail
+    """
     objects = _objects_by_atlas(read, uv_layer)
+    places = {entry.uid: entry.place for entry in read.objects}
+    for obj in find_all(bpy.data.objects, levels):
+        place = places[levels[obj.session_uid]]
+        entry = {"uv_layer": LEVEL_UVS, "scale": float(place.scale), "offset": list(map(float, place.offset))}
+        objects.setdefault(place.atlas, []).append({**named(obj), **entry})
     for atlas, obj in kept.objects():
         objects.setdefault(atlas, []).append({**named(obj), **_as_before(bake_record(obj, scene))})
     return [

@@ -35,7 +35,7 @@ ORDERS = {
         "probes", "result", "scene", "light_state_names",
         "file_format", "worker_manager", "object_properties", "translations", "user_files",
         "chart_settings", "compat", "denoise_library", "extension", "handlers", "last_bake", "lookup",
-        "original_slots", "output_switches", "report_message", "rollback", "run_stages", "select",
+        "levels", "original_slots", "output_switches", "report_message", "rollback", "run_stages", "select",
         "viewports", "working_space",
     ],
     "operators/scene": [

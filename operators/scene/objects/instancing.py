@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...lookup import find_all
+from ...object_properties import gets_lightmap
 from ..scene_context import SceneContext
 from .evaluation import Evaluation, evaluate
 from .render_depsgraph import reads_render
@@ -30,7 +31,7 @@ def visible_meshes(context: SceneContext, viewport: bool = False) -> list[bpy.ty
     pairs = instance_pairs(context, viewport)
     shown = dict.fromkeys(source for instancer, source in pairs if instancer in instancers)
     instanced = [obj for obj in find_all(bpy.data.objects, shown) if not obj.hide_render] if shown else []
-    return [obj for obj in dict.fromkeys([*visible, *instanced]) if _is_baked(obj)]
+    return [obj for obj in dict.fromkeys([*visible, *instanced]) if gets_lightmap(obj)]
 
 
 def instance_pairs(context: SceneContext, viewport: bool = False) -> Pairs:
@@ -67,7 +68,3 @@ def _pairs(evaluation: Evaluation) -> Pairs:
             if instance.is_instance and instance.object.original != instance.parent.original
         )
     )
-
-
-def _is_baked(obj: bpy.types.Object) -> bool:
-    return obj.type == "MESH" and obj.hemibake.role == "BAKED"

@@ -87,6 +87,11 @@ class UvProjection:
         of_loop[mesh.triangles] = chart[mesh.polygon][:, None]
         return self._nearest(mesh.positions[mesh.corners], of_loop)
 
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """Return the distance of each point to the surface, (n, 3) -> (n,) float64."""
+        found = (self._whole.find_nearest(Vector(point))[3] for point in points)
+        return np.array([0.0 if distance is None else distance for distance in found], np.float64)
+
     def largest_error(self, mesh: UvMesh) -> float:
         """Return the largest UV distance between another mesh's UVs and those projected from the surface.
 

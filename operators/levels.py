@@ -1,0 +1,54 @@
+"""Levels of detail: objects that show the lightmap of their first level."""
+
+from __future__ import annotations
+
+import re
+
+import bpy
+
+#: Name of a level: name of the object, number of the level, and Blender's number of a copy.
+_NAME = re.compile(r"(?P<stem>.+)(?P<mark>_LOD)(?P<level>\d+)(?P<copy>\.\d{3,})?", re.IGNORECASE)
+
+
+def first_level(obj: bpy.types.Object) -> bpy.types.Object | None:
+    """Return the first level of a level of detail; None for all other objects.
+
+    The setting Level Of names it. Without the setting, the first level of TREE_LOD2 is TREE_LOD0, or TREE.
+    """
+    if obj.type != "MESH" or obj.hemibake.role != "BAKED":
+        return None
+    if obj.hemibake.level_of is not None:
+        return _valid(obj.hemibake.level_of, obj)
+    for name in _first_names(obj.name):
+        first = _valid(bpy.data.objects.get(name), obj)
+        if first is not None:
+            return first
+    return None
+
+
+def levels_of(scene: bpy.types.Scene) -> dict[bpy.types.Object, list[bpy.types.Object]]:
+    """Return the further levels of each first level in a scene, in the order of the scene."""
+    found: dict[bpy.types.Object, list[bpy.types.Object]] = {}
+    for obj in scene.objects:
+        first = first_level(obj)
+        if first is not None:
+            found.setdefault(first, []).append(obj)
+    return found
+
+
+def _first_names(name: str) -> tuple[str, ...]:
+    """Return the possible names of the first level of an object with a name; empty if it is no level."""
+    match = _NAME.fullmatch(name)
+    if match is None or int(match["level"]) == 0:
+        return ()
+    copy = match["copy"] or ""
+    marks = dict.fromkeys((match["mark"], match["mark"].upper(), match["mark"].lower()))
+    return *(f"{match['stem']}{mark}0{copy}" for mark in marks), f"{match['stem']}{copy}"
+
+
+def _valid(first: bpy.types.Object | None, obj: bpy.types.Object) -> bpy.types.Object | None:
+    """Return a first level if it gets a lightmap: a mesh that renders show, and that is no level itself."""
+    if first is None or first == obj or first.type != "MESH" or first.hide_render:
+        return None
+    is_level = first.hemibake.level_of is not None or first.hemibake.role != "BAKED"
+    return None if is_level or not set(first.users_scene) & set(obj.users_scene) else first

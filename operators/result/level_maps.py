@@ -1,0 +1,204 @@
+"""Levels of detail with the lightmap of their first level, by UVs from its surface."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ...engine.object_message import object_message
+from ..levels import levels_of
+from ..lookup import find
+from ..rollback import Rollback
+from ..scene import SceneContext
+from ..scene.bake_records import bake_record, writable_record
+from ..scene.objects.evaluation import Evaluation, evaluate
+from ..scene.uv_transform import UvTransform
+from ..scene.uvs.lightmap_layer import lightmap_layer
+from ..scene.uvs.uv_layers import MOST_LAYERS, replace_layer
+from ..scene.uvs.uv_projection import UvMesh, UvProjection, read_uv_mesh
+from ..scene.uvs.uv_targets import evaluated_mesh
+
+#: Name of the UV layer of levels; it differs from layers of the user's own.
+LEVEL_UVS = "Lightmap of Level 0"
+
+#: Largest distance of a level from the surface of the first level, texels (chosen: a chart's margin).
+FAR = 4.0
+
+_OTHERWISE = "or set its role to No Lightmap"
+_LINKED = f"{{}}: the mesh of the level is linked from another file. Make it local, {_OTHERWISE}."
+_EDITED = "{}: the mesh of the level is in Edit Mode. Leave Edit Mode and bake again."
+_MODIFIED = f"{{}}: modifiers change the faces of the level. Apply the modifiers, {_OTHERWISE}."
+_FULL = f"{{}}: the mesh of the level has 8 UV layers, as many as Blender allows. Remove one, {_OTHERWISE}."
+_SHARED = (
+    "{}: levels of different objects share the mesh. Use Object > Relations > Make Single User > Object & "
+    f"Data, {_OTHERWISE}."
+)
+_NAMED = f"{{}}: an attribute called '{LEVEL_UVS}' is not a UV layer. Rename it."
+TOO_FAR = (
+    f"Surface more than {FAR:g} texels away from that of the first level, so the light may be wrong: {{}}. "
+    f"Move the level to its first level, {_OTHERWISE}."
+)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level of detail, read for the transfer of UVs.
+
+    obj:    the level
+    first:  its first level
+    mesh:   its mesh, in the world space of the first level
+    """
+
+    obj: bpy.types.Object
+    first: bpy.types.Object
+    mesh: UvMesh
+
+
+def store_levels(
+    context: SceneContext, baked: Mapping[int, UvTransform], width: int
+) -> tuple[dict[int, int], list[str]]:
+    """Write UVs on the lightmap of their first level to all levels of baked objects.
+
+    Returns the session uid of the first level by that of each level with such UVs, and notes.
+
+    baked:  place in the atlas of objects with new lightmaps, by session uid
+    width:  width of the lightmaps, texels
+    """
+    levels, firsts, troubles = read_levels(context, baked.keys())
+    for level in levels:
+        surface = UvProjection(firsts[level.first.session_uid])
+        replace_layer(level.obj, LEVEL_UVS, surface.corner_uvs(level.mesh), Rollback())
+        if _is_far(level, surface, firsts, baked[level.first.session_uid].scale * width):
+            troubles.setdefault(TOO_FAR, []).append(level.obj.name)
+    stored = {level.obj.session_uid: level.first.session_uid for level in levels}
+    return stored, [object_message(sentence, sorted(names)) for sentence, names in troubles.items()]
+
+
+def mark_levels(scene: bpy.types.Scene, stored: dict[int, int]) -> None:
+    """Copy the bake record of the first level to levels, with their UV layer; call it after `mark_objects`.
+
+    stored:  session uid of the first level by that of each level
+    """
+    for uid, first in stored.items():
+        record = writable_record(find(bpy.data.objects, uid), scene)
+        source = bake_record(find(bpy.data.objects, first), scene)
+        record.image, record.uv_layer = source.image, LEVEL_UVS
+        record.uv_scale, record.uv_offset = source.uv_scale, source.uv_offset
+        record.baked_uvs, record.fingerprint, record.on_vertices = "", "", False
+
+
+def read_levels(
+    context: SceneContext, baked: Collection[int] | None = None
+) -> tuple[list[Level], dict[int, UvMesh], dict[str, list[str]]]:
+    """Return levels that can get UVs, meshes of first levels by session uid, and names by trouble.
+
+    The space of both is the world, or that of the first level if a level lies nearer to it there, as levels
+    that stand side by side do.
+
+    baked:  session uids of first levels; None for all with lightmap UVs
+    """
+    scene = context.scene
+    pairs = [
+        (first, level)
+        for first, levels in levels_of(scene).items()
+        if baked is None or first.session_uid in baked
+        for level in levels
+    ]
+    if not pairs:
+        return [], {}, {}
+    objects = list(dict.fromkeys(obj for pair in pairs for obj in pair))
+
+    def read(evaluation: Evaluation) -> dict[int, UvMesh]:
+        return {obj.session_uid: mesh for obj in objects if (mesh := _read(obj, scene, evaluation))}
+
+    meshes, users = evaluate(context, read, objects), dict[bpy.types.Mesh, set[bpy.types.Mesh]]()
+    for first, level in pairs:
+        users.setdefault(level.data, set()).add(first.data)
+    levels, firsts, troubles = [], dict[int, UvMesh](), dict[str, list[str]]()
+    for first, level in pairs:
+        surface, mesh = meshes.get(first.session_uid), meshes.get(level.session_uid)
+        trouble = _SHARED if len(users[level.data]) > 1 else _trouble(level, mesh)
+        if surface is None or surface.uvs is None or trouble or mesh is None:
+            if trouble:
+                troubles.setdefault(trouble, []).append(level.name)
+            continue
+        firsts[first.session_uid] = surface = _moved(surface, _matrix(first))
+        placed = [_moved(mesh, _matrix(obj)) for obj in (level, first)]
+        distances = [_distance(surface, one) for one in placed]
+        nearest = placed[int(np.argmin(distances))]
+        levels.append(Level(level, first, nearest))
+    return levels, firsts, troubles
+
+
+def _is_far(level: Level, surface: UvProjection, firsts: Mapping[int, UvMesh], texels: float) -> bool:
+    """Return True if a level is farther from the surface of its first level than `FAR` texels.
+
+    texels:  texels for each UV unit of the first level
+    """
+    density = _uv_density(firsts[level.first.session_uid]) * texels
+    return bool(surface.distances(level.mesh.positions).max(initial=0.0) * density > FAR)
+
+
+def _distance(surface: UvMesh, mesh: UvMesh) -> float:
+    return float(UvProjection(surface).distances(mesh.positions).mean()) if len(mesh.positions) else 0.0
+
+
+def _uv_density(mesh: UvMesh) -> float:
+    """Return the root of the area of charts for each area of surface, UV units per metre; 0 without area."""
+    uvs = np.zeros((len(mesh.triangles), 3, 3))
+    if mesh.uvs is not None:
+        uvs[..., :2] = mesh.uvs[mesh.triangles]
+    flat, surface = (
+        np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1).sum()
+        for points in (uvs, mesh.points)
+    )
+    return float(np.sqrt(flat / surface)) if surface > 0 else 0.0
+
+
+def _trouble(level: bpy.types.Object, mesh: UvMesh | None) -> str:
+    """Return the sentence on why a level gets no UVs; empty if it can."""
+    data = level.data
+    if not data.is_editable:
+        return _LINKED
+    if data.is_editmode:
+        return _EDITED
+    if LEVEL_UVS not in data.uv_layers:
+        if LEVEL_UVS in data.attributes:
+            return _NAMED
+        if len(data.uv_layers) >= MOST_LAYERS:
+            return _FULL
+    return _MODIFIED if mesh is None or not mesh.has_faces_of(read_uv_mesh(data, "")) else ""
+
+
+def _read(obj: bpy.types.Object, scene: bpy.types.Scene, evaluation: Evaluation) -> UvMesh | None:
+    """Return the evaluated mesh of an object with its lightmap UVs; None without faces."""
+    with evaluated_mesh(obj, evaluation) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return None
+        return read_uv_mesh(mesh, lightmap_layer(obj, scene.hemibake.uv_layer))
+
+
+def _matrix(obj: bpy.types.Object) -> np.ndarray:
+    return np.array(obj.matrix_world, np.float64)
+
+
+def _moved(mesh: UvMesh, matrix: np.ndarray) -> UvMesh:
+    """Return a mesh transformed by a (4, 4) matrix."""
+    positions = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return UvMesh(positions, mesh.corners, mesh.starts, mesh.triangles, mesh.polygon, mesh.uvs)
+
+
+def level_names(context: SceneContext, width: int) -> Sequence[str]:
+    """Return the names of levels that are far from their first level, before a bake.
+
+    width:  width of the lightmaps, texels; charts are taken as they are in the UV layer
+    """
+    levels, firsts, _ = read_levels(context)
+    return [
+        level.obj.name
+        for level in levels
+        if _is_far(level, UvProjection(firsts[level.first.session_uid]), firsts, width)
+    ]

@@ -81,6 +81,18 @@ def energy_balance(report: dict[str, Any]) -> str:
     )
 
 
+def vertex_error(report: dict[str, Any]) -> str:
+    """Return the largest error of light at vertices, in one line; empty if no object has such light."""
+    entries = report.get("vertex_light") or []
+    if not entries:
+        return ""
+    worst = max(entries, key=lambda entry: entry["error"])
+    return (
+        f"Light at vertices: {counted(len(entries), 'object')}, error up to {worst['error']:.1%} of the mean "
+        f"('{worst['object']}')"
+    )
+
+
 def _percent(fraction: float) -> str:
     """Return a fraction in percent, with 0 instead of -0."""
     return f"{round(fraction, 3) + 0.0:.1%}"
@@ -119,7 +131,7 @@ def _whole_text(scene: bpy.types.Scene) -> str:
     if failure:
         lines.append(f"The last bake failed: {failure}")
     if report:
-        lines += [f"Baked {summary(report)}", *report["warnings"]]
+        lines += [f"Baked {summary(report)}", *filter(None, [vertex_error(report)]), *report["warnings"]]
         facts = {name: value for name, value in report.items() if name not in _SUMMED_UP}
         lines.append(json.dumps(facts, indent=1))
     return "\n".join(lines) + "\n"

@@ -8,7 +8,14 @@ from collections.abc import Sequence
 import bpy
 
 from ..operators.check.fixes import FIXES
-from ..operators.last_bake import energy_balance, last_failure, last_report, report_warnings, summary
+from ..operators.last_bake import (
+    energy_balance,
+    last_failure,
+    last_report,
+    report_warnings,
+    summary,
+    vertex_error,
+)
 from .sidebar import SubPanel
 from .wrapped_text import draw_text, line_width
 
@@ -30,6 +37,7 @@ class HEMIBAKE_PT_last_bake(SubPanel, bpy.types.Panel):
         if report:
             draw_text(layout, summary(report), width)
             draw_text(layout, energy_balance(report), width)
+            draw_text(layout, vertex_error(report), width)
             draw_text(layout, " ".join(report.get("resumed", ())), width)
             for warning in report_warnings(report):
                 names = _present(context, warning.objects)

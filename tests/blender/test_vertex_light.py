@@ -191,6 +191,15 @@ def test_a_change_of_the_place_of_light_changes_the_object():
     assert own(before) != own(after) and before.removeprefix(own(before)) == after.removeprefix(own(after))
 
 
+def test_the_report_names_the_largest_error():
+    line = part("operators.last_bake").vertex_error
+    entries = [{"object": name, "values": 9, "error": error} for name, error in (("A", 0.01), ("B", 0.125))]
+    assert line({"vertex_light": entries}) == (
+        "Light at vertices: 2 objects, error up to 12.5% of the mean ('B')"
+    )
+    assert line({"vertex_light": []}) == line({}) == ""
+
+
 def shown_attribute(obj):
     """Return the attribute that the preview material of an object reads; None for a lightmap."""
     nodes = obj.material_slots[0].material.node_tree.nodes

@@ -167,11 +167,11 @@ def test_light_at_vertices(tmp_path):
     assert [one.name for one in attributes] == ["Paint"] and not objects["Ground"].hemibake.on_vertices
 
 
-def test_bakes_store_and_show_light_at_vertices():
+def test_bakes_store_light_at_vertices_and_uvs_of_levels():
     import bpy
 
-    ground, other = grid(count=3), grid("Other", 2)
-    other.location.x, ground.hemibake.bake_to = 3, "VERTICES"
+    ground, other, level = grid(count=3), grid("Other", 2), grid("Other_LOD1", 1)
+    other.location.x, level.location.x, ground.hemibake.bake_to = 3, 3, "VERTICES"
     lamp((0.3, 0.4, 0.8), 30)
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     (entry,) = report()["vertex_light"]
@@ -180,6 +180,9 @@ def test_bakes_store_and_show_light_at_vertices():
     there = part("engine.vertex_light.surface_integrals").look_up(light, corner_uvs(ground))
     assert np.sqrt(np.square(colors(ground)[:, :3] - there).mean()) < 0.2 * there.mean()
     assert COLORS not in other.data.color_attributes
+    assert report()["objects"] == 2 and level.hemibake.image == other.hemibake.image
+    assert level.hemibake.uv_layer == "Lightmap of Level 0"
+    assert "Lightmap of Level 0" in level.data.uv_layers
 
 
 def test_a_change_of_the_place_of_light_changes_the_object():

@@ -6,6 +6,9 @@ import numpy as np
 
 from .cutouts import BACK, BOUNCE, Cutouts
 
+#: Bits of a sample for the radiance entry; the upper bits hold the tint index.
+ENTRY_BITS = 26
+
 #: Number of palette entries.
 SIZE = 64
 

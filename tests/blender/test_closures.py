@@ -409,3 +409,37 @@ def test_nodes_that_bakes_evaluate_differently_are_named():
         "Materials 'Dirty': bakes evaluate their Ambient Occlusion nodes without other objects. Bake the "
         "node into an image.",
     ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "target", "expected"),
+    [
+        ("LayerWeight", "Facing", "diffuse", True),
+        ("Fresnel", "Factor", "gloss", False),
+        ("CameraData", "View Distance", "diffuse", True),
+        ("NewGeometry", "Incoming", "color", True),
+        ("NewGeometry", "Normal", "color", False),
+        ("TexCoord", "Reflection", "color", True),
+        ("TexCoord", "UV", "color", False),
+    ],
+)
+def test_materials_that_depend_on_the_view_are_named(kind, output, target, expected):
+    """A Fresnel factor of a mix with gloss is not: a bake has the mean of gloss only."""
+    surface = material("View")
+    tree = surface.node_tree
+    viewed, mix = node(tree, kind), node(tree, "MixShader")
+    color, other = (
+        node(tree, "BsdfDiffuse"),
+        node(tree, "BsdfAnisotropic" if target == "gloss" else "Emission"),
+    )
+    source = next(each for each in viewed.outputs if each.name in (output, "Fac"))
+    tree.links.new(source, color.inputs["Color"] if target == "color" else mix.inputs[0])
+    for shader, socket in zip((color, other), mix.inputs[1:3], strict=True):
+        tree.links.new(shader.outputs[0], socket)
+    collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
+    collected.add(surface)
+    assert not any("view" in note for note in collected.sentences())
+    tree.links.new(mix.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    collected.add(surface)
+    notes = [note for note in collected.sentences() if "depend on the view" in note]
+    assert len(notes) == expected and all("'View'" in note for note in notes)

@@ -10,10 +10,11 @@ from .closures import is_glass, is_unknown
 from .smooth_metals import is_mirror
 from .sockets import feeding_socket
 from .tree_nodes import used_nodes
+from .view_nodes import depends_on_view
 
 
 class SurfaceNotes:
-    """Collects materials that refract or mirror light, have a volume or a tinted coat, or unknown nodes.
+    """Collects materials that refract or mirror light, depend on the view, or are not baked in part.
 
     glass:  True if refracting closures transmit light without refraction
     """
@@ -26,6 +27,7 @@ class SurfaceNotes:
         self._coats: set[str] = set()
         self._lengths: set[str] = set()
         self._occlusions: set[str] = set()
+        self._views: set[str] = set()
         self._unknown: dict[str, str] = {}
 
     def add(self, material: bpy.types.Material | None) -> None:
@@ -41,17 +43,22 @@ class SurfaceNotes:
             self._volumes.add(material.name)
         if is_mirror(tree):
             self._mirrors.add(material.name)
+        if depends_on_view(tree):
+            self._views.add(material.name)
         for node in used_nodes(tree):
-            if is_glass(node):
-                self._refracting.add(material.name)
-            if _has_tinted_coat(node):
-                self._coats.add(material.name)
-            if node.bl_idname == "ShaderNodeLightPath" and node.outputs["Ray Length"].is_linked:
-                self._lengths.add(material.name)
-            if node.bl_idname == "ShaderNodeAmbientOcclusion":
-                self._occlusions.add(material.name)
-            if is_unknown(node):
-                self._unknown[material.name] = node.name
+            self._add_node(material.name, node)
+
+    def _add_node(self, material: str, node: bpy.types.Node) -> None:
+        if is_glass(node):
+            self._refracting.add(material)
+        if _has_tinted_coat(node):
+            self._coats.add(material)
+        if node.bl_idname == "ShaderNodeLightPath" and node.outputs["Ray Length"].is_linked:
+            self._lengths.add(material)
+        if node.bl_idname == "ShaderNodeAmbientOcclusion":
+            self._occlusions.add(material)
+        if is_unknown(node):
+            self._unknown[material] = node.name
 
     def sentences(self) -> list[str]:
         """Return a sentence for each kind of difference."""
@@ -78,6 +85,12 @@ class SurfaceNotes:
                 "Bake the node into an image."
             )
             notes.append(listing(sentence, sorted(self._occlusions)))
+        if self._views:
+            sentence = (
+                "Materials {} depend on the view. A bake uses the view along the normal. "
+                "Replace the Layer Weight, Fresnel, Camera Data or coordinate node."
+            )
+            notes.append(listing(sentence, sorted(self._views)))
         for material, node in sorted(self._unknown.items()):
             notes.append(
                 f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."

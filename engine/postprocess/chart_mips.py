@@ -11,39 +11,37 @@ _NEIGHBORS = ((0, 1), (0, -1), (1, 1), (1, -1))
 
 
 def chart_mips(light: np.ndarray, has_patch: np.ndarray) -> list[np.ndarray]:
-    """Return the mip levels of a lightmap, the lightmap first, (h / 2^k, w / 2^k, 3) float32.
+    """Return the mip levels of a lightmap, the lightmap first, down to one texel; each (h, w, 3) float32.
 
-    A texel is the mean of those of the four texels below it that belong to a chart. Texels next to a chart
-    repeat its light. Levels end where a texel would cover two charts or touch another chart, since linear
-    filtering would mix their light, or where a width or height is odd.
+    A texel is the mean of those of the four texels below it that belong to one chart, the one with most of
+    them. Texels next to a chart repeat its light.
 
     light:      (h, w, 3) float32
     has_patch:  (h, w) bool, texels of charts
     """
     levels, charts = [light], np.zeros(has_patch.shape, np.int64)
     charts[has_patch] = connected_texels(has_patch[None]) + 1
-    while not any(size % 2 for size in charts.shape):
-        blocks = _blocks(charts)
-        coarse = blocks.max(axis=2)
-        if (((blocks > 0) & (blocks != coarse[..., None])).any()) or _touch(coarse):
-            break
-        below = _blocks(levels[-1])
-        weights = np.where(coarse[..., None] > 0, blocks > 0, True).astype(np.float32)
+    while max(charts.shape) > 1:
+        blocks, below = _blocks(charts), _blocks(levels[-1])
+        equal = (blocks[..., None] == blocks[:, :, None]) & (blocks[..., None] > 0)
+        most = equal.sum(axis=3).argmax(axis=2)[..., None]
+        charts = np.take_along_axis(blocks, most, axis=2)[..., 0]
+        weights = (blocks == charts[..., None]).astype(np.float32)
         mean = np.einsum("yxkc,yxk->yxc", below, weights) / weights.sum(axis=2, keepdims=True)
-        levels.append(_with_gutter(mean.astype(np.float32), coarse > 0))
-        charts = coarse
+        levels.append(_with_gutter(mean.astype(np.float32), charts > 0))
     return levels
 
 
 def _blocks(texels: np.ndarray) -> np.ndarray:
-    """Return the four texels below each texel of the next level, (h, w, ...) -> (h / 2, w / 2, 4, ...)."""
-    return np.stack([texels[y::2, x::2] for y in (0, 1) for x in (0, 1)], axis=2)
+    """Return the four texels below each texel of the next level, (h, w, ...) -> (h // 2, w // 2, 4, ...).
 
-
-def _touch(charts: np.ndarray) -> bool:
-    """Return True if two neighboring texels belong to different charts, (h, w) int64; 0 for none."""
-    pairs = ((charts[1:], charts[:-1]), (charts[:, 1:], charts[:, :-1]))
-    return any(((one > 0) & (other > 0) & (one != other)).any() for one, other in pairs)
+    The last row or column of an odd size is left out, and a single one is repeated.
+    """
+    for axis in (0, 1):
+        if texels.shape[axis] == 1:
+            texels = np.repeat(texels, 2, axis)
+    height, width = (size // 2 * 2 for size in texels.shape[:2])
+    return np.stack([texels[y:height:2, x:width:2] for y in (0, 1) for x in (0, 1)], axis=2)
 
 
 def _with_gutter(light: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -1,8 +1,12 @@
 """Pixels of Godot 4.6 against Blender's preview."""
 
+import sys
+
 import numpy as np
 import pytest
 
+from engine.encoding.ktx2 import ktx2_texture
+from engine.postprocess.chart_mips import chart_mips
 from tools.engines import cornell, godot, room
 from tools.headless import ROOT
 
@@ -97,6 +101,17 @@ def test_light_states(hemibake, engine, tmp_path):
     wanted = cornell.preview(_WIDTH, tmp_path)
     assert_same(engine.render(path, _WIDTH, _WIDTH, _HIDDEN, state="Night"), wanted)
     assert np.median(cornell.differences(plain, wanted)) > 0.2
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_ktx2_files(engine, monkeypatch, compressed):
+    """Godot reads the texels of all mip levels."""
+    if not compressed:
+        monkeypatch.setitem(sys.modules, "zstandard", None)
+    light = np.random.default_rng(5).uniform(0, 50, (12, 16, 3)).astype(np.float32)
+    levels = chart_mips(light, np.ones(light.shape[:2], bool))
+    found = engine.read_ktx2(ktx2_texture(levels))
+    assert found == pytest.approx(np.concatenate([level.reshape(-1, 3) for level in levels]), abs=0.1)
 
 
 _ADDON = ROOT / "clients" / "godot" / "addons" / "hemibake"

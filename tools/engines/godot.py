@@ -103,6 +103,24 @@ def render(
         return np.fromfile(pixels, np.float32).reshape(height, width, 4)[::-1, :, :3].copy()
 
 
+def read_ktx2(data: bytes) -> np.ndarray:
+    """Return the texels that Godot reads from a KTX2 file, one mip level after the other, (n, 3) float32.
+
+    Raises RuntimeError if Godot cannot read the file.
+    """
+    machine = _machine()
+    with _project(machine) as project:
+        (project / "project.godot").write_text(_PROJECT.format(plugins="", bicubic="false"), encoding="utf-8")
+        (project / "texture.ktx2").write_bytes(data)
+        shutil.copy2(HERE / "read_ktx.gd", project)
+        inside = str(Path("/") / project.relative_to(machine.root))
+        told = _run(machine, project, "godot", "--headless", "--path", inside, "--script", "read_ktx.gd")
+        texels = project / "texels.bin"
+        if not texels.is_file():
+            raise RuntimeError(f"Godot has not read the file: {told[-3000:]}")
+        return np.fromfile(texels, np.float32).reshape(-1, 4)[:, :3].copy()
+
+
 def _machine() -> Machine | None:
     """Return a system with a Godot that is new enough; None without one."""
     if all(shutil.which(program) for program in _PROGRAMS) and _is_new(Machine(Path("/"))):

@@ -14,6 +14,7 @@ from .profile import check_profile
 from .reflection_sphere import ReflectionSphere, sphere_issue
 from .texture import Texture
 from .transmission import Transmittance
+from .triangles import bounding_box
 
 #: Maximum radiance, W/(m^2 sr); sums of larger values overflow float32.
 MAX_RADIANCE = 1e30
@@ -73,7 +74,7 @@ def check_scene(scene: Scene) -> None:
 def check_size(scene: Scene) -> None:
     """Raise SceneError with an object's name if the scene is too large or too small for float32."""
     meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
-    low, high = np.transpose([_box(mesh) for mesh in meshes], (1, 0, 2))
+    low, high = np.transpose([bounding_box(mesh.positions) for mesh in meshes], (1, 0, 2))
     reach = np.maximum(-low, high).max(axis=1)
     farthest = int(reach.argmax())
     if reach[farthest] > LARGEST:
@@ -89,12 +90,6 @@ def check_size(scene: Scene) -> None:
             f"The scene is only {size:.3g} units large, and object '{largest}' is its largest; at least "
             f"{SMALLEST:.0e} units can be baked. Scale the scene up."
         )
-
-
-def _box(mesh: Mesh) -> np.ndarray:
-    """Return the bounding box of a mesh: lower and upper corner, (2, 3) float64, m."""
-    axes = mesh.positions.reshape(-1, 3).T
-    return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
 
 def check_world(world: np.ndarray) -> None:

@@ -61,8 +61,7 @@ class Triangles:
     @cached_property
     def box(self) -> np.ndarray:
         """Bounding box of all triangles, lower and upper corner, (2, 3) float64, m."""
-        axes = self.positions.reshape(-1, 3).T
-        return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
+        return bounding_box(self.positions)
 
     @cached_property
     def diagonal(self) -> float:
@@ -79,6 +78,12 @@ class Triangles:
         diagonal = float(np.linalg.norm(high - low))
         alike = diagonal / _ALIKE <= self.diagonal <= diagonal * _ALIKE
         return alike and bool(np.abs((low + high) / 2 - self.origin).max() <= diagonal)
+
+
+def bounding_box(positions: np.ndarray) -> np.ndarray:
+    """Return lower and upper corner of the box around points, (..., 3), as (2, 3) float64."""
+    axes = positions.reshape(-1, 3).T
+    return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], np.float64)
 
 
 def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:

@@ -8,10 +8,10 @@ from functools import cached_property
 import bpy
 
 from .directional_images import DirectionalImages
-from .nodes import Feed, make_node
+from .nodes import Feed, NodeRow
 
-#: Position of the nodes, above the nodes of the material, and column width.
-_TOP, _COLUMN = 600, 180
+#: Height of the nodes, above the nodes of the material.
+_TOP = 600
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class LightmapNodes:
     """
 
     def __init__(self, tree: bpy.types.NodeTree, lightmap: ShownLightmap) -> None:
-        self._nodes, self._lightmap = _Row(tree), lightmap
+        self._nodes, self._lightmap = _Row(tree, _TOP), lightmap
         uv = self._nodes.make("ShaderNodeUVMap", uv_map=lightmap.uv_layer)
         self._is_image: tuple[bpy.types.NodeSocket, ...] = ()
         self._uv = self._placed(uv) if lightmap.table is None else self._placed_by_number(uv, lightmap.table)
@@ -148,24 +148,8 @@ class LightmapNodes:
         return light
 
 
-class _Row:
+class _Row(NodeRow):
     """Nodes in a row, from left to right."""
-
-    def __init__(self, tree: bpy.types.NodeTree) -> None:
-        self._tree, self._x = tree, 0
-
-    def make(self, kind: str, *inputs: Feed, **settings: object) -> bpy.types.NodeSocket:
-        """Return the first output of a new node."""
-        self._x += _COLUMN
-        return make_node(self._tree, kind, (self._x, _TOP), *inputs, **settings)
-
-    def number(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
-        """Return the result of a scalar operation."""
-        return self.make("ShaderNodeMath", *inputs, operation=operation)
-
-    def vector(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
-        """Return the result of a vector operation."""
-        return self.make("ShaderNodeVectorMath", *inputs, operation=operation)
 
     def picture(self, image: bpy.types.Image, uv: Feed, **settings: object) -> bpy.types.NodeSocket:
         """Return the color of an image, interpolated linearly, clamped to the edge."""

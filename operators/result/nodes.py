@@ -10,6 +10,9 @@ import bpy
 #: Source of an input: an output, another input whose link or value is copied, or a value.
 Feed: TypeAlias = bpy.types.NodeSocket | float | Sequence[float]
 
+#: Width of a node and the gap after it.
+COLUMN = 180
+
 
 def make_node(
     tree: bpy.types.NodeTree, kind: str, location: tuple[float, float], *inputs: Feed, **settings: object
@@ -42,3 +45,23 @@ def feed(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, source: Feed) -
 def feeding_output(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
     """Return the output that is linked to an input; None if the input's own value applies."""
     return next((link.from_socket for link in socket.links if not link.is_muted), None)
+
+
+class NodeRow:
+    """Nodes of a tree in a row, from left to right; `top` is the height of the row."""
+
+    def __init__(self, tree: bpy.types.NodeTree, top: int = 0) -> None:
+        self._tree, self._top, self._x = tree, top, 0
+
+    def make(self, kind: str, *inputs: Feed, **settings: object) -> bpy.types.NodeSocket:
+        """Return the first output of a new node."""
+        self._x += COLUMN
+        return make_node(self._tree, kind, (self._x, self._top), *inputs, **settings)
+
+    def number(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
+        """Return the result of a scalar operation."""
+        return self.make("ShaderNodeMath", *inputs, operation=operation)
+
+    def vector(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
+        """Return the result of a vector operation."""
+        return self.make("ShaderNodeVectorMath", *inputs, operation=operation)

@@ -12,10 +12,10 @@ import numpy as np
 from ..original_slots import PREVIEW_MARK
 from .light_mixer import light_mixer
 from .light_states import baked_groups
-from .nodes import Feed, make_node
+from .nodes import COLUMN, Feed, NodeRow, make_node
 
-#: Position of the group's node, above the nodes of the material, and width of a column.
-_PLACE, _COLUMN = (-400, 600), 180
+#: Position of the first node, above the nodes of the material.
+_PLACE = (-400, 600)
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,7 @@ class ProbeNodes:
     def shaded(self, normal: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """Return the socket of E/pi for a unit normal in world space, clamped to 0."""
         x, y = _PLACE
-        return make_node(
-            self._tree, "ShaderNodeGroup", (x + _COLUMN, y), normal, node_tree=self._probes.group
-        )
+        return make_node(self._tree, "ShaderNodeGroup", (x + COLUMN, y), normal, node_tree=self._probes.group)
 
 
 def shown_probes(scene: bpy.types.Scene) -> ShownProbes | None:
@@ -102,24 +100,8 @@ def _matrix(volume: bpy.types.PropertyGroup) -> np.ndarray:
     return np.array(volume.matrix, np.float64).reshape(4, 4)
 
 
-class _Nodes:
+class _Nodes(NodeRow):
     """Nodes of a group, in a row."""
-
-    def __init__(self, tree: bpy.types.NodeTree) -> None:
-        self._tree, self._x = tree, 0
-
-    def make(self, kind: str, *inputs: Feed, **settings: object) -> bpy.types.NodeSocket:
-        """Return the first output of a new node."""
-        self._x += _COLUMN
-        return make_node(self._tree, kind, (self._x, 0), *inputs, **settings)
-
-    def number(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
-        """Return the result of a scalar operation."""
-        return self.make("ShaderNodeMath", *inputs, operation=operation)
-
-    def vector(self, operation: str, *inputs: Feed) -> bpy.types.NodeSocket:
-        """Return the result of a vector operation."""
-        return self.make("ShaderNodeVectorMath", *inputs, operation=operation)
 
     def mixed(self, one: Feed, other: Feed, part: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """Return one + part (other - one)."""

@@ -34,7 +34,7 @@ _METHODS = {
         "Compute visibility once and reuse it for every bounce. Needs memory",
     ),
     "stream": Option("Stream", "Recompute visibility for every bounce. Slow, needs no memory"),
-    "paper": Option("Paper", "Draw radiance hemicubes in every iteration, as in the paper"),
+    "paper": Option("Paper", "Draw radiance hemicubes for every bounce, as in the paper"),
 }
 _VISIBILITIES = {
     "auto": Option(
@@ -228,7 +228,7 @@ class Settings:
     probes_indirect_only: bool = described(
         False,
         "Indirect Only",
-        "Leave the direct light of lamps out of light probes, for engines that compute it",
+        "Leave direct light out of light probes, for engines that compute it",
         Switch(),
         "outputs",
         invalidates=(),
@@ -334,7 +334,7 @@ class Settings:
     rotate: bool = described(
         True,
         "Rotate Hemicubes",
-        "Rotate each hemicube at random about its normal, once for all iterations (paper, Fig. 6)",
+        "Rotate each hemicube at random about its normal, once for all bounces (paper, Fig. 6)",
         Switch(),
         "paper",
     )
@@ -362,7 +362,7 @@ class Settings:
     intermediates: bool = described(
         True,
         "Intermediate Lightmaps",
-        "Yield the current lightmaps after each iteration",
+        "Yield the current lightmaps after each bounce",
         Switch(),
         None,
         invalidates=(),

@@ -331,10 +331,10 @@ def _reason(error: cl.Error) -> str:
 
 def remedy(system: str) -> str:
     """Return the remedy for a missing OpenCL device on a system, named as in `sys.platform`."""
-    driver = "Install the current driver of your graphics card"
+    driver = "Install the current driver of your GPU"
     if system == "linux":
         return (
-            f"{driver}, or PoCL, which computes on the processor: on Debian or Ubuntu "
+            f"{driver}, or PoCL, which computes on the CPU: on Debian or Ubuntu "
             "apt install pocl-opencl-icd, on Fedora dnf install pocl, on Arch pacman -S pocl."
         )
     return "OpenCL is part of macOS; update the system." if system == "darwin" else f"{driver}."

@@ -16,7 +16,7 @@ from .source import shader_source
 
 _REMEDY = {
     "linux": "Install a graphics driver; on Debian or Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri.",
-    "win32": "Install the current driver of your graphics card.",
+    "win32": "Install the current driver of your GPU.",
     "darwin": "OpenGL 4.1 is part of macOS 10.9 and later; update the system.",
 }
 
@@ -65,7 +65,7 @@ class GraphicsContext:
         if error == "GL_OUT_OF_MEMORY":
             raise DeviceMemoryError(
                 f"The memory of '{self.name}' is full: {task} failed. Lower the resolution, bake fewer "
-                "objects at once, or close programs that use the graphics card."
+                "objects at once, or close programs that use the GPU."
             )
         if error != "GL_NO_ERROR":
             raise DeviceError(

@@ -122,9 +122,9 @@ def _gather_for(job: SolveJob, sampler: VisibilitySampler) -> tuple[DeviceGather
     sizes = memory_clause(job, sampler.row_bytes * job.count)
     if is_cached(job, sampler):
         return caching_gather(job, sampler), "cached", f"Visibility is cached: {sizes}."
-    why = f"Visibility is recomputed in every iteration: {sizes}."
+    why = f"Visibility is recomputed for every bounce: {sizes}."
     if job.settings.method == "stream":
-        why = "Visibility is recomputed in every iteration: the settings request it."
+        why = "Visibility is recomputed for every bounce: the settings request it."
     return stream_gather(job, sampler), "stream", why
 
 

@@ -65,7 +65,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, SolverChoice, SolveJob]:
     """
     if job.dark:
         job.kept.light = None
-        why = "No light reaches any patch: visibility is not computed."
+        why = "No light reaches any texel: visibility is not computed."
         return BlackSolution(job.count), SolverChoice("none", "none", 0, (why,)), job
     width, reasons = group_width(job)
     if width == 1:
@@ -268,7 +268,7 @@ def _choose_gather(job: SolveJob) -> tuple[Gather, SolverChoice]:
                 "cached", "raster", samples, (reason,), "glsl"
             )
         why = "there is no OpenCL device, and they exceed the memory of OpenGL"
-    reason = f"Hemicubes are drawn in every iteration: {why}."
+    reason = f"Hemicubes are drawn for every bounce: {why}."
     paper = PaperGather(job.graphics, job.compute, *seen)
     return paper, SolverChoice("paper", "raster", samples, (reason,), paper.integrator)
 

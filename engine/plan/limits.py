@@ -55,6 +55,6 @@ def check_patch_count(patches: int) -> None:
     """Raise SettingsError if there are more patches than the radiosity texture holds."""
     if patches > MAX_PATCHES:
         raise SettingsError(
-            f"The lightmaps hold {patches:,} patches; at most {MAX_PATCHES:,} can be baked at once. "
+            f"The lightmaps hold {patches:,} texels; at most {MAX_PATCHES:,} can be baked at once. "
             "Lower the resolution, or bake fewer objects at once."
         )

@@ -99,20 +99,20 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
     if settings.patch_groups:
         return settings.patch_groups, ("The settings request patch groups.",)
     if is_adaptive(job):
-        reason = f"Groups of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one, with more rays each."
+        reason = f"Groups of {_GROUP_WIDTH} x {_GROUP_WIDTH} texels are solved as one, with more rays each."
         return _GROUP_WIDTH, (reason,)
     if job.remote is not None:
         width = shared_width(settings, count)
         reason = (
-            f"Groups of {width} x {width} patches are solved as one: each worker receives the light of all "
-            f"{count:,} patches."
+            f"Groups of {width} x {width} texels are solved as one: each worker receives the light of all "
+            f"{count:,} texels."
         )
         return width, (reason,) if width > 1 else ()
     needed = most_samples(settings) * count * sample_bytes(count, job.parts.cutouts.tinted)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
     reason = (
-        f"Groups of {_GROUP_WIDTH} x {_GROUP_WIDTH} patches are solved as one: {memory_clause(job, needed)}."
+        f"Groups of {_GROUP_WIDTH} x {_GROUP_WIDTH} texels are solved as one: {memory_clause(job, needed)}."
     )
     return _GROUP_WIDTH, (reason,)
 

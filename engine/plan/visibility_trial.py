@@ -83,7 +83,7 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
 def _why_alone(job: SolveJob, sampler: VisibilitySampler, rate: float) -> str:
     """Return the reason not to try raster, given a rate in patches per second; empty if it is tried."""
     if rate * _SHORT > job.count * visibility_passes(job, sampler):
-        return f"{sampler.name} need {job.count / rate:.2g} s for all patches"
+        return f"{sampler.name} need {job.count / rate:.2g} s for all texels"
     (drawing, texels), triangles = _drawing_rates(job), len(job.parts.triangles.positions)
     drawn = min(drawing.bound(triangles) / texels, hemicubes_bound(job.graphics.name, triangles))
     if rate > _CLEARLY * drawn:

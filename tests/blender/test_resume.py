@@ -44,6 +44,6 @@ def test_an_interrupted_bake_goes_on_from_its_checkpoint(checkpoints, monkeypatc
     assert bpy.ops.hemibake.bake() == {"FINISHED"}
     light, seen = report()["resumed"]
     assert "was restored from an interrupted bake" in seen
-    assert "Light was restored from iteration" in light
+    assert "Light was restored from bounce" in light
     assert np.array_equal(pixels(bpy.data.images["Lightmap"]), whole)
     assert not any(checkpoints.iterdir())

@@ -279,7 +279,7 @@ def test_light_goes_on_by_another_scheduler(tmp_path, by_two):
     with running_scheduler(tmp_path) as (other, _):
         assert other != address
         lightmap = finished(Session().bake(nine_quad_room(), replace(settings, scheduler=other)))
-    assert any("restored from iteration 3" in sentence for sentence in lightmap.report.resumed)
+    assert any("restored from bounce 3" in sentence for sentence in lightmap.report.resumed)
     assert np.array_equal(lightmap.image, by_two.image)
     assert not list(cache.rglob("light"))
 

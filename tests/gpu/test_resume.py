@@ -82,7 +82,7 @@ def test_a_bake_cancelled_in_its_bounces_goes_on(tmp_path, kind, pieces):
     cached = dataclasses.replace(settings, cache_dir=str(tmp_path))
     assert interrupted(cached, lambda progress: progress.iteration == settings.max_bounces - 1)
     resumed = finished(bake(ROOM, cached))
-    assert any("Light was restored from iteration" in reason for reason in went_on(resumed))
+    assert any("Light was restored from bounce" in reason for reason in went_on(resumed))
     assert_same(resumed, finished(bake(ROOM, settings)))
     assert files(tmp_path) == []
 
@@ -110,7 +110,7 @@ def test_patches_that_stand_in_for_hidden_ones_go_on(tmp_path, width, pieces):
     cached = dataclasses.replace(settings, cache_dir=str(tmp_path))
     assert interrupted(cached, lambda progress: progress.iteration == 4, scene)
     resumed = finished(bake(scene, cached))
-    assert any("Light was restored from iteration" in reason for reason in went_on(resumed))
+    assert any("Light was restored from bounce" in reason for reason in went_on(resumed))
     assert_same(resumed, finished(bake(scene, settings)))
 
 

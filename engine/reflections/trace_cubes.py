@@ -14,12 +14,12 @@ from ..device.opencl import cl
 from ..device.time_slicer import sliced
 from ..patches.patch_scene import PatchScene
 from ..scene.cutouts import EXTENSIONS
-from ..scene.model import Light, Scene
+from ..scene.model import Scene
 from ..scene.texture import Texture
 from ..visibility.rays.ray_tracer import RayTracer
 from ..visibility.rays.receiver_records import RECEIVER
-from .cube_faces import texel_solid_angles, texels_of
 from .surface_colors import SurfaceColors, TexturedPart, texture_corners
+from .visible_lights import VisibleLights
 
 #: Rays along each axis of a texel (chosen).
 SIDE = 2
@@ -27,14 +27,8 @@ SIDE = 2
 #: Maximum number of samples in memory at once; each takes 64 bytes (chosen).
 _BATCH = 1 << 21
 
-#: Points on the disk of the sky's sun (chosen).
-_SUN_POINTS = 256
-
 #: Maximum size of the textures that stay on the device between cube maps, bytes (chosen).
 _KEPT_TEXTURES = 1 << 29
-
-#: Golden ratio, whose multiples are even angles.
-_GOLDEN = (1 + np.sqrt(5)) / 2
 
 
 @dataclass(frozen=True)
@@ -82,7 +76,8 @@ class CubeTracer:
             np.int32(self._colors.count), upload(compute, padded), np.int32(triangles.solid),
             np.float32(light.dark), upload(compute, to_float4(sky)), np.int32(width), np.int32(height),
         )  # fmt: skip
-        self._suns = [lamp for lamp in scene.lights if lamp.of_world and lamp.strength.any()]
+        lamps = [lamp.relative_to(triangles.origin) for lamp in scene.lights]
+        self._lights = VisibleLights(rays, lamps)
         self._size = int(triangles.mesh.size).bit_length()
 
     def faces(self, position: np.ndarray, size: int) -> Generator[float, None, tuple[np.ndarray, float]]:
@@ -103,7 +98,7 @@ class CubeTracer:
             outside += self._add_textured(batch)
             parts.append(batch.texels())
         faces = np.concatenate(parts).reshape(6, size, size, 3)
-        self._add_suns(faces, point)
+        self._lights.add(faces, point)
         return faces, outside / (SIDE**2 * count)
 
     def _traced(self, point: np.ndarray, size: int, batch: _Batch) -> Generator[int, None, None]:
@@ -159,17 +154,6 @@ class CubeTracer:
             self._textures[key] = pixels
         return self._textures[key]
 
-    def _add_suns(self, faces: np.ndarray, point: np.ndarray) -> None:
-        """Add the suns of the sky, which are no part of the world's radiance, to faces."""
-        for sun in self._suns:
-            ways = sun_directions(sun)
-            origins = np.broadcast_to(point, ways.shape)
-            arriving = self._rays.transmittance(origins, ways, np.inf) * sun.strength / len(ways)
-            size = faces.shape[1]
-            texels = texels_of(ways, size)
-            angles = np.broadcast_to(texel_solid_angles(size), (6, size, size)).reshape(-1)[texels]
-            np.add.at(faces.reshape(-1, 3), texels, (arriving / angles[:, None]).astype(np.float32))
-
 
 class _Batch:
     """Consecutive samples of a cube map on the OpenCL device.
@@ -199,16 +183,3 @@ class _Batch:
         samples = download(self._compute, self.radiance, (self.count, 4))
         means: np.ndarray = samples.reshape(-1, SIDE**2, 4)[..., :3].mean(axis=1)
         return means
-
-
-def sun_directions(sun: Light) -> np.ndarray:
-    """Return unit directions, (n, 3) float64, evenly distributed over the disk of a sun."""
-    z = np.asarray(sun.axes[2], np.float64)
-    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
-    x /= np.linalg.norm(x)
-    y = np.cross(z, x)
-    radius = np.sqrt((np.arange(_SUN_POINTS) + 0.5) / _SUN_POINTS)[:, None] * np.sin(sun.half_angle)
-    phi = (2 * np.pi * np.arange(_SUN_POINTS) / _GOLDEN)[:, None]
-    across = radius * (np.cos(phi) * x + np.sin(phi) * y)
-    directions: np.ndarray = across + np.sqrt(1 - radius**2) * z
-    return directions

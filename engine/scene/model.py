@@ -129,6 +129,7 @@ class Light:
     falloff_smooth:  smoothing s, m^2, of the factor d^2 / (s + d^2); neither falloff applies to suns
     light_group:     name of the light's group, see `Scene.light_groups`
     of_world:        True for the sun of a sky texture: part of the world, without a shadow mask
+    visible:         True if cameras see the light itself, and reflection cubes therefore show it
     """
 
     name: str
@@ -149,6 +150,7 @@ class Light:
     falloff_smooth: float = 0.0
     light_group: str = ""
     of_world: bool = False
+    visible: bool = False
 
     def relative_to(self, point: np.ndarray) -> Light:
         """Return the light with its position relative to a point, (3,) float64, m."""

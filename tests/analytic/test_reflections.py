@@ -1,12 +1,14 @@
 """Reflection cubes against closed forms: directions, energy, textures, the sky and its sun, and levels."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from engine import Light, Scene, Session, Settings, finished
 from engine.errors import SceneError
+from engine.plan.stages import BakeStages, Extent
 from engine.reflections import gather_reflections
 from engine.reflections.cube_faces import cube_directions, mean_radiance, texel_solid_angles, texels_of
 from engine.reflections.prefilter import prefiltered, roughness_of
@@ -202,6 +204,29 @@ def test_a_sky_picture_and_its_sun(session):
     assert dark.levels[0].max() < 4
 
 
+@pytest.mark.parametrize(
+    ("kind", "values", "radiance"),
+    [
+        ("point", {"radius": 0.4, "soft": False}, 5 / (np.pi * 0.16)),
+        ("spot", {"radius": 0.4, "soft": True, "half_angle": 1.5}, 5 / (np.pi * 0.16)),
+        ("area", {"size": np.array([0.8, 1.2])}, 5.0),
+        ("area", {"size": np.array([1.0, 1.0]), "ellipse": True}, 5.0),
+        ("sun", {"half_angle": 0.2}, 5 / (np.pi * np.sin(0.2) ** 2)),
+    ],
+)
+def test_lamps_that_cameras_see_have_their_radiance(session, kind, values, radiance):
+    """Each hangs in direction Z; without Camera visibility, or behind a square, it is invisible."""
+    lamp = Light("Lamp", kind, 3 * Z, np.eye(3), np.full(3, 5, np.float32), **values)
+    seen = dataclasses.replace(lamp, visible=True)
+    (cube,) = bake(session, scene_of(FAR, lights=(seen,))).reflections
+    middle = cube.levels[0][2, 30:34, 30:34]
+    assert middle == pytest.approx(np.full_like(middle, radiance), rel=0.15)
+    assert middle.mean() == pytest.approx(radiance, rel=0.04)
+    assert not cube.levels[0][[0, 1, 3, 4, 5]].any()
+    for scene in (scene_of(FAR, lights=(lamp,)), scene_of(square(Z, distance=1.0), lights=(seen,))):
+        assert bake(session, scene).reflections[0].levels[0][2, 30:34, 30:34].max() < 1e-6
+
+
 def test_panes_tint_and_backs_are_black(session):
     """Up a tinted pane colors the sky; down the back of a square hides it."""
     tint = np.float32([0.9, 0.5, 0.1])
@@ -252,3 +277,35 @@ def test_cubes_do_not_change_lightmaps(session):
         bake(session, room, resolution=32, visibility="rays", reflection_cubes=on) for on in (False, True)
     )
     assert (off.display == on.display).all() and not off.reflections and len(on.reflections) == 1
+
+
+def test_progress_and_cancel(session):
+    """Progress of the stage rises and is part of the estimate; a canceled bake leaves the session usable."""
+    room = dataclasses.replace(
+        furnace(0.5, 1.0), reflection_spheres=(sphere((0.5, 0.5, 0.5)), sphere((0.2, 0.5, 0.5), "Other"))
+    )
+    settings = dataclasses.replace(SETTINGS, resolution=32, reflection_size=256)
+    fractions = [
+        progress.fraction for progress in session.bake(room, settings) if progress.stage == "Reflection cubes"
+    ]
+    assert len(fractions) > 3 and fractions == sorted(fractions) and 0 < fractions[1] < 1
+    work = session.bake(room, settings)
+    while next(work).stage != "Reflection cubes":
+        pass
+    work.close()
+    assert len(bake(session, room, resolution=32).reflections) == 2
+    with_cubes, without = (
+        BakeStages(Extent.of(room), dataclasses.replace(settings, reflection_cubes=on), {}).foretell(1000)
+        for on in (True, False)
+    )
+    assert with_cubes > without
+
+
+@pytest.mark.parametrize(
+    ("compute", "has_indirect", "remedy"),
+    [(None, True, "Install an OpenCL driver"), (1, False, "Switch Combined on"), (1, True, None)],
+)
+def test_bakes_that_lack_something_say_so(compute, has_indirect, remedy):
+    job = SimpleNamespace(compute=compute, settings=SimpleNamespace(has_indirect=has_indirect))
+    warnings = gather_reflections.reflection_warnings(SimpleNamespace(job=job))
+    assert len(warnings) == (remedy is not None) and all(remedy in text for text in warnings)

@@ -143,6 +143,23 @@ def test_spheres_are_left_out_of_bakes_without_the_switch(tmp_path):
     assert "reflections" not in json.loads((tmp_path / "hemibake.json").read_text())
 
 
+def test_lamps_are_shown_if_cameras_see_them(tmp_path):
+    """An area lamp above the sphere has the radiance P / (pi area) with Ray Visibility > Camera only."""
+    import bpy
+
+    square()
+    probe_sphere()
+    data = bpy.data.lights.new("Lamp", "AREA")
+    data.size, data.energy = 1.0, 100.0
+    lamp = bpy_link(bpy.data.objects.new("Lamp", data))
+    lamp.location = (0.5, 0.5, 2.5)
+    for is_visible in (True, False):
+        lamp.visible_camera = is_visible
+        (entry,) = bake(tmp_path)["reflections"]
+        up = decoded(tmp_path / entry["files"][2])[0][2, 28:36, 28:36]
+        assert up.mean() == pytest.approx(100 / np.pi * is_visible, rel=0.05)
+
+
 @pytest.mark.long
 def test_faces_agree_with_cycles(tmp_path):
     """In the Cornell box, off its middle: each face's mean within 3 % of a render by Cycles' camera."""

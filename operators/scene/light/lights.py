@@ -173,6 +173,7 @@ def _read_light(item: SceneItem) -> Light:
         "casts_shadow": bool(lamp.use_shadow),
         "stretch": np.maximum(scale / max(scale.max(), 1e-30), 1e-6),
         "light_group": item.source.lightgroup,
+        "visible": bool(item.source.visible_camera),
     }
     if lamp.type == "SUN":
         return Light(kind="sun", strength=_sun(lamp, power), half_angle=lamp.angle / 2, **common)

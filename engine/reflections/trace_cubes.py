@@ -76,8 +76,8 @@ class CubeTracer:
             np.int32(self._colors.count), upload(compute, padded), np.int32(triangles.solid),
             np.float32(light.dark), upload(compute, to_float4(sky)), np.int32(width), np.int32(height),
         )  # fmt: skip
-        lamps = [lamp.relative_to(triangles.origin) for lamp in scene.lights]
-        self._lights = VisibleLights(rays, lamps)
+        lights = [light.relative_to(triangles.origin) for light in scene.lights]
+        self._lights = VisibleLights(rays, lights)
         self._size = int(triangles.mesh.size).bit_length()
 
     def faces(self, position: np.ndarray, size: int) -> Generator[float, None, tuple[np.ndarray, float]]:

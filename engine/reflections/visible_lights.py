@@ -1,4 +1,4 @@
-"""Lights that cameras see, in cube maps: lamps with Camera visibility and the suns of the sky."""
+"""Lights that cameras see, in cube maps: those with Camera visibility, and the suns of the sky."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _POINTS, _OF_TEXEL, _MOST_POINTS = 1 << 15, 16, 1 << 20
 
 
 class VisibleLights:
-    """Lamps that cube maps show, by shadow rays to points on them, since few rays would hit small ones.
+    """Lights that cube maps show, by shadow rays to points on them, since few rays would hit small ones.
 
     rays:    ray tracer of the scene
     lights:  all lights, with positions relative to `Triangles.origin`
@@ -28,10 +28,10 @@ class VisibleLights:
 
     def __init__(self, rays: RayTracer, lights: Sequence[Light]) -> None:
         self._rays, self._compute = rays, rays.compute
-        lamps = [lamp for lamp in lights if _is_visible(lamp)]
-        modulations, profiles, numbers = pack_modulations(lamps)
-        self._tables = [upload(self._compute, table) for table in (modulations, profiles)] if lamps else []
-        self._lamps = [lamp_records(lamp, number) for lamp, number in zip(lamps, numbers, strict=True)]
+        shown = [light for light in lights if _is_visible(light)]
+        modulations, profiles, numbers = pack_modulations(shown)
+        self._tables = [upload(self._compute, table) for table in (modulations, profiles)] if shown else []
+        self._lights = [lamp_records(light, number) for light, number in zip(shown, numbers, strict=True)]
 
     def add(self, faces: np.ndarray, point: np.ndarray) -> None:
         """Add the light that arrives at a point to faces, (6, s, s, 3) float32.
@@ -40,7 +40,7 @@ class VisibleLights:
         """
         size = faces.shape[1]
         angles = np.tile(texel_solid_angles(size).ravel(), 6)
-        for records in self._lamps:
+        for records in self._lights:
             texels, light = self._samples(records, point, size, _POINTS)
             wanted = min(_OF_TEXEL * len(np.unique(texels)), _MOST_POINTS)
             if wanted > _POINTS:
@@ -55,7 +55,7 @@ class VisibleLights:
         compute, samples = self._compute, -(-points // len(records))
         count = samples * len(records)
         (kernel,) = self._rays.kernels(
-            (*EMITTER_RECORDS, "sample_lamps.cl"), "sample_lamps", options=("-DSPHERE",)
+            (*EMITTER_RECORDS, "sample_lights.cl"), "sample_lights", options=("-DSPHERE",)
         )
         outputs = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 16 * count) for _ in range(2)]
         self._rays.run(
@@ -67,8 +67,8 @@ class VisibleLights:
         return texels_of(ways[lit], size), light[lit]
 
 
-def _is_visible(lamp: Light) -> bool:
-    """Return True if cameras see a light; lamps without a size are invisible, as in Cycles."""
-    sizes = {"area": lamp.size.min(), "sun": lamp.half_angle}
-    has_size = sizes.get(lamp.kind, lamp.radius) > 0
-    return bool(lamp.strength.any() and (lamp.of_world or (lamp.visible and has_size)))
+def _is_visible(light: Light) -> bool:
+    """Return True if cameras see a light; lights without a size are invisible, as in Cycles."""
+    sizes = {"area": light.size.min(), "sun": light.half_angle}
+    has_size = sizes.get(light.kind, light.radius) > 0
+    return bool(light.strength.any() and (light.of_world or (light.visible and has_size)))

@@ -3,11 +3,11 @@
 #include "emitters.cl"
 #include "emitter_rays.cl"
 
-// Light of lamps that cameras see, by points on them. SPHERE is defined: light counts without a cosine.
+// Lights that cameras see, by points on them. SPHERE is defined: light counts without a cosine.
 
 // Stores the direction of each point of the emitters and, if nothing hides it, its light as irradiance at normal
 // incidence: `samples` points of each emitter.
-__kernel void sample_lamps(RAYS_ARGUMENTS, __global const Emitter *emitters, __global const Modulation *modulations,
+__kernel void sample_lights(RAYS_ARGUMENTS, __global const Emitter *emitters, __global const Modulation *modulations,
                            __global const float *profiles, const float4 point, const int samples,
                            __global float4 *directions, __global float4 *light, const int count)
 {

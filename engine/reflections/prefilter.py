@@ -19,7 +19,7 @@ from .cube_faces import halved, mean_radiance, with_border
 SMALLEST = 8
 
 #: Samples of a texel of the first filtered level, and maximum number. Each level has four times as many as
-#: the one before, for the same work: a lamp of 6 degrees is then wrong by at most 8 % of its peak (measured).
+#: the one before, for the same work: a light of 6 degrees is wrong by at most 8 % of its peak (measured).
 _SAMPLES, _MOST_SAMPLES = 512, 8192
 
 #: Levels by which samples are read coarser than their solid angle, so that they overlap (Krivanek and

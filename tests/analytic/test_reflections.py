@@ -284,7 +284,7 @@ def test_progress_and_cancel(session):
     room = dataclasses.replace(
         furnace(0.5, 1.0), reflection_spheres=(sphere((0.5, 0.5, 0.5)), sphere((0.2, 0.5, 0.5), "Other"))
     )
-    settings = dataclasses.replace(SETTINGS, resolution=32, reflection_size=256)
+    settings = dataclasses.replace(SETTINGS, resolution=32, reflection_size=128)
     fractions = [
         progress.fraction for progress in session.bake(room, settings) if progress.stage == "Reflection cubes"
     ]

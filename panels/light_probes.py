@@ -20,6 +20,7 @@ class HEMIBAKE_PT_light_probes(SubPanel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.hemibake
         split_properties(layout)
         layout.operator("hemibake.add_light_probes", icon="LIGHTPROBE_VOLUME")
+        layout.operator("hemibake.show_light_probes", icon="SHADING_RENDERED")
         column = layout.column()
         column.active = settings.light_probes
         column.prop(settings, "probe_samples")

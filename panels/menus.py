@@ -30,6 +30,7 @@ _GROUPS = (
         "hemibake.lightmap_select",
     ),
     ("hemibake.add_light_probes",),
+    ("hemibake.show_light_probes",),
     ("hemibake.copy_report",),
 )
 

@@ -94,6 +94,42 @@ def test_the_preview_interpolates_the_probes(tmp_path, normal, has_groups):
         assert found[row, column] == pytest.approx(light, rel=0.03)
 
 
+def test_probes_are_shown_as_spheres_and_removed_again(tmp_path):
+    """Spheres lie at the probes of a rotated and a far volume, face outwards, and show E/pi of the probes."""
+    import bpy
+
+    scene = bpy.context.scene
+    turned = np.eye(4)
+    turned[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
+    coarse = grid("Coarse", turned @ np.diag([2.0, 2, 2, 1]), (2, 3, 1))
+    far = np.diag([0.6, 0.7, 0.5, 1.0])
+    far[:3, 3] = [50, 0, 0]
+    part("operators.result.probe_images").keep_probes(
+        scene, [grid("Far", far, (3, 2, 4)), coarse], np.zeros(3)
+    )
+    before = snapshot()
+    count = len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.materials)
+    assert bpy.ops.hemibake.show_light_probes() == {"FINISHED"}
+    (obj,) = [obj for obj in scene.objects if obj.get("hemibake_probe_spheres")]
+    assert obj.hide_render and obj.hide_select and obj.hemibake.role == "DYNAMIC"
+    places = np.empty(3 * len(obj.data.vertices), np.float32)
+    obj.data.vertices.foreach_get("co", places)
+    spheres = places.reshape(30, 18, 3)
+    centres = spheres.mean(axis=1)
+    inner = [far[:3, 3] + far.diagonal()[:3] * unit for unit in ((-2 / 3, -0.5, -0.75), (2 / 3, 0.5, 0.75))]
+    assert centres[[0, 23]] == pytest.approx(np.array(inner), abs=1e-4)
+    for polygon in list(obj.data.polygons)[:32]:
+        assert np.dot(np.array(polygon.center) - centres[0], polygon.normal) > 0
+    groups = [
+        node.node_tree.name for node in obj.material_slots[0].material.node_tree.nodes if node.type == "GROUP"
+    ]
+    assert groups == ["Light probes"]
+    assert bpy.ops.hemibake.show_light_probes() == {"FINISHED"}
+    assert (len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.materials)) == count
+    after = snapshot()
+    assert after["selected"] == before["selected"] and after["active"] == before["active"]
+
+
 def test_dynamic_objects_are_left_out_of_bakes_and_lit_by_their_probes(tmp_path):
     """A black square inside a furnace would darken it; the preview lights it as the walls, 2 E/pi."""
     import bpy

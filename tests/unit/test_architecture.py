@@ -32,7 +32,7 @@ ORDERS = {
         "applied_copies",
         "changed_objects", "lightmap_list", "lightmap_size", "live_watch", "preview", "preview_switch",
         "setting_properties", "bake_report", "devices", "file_handlers", "scene_snapshots", "cancel", "log",
-        "probes", "result", "scene", "light_state_names",
+        "probe_spheres", "probes", "result", "scene", "light_state_names",
         "file_format", "worker_manager", "object_properties", "translations", "user_files",
         "chart_settings", "compat", "denoise_library", "extension", "handlers", "last_bake", "lookup",
         "levels", "original_slots", "output_switches", "report_message", "rollback", "run_stages", "select",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..result.level_maps import TOO_FAR, level_names
+from ..result.level_maps import TOO_FAR, far_levels
 from ..scene import SceneContext
 from .finding import WARNING, Finding, found
 
@@ -12,4 +12,4 @@ def check_levels(context: SceneContext, width: int) -> list[Finding]:
 
     width:  width of the lightmaps, texels
     """
-    return found(WARNING, TOO_FAR, level_names(context, width))
+    return found(WARNING, TOO_FAR, far_levels(context, width))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import bpy
@@ -47,14 +47,18 @@ TOO_FAR = (
 class Level:
     """A level of detail, read for the transfer of UVs.
 
-    obj:    the level
-    first:  its first level
-    mesh:   its mesh, in the world space of the first level
+    obj:       the level
+    first:     its first level
+    mesh:      its mesh, in world space; a level that stands beside its first level is moved to it
+    surface:   projection to the first level, in world space
+    distance:  largest distance of its vertices from the first level, UV units of the first level
     """
 
     obj: bpy.types.Object
     first: bpy.types.Object
     mesh: UvMesh
+    surface: UvProjection
+    distance: float
 
 
 def store_levels(
@@ -67,11 +71,10 @@ def store_levels(
     baked:  place in the atlas of objects with new lightmaps, by session uid
     width:  width of the lightmaps, texels
     """
-    levels, firsts, troubles = read_levels(context, baked.keys())
+    levels, troubles = _read_levels(context, baked.keys())
     for level in levels:
-        surface = UvProjection(firsts[level.first.session_uid])
-        replace_layer(level.obj, LEVEL_UVS, surface.corner_uvs(level.mesh), Rollback())
-        if _is_far(level, surface, firsts, baked[level.first.session_uid].scale * width):
+        replace_layer(level.obj, LEVEL_UVS, level.surface.corner_uvs(level.mesh), Rollback())
+        if level.distance * baked[level.first.session_uid].scale * width > FAR:
             troubles.setdefault(TOO_FAR, []).append(level.obj.name)
     stored = {level.obj.session_uid: level.first.session_uid for level in levels}
     return stored, [object_message(sentence, sorted(names)) for sentence, names in troubles.items()]
@@ -90,13 +93,19 @@ def mark_levels(scene: bpy.types.Scene, stored: dict[int, int]) -> None:
         record.baked_uvs, record.fingerprint, record.on_vertices = "", "", False
 
 
-def read_levels(
-    context: SceneContext, baked: Collection[int] | None = None
-) -> tuple[list[Level], dict[int, UvMesh], dict[str, list[str]]]:
-    """Return levels that can get UVs, meshes of first levels by session uid, and names by trouble.
+def far_levels(context: SceneContext, width: int) -> list[str]:
+    """Return the names of levels that are far from their first level, before a bake.
 
-    The space of both is the world, or that of the first level if a level lies nearer to it there, as levels
-    that stand side by side do.
+    width:  width of the lightmaps, texels; charts are taken as they are in the UV layer
+    """
+    levels, _ = _read_levels(context)
+    return [level.obj.name for level in levels if level.distance * width > FAR]
+
+
+def _read_levels(
+    context: SceneContext, baked: Collection[int] | None = None
+) -> tuple[list[Level], dict[str, list[str]]]:
+    """Return the levels that can get UVs, and the names of others by the sentence on their problem.
 
     baked:  session uids of first levels; None for all with lightmap UVs
     """
@@ -108,7 +117,7 @@ def read_levels(
         for level in levels
     ]
     if not pairs:
-        return [], {}, {}
+        return [], {}
     objects = list(dict.fromkeys(obj for pair in pairs for obj in pair))
 
     def read(evaluation: Evaluation) -> dict[int, UvMesh]:
@@ -117,33 +126,33 @@ def read_levels(
     meshes, users = evaluate(context, read, objects), dict[bpy.types.Mesh, set[bpy.types.Mesh]]()
     for first, level in pairs:
         users.setdefault(level.data, set()).add(first.data)
-    levels, firsts, troubles = [], dict[int, UvMesh](), dict[str, list[str]]()
+    surfaces: dict[int, tuple[UvProjection, float]] = {}
+    levels, troubles = [], dict[str, list[str]]()
     for first, level in pairs:
-        surface, mesh = meshes.get(first.session_uid), meshes.get(level.session_uid)
+        mesh = meshes.get(level.session_uid)
         trouble = _SHARED if len(users[level.data]) > 1 else _trouble(level, mesh)
-        if surface is None or surface.uvs is None or trouble or mesh is None:
-            if trouble:
-                troubles.setdefault(trouble, []).append(level.name)
-            continue
-        firsts[first.session_uid] = surface = _moved(surface, _matrix(first))
-        placed = [_moved(mesh, _matrix(obj)) for obj in (level, first)]
-        distances = [_distance(surface, one) for one in placed]
-        nearest = placed[int(np.argmin(distances))]
-        levels.append(Level(level, first, nearest))
-    return levels, firsts, troubles
+        own = meshes.get(first.session_uid)
+        if trouble:
+            troubles.setdefault(trouble, []).append(level.name)
+        elif mesh is not None and own is not None and own.uvs is not None:
+            if first.session_uid not in surfaces:
+                placed = _moved(own, _matrix(first))
+                surfaces[first.session_uid] = UvProjection(placed), _uv_density(placed)
+            levels.append(_placed(level, first, mesh, *surfaces[first.session_uid]))
+    return levels, troubles
 
 
-def _is_far(level: Level, surface: UvProjection, firsts: Mapping[int, UvMesh], texels: float) -> bool:
-    """Return True if a level is farther from the surface of its first level than `FAR` texels.
+def _placed(
+    obj: bpy.types.Object, first: bpy.types.Object, mesh: UvMesh, surface: UvProjection, density: float
+) -> Level:
+    """Return a level at its own place or at that of its first level, wherever it is nearer to the surface.
 
-    texels:  texels for each UV unit of the first level
+    density:  UV units per metre
     """
-    density = _uv_density(firsts[level.first.session_uid]) * texels
-    return bool(surface.distances(level.mesh.positions).max(initial=0.0) * density > FAR)
-
-
-def _distance(surface: UvMesh, mesh: UvMesh) -> float:
-    return float(UvProjection(surface).distances(mesh.positions).mean()) if len(mesh.positions) else 0.0
+    meshes = [_moved(mesh, _matrix(owner)) for owner in (obj, first)]
+    distances = [surface.distances(moved.positions) for moved in meshes]
+    nearest = int(np.argmin([part.mean() for part in distances]))
+    return Level(obj, first, meshes[nearest], surface, float(distances[nearest].max()) * density)
 
 
 def _uv_density(mesh: UvMesh) -> float:
@@ -161,7 +170,9 @@ def _uv_density(mesh: UvMesh) -> float:
 def _trouble(level: bpy.types.Object, mesh: UvMesh | None) -> str:
     """Return the sentence on why a level gets no UVs; empty if it can."""
     data = level.data
-    if not data.is_editable:
+    if not len(data.polygons):
+        return ""
+    if not level.is_editable or not data.is_editable:
         return _LINKED
     if data.is_editmode:
         return _EDITED
@@ -174,11 +185,15 @@ def _trouble(level: bpy.types.Object, mesh: UvMesh | None) -> str:
 
 
 def _read(obj: bpy.types.Object, scene: bpy.types.Scene, evaluation: Evaluation) -> UvMesh | None:
-    """Return the evaluated mesh of an object with its lightmap UVs; None without faces."""
+    """Return the evaluated mesh of an object with its lightmap UVs; None without faces.
+
+    Objects that neither viewport nor renders show are not evaluated; without modifiers, their mesh is used.
+    """
     with evaluated_mesh(obj, evaluation) as mesh:
-        if mesh is None or not len(mesh.polygons):
+        shown = obj.data if mesh is None and not obj.modifiers and not obj.data.is_editmode else mesh
+        if shown is None or not len(shown.polygons):
             return None
-        return read_uv_mesh(mesh, lightmap_layer(obj, scene.hemibake.uv_layer))
+        return read_uv_mesh(shown, lightmap_layer(obj, scene.hemibake.uv_layer))
 
 
 def _matrix(obj: bpy.types.Object) -> np.ndarray:
@@ -189,16 +204,3 @@ def _moved(mesh: UvMesh, matrix: np.ndarray) -> UvMesh:
     """Return a mesh transformed by a (4, 4) matrix."""
     positions = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return UvMesh(positions, mesh.corners, mesh.starts, mesh.triangles, mesh.polygon, mesh.uvs)
-
-
-def level_names(context: SceneContext, width: int) -> Sequence[str]:
-    """Return the names of levels that are far from their first level, before a bake.
-
-    width:  width of the lightmaps, texels; charts are taken as they are in the UV layer
-    """
-    levels, firsts, _ = read_levels(context)
-    return [
-        level.obj.name
-        for level in levels
-        if _is_far(level, UvProjection(firsts[level.first.session_uid]), firsts, width)
-    ]

@@ -121,6 +121,17 @@ def test_levels_that_cannot_get_uvs_are_named(objects):
     assert UVS not in objects["Chosen"].data.uv_layers
 
 
+def test_hidden_levels_have_maps_too(objects):
+    import bpy
+
+    level = objects["Rock_LOD1"]
+    level.hide_render = level.hide_viewport = True
+    bpy.context.view_layer.update()
+    _, stored, _ = store()
+    assert level.session_uid in stored and level.hemibake.image is not None
+    assert corner_uvs(level, UVS) == pytest.approx(expected_uvs(level), abs=1e-3)
+
+
 def test_check_lists_levels_that_do_not_fit(objects):
     import bpy
 

@@ -284,15 +284,14 @@ def test_progress_and_cancel(session):
     room = dataclasses.replace(
         furnace(0.5, 1.0), reflection_spheres=(sphere((0.5, 0.5, 0.5)), sphere((0.2, 0.5, 0.5), "Other"))
     )
-    settings = dataclasses.replace(SETTINGS, resolution=32, reflection_size=128)
-    fractions = [
-        progress.fraction for progress in session.bake(room, settings) if progress.stage == "Reflection cubes"
-    ]
-    assert len(fractions) > 3 and fractions == sorted(fractions) and 0 < fractions[1] < 1
-    work = session.bake(room, settings)
-    while next(work).stage != "Reflection cubes":
-        pass
+    settings = dataclasses.replace(SETTINGS, resolution=32)
+    work, fractions = session.bake(room, settings), []
+    while len(fractions) < 4:
+        progress = next(work)
+        if progress.stage == "Reflection cubes":
+            fractions.append(progress.fraction)
     work.close()
+    assert fractions == sorted(fractions) and 0 < fractions[-1] < 1
     assert len(bake(session, room, resolution=32).reflections) == 2
     with_cubes, without = (
         BakeStages(Extent.of(room), dataclasses.replace(settings, reflection_cubes=on), {}).foretell(1000)

@@ -454,7 +454,9 @@ def test_light_probes_follow_lamps_and_volumes(operator, context, window):  # no
     lamp.data.energy *= 4
     settle(operator, context)
     assert scene.hemibake.probe_volumes[0].image == image
-    assert pixels(image)[..., :3] == pytest.approx(4 * first[..., :3], rel=0.02, abs=1e-3 * first.max())
+    assert pixels(image)[..., :3] == pytest.approx(
+        4 * first[..., :3], rel=0.02, abs=1e-3 * float(first.max())
+    )
     owner = part("operators.worker_manager").owner
     before = owner.running
     volume.location.x -= 0.05

@@ -77,7 +77,7 @@ def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: flo
         coarse, mirrored = is_chosen[first:last], translucent[mesh.material]
         index = np.arange(first, last, dtype=np.int32)
         if coarse.any():
-            backs.append(replace(_flipped(mesh.part(coarse), index[coarse], numbers), atlas=NO_LIGHTMAP))
+            backs.append(replace(_flipped(_part(mesh, coarse), index[coarse], numbers), atlas=NO_LIGHTMAP))
         if mirrored.any():
             if mesh.atlas not in mirrors:
                 mirrors[mesh.atlas] = len(names)
@@ -89,6 +89,11 @@ def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: flo
         return scene
     placed = replace(scene, meshes=(*scene.meshes, *backs), materials=materials, atlases=tuple(names))
     return place_meshes(placed, resolution, "(backs)", texel, BACKS)
+
+
+def _part(mesh: Mesh, chosen: np.ndarray) -> Mesh:
+    """Return some triangles of a mesh by a mask, (t,) bool; the mesh itself, without copies, for all."""
+    return mesh if chosen.all() else mesh.part(chosen)
 
 
 def _is_opaque(scene: Scene) -> np.ndarray:

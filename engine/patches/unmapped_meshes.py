@@ -110,6 +110,8 @@ def place_meshes(scene: Scene, resolution: int, name: str, texel: float, blocks:
 
 def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
     """Split a mesh by the atlas of its triangles, (t,), with UVs, (t, 3, 2): return one mesh per atlas."""
+    if (atlas == atlas[0]).all():
+        return [replace(mesh, uvs=uvs, atlas=int(atlas[0]))]
     mesh = replace(mesh, uvs=uvs)
     return [replace(mesh.part(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
 

@@ -14,6 +14,7 @@ from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.device.kernel import Kernel
 from engine.pipeline import bake
+from engine.plan.rates import ray_speed
 from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 
@@ -87,5 +88,5 @@ def busy_seconds(scene: Scene, settings: Settings) -> dict[str, float]:
 
 def _bake(devices: Devices, scene: Scene, settings: Settings) -> BakeResult:
     stages = BakeStages(Extent.of(scene), settings, {})
-    stages.opened(devices.on_card)
+    stages.opened(ray_speed(devices))
     return finished(bake(devices, scene, settings, stages, SessionCache()))

@@ -19,6 +19,7 @@ from .device.device_records import DeviceKey
 from .device.packages import require_packages
 from .errors import DeviceError, DeviceMemoryError, SettingsError
 from .live import Live
+from .plan.rates import ray_speed
 from .plan.stages import BakeStages, Extent
 from .progress import Progress
 from .resume.checkpoint import Checkpoints
@@ -148,7 +149,7 @@ class Session:
 
         kept, self._kept = self._kept or SessionCache(), None
         kept.checkpoints = _checkpoints(settings)
-        stages.opened(devices.on_card)
+        stages.opened(ray_speed(devices))
         try:
             peers = devices.peers() if settings.scheduler == ALL_DEVICES else ()
             with _workers(replace(settings, scheduler="") if peers else settings) as workers:

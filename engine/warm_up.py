@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -10,14 +11,22 @@ import numpy as np
 
 from . import session
 from .device.device_records import DeviceRecords
+from .device.packages import require_packages
+from .errors import DeviceError
 from .progress import Progress
 from .scene.model import Light, Material, Mesh, Scene
 from .scene.texture import Texture
 from .self_test import TOLERANCE, furnace, furnace_settings, largest_error
 from .settings import Settings
 
-#: Typical settings, but small.
-SMALL: dict[str, Any] = {"resolution": 53, "samples": 64, "hemicube": 16, "checkpoint_space": 0}
+#: Settings of the quality "preview" with few samples and a small lightmap.
+SMALL: dict[str, Any] = {
+    "resolution": 53, "samples": 64, "hemicube": 16, "adaptive": True, "checkpoint_space": 0
+}  # fmt: skip
+
+#: The same with a typical lightmap: with more texels than 16-bit samples can number, and more work items than
+#: 65,535, for which PoCL compiles kernels of their own.
+TYPICAL = SMALL | {"resolution": 401}
 
 
 def warm_up(settings: dict[str, Any]) -> Generator[Progress, None, None]:
@@ -25,7 +34,7 @@ def warm_up(settings: dict[str, Any]) -> Generator[Progress, None, None]:
 
     settings:  values of `Settings` by name
     """
-    chosen = Settings(**settings | SMALL)
+    chosen = Settings(**settings | (TYPICAL if _has_opencl() else SMALL))
     yield from session.warm_up(warm_up_scene(), chosen)
     yield from check_device(chosen)
 
@@ -38,13 +47,30 @@ def check_device(settings: Settings) -> Generator[Progress, None, None]:
     device, records = session.device(), DeviceRecords(settings.cache_dir)
     if device is None or settings.opencl_device is not None or records.is_tested(device):
         return
-    lightmap = yield from session.warm_up(furnace(), replace(furnace_settings(settings), visibility="rays"))
+    rays = replace(
+        furnace_settings(settings),
+        resolution=settings.resolution,
+        samples=settings.samples,
+        adaptive=True,
+        visibility="rays",
+    )
+    lightmap = yield from session.warm_up(furnace(), rays)
     error = largest_error(lightmap)
     if error <= TOLERANCE:
         records.keep_tested(device)
     else:
         records.skip(device, f"computes light that is wrong by {error:.1%}")
         session.close()
+
+
+def _has_opencl() -> bool:
+    """Return True if there is an OpenCL device; bakes without one take long for a typical lightmap."""
+    require_packages()
+    with suppress(DeviceError):
+        from .device.cl_device import found_devices
+
+        return bool(found_devices())
+    return False
 
 
 def warm_up_scene() -> Scene:

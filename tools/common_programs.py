@@ -22,13 +22,18 @@ from engine.device.opencl import cl
 from engine.device.planned_program import ProgramParts, Source, argument_codes
 from engine.device.side_queue import SideQueue
 from engine.pipeline import bake
-from engine.plan.common_programs import DEVICES, PROGRAMS
+from engine.plan.common_programs import DEVICES, NARROW, PROGRAMS
+from engine.plan.rates import ray_speed
 from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.settings import Settings
-from engine.warm_up import SMALL, warm_up_scene
+from engine.warm_up import SMALL, TYPICAL, warm_up_scene
 
-#: Whether direct light needs the program, parts, options, and launches: name, group, arguments of kernels.
+#: Minimum number of work items along an axis of a large grid.
+_MANY = 1 << 16
+
+#: Whether direct light needs the program, parts, options, and launches: name, group, arguments of kernels,
+#: and whether the grid is large.
 Recorded = list[Any]
 
 
@@ -71,8 +76,9 @@ class _RecordedKernel(Kernel):
     def __call__(
         self, queue: cl.CommandQueue, items: tuple[int, ...], group: tuple[int, ...], *arguments: object
     ) -> cl.Event:
-        launch = [self._name, list(group), list(argument_codes(arguments))]
-        if launch[:2] not in [known[:2] for known in self._launches]:
+        has_many = max(items) >= _MANY
+        launch = [self._name, list(group), list(argument_codes(arguments)), has_many]
+        if (self._name, list(group), has_many) not in [(one[0], one[1], one[3]) for one in self._launches]:
             self._launches.append(launch)
         return self._plain(queue, items, group, *arguments)
 
@@ -96,13 +102,27 @@ def recorded() -> dict[str, list[Recorded]]:
 
 
 def _recorded(kind: type[_Recorder]) -> list[Recorded]:
-    """Return the programs that a warm-up asks a device for."""
+    """Return the programs that a warm-up asks a device for, with the options of 16-bit samples."""
+    narrow = {_wide(program): program[2] for program in _programs_of(kind, SMALL)}
+    programs = _programs_of(kind, TYPICAL)
+    for program in programs:
+        program[2] = narrow.get(_wide(program), program[2])
+    return programs
+
+
+def _wide(program: Recorded) -> tuple[tuple[str, ...], ...]:
+    """Return the parts of a program, and its options for 32-bit samples."""
+    return tuple(program[1]), tuple(option for option in program[2] if option != NARROW)
+
+
+def _programs_of(kind: type[_Recorder], values: dict[str, Any]) -> list[Recorded]:
+    """Return the programs that a bake with the given settings asks a device for."""
     devices, compute = Devices(), kind()
     # Rays: a trial of both ways would choose by the load of this machine.
-    devices.compute, settings = compute, Settings(**SMALL, visibility="rays")
+    devices.compute, settings = compute, Settings(**values, visibility="rays")
     scene = warm_up_scene()
     stages = BakeStages(Extent.of(scene), settings, {})
-    stages.opened(devices.on_card)
+    stages.opened(ray_speed(devices))
     try:
         for progress in bake(devices, scene, settings, stages, SessionCache()):
             compute.early &= progress.intermediate is None

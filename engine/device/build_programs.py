@@ -17,6 +17,12 @@ import numpy as np
 import pyopencl as cl
 from pytools import persistent_dict
 
+#: Addition to the nice value of the process. Programs of later stages must not delay a bake that runs.
+_NICE = 10
+
+#: Number of work items along an axis from which PoCL compiles a kernel without optimizing for small grids.
+_MANY = 1 << 16
+
 #: Size in bytes of the buffer that replaces all buffers of a launch, and offset of its start. With a count of
 #: zero, a kernel may access the element before the first.
 _ROOM, _BEGIN = 32 << 20, 1 << 20
@@ -34,7 +40,9 @@ class InvokerCache(dict):
 
 
 def main() -> None:
-    """Build the programs one after another; skip programs that fail."""
+    """Build the programs one after another at low priority; skip programs that fail."""
+    if sys.platform != "win32":  # where the parent sets the priority
+        os.nice(_NICE)
     request = json.load(sys.stdin.buffer)
     # PyOpenCL opens the database, a file in the user's cache folder, when a kernel is first used.
     database: Any = persistent_dict
@@ -60,17 +68,18 @@ def main() -> None:
 
 
 def _launch(context: cl.Context, program: cl.Program, launches: list | None) -> None:
-    """Launch each kernel for one work group, which compiles it; raises cl.Error."""
+    """Launch each kernel, which compiles it for its work-group size and kind of grid; raises cl.Error."""
     if not launches:
         return
     queue = cl.CommandQueue(context)
     room = cl.Buffer(context, cl.mem_flags.READ_WRITE, _ROOM)
     zeros = room.get_sub_region(_BEGIN, _ROOM - _BEGIN)
-    for name, group, codes in launches:
+    for name, group, codes, has_many in launches:
         cl.enqueue_fill_buffer(queue, room, np.int8(0), 0, _ROOM)
         kernel = cl.Kernel(program, name)
         kernel.set_arg_types([_type(code) for code in codes])
-        kernel(queue, tuple(group), tuple(group), *(_zero(code, zeros) for code in codes))
+        groups = -(-_MANY // group[0]) if has_many else 1
+        kernel(queue, (groups * group[0], *group[1:]), tuple(group), *(_zero(code, zeros) for code in codes))
         queue.finish()
 
 

@@ -63,11 +63,6 @@ class Devices:
             self._peers = open_peers(self.compute, self.cache_dir) if self.compute else ()
         return self._peers
 
-    @property
-    def on_card(self) -> bool:
-        """True if a GPU computes, False if a CPU does."""
-        return self.compute is not None and not self.compute.processor
-
     @contextmanager
     def failures_told(self) -> Iterator[None]:
         """Convert OpenGL errors and OpenCL memory errors inside the block to DeviceError."""

@@ -20,14 +20,18 @@ ProgramParts = tuple[Source, tuple[str, ...]]
 class Launch(NamedTuple):
     """First launch of a kernel; PoCL compiles a kernel for the work-group size of its launch.
 
+    For more than 65,535 work items along an axis, PoCL compiles the kernel again (POCL's "smallgrid").
+
     name:       name of the kernel
     group:      work-group size along each axis
     arguments:  code of each argument, see `argument_code`
+    has_many:   True for more than 65,535 work items along an axis
     """
 
     name: str
     group: tuple[int, ...]
     arguments: tuple[str, ...]
+    has_many: bool = False
 
 
 class PlannedProgram(NamedTuple):

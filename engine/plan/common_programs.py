@@ -32,7 +32,7 @@ _RECORDS = {
 
 #: Options of 16-bit samples and of tinted surfaces; in programs that trace rays, cut-out options follow this
 #: option.
-_NARROW, _TINTED, _BEFORE_CUTOUTS = "-DNARROW", "-DTINTED", "-DSTACK"
+NARROW, _TINTED, _BEFORE_CUTOUTS = "-DNARROW", "-DTINTED", "-DSTACK"
 
 #: Numbers of buffers for the hierarchy and for cut-outs among the arguments of kernels that trace rays.
 _HIERARCHY, _CUTOUTS = 2, 4
@@ -60,7 +60,10 @@ def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[Planne
     for device in DEVICES:
         for early, parts, options, launches in listed[device]:
             traced = cutouts if TRANSMITTANCE.name in parts else ()
-            starts = [Launch(name, tuple(group), tuple(codes)) for name, group, codes in launches]
+            starts = [
+                Launch(name, tuple(group), tuple(codes), has_many)
+                for name, group, codes, has_many in launches
+            ]
             program = PlannedProgram(
                 tuple(_RECORDS.get(part, part) for part in parts),
                 _fitting(options, narrow, tinted, traced),
@@ -85,7 +88,7 @@ def _fitting(options: list[str], narrow: bool, tinted: bool, cutouts: tuple[str,
     """
     fitting = []
     for option in options:
-        if option != _NARROW or narrow:
+        if option != NARROW or narrow:
             fitting.append(option)
         elif tinted and not cutouts:
             fitting.append(_TINTED)

@@ -34,9 +34,6 @@ _TEXEL, _RAY = 1e-7, 2e-7
 #: Guessed seconds of a CPU to denoise a texel.
 _FILTERED = 1.5e-6
 
-#: Approximate speed-up of ray casting on a GPU over a CPU.
-_CARD = 500
-
 #: Cost of a triangle on the host: of listing patches, in texels, and of contacts and areas, which precede the
 #: choice of a method, as a fraction of that. Measured with 1.6 M triangles, as ratios to the other stages.
 _TRIANGLE, _CHOSEN_TRIANGLE = 40, 2.4e-5
@@ -186,11 +183,11 @@ class BakeStages(Schedule):
             "denoising": self.denoising.seconds,
         }
 
-    def opened(self, card: bool) -> None:
-        """Set the device: True for a GPU, False for a CPU."""
+    def opened(self, speed: float) -> None:
+        """Set the speed of casting rays, relative to OpenCL on a CPU; see `rates.ray_speed`."""
         for stage in self._casting:
-            if card and not stage.measured:
-                stage.pace /= _CARD
+            if not stage.measured:
+                stage.pace /= speed
         self.end()
 
     def prepare(self, compute: ComputeDevice | None, early: bool) -> Generator[Progress, None, None]:

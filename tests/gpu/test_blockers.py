@@ -11,6 +11,7 @@ from engine import Light, Settings, finished
 from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.pipeline import bake
+from engine.plan.rates import ray_speed
 from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from tests.gpu.graphics_card import GraphicsCard
@@ -37,7 +38,7 @@ def direct_light(compute_class, scene, outputs):
     devices.compute = compute_class()
     try:
         stages = BakeStages(Extent.of(scene), settings, {})
-        stages.opened(devices.on_card)
+        stages.opened(ray_speed(devices))
         lightmap = finished(bake(devices, scene, settings, stages, SessionCache()))
     finally:
         devices.release()

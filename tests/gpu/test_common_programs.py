@@ -11,6 +11,7 @@ from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.pipeline import bake
 from engine.plan.common_programs import PROGRAMS, common_programs
+from engine.plan.rates import ray_speed
 from engine.plan.session_cache import SessionCache
 from engine.plan.stages import PREPARING, BakeStages, Extent
 from engine.session import Session
@@ -52,12 +53,14 @@ def test_most_programs_of_a_bake_are_in_it(kind, wide, see_through, monkeypatch)
     devices = Devices()
     devices.compute = Device()
     stages = BakeStages(Extent.of(scene), settings, {})
-    stages.opened(devices.on_card)
+    stages.opened(ray_speed(devices))
     finished(bake(devices, scene, settings, stages, SessionCache()))
     devices.release()
     planned = common_programs(scene, settings)
     listed = {one.key for one in planned if one.for_processor == devices.compute.processor}
-    assert len(asked - listed) <= 1 and len(listed - asked) <= 1
+    # Scenes with tinted surfaces neither group patches nor interpolate.
+    unused = 4 if wide and see_through else 1
+    assert len(asked - listed) <= 1 and len(listed - asked) <= unused
 
 
 def test_a_card_begins_to_build_them_before_the_bake_asks(monkeypatch):
@@ -76,8 +79,9 @@ def test_a_card_begins_to_build_them_before_the_bake_asks(monkeypatch):
     session.close()
 
 
-def test_a_device_that_has_built_nothing_shows_that_and_direct_light_first(tmp_path):
+def test_a_device_that_has_built_nothing_shows_that_and_direct_light_first(tmp_path, monkeypatch):
     """The count rises in each of the two stages; the next session goes without them."""
+    monkeypatch.setattr("engine.device.cl_device.marks_folder", lambda folder: folder)
     scene, settings = warm_up_scene(), Settings(**SMALL, cache_dir=str(tmp_path))
     steps = []
     for _ in range(2):
@@ -86,7 +90,7 @@ def test_a_device_that_has_built_nothing_shows_that_and_direct_light_first(tmp_p
         session.close()
     first, second = steps
     prepared = [step.stage for step in first if step.stage.startswith(PREPARING)]
-    assert any(" of 2" in stage for stage in prepared)
+    assert any(" of 3" in stage for stage in prepared)
     images = [index for index, step in enumerate(first) if step.intermediate is not None]
     assert first[images[0]].stage == "Direct light"
     overall = [step.overall for step in first]

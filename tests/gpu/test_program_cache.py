@@ -280,6 +280,23 @@ def test_every_listed_kernel_ends_when_it_is_launched_with_zeros(tmp_path, monke
     assert sum(len(one.launches) for one in programs) > 80
 
 
+def test_other_processes_compile_kernels_for_small_and_large_grids(context, many, tmp_path, monkeypatch):
+    """PoCL keeps both versions, in a folder of the work-group size each."""
+    if context.devices[0].platform.name != "Portable Computing Language":
+        pytest.skip("another driver")
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path / "kernels"))
+    both = [Launch("fill", (64,), ("b",), has_many) for has_many in (False, True)]
+    wanted = [Program(SOURCE, (f"-DVALUE={value}.125f",), both[: 1 + value % 2]) for value in range(3)]
+    cache = ProgramCache(context.devices[0], str(tmp_path / "programs"), keeps_itself=True)
+    cache.begin(wanted)
+    names = {program_name(*program[:2]) for program in wanted}
+    deadline = time.monotonic() + 120
+    while cache.preparation(names) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    versions = [path.name for path in (tmp_path / "kernels").rglob("64-*") if path.is_dir()]
+    assert len(versions) == 4 and len(set(versions)) == 2
+
+
 def test_a_bake_with_programs_of_an_earlier_session_gives_the_same_bits(built, tmp_path, monkeypatch):
     monkeypatch.setattr(ComputeDevice, "_is_pocl", False)
     monkeypatch.setattr(ComputeDevice, "build_ahead", lambda self, programs: None)

@@ -12,6 +12,7 @@ from engine.device.devices import Devices
 from engine.device.work_sizes import WorkSizes
 from engine.gather.opencl_integrator import HemicubeIntegrator
 from engine.pipeline import bake
+from engine.plan.rates import ray_speed
 from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.visibility.raster.tiles import Tiles
@@ -31,7 +32,7 @@ def test_a_bake_uses_the_shapes_kept_in_its_folder_and_finds_the_same_light(tmp_
                 devices = Devices(settings.cache_dir)
                 assert devices.compute.work_sizes == replace(sizes, multiply=(32, 16, 1))
             stages = BakeStages(Extent.of(scene), settings, {})
-            stages.opened(devices.on_card)
+            stages.opened(ray_speed(devices))
             light.append(finished(bake(devices, scene, settings, stages, SessionCache())).image)
         finally:
             devices.release()

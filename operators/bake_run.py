@@ -34,6 +34,7 @@ from .result.clipping import clipping_notes
 from .result.contents import chosen_names, lightmap_contents
 from .result.destination import Destination, choose_destination
 from .result.level_maps import mark_levels, store_levels
+from .result.light_overlay import LightOverlay
 from .result.light_states import manifest_states
 from .result.preserved_texels import PreservedTexels
 from .result.preview import renew_preview, show_preview, shows_preview
@@ -123,10 +124,13 @@ class BakeRun:
         yield self._stages.begin(self._stages.baking)
         if not self._watched:
             yield from self._finish_check()
-        lightmap = yield from self._bake_without_overlaps()
-        yield self._stages.begin(self._stages.saving)
-        yield from self._finish_check()
-        yield None
+        with LightOverlay(self._context) as overlay:
+            if self._watched:
+                overlay.begin(self._read.scene, self._pictures.uids, self._settings.resolution)
+            lightmap = yield from self._bake_without_overlaps()
+            yield self._stages.begin(self._stages.saving)
+            yield from self._finish_check()
+            yield None
         return lightmap
 
     def _read_scene(self) -> Steps:

@@ -175,7 +175,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     )
     show_when_done: BoolProperty(
         name="Show When Done",
-        description="Show the lightmaps on the objects when a bake ends",
+        description="Show the light during a bake, and the lightmaps on the objects when it ends",
         default=True,
     )
     directory: StringProperty(
@@ -416,7 +416,7 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
         override=_OVERRIDABLE,
     )
     cut_along_walls: BoolProperty(
-        name="Cut Along Walls",
+        name="Cut UVs at Walls",
         description="End new charts at edges along walls of other objects, so that light does not leak",
         override=_OVERRIDABLE,
     )

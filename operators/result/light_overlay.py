@@ -1,0 +1,227 @@
+"""Light in 3D views during a bake: draws the unfinished lightmaps over the objects, without materials."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
+
+from ...engine.scene.color import srgb_to_linear
+from ...engine.scene.model import Scene
+from ...engine.scene.texture import Texture
+from ..handlers import Handlers
+from ..lookup import find
+from ..scene import SceneContext
+from .preview import shows_preview
+
+#: Maximum numbers of triangles and of lightmap texels, so that the window stays responsive: their upload to
+#: the GPU takes about .1 s (chosen).
+_TRIANGLES, _TEXELS = 500_000, 1 << 22
+
+#: Shading types of 3D views that show no light of the scene.
+_UNLIT = ("SOLID", "MATERIAL")
+
+#: Distance by which the light is drawn in front of the objects, in normalized device coordinates (chosen).
+_LIFT = 2e-5
+
+_VERTEX = """
+void main()
+{
+    gl_Position = projection * vec4(position, 1.0);
+    gl_Position.z -= lift * gl_Position.w;
+    place = uv;
+    reflected = reflectance;
+    emitted = emission;
+}
+"""
+
+_FRAGMENT = """
+void main()
+{
+    vec3 radiance = reflected * texture(lightmap, place).rgb + emitted;
+    color = vec4(clamp(exposure * radiance, 0.0, 1.0), 1.0);
+}
+"""
+
+
+class Corners(NamedTuple):
+    """Corners of all triangles that a lightmap covers.
+
+    positions:    (n, 3) float32, relative to `Scene.origin`
+    uvs:          (n, 2) float32, lightmap UVs
+    reflectance:  (n, 3) float32, mean of the material
+    emission:     (n, 3) float32, the same, W/(m^2 sr)
+    """
+
+    positions: np.ndarray
+    uvs: np.ndarray
+    reflectance: np.ndarray
+    emission: np.ndarray
+
+
+def lit_corners(scene: Scene) -> dict[int, Corners]:
+    """Return the corners of each lightmap of a scene, by index of the lightmap."""
+    reflectance, emission = _constants(scene, "reflectance"), _constants(scene, "emission")
+    corners = {}
+    for atlas in range(len(scene.atlases)):
+        meshes = [mesh for mesh in scene.meshes if mesh.atlas == atlas and len(mesh.positions)]
+        if meshes:
+            materials = np.repeat(np.concatenate([mesh.material for mesh in meshes]), 3)
+            corners[atlas] = Corners(
+                np.concatenate([mesh.positions.reshape(-1, 3) for mesh in meshes]),
+                np.concatenate([mesh.uvs.reshape(-1, 2) for mesh in meshes]),
+                reflectance[materials],
+                emission[materials],
+            )
+    return corners
+
+
+def _constants(scene: Scene, quantity: str) -> np.ndarray:
+    """Return the means of a quantity of all materials, (m, 3) float32."""
+    return np.array(
+        [_mean(getattr(one, quantity), getattr(one, f"{quantity}_map")) for one in scene.materials]
+    )
+
+
+def _mean(constant: np.ndarray, texture: Texture | None) -> np.ndarray:
+    """Return the mean of a quantity of a material, (3,) float32."""
+    if texture is None:
+        return constant
+    pixels = srgb_to_linear(texture.pixels) if texture.srgb else texture.pixels
+    mean: np.ndarray = (constant * pixels.mean(axis=(0, 1))).astype(np.float32)
+    return mean
+
+
+class LightOverlay:
+    """Overlay of 3D views that shows the lightmaps of a bake; a context manager.
+
+    Draws in views of the scene with Solid or Material Preview shading, in the view transform Standard. Ends
+    when objects change, since it shows them as the bake has read them. Shows nothing while objects show their
+    lightmaps, in large scenes, and if *Show When Done* is off.
+
+    context:  scene of the bake
+    """
+
+    _read: Scene
+
+    def __init__(self, context: SceneContext) -> None:
+        self._scene_uid = context.scene_uid
+        self._images: list[int] = []
+        self._batches: dict[int, Any] = {}
+        self._shader: Any = None
+        self._drawing: object = None
+        self._handlers = Handlers(
+            {"depsgraph_update_post": self._note_update, "frame_change_post": self._end}
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end()
+
+    def begin(self, read: Scene, images: list[int], width: int) -> None:
+        """Start to draw.
+
+        read:    scene of the bake
+        images:  session uids of the images of its lightmaps; may grow later
+        width:   of lightmaps, texels
+        """
+        scene = find(bpy.data.scenes, self._scene_uid)
+        triangles = sum(len(mesh.positions) for mesh in read.meshes)
+        small = triangles <= _TRIANGLES and len(read.atlases) * width**2 <= _TEXELS
+        if scene is None or not small or not scene.hemibake.show_when_done or shows_preview(scene):
+            return
+        self._read, self._images = read, images
+        self._drawing = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
+        self._handlers.begin()
+
+    def _end(self, *_: object) -> None:
+        """Stop to draw."""
+        if self._drawing is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
+            self._handlers.end()
+            self._drawing, self._shader = None, None
+            self._batches.clear()
+
+    def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        """End if an object has moved or has another mesh."""
+        objects = [
+            update
+            for update in depsgraph.updates
+            if scene.session_uid == self._scene_uid and isinstance(update.id, bpy.types.Object)
+        ]
+        if any(update.is_updated_transform or update.is_updated_geometry for update in objects):
+            self._end()
+
+    def _draw(self) -> None:
+        """Draw the lightmaps over a 3D view."""
+        context = bpy.context
+        space = context.space_data
+        if (
+            context.scene.session_uid != self._scene_uid
+            or space.shading.type not in _UNLIT
+            or space.local_view is not None
+        ):
+            return
+        images = [find(bpy.data.images, uid) for uid in self._images]
+        gpu.state.depth_test_set("LESS_EQUAL")
+        gpu.state.depth_mask_set(True)
+        gpu.state.face_culling_set("BACK" if space.shading.show_backface_culling else "NONE")
+        for atlas, batch in self._prepared().items():
+            if atlas < len(images) and images[atlas] is not None:
+                self._draw_batch(batch, images[atlas], context)
+        gpu.state.face_culling_set("NONE")
+        gpu.state.depth_mask_set(False)
+        gpu.state.depth_test_set("NONE")
+
+    def _prepared(self) -> dict[int, Any]:
+        """Return a batch for each lightmap, made at the first drawing, which has a GPU."""
+        if self._shader is None:
+            self._shader = _make_shader()
+            for atlas, corners in lit_corners(self._read).items():
+                content = {
+                    "position": corners.positions, "uv": corners.uvs,
+                    "reflectance": corners.reflectance, "emission": corners.emission,
+                }  # fmt: skip
+                self._batches[atlas] = batch_for_shader(self._shader, "TRIS", content)
+        return self._batches
+
+    def _draw_batch(self, batch: Any, image: bpy.types.Image, context: bpy.types.Context) -> None:
+        """Draw the objects of a lightmap with its image."""
+        view, origin = context.region_data.perspective_matrix, Matrix.Translation(self._read.origin.tolist())
+        self._shader.bind()
+        self._shader.uniform_float("projection", view @ origin)
+        self._shader.uniform_float("exposure", 2.0**context.scene.view_settings.exposure)
+        self._shader.uniform_float("lift", _LIFT)
+        self._shader.uniform_sampler("lightmap", gpu.texture.from_image(image))
+        batch.draw(self._shader)
+
+
+def _make_shader() -> Any:
+    """Return the shader of the overlay."""
+    between = gpu.types.GPUStageInterfaceInfo("hemibake_light")
+    between.smooth("VEC2", "place")
+    between.smooth("VEC3", "reflected")
+    between.smooth("VEC3", "emitted")
+    facts = gpu.types.GPUShaderCreateInfo()
+    facts.push_constant("MAT4", "projection")
+    facts.push_constant("FLOAT", "exposure")
+    facts.push_constant("FLOAT", "lift")
+    facts.sampler(0, "FLOAT_2D", "lightmap")
+    for index, (kind, name) in enumerate(
+        [("VEC3", "position"), ("VEC2", "uv"), ("VEC3", "reflectance"), ("VEC3", "emission")]
+    ):
+        facts.vertex_in(index, kind, name)
+    facts.vertex_out(between)
+    facts.fragment_out(0, "VEC4", "color")
+    facts.vertex_source(_VERTEX)
+    facts.fragment_source(_FRAGMENT)
+    return gpu.shader.create_from_info(facts)

@@ -1,0 +1,120 @@
+"""Light that 3D views show during a bake; nothing draws it here, since Blender as a module has no GPU."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from engine.scene.model import NO_LIGHTMAP, Material, Mesh, Scene
+from engine.scene.texture import Texture
+from tests.blender.things import furnace, part
+
+GREY = np.full(3, 0.5, np.float32)
+BLACK = np.zeros(3, np.float32)
+
+
+def mesh(name, triangles, atlas, material):
+    """Return triangles whose coordinates are all different."""
+    numbers = np.arange(triangles * 9, dtype=np.float32)
+    return Mesh(
+        name=name,
+        positions=numbers.reshape(-1, 3, 3),
+        normals=np.zeros((triangles, 3, 3), np.float32),
+        uvs=numbers[: triangles * 6].reshape(-1, 3, 2) / 1000,
+        face=np.arange(triangles, dtype=np.int32),
+        subface=np.zeros(triangles, np.int32),
+        material=np.full(triangles, material, np.int32),
+        atlas=atlas,
+    )
+
+
+def test_corners_of_each_lightmap_have_the_mean_color_of_their_material():
+    pixels = np.array([[[0.0, 0.25, 1.0]], [[1.0, 0.75, 1.0]]], np.float32)
+    painted = Material("Painted", GREY, BLACK, reflectance_map=Texture("Paint", pixels, "UVMap"))
+    lamp = Material("Lamp", BLACK, 7 * GREY)
+    meshes = (
+        mesh("A", 3, 1, 0),
+        mesh("Hidden", 5, NO_LIGHTMAP, 1),
+        mesh("B", 2, 1, 1),
+        mesh("None", 0, 0, 0),
+    )
+    corners = part("operators.result.light_overlay").lit_corners(
+        Scene(meshes, (painted, lamp), ("L", "M", "N"))
+    )
+    assert list(corners) == [1]
+    found = corners[1]
+    assert np.array_equal(
+        found.positions, np.concatenate([meshes[k].positions.reshape(-1, 3) for k in (0, 2)])
+    )
+    assert np.array_equal(found.uvs, np.concatenate([meshes[k].uvs.reshape(-1, 2) for k in (0, 2)]))
+    assert np.allclose(found.reflectance[:9], (0.25, 0.25, 0.5)) and not found.reflectance[9:].any()
+    assert not found.emission[:9].any() and np.allclose(found.emission[9:], 3.5)
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Return the drawing functions that 3D views have."""
+    import bpy
+
+    functions = []
+    module = part("operators.result.light_overlay")
+    space = SimpleNamespace(
+        draw_handler_add=lambda function, *_: functions.append(function) or function,
+        draw_handler_remove=lambda function, _: functions.remove(function),
+    )
+    types = SimpleNamespace(SpaceView3D=space, Object=bpy.types.Object)
+    monkeypatch.setattr(module, "bpy", SimpleNamespace(data=bpy.data, types=types, app=bpy.app))
+    return functions
+
+
+def run_of(show=True, watched=True):
+    """Return a bake of a furnace that has read the scene."""
+    import bpy
+
+    furnace()
+    bpy.context.scene.hemibake.show_when_done = show
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine.session").bake, watched)
+    while True:
+        progress = run.step()
+        if progress is not None and progress.stage.startswith("Patches"):
+            return run
+
+
+@pytest.mark.parametrize(("show", "watched"), [(False, True), (True, False)])
+def test_nothing_is_drawn_unless_the_user_watches(drawn, show, watched):
+    run = run_of(show, watched)
+    assert not drawn
+    run.cancel()
+
+
+def test_views_show_the_light_until_the_bake_ends(drawn):
+    run = run_of()
+    assert len(drawn) == 1
+    run.run_to_end()
+    assert not drawn
+
+
+def test_a_cancelled_bake_shows_no_light(drawn):
+    run = run_of()
+    run.cancel()
+    assert not drawn
+
+
+def test_an_object_that_moves_ends_the_light_but_not_the_bake(drawn):
+    import bpy
+
+    run = run_of()
+    bpy.context.scene.collection.objects[0].location.x += 1
+    bpy.context.view_layer.update()
+    assert not drawn
+    run.run_to_end()
+
+
+def test_large_scenes_and_visible_lightmaps_are_not_drawn_over(drawn, monkeypatch):
+    module = part("operators.result.light_overlay")
+    for name, value in (("_TRIANGLES", 3), ("_TEXELS", 63), ("shows_preview", lambda scene: True)):
+        with monkeypatch.context() as patch:
+            patch.setattr(module, name, value)
+            run = run_of()
+            assert not drawn
+            run.cancel()

@@ -100,9 +100,13 @@ class WorkerManager:
             self.worker().prepare("engine.warm_up:warm_up", asdict(settings))
 
     def poll_preparation(self) -> bool:
-        """Update `preparation` while no bake runs; return False if nothing is left to prepare."""
+        """Update `preparation`; return False if nothing is left to prepare.
+
+        A bake ends the preparation: it shows the builds that it waits for itself.
+        """
         if self._worker is None or self.busy:
-            return self.busy
+            self.preparation = None
+            return False
         try:
             report = self._worker.preparation()
         except WorkerError:

@@ -14,8 +14,7 @@ def draw_preparation(layout: bpy.types.UILayout) -> None:
     """Draw the progress of the worker while it builds kernels before the first bake."""
     progress = owner.preparation
     if progress is not None and owner.running is None:
-        left = format_seconds_left(progress.seconds_left)
-        layout.label(text=", ".join(filter(None, (progress.stage, left))), icon="TIME")
+        _draw_stage(layout, progress.stage, format_seconds_left(progress.seconds_left))
 
 
 def draw_bake_button(layout: bpy.types.UILayout) -> None:
@@ -32,6 +31,15 @@ def draw_bake_button(layout: bpy.types.UILayout) -> None:
 
 
 def draw_stage(layout: bpy.types.UILayout) -> None:
-    """Draw the stage of the running bake in its own line, because the progress bar cuts off long texts."""
+    """Draw the stage of the running bake below the progress bar, which cuts off long texts."""
     if owner.running is not None:
-        layout.label(text=owner.running.progress.stage, icon="TIME")
+        _draw_stage(layout, owner.running.progress.stage, "")
+
+
+def _draw_stage(layout: bpy.types.UILayout, stage: str, left: str) -> None:
+    """Draw the name of a stage, and in a second line its count and the time left."""
+    name, _, count = stage.partition(": ")
+    column = layout.column(align=True)
+    column.label(text=name, icon="TIME")
+    if count or left:
+        column.label(text=", ".join(filter(None, (count, left))), icon="BLANK1")

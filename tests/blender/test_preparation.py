@@ -1,0 +1,33 @@
+"""Progress of building kernels before the first bake, as the panel shows it."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from tests.blender.test_modal import shown_by
+from tests.blender.things import part
+
+
+@pytest.fixture
+def owner(monkeypatch):
+    """Return a manager whose worker builds kernels."""
+    manager = part("operators.worker_manager").WorkerManager()
+    stage = "Preparing for this device (once): 3 of 9"
+    manager._worker = SimpleNamespace(preparation=lambda: (stage, 2.5))
+    monkeypatch.setattr(part("panels.progress"), "owner", manager)
+    return manager
+
+
+def test_the_panel_shows_stage_count_and_time(owner):
+    assert not shown_by("draw_preparation")
+    assert owner.poll_preparation()
+    assert shown_by("draw_preparation") == ["Preparing for this device (once)", "3 of 9, 3 s left"]
+
+
+def test_a_bake_ends_the_preparation(owner):
+    owner.poll_preparation()
+    owner.running = SimpleNamespace(progress=owner.preparation)
+    assert shown_by("draw_stage") == ["Preparing for this device (once)", "3 of 9"]
+    assert not owner.poll_preparation()
+    owner.running = None
+    assert not shown_by("draw_preparation")

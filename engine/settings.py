@@ -103,7 +103,7 @@ class Settings:
     )
     hemicube: int = described(
         32,
-        "Hemicube Resolution",
+        "Hemicube",
         "Width of hemicubes in texels; also sets the default number of samples",
         OneOf(_HEMICUBES),
     )
@@ -189,7 +189,7 @@ class Settings:
     )
     accelerate: bool = described(
         True,
-        "Accelerate",
+        "Accelerate Bounces",
         "Start from ambient light and combine iterations to converge faster. Off iterates as in the paper",
         Switch(),
         invalidates=(),
@@ -259,8 +259,8 @@ class Settings:
     )
     patch_file: str | None = described(
         None,
-        "Patch List",
-        "File that stores the patch list between bakes with the same UVs. Empty for none",
+        "Texel List",
+        "File that stores the list of texels between bakes with the same UVs. Empty for none",
         FilePath(),
     )
     opencl_device: str | None = described(

@@ -103,7 +103,7 @@ def size_properties() -> dict:
             subtype="PIXEL",
         ),
         "mip_level": IntProperty(
-            name="Mip Level",
+            name="Padding to Mip",
             description="Keep the padding down to this mip level; each level needs more space",
             default=0,
             min=0,

@@ -15,7 +15,7 @@ _NAMES = (*QUALITIES, "custom")
 
 #: Items of the enumeration. The module keeps them alive, because Blender holds no reference to their texts.
 _ITEMS = [
-    (name, f"{quality.label} ({100 * quality.error:g}%)", quality.text, "NONE", number)
+    (name, f"{quality.label} ({100 * quality.error:g}% error)", quality.text, "NONE", number)
     for number, (name, quality) in enumerate(QUALITIES.items())
 ]
 _CUSTOM = (

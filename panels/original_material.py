@@ -44,7 +44,8 @@ class HEMIBAKE_PT_material_tab(_OriginalMaterial, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        draw_text(layout, "Lightmaps are shown, so this slot has a copy of", line_width(context), "INFO")
+        text = "Lightmaps are shown, so this slot has a copy. The original:"
+        draw_text(layout, text, line_width(context), "INFO")
         _draw_original(layout, context.object)
         layout.operator("hemibake.preview", text="Hide Lightmaps", icon="SHADING_TEXTURE")
 

@@ -34,11 +34,15 @@ bpy.context.view_layer.objects.active = bpy.data.objects["Tall Box"]
 view3d()["area"].spaces.active.overlay.show_overlays = False
 """
 
+#: Width of the edge of an area, pixels.
+_EDGE = 3
+
 #: Panels of each picture of the sidebar, by the ends of their names.
 _PAGES = {
     "panel_bake": ("bake", "check", "last_bake"),
     "panel_objects": ("object", "lightmaps"),
-    "panel_outputs": ("outputs", "light_groups", "light_probes"),
+    "panel_outputs": ("outputs", "light_groups"),
+    "panel_probes": ("light_probes", "reflection_cubes"),
     "panel_advanced": ("advanced", "light", "texels", "uvs"),
     "panel_charts": ("charts", "memory", "paper"),
 }
@@ -132,7 +136,7 @@ def _choose_tab(window: Window) -> None:
 def _keep(window: Window, box: tuple[int, int, int, int], folder: Path, name: str) -> None:
     """Write the part of the screen inside a box (left, top, right, bottom), without empty rows at its end."""
     left, top, right, bottom = box
-    picture = window.still_picture()[top:bottom, left:right]
+    picture = window.still_picture()[top : bottom - _EDGE, left : right - _EDGE]
     filled = np.flatnonzero((picture != picture[-1:]).any(axis=(1, 2)))
     write_picture(picture[: filled[-1] + 8], folder / f"{name}.png")
 

@@ -9,6 +9,7 @@ HEMIBAKE_GUI_ROOT chooses another system, see tools/gui/machines.py.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import time
 from contextlib import suppress
@@ -74,20 +75,25 @@ except TypeError:
     answer = False
 """
 
-#: Notes images that the bake shows, and the longest stall of the window, in wall time and in CPU time of its
-#: thread.
+#: Notes images that the bake shows, the time of the first, and the longest stall of the window during a bake,
+#: in wall time, CPU time of its thread and CPU time of all threads, with the stage.
 _NOTE = """
 import sys, time
 shown = sys.modules[f"{MODULE}.operators.result.progress_images"].ProgressImages
-shown.count, shown.stall, shown.last = 0, [0.0, 0.0], None
-def noted(self, lightmaps, show=shown.show, shown=shown):
+owner = sys.modules[f"{MODULE}.operators.worker_manager"].owner
+shown.count, shown.stall, shown.last, shown.first, shown.begin = 0, [0.0, 0.0, 0.0, ""], None, 0.0, 0.0
+def noted(self, lightmaps, show=shown.show, shown=shown, time=time):
     merged = show(self, lightmaps)
     shown.count += 1
+    shown.first = shown.first or time.time() - shown.begin
     return merged
-def watch(shown=shown, time=time):
-    now = time.perf_counter(), time.thread_time()
-    if shown.last:
-        shown.stall = [max(a, b - c) for a, b, c in zip(shown.stall, now, shown.last)]
+def watch(shown=shown, time=time, owner=owner):
+    now = time.perf_counter(), time.thread_time(), time.process_time()
+    if owner.running and not shown.begin:
+        shown.begin = time.time()
+    if shown.last and owner.running:
+        stall = [b - c for b, c in zip(now, shown.last)]
+        shown.stall = max(shown.stall, [*stall, owner.running.progress.stage])
     shown.last = now
     return 0.02
 shown.show = noted
@@ -101,9 +107,9 @@ shown = sys.modules[f"{MODULE}.operators.result.progress_images"].ProgressImages
 running = owner.running
 progress = running.progress if running else owner.preparation
 answer = {
-    "runs": running is not None, "images": shown.count, "stall": shown.stall,
+    "runs": running is not None, "images": shown.count, "first": shown.first, "stall": shown.stall,
     "stage": progress.stage.rstrip(": 0123456789 of") if progress else "",
-    "report": bool(bpy.context.scene.hemibake.report),
+    "report": bpy.context.scene.hemibake.report,
     "overall": progress.overall if running else 0.0,
 }
 """
@@ -130,6 +136,7 @@ class _Record:
     def __init__(self, window: Window, folder: Path) -> None:
         self._window, self._folder = window, folder
         self._rows: list[str] = []
+        self._notes: list[str] = []
         self._begin: tuple[float, float] | None = None
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -152,11 +159,16 @@ class _Record:
         self._rows.append(f"| {number} | {name} | {seconds:.1f} | {used:.1f} | {load:.1f} | {note} |")
         print(self._rows[-1], flush=True)
 
-    def write(self, title: str, stall: list[float]) -> None:
-        """Write the table."""
+    def note(self, sentence: str) -> None:
+        """Add a sentence below the table."""
+        self._notes.append(sentence)
+        print(sentence, flush=True)
+
+    def write(self, title: str) -> None:
+        """Write the table and the notes."""
         head = f"{title}\n\n| | moment | s | CPU s | load | |\n|---|---|---|---|---|---|\n"
-        end = f"\n\nLongest stall of the window: {stall[0]:.2f} s, {stall[1]:.2f} s of CPU time.\n"
-        (self._folder / "times.md").write_text(head + "\n".join(self._rows) + end)
+        rows, notes = "\n".join(self._rows), "\n".join(self._notes)
+        (self._folder / "times.md").write_text(f"{head}{rows}\n\n{notes}\n")
 
 
 def main() -> None:
@@ -173,9 +185,9 @@ def main() -> None:
     with Window(machine, options.package, is_new=True, environment=drivers) as window:
         record = _Record(window, options.folder)
         _install(window, record)
-        stall = _bake(window, record)
+        _bake(window, record)
         version = window.ask("bpy.app.version_string")
-        record.write(f"Blender {version}, OpenCL drivers: {options.opencl}", stall)
+        record.write(f"Blender {version}, OpenCL drivers: {options.opencl}")
 
 
 def _install(window: Window, record: _Record) -> None:
@@ -203,12 +215,12 @@ def _find_button(window: Window) -> tuple[float, float]:
     raise RuntimeError("The sidebar does not show the Bake button.")
 
 
-def _bake(window: Window, record: _Record) -> list[float]:
-    """Click Bake and follow it to its end; return the longest stall in wall and CPU time, s."""
+def _bake(window: Window, record: _Record) -> None:
+    """Click Bake and follow it to its end."""
     button = _find_button(window)
     time.sleep(max(0.0, _READING - record.seconds))
     window.run("shown = __import__('sys').modules[f'{MODULE}.operators.result.progress_images']\n"
-               "shown.ProgressImages.stall = [0.0, 0.0]")  # fmt: skip
+               "shown.ProgressImages.stall = [0.0, 0.0, 0.0, '']")  # fmt: skip
     record.keep("Before the click", window.run(_STATE)["stage"])
     window.click(*button)
     time.sleep(_REACTION)
@@ -227,10 +239,17 @@ def _bake(window: Window, record: _Record) -> list[float]:
             record.keep(state["stage"] or "Waiting", f"{100 * state['overall']:.0f} %")
         time.sleep(_POLL)
         state = window.run(_STATE)
-    record.keep("Done")
-    window.still_picture()
+    seconds = json.loads(state["report"])["seconds"]
+    record.keep("Done", f"bake {seconds['total']:.1f} s")
+    window.still_picture(idle=True)
     record.keep("Final preview")
-    return list(state["stall"])
+    record.note(f"After the click: first light {state['first']:.1f} s, done {seconds['total']:.1f} s.")
+    record.note(", ".join(f"{name} {value:.1f}" for name, value in seconds.items()) + " s.")
+    wall, thread, process, stage = state["stall"]
+    record.note(
+        f"Longest stall of the window: {wall:.2f} s in {stage}, {thread:.2f} s of CPU time of its thread, "
+        f"{process:.2f} s of all threads."
+    )
 
 
 if __name__ == "__main__":

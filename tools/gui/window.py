@@ -25,6 +25,9 @@ WIDTH, HEIGHT = 1400, 900
 #: Longest time until Blender answers, s: software draws it, and other processes may be at work.
 _PATIENCE = 900.0
 
+#: Time in which Blender must compute little to count as idle, s.
+_QUIET = 3.0
+
 _INSIDE = Path(__file__).with_name("inside.py")
 
 
@@ -142,8 +145,13 @@ class Window:
         """Return what the screen shows now; see `picture`."""
         return read_screen(self._outside / "Xvfb_screen0")
 
-    def still_picture(self) -> np.ndarray:
-        """Return a screenshot after nothing changes any more, so that renders are finished."""
+    def still_picture(self, idle: bool = False) -> np.ndarray:
+        """Return a screenshot after nothing changes any more, so that renders are finished.
+
+        idle: True to wait first until Blender computes nothing, such as shaders of materials
+        """
+        if idle:
+            wait_until(self._is_idle, "Blender has nothing to do")
         before, same = self.picture(), 0
         while same < 5:
             now = self.picture()
@@ -173,6 +181,12 @@ class Window:
     def console(self) -> str:
         """Return the output of Blender."""
         return (self._outside / "console.txt").read_text(errors="replace")
+
+    def _is_idle(self) -> bool:
+        """Return True if Blender and its child processes used less than half a CPU in the last seconds."""
+        before = self.cpu_seconds
+        time.sleep(_QUIET)
+        return self.cpu_seconds - before < _QUIET / 2
 
     def _settle(self) -> None:
         """Let Blender handle events and draw: it answers between two of its rounds."""

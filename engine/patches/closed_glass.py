@@ -11,7 +11,7 @@ import numpy as np
 
 from ..scene.model import Material, Mesh, Scene
 from ..scene.open_surfaces import open_triangles
-from ..scene.transmission import Fresnel, angular_factor
+from ..scene.transmission import BACK, FRONT, Fresnel, Transmission, Transmittance, angular_factor
 
 
 def with_closed_glass(scene: Scene) -> Scene:
@@ -62,12 +62,22 @@ def _plain_glass(material: Material) -> Fresnel | None:
 def _reflecting_twice(material: Material, loss: Fresnel) -> Material:
     """Return glass whose front also reflects the light of the face behind it.
 
-    A face transmits T and reflects 1 - T of the light at an angle. Two faces reflect 1 - T + T^2 (1 - T), of
-    which the front face now reflects all. The factor is the ratio of the means under uniform light.
+    A face transmits T and reflects 1 - T of the light at an angle. Two faces reflect (1 - T) (1 + T^2), of
+    which the front now reflects all. Its opaque part is (1 - T^2) / 2, and its reflectance has the ratio of
+    the means under uniform light.
     """
     steps = 256
     cosines = np.sqrt((np.arange(steps) + 0.5) / steps)
     passed = float(np.max(material.transmission.bounce.offset)) * angular_factor(loss, cosines)
-    reflected = 1 - passed
-    factor = (reflected * (1 + passed**2)).mean() / reflected.mean()
-    return replace(material, reflectance=material.reflectance * np.float32(factor))
+    factor = 2 * ((1 - passed) * (1 + passed**2)).mean() / (1 - passed**2).mean()
+    sides = material.transmission.shadow, material.transmission.bounce
+    return replace(
+        material,
+        reflectance=material.reflectance * np.float32(factor),
+        transmission=Transmission(*(_side(side, body) for body in (FRONT, BACK) for side in sides)),
+    )
+
+
+def _side(face: Transmittance, body: int) -> Transmittance:
+    """Return the transmittance of a side of a body; light that does not pass glass keeps that of the face."""
+    return face if face.fresnel is None else replace(face, fresnel=replace(face.fresnel, body=body))

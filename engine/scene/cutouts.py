@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import SceneError
 from .model import Material, Scene
 from .texture import Texture
-from .transmission import Fresnel, Transmission, Transmittance, mean_angular_factor
+from .transmission import Fresnel, Transmission, Transmittance, body_transmittance, mean_angular_factor
 
 #: Texture extension codes of `Cutouts.maps`, column 3.
 EXTENSIONS = ("repeat", "mirror", "extend", "clip")
@@ -47,8 +47,8 @@ class Cutouts:
     factor:     (r, 3) float32
     threshold:  (r,) float32, opacity at or above which the surface is opaque, below clear; -1 for none. It is
                 lower by half a step of `pixels`, so that rounding moves no pixel below it
-    fresnel:    (r, 3) float32, ior, share and faces of `Fresnel`; share 0 for equal transmittance at all
-                angles
+    fresnel:    (r, 4) float32, ior, share, faces and body of `Fresnel`; share 0 for equal transmittance at
+                all angles
     uvs:        (layers, t, 3, 2) float32, UVs of each triangle corner on the maps of a layer
     """
 
@@ -104,8 +104,9 @@ class Cutouts:
         opacity, threshold = self.base[chosen].min(axis=1).clip(0, 1), self.threshold[chosen]
         opacity = np.where(threshold < 0, opacity, (opacity >= threshold).astype(np.float32))
         for index in np.flatnonzero(self.fresnel[chosen, 1]):
-            loss = mean_angular_factor(Fresnel(*self.fresnel[chosen][index].tolist()))
-            opacity[index] = 1 - loss * (1 - opacity[index])
+            ior, share, faces, body = self.fresnel[chosen][index].tolist()
+            passed = mean_angular_factor(Fresnel(ior, share, faces)) * (1 - opacity[index])
+            opacity[index] = 1 - body_transmittance(passed, int(body))
         stopped: np.ndarray = np.where(self.maps[chosen, 1] > 0, np.float32(1), opacity)
         return stopped
 
@@ -197,7 +198,7 @@ def read_cutouts(scene: Scene) -> Cutouts:
             mapped[:, None], np.array([factor for _, factor in opacity], np.float32).reshape(-1, 3), 0
         ).astype(np.float32),
         threshold=np.array([_threshold(entry) for entry in entries], np.float32),
-        fresnel=np.array([_fresnel(entry) for entry in entries], np.float32).reshape(-1, 3),
+        fresnel=np.array([_fresnel(entry) for entry in entries], np.float32).reshape(-1, 4),
         uvs=layers.uvs(),
     )
 
@@ -212,11 +213,11 @@ def _threshold(entry: Transmittance) -> float:
     return -1.0 if entry.threshold is None else max(entry.threshold - _HALF_STEP, 0.0)
 
 
-def _fresnel(entry: Transmittance) -> tuple[float, float, float]:
+def _fresnel(entry: Transmittance) -> tuple[float, float, float, float]:
     fresnel = entry.fresnel
     if fresnel is None or entry.threshold is not None:
-        return 1.0, 0.0, 1.0
-    return fresnel.ior, fresnel.share, fresnel.faces
+        return 1.0, 0.0, 1.0, 0.0
+    return fresnel.ior, fresnel.share, fresnel.faces, float(fresnel.body)
 
 
 class _Images:

@@ -8,6 +8,9 @@ import numpy as np
 
 from .texture import Texture
 
+#: Values of `Fresnel.body`.
+FRONT, BACK = 1, 2
+
 
 @dataclass(frozen=True)
 class Fresnel:
@@ -15,13 +18,14 @@ class Fresnel:
 
     ior:    index of refraction, relative to the medium outside
     share:  fraction of the transmittance at normal incidence that passes glass; the rest has no loss
-    faces:  faces of glass that light crosses at this surface: 1, 2 for thin walls, more where the front of a
-            closed body stands for both sides
+    faces:  faces of glass that light crosses at this surface: 2 for thin walls, otherwise 1
+    body:   FRONT or BACK of a closed body, 0 for other surfaces; see `body_transmittance`
     """
 
     ior: float
     share: float = 1.0
     faces: float = 1.0
+    body: int = 0
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,18 @@ def angular_factor(fresnel: Fresnel, cosine: np.ndarray | float) -> np.ndarray:
     passed = (1 - reflected) * (1 + normal) / np.maximum((1 + reflected) * (1 - normal), 1e-30)
     factor: np.ndarray = 1 - fresnel.share * (1 - passed ** (0.5 * fresnel.faces))
     return factor
+
+
+def body_transmittance(passed: np.ndarray, body: int) -> np.ndarray:
+    """Return the transmittance of a side of a closed body, from that of a face, T.
+
+    The front transmits (1 + T^2) / 2 and the back 2 T^2 / (1 + T^2): together T^2, as two faces. The opaque
+    part of the front, (1 - T^2) / 2, is then half of what a slab reflects at each angle.
+    """
+    if body == 0:
+        return passed
+    squared = passed**2
+    return (1 + squared) / 2 if body == FRONT else 2 * squared / (1 + squared)
 
 
 def mean_angular_factor(fresnel: Fresnel) -> float:

@@ -175,13 +175,18 @@ float through_face(const float cosine, const float ior)
     return sqrt((1.0f - reflected) / (1.0f + reflected));
 }
 
-// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence.
+// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence. The two sides of a closed
+// body together transmit as two faces (`body_transmittance` of engine/scene/transmission.py).
 Fraction at_angle(const Fraction stopped, __global const Transmittance *surface, const float cosine)
 {
     if (!(surface->share > 0.0f))
         return stopped;
     const float face = through_face(cosine, surface->ior) / fmax(through_face(1.0f, surface->ior), 1e-15f);
-    return 1.0f - (1.0f - stopped) * (1.0f - surface->share * (1.0f - pow(face, surface->faces)));
+    const Fraction passed = (1.0f - stopped) * (1.0f - surface->share * (1.0f - pow(face, surface->faces)));
+    if (surface->body < 0.5f)
+        return 1.0f - passed;
+    const Fraction squared = passed * passed;
+    return surface->body < 1.5f ? 0.5f - 0.5f * squared : (1.0f - squared) / (1.0f + squared);
 }
 #endif
 

@@ -63,6 +63,7 @@ uniform int first_pixels, first_map_uvs, first_materials, first_tints;
 #define SURFACE_IOR 14
 #define SURFACE_SHARE 15
 #define SURFACE_FACES 16
+#define SURFACE_BODY 17
 
 float transmission_float(const int i) { return uintBitsToFloat(transmission_tables[i]); }
 int transmission_int(const int i) { return int(transmission_tables[i]); }
@@ -138,10 +139,9 @@ Fraction opacity(const int triangle, const vec2 w, const bool front, const int k
         return step(Fraction(threshold), stopped);
     stopped = clamp(stopped, 0.0, 1.0);
 #ifdef ANGULAR
-    vec3 fresnel = vec3(transmission_float(surface + SURFACE_IOR), transmission_float(surface + SURFACE_SHARE),
-                        transmission_float(surface + SURFACE_FACES));
-    if (fresnel.y > 0.0)
-        stopped = 1.0 - (1.0 - stopped) * angular_factor(fresnel, cosine);
+    vec4 fresnel = vec4(transmission_float(surface + SURFACE_IOR), transmission_float(surface + SURFACE_SHARE),
+                        transmission_float(surface + SURFACE_FACES), transmission_float(surface + SURFACE_BODY));
+    stopped = at_angle(stopped, fresnel, cosine);
 #endif
     return stopped;
 }

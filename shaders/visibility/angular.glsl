@@ -13,9 +13,22 @@ float through_face(float cosine, float ior)
     return sqrt((1.0 - reflected) / (1.0 + reflected));
 }
 
-// Returns the transmittance relative to normal incidence. fresnel: index of refraction, share of glass, number of faces.
-float angular_factor(vec3 fresnel, float cosine)
+// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence. The two sides of a closed
+// body together transmit as two faces (`body_transmittance` of engine/scene/transmission.py). fresnel: index of
+// refraction, share of glass, number of faces, side of a body.
+vec3 at_angle(vec3 stopped, vec4 fresnel, float cosine)
 {
+    if (!(fresnel.y > 0.0))
+        return stopped;
     float face = through_face(cosine, fresnel.x) / max(through_face(1.0, fresnel.x), 1e-15);
-    return 1.0 - fresnel.y * (1.0 - pow(face, fresnel.z));
+    vec3 passed = (1.0 - stopped) * (1.0 - fresnel.y * (1.0 - pow(face, fresnel.z)));
+    if (fresnel.w < 0.5)
+        return 1.0 - passed;
+    vec3 squared = passed * passed;
+    return fresnel.w < 1.5 ? 0.5 - 0.5 * squared : (1.0 - squared) / (1.0 + squared);
+}
+
+float at_angle(float stopped, vec4 fresnel, float cosine)
+{
+    return at_angle(vec3(stopped), fresnel, cosine).x;
 }

@@ -89,9 +89,8 @@ bool is_hole(vec3 cutout, vec2 back_uv, vec2 lightmap_uv, float cosine)
     if (base.a >= 0.0)
         return stopped < base.a;
 #ifdef ANGULAR
-    vec3 fresnel = texelFetch(cutout_constants, in_table(3 * record + 2, height), 0).rgb;
-    if (fresnel.y > 0.0)
-        stopped = 1.0 - (1.0 - clamp(stopped, 0.0, 1.0)) * angular_factor(fresnel, cosine);
+    vec4 fresnel = texelFetch(cutout_constants, in_table(3 * record + 2, height), 0);
+    stopped = at_angle(clamp(stopped, 0.0, 1.0), fresnel, cosine);
 #endif
     if (stopped >= 1.0)
         return false;

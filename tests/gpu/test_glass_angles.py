@@ -6,7 +6,7 @@ import pytest
 from engine import Material, Scene
 from engine.device.cl_device import ComputeDevice
 from engine.scene.cutouts import BOUNCE, SHADOW, read_cutouts
-from engine.scene.transmission import Fresnel, Transmittance, angular_factor
+from engine.scene.transmission import BACK, FRONT, Fresnel, Transmittance, angular_factor
 from engine.scene.triangles import join_meshes
 from engine.visibility.rays.ray_tracer import RayTracer
 from engine.visibility.rays.shaders.shader_tracer import ShaderTracer
@@ -90,6 +90,14 @@ def test_tints_shares_and_thin_walls(tracer):
     found = through(tracer, mix, thin, Transmittance(np.ones(3)))
     expected = ((1 - 0.25 * (1 - ratio)) * ratio**2)[:, None] * np.float32([0.9, 0.6, 0.1])
     assert found == pytest.approx(expected, abs=2e-4)
+
+
+def test_the_sides_of_a_body_transmit_as_two_faces(tracer):
+    """Rays cross the front and then the back, or the other way round."""
+    sides = [glass(0.9, 0.7, 0.7, ior=1.5, body=body) for body in (FRONT, BACK)]
+    face = exact(np.cos(ANGLES), 1.5) / exact(1.0, 1.5)
+    found = through(tracer, *sides)
+    assert found == pytest.approx(face[:, None] ** 2 * np.float32([0.81, 0.49, 0.49]), abs=3e-4)
 
 
 def test_the_factor_is_that_of_fresnels_amplitudes():

@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from engine import Material, Scene
 from engine.patches.closed_glass import with_closed_glass
-from engine.scene.transmission import Fresnel, Transmittance, angular_factor
+from engine.scene.transmission import BACK, FRONT, Fresnel, Transmittance, angular_factor, body_transmittance
 from tests.analytic.scenes import material, quads, rectangle, room_walls
 from tests.transparency import uniform_transmission
 
@@ -40,18 +41,20 @@ def test_only_bodies_of_glass_get_another_material():
     found = with_closed_glass(scene)
     assert set(found.meshes[0].material) == {2} and found.meshes[1:] == scene.meshes[1:]
     assert found.materials[:2] == scene.materials
-    assert found.materials[2].transmission == scene.materials[1].transmission
+    sides = found.materials[2].transmission
+    assert (sides.bounce.fresnel.body, sides.shadow_back.fresnel.body) == (FRONT, BACK)
     assert (found.materials[2].reflectance > 1.3 * GREY).all()
 
 
 def test_both_faces_of_white_glass_reflect_what_they_do_not_transmit():
-    """All light but what is reflected more than once inside: T^2 + 1 - T + T^2 (1 - T) is nearly 1."""
+    """All light but what is reflected more than once inside."""
     surface = replace(glass(0.96, 0.96, 0.96), reflectance=np.ones(3, np.float32))
     factor = float(with_closed_glass(bodies(surface)).materials[1].reflectance[0])
     cosines = np.sqrt((np.arange(1000) + 0.5) / 1000)
     passed = 0.96 * angular_factor(Fresnel(1.5), cosines)
-    total = (passed**2 + factor * (1 - passed)).mean()
-    assert 0.975 < total < 1
+    front, back = (body_transmittance(passed, body) for body in (FRONT, BACK))
+    assert front * back == pytest.approx(passed**2)
+    assert 0.975 < (passed**2 + factor * (1 - front)).mean() < 1
 
 
 def test_scenes_without_plain_glass_stay_the_same():

@@ -180,7 +180,7 @@ def _cutout_textures(context: moderngl.Context, cutouts: Cutouts) -> dict[str, m
     maps[:, 3] += np.where(cutouts.channels[gathered] > 1, 8, 0).astype(np.int32)
     constants = np.zeros((len(maps), 3, 4), np.float32)
     constants[:, 0, :3], constants[:, 1, :3] = cutouts.base[gathered], cutouts.factor[gathered]
-    constants[:, 0, 3], constants[:, 2, :3] = cutouts.threshold[gathered], cutouts.fresnel[gathered]
+    constants[:, 0, 3], constants[:, 2] = cutouts.threshold[gathered], cutouts.fresnel[gathered]
     lists = {"pixels": cutouts.pixels, "maps": maps, "constants": constants.reshape(-1, 4)}
     return {f"cutout_{name}": list_texture(context, values) for name, values in lists.items()}
 

@@ -33,6 +33,7 @@ TRANSMITTANCE = DeviceStruct(
     ("float", "ior", "index of refraction"),
     ("float", "share", "of the transmittance that passes glass and falls with the angle of incidence"),
     ("float", "faces", "of glass that light crosses"),
+    ("float", "body", "1 for the front and 2 for the back of a closed body, 0 for other surfaces"),
 )
 
 
@@ -154,4 +155,5 @@ def transmittance_records(cutouts: Cutouts) -> np.ndarray:
         ior=cutouts.fresnel[:, 0],
         share=cutouts.fresnel[:, 1],
         faces=cutouts.fresnel[:, 2],
+        body=cutouts.fresnel[:, 3],
     )

@@ -6,18 +6,23 @@ square block of texels; smaller ones of like position, direction and material sh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..scene.model import NO_LIGHTMAP, Mesh, Scene
+from ..scene.triangles import Triangles
 
 #: World size of a texel of an occluder, in texels of the lightmaps.
 COARSENESS = 4.0
 
 #: Factor by which texels grow until all blocks fit into the atlases.
 _STEP = 1.25
+
+#: Number of triangles that are processed at once, so that intermediate arrays stay small.
+_SLAB = 1 << 18
 
 #: Number of texels that the atlases have for each cluster of the coarsest clustering, so that finer blocks
 #: fit too.
@@ -131,7 +136,7 @@ def _widths(meshes: list[Mesh], blocks: Blocks) -> np.ndarray:
     longest: np.ndarray = np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
     if not blocks.is_back:
         return longest
-    widths: np.ndarray = np.maximum(np.sqrt(_areas(positions) / 2), _OF_LONGEST * longest)
+    widths: np.ndarray = np.maximum(np.sqrt(triangle_areas(positions)), _OF_LONGEST * longest)
     return widths
 
 
@@ -157,9 +162,9 @@ def _fitting_places(meshes: list[Mesh], widths: np.ndarray, capacity: int, size:
     """
     positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
     kinds = _kinds(meshes, positions)
-    least = _LEAST_TEXELS * (int(_unique_rows(kinds).max()) + 1)
+    least = _LEAST_TEXELS * (int(_unique_rows(kinds.T).max()) + 1)
     texels = -(-least // capacity) * capacity
-    area = _areas(positions)
+    area = triangle_areas(positions)
     while True:
         places = _places_at(positions.mean(axis=1), widths, area, kinds, size)
         if places.texels <= texels and 4 ** int(places.level.max()) <= capacity:
@@ -172,9 +177,8 @@ def texel_size(scene: Scene, resolution: int) -> float:
     world, charts = 0.0, _doubled_charts(scene)
     for mesh in scene.meshes:
         if mesh.atlas != NO_LIGHTMAP:
-            first, second = np.moveaxis(mesh.positions[:, 1:] - mesh.positions[:, :1], 1, 0)
-            world += float(np.linalg.norm(np.cross(first, second), axis=1).sum(dtype=np.float64))
-    return float(np.sqrt(world / charts)) / resolution if charts > 0 else 0.0
+            world += float(triangle_areas(mesh.positions).sum(dtype=np.float64))
+    return float(np.sqrt(2 * world / charts)) / resolution if charts > 0 else 0.0
 
 
 def _chart_texels(scene: Scene, resolution: int) -> float:
@@ -192,11 +196,11 @@ def _doubled_charts(scene: Scene) -> float:
     return charts
 
 
-def _areas(positions: np.ndarray) -> np.ndarray:
-    """Return twice the area of each triangle, (t,) float64."""
+def triangle_areas(positions: np.ndarray) -> np.ndarray:
+    """Return the area of triangles, (t, 3, 3), as (t,) of the same dtype."""
     first, second = positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0]
-    doubled: np.ndarray = np.linalg.norm(np.cross(first, second), axis=1)
-    return doubled
+    areas: np.ndarray = np.linalg.norm(np.cross(first, second), axis=1) / 2
+    return areas
 
 
 def _dominant_axis(positions: np.ndarray) -> np.ndarray:
@@ -207,17 +211,21 @@ def _dominant_axis(positions: np.ndarray) -> np.ndarray:
     return facing
 
 
-def clusters(meshes: Sequence[Mesh], size: float) -> np.ndarray:
-    """Return the number of the cluster of each triangle, (t,) int, for the meshes one after another.
+def clusters(triangles: Triangles, chosen: np.ndarray, size: float) -> np.ndarray:
+    """Return the number of the cluster of each chosen triangle, (k,) int64.
 
     A cluster contains the triangles of one mesh, material and direction whose centres lie in one cell of a
     grid.
 
-    size:  width of a cell, m
+    chosen:  (k,) int64, indices of triangles
+    size:    width of a cell, m
     """
-    positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
-    centers = positions.mean(axis=1)
-    return _unique_rows(np.column_stack([_kinds(meshes, positions), _cells(centers, size)]))
+    centers, axis = np.empty((len(chosen), 3), np.float32), np.empty(len(chosen), np.int8)
+    for first in range(0, len(chosen), _SLAB):
+        slab = slice(first, first + _SLAB)
+        positions = triangles.positions[chosen[slab]]
+        centers[slab], axis[slab] = positions.mean(axis=1), _dominant_axis(positions)
+    return _unique_rows([triangles.mesh[chosen], triangles.material[chosen], axis, *_cells(centers, size).T])
 
 
 def _kinds(meshes: Sequence[Mesh], positions: np.ndarray) -> np.ndarray:
@@ -251,7 +259,7 @@ def _places_at(
     # Small triangles of equal kind and grid cell form one cluster.
     keys = np.column_stack([np.where(level > 0, np.arange(len(level)) + 1, 0), kinds, _cells(centers, size)])
     keys[level > 0, 1:] = 0
-    block = _unique_rows(keys)
+    block = _unique_rows(keys.T)
 
     # One triangle represents its cluster, drawn with a probability in proportion to its area (Efraimidis and
     # Spirakis, 2006). The largest triangles would be a biased choice: hair was 14 % too bright.
@@ -263,13 +271,27 @@ def _places_at(
     return _Places(block, chosen, level, int((4 ** level[chosen]).sum()))
 
 
-def _unique_rows(keys: np.ndarray) -> np.ndarray:
-    """Number the distinct rows; return the number of each row, (t,) int."""
-    order = np.lexsort(keys.T)
-    ordered = keys[order]
-    new = np.r_[False, (ordered[1:] != ordered[:-1]).any(axis=1)]
-    number = np.empty(len(keys), np.int64)
-    number[order] = np.cumsum(new)
+def _unique_rows(columns: Sequence[np.ndarray]) -> np.ndarray:
+    """Number the distinct rows of columns, (t,) integers >= 0; return the number of each row, (t,) int64.
+
+    Numbers ascend with the last column, then with the one before.
+    """
+    sizes = [int(column.max()) + 1 for column in columns]
+    if math.prod(sizes) >= 1 << 63:
+        order = np.lexsort(columns)
+        same = [column[order[1:]] == column[order[:-1]] for column in columns]
+        new = ~np.logical_and.reduce(same)
+    else:
+        # One integer for each row needs less memory and time than sorting by columns.
+        row = np.zeros(len(columns[0]), np.int64)
+        for column, size in zip(reversed(columns), reversed(sizes), strict=True):
+            row *= size
+            row += column
+        order = np.argsort(row, kind="stable")
+        row = row[order]
+        new = row[1:] != row[:-1]
+    number = np.empty(len(order), np.int64)
+    number[order] = np.r_[0, np.cumsum(new)]
     return number
 
 

@@ -63,14 +63,14 @@ bool is_enclosed(const Rays *rays, const TestRay *ray, const float3 x, const flo
 // Mark each triangle whose back a ray meets. Rays start all over triangles and follow the cosine; a start inside of
 // something does not count. corners: 9 floats a triangle; side: 1 for rays from fronts, -1 from backs; height: of
 // their start above the surface, and distance of parallel rays, m; marks: of triangles, 0 or KNOWN before, 1 for those
-// that are found.
+// that are found; first: number of the first ray of this launch.
 __kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, __global const uint *ends,
                                  const int triangle_count, const float side, const float height, __global uchar *marks,
-                                 const int count)
+                                 const uint first, const int count)
 {
-    const int number = get_global_id(0);
-    if (number >= count)
+    if (get_global_id(0) >= count)
         return;
+    const uint number = first + get_global_id(0);
     const Rays rays = RAYS;
     const int triangle = start_triangle(number, ends, triangle_count);
     const float3 corner = vload3(3 * triangle, corners);

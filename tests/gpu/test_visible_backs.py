@@ -15,6 +15,7 @@ from engine.patches.unmapped_meshes import texel_size
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import NO_LIGHTMAP
 from engine.scene.triangles import join_meshes
+from engine.visibility.rays import visible_backs
 from engine.visibility.rays.ray_scene import make_tracer
 from engine.visibility.rays.visible_backs import VisibleBacks
 from tests.analytic.rooms import Atlas, block, room
@@ -129,6 +130,29 @@ def test_all_of_the_underside_of_a_low_roof_is_visible(tracer):
     roof = quads(np.stack(tiles), charts, [0] * len(tiles), RESOLUTION, "Roof")
     visible = with_visible(tracer, [floor, roof])
     assert visible["Floor"] == 0 and 280 <= visible["Roof"] <= 288
+
+
+def test_rays_follow_the_number_of_texels_in_launches_of_one_size(tracer, monkeypatch):
+    """Several lightmaps of 4096 texels once shared 4 million rays, so small backs among them were missed."""
+    wall = quads(rectangle((0, 0, 0), X, Y)[None], [(0, 0, 131, 131)], [0], RESOLUTION, "Wall")
+    scene = Scene((wall, card((0, 0, 0.5), 0.3 * X, 0.3 * Y)), (material("Grey", 0.5),))
+    candidates = np.ones(4, bool)
+
+    def visible(resolution):
+        return VisibleBacks().of(tracer, scene, candidates, TEXEL, resolution)
+
+    first = visible(RESOLUTION)
+    monkeypatch.setattr(visible_backs, "_LAUNCH", 997)
+    assert np.array_equal(visible(RESOLUTION), first)
+    assert first.tolist() == [False, False, True, True]
+    counts = []
+
+    def caster(*_):
+        return lambda rays: counts.append(rays.count) or np.zeros(4, bool)
+
+    monkeypatch.setattr(visible_backs, "_caster", caster)
+    visible(4096)
+    assert 64e6 < counts[0] < 69e6
 
 
 def test_backs_without_emission_and_with_it_are_the_same(tracer):

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.patches.unmapped_meshes import place_unmapped
+from engine.patches.unmapped_meshes import clusters, place_unmapped
 from engine.scene.model import NO_LIGHTMAP, Material, Mesh, Scene
+from engine.scene.triangles import join_meshes
 
 GREY = Material("Grey", np.full(3, 0.5, np.float32), np.zeros(3, np.float32))
 
@@ -132,3 +133,22 @@ def test_triangles_represent_their_cluster_as_often_as_they_are_large():
     whole = chosen[chosen.sum(axis=1) == 1]
     assert len(whole) > count / 2
     assert whole.mean(axis=0) == pytest.approx([0.25, 0.25, 0.5], abs=0.07)
+
+
+@pytest.mark.parametrize("size", [1.7, 1e-7])
+def test_clusters_join_triangles_of_one_mesh_direction_and_cell(size):
+    """Cells too many for one integer are sorted by columns. Only chosen triangles count."""
+    corners = triangles(np.full(401, 1e-3))
+    corners[200:400] = corners[:200]
+    corners[300:400, :, 2] *= -1
+    meshes = [mesh(corners[part], 0) for part in (slice(0, 101), slice(101, 401))]
+    joined = join_meshes(Scene(tuple(meshes), (GREY,)))
+    chosen = np.flatnonzero(np.arange(401) != 7)
+    found = clusters(joined, chosen, size)
+    centers = joined.positions[chosen].mean(axis=1)
+    cells = np.floor((centers - centers.min(axis=0)) / size).astype(np.int64)
+    expected = np.unique(np.column_stack([joined.mesh[chosen], cells]), axis=0, return_inverse=True)[
+        1
+    ].ravel()
+    same, right = (numbers[:, None] == numbers for numbers in (found, expected))
+    assert np.array_equal(same, right) and found.max() == expected.max() < 400

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...device.buffers import download_bytes, upload, words_of
 from ...device.opencl import cl
-from ...patches.unmapped_meshes import COARSENESS, clusters
+from ...patches.unmapped_meshes import COARSENESS, clusters, triangle_areas
 from ...scene.cutouts import Cutouts, read_cutouts
 from ...scene.digests import same_values
 from ...scene.model import Scene
@@ -42,9 +42,12 @@ Hierarchy = TypeVar("Hierarchy", Bvh, HostBvh)
 #: less than the view of one texel, see above.
 _RAYS = 4
 
-#: Minimum and maximum number of rays of one round, from front faces and from back faces. With more texels
-#: each one gets fewer rays.
-_MIN_RAYS, _MAX_RAYS = 1 << 11, 1 << 22
+#: Minimum and maximum number of rays of one round, from front faces and from back faces. The maximum is
+#: enough for 268 million texels, and ray numbers fit 32 bits.
+_MIN_RAYS, _MAX_RAYS = 1 << 11, 1 << 30
+
+#: Number of rays of one launch, so that a launch on a slow GPU is short.
+_LAUNCH = 1 << 22
 
 #: Maximum number of rounds: rays from front faces, and from the back faces that the round before found. Each
 #: round finds more of the inside of a vase, or 28 m more of the underside of a roof 5 m above a floor.
@@ -154,11 +157,12 @@ def _visible(
         min(OF_TEXEL * texel, OF_DIAGONAL * triangles.diagonal),
         OF_COORDINATE * float(np.abs([triangles.box, triangles.box + triangles.origin]).max()),
     )
-    cluster = clusters(scene.meshes, _CLUSTER * texel)
     fixed = _stays(scene)[triangles.material]
-    visible = np.zeros(len(candidates), bool)
-    texels, area = _texels(triangles, resolution), _areas(triangles) / (COARSENESS * texel) ** 2
-    more = np.zeros(len(candidates), bool)
+    visible, more = np.zeros(len(candidates), bool), np.zeros(len(candidates), bool)
+    texels = _texels(triangles, resolution)
+    area = triangle_areas(triangles.positions) / (COARSENESS * texel) ** 2
+    chosen = np.flatnonzero(candidates)
+    cluster = clusters(triangles, chosen, _CLUSTER * texel)
     cast = _caster(tracer, triangles.positions)
     for _ in range(_ROUNDS):
         met = np.zeros(int(cluster.max()) + 1, bool)
@@ -166,8 +170,9 @@ def _visible(
             if sources.any():
                 rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, _MAX_RAYS))
                 tests = BackRays.of(sources, rays, side, height, visible)
-                met[cluster[cast(tests) & candidates]] = True
-        more = (met[cluster] & candidates | fixed) & ~visible
+                met[cluster[cast(tests)[chosen]]] = True
+        more = fixed & ~visible
+        more[chosen] |= met[cluster] & ~visible[chosen]
         if not more.any():
             break
         visible |= more
@@ -194,10 +199,13 @@ def _backs_met(tracer: RayTracer, corners: cl.Buffer, rays: BackRays) -> np.ndar
     before = np.zeros(words_of(triangles), np.uint8)
     before[:triangles] = rays.marks
     marks = upload(compute, before)
-    tracer.run(
-        kernel, rays.count, corners, upload(compute, rays.ends),
-        np.int32(triangles), np.float32(rays.side), np.float32(rays.height), marks, np.int32(rays.count),
-    )  # fmt: skip
+    ends = upload(compute, rays.ends)
+    for first in range(0, rays.count, _LAUNCH):
+        count = min(_LAUNCH, rays.count - first)
+        tracer.run(
+            kernel, count, corners, ends, np.int32(triangles), np.float32(rays.side),
+            np.float32(rays.height), marks, np.uint32(first), np.int32(count),
+        )  # fmt: skip
     return download_bytes(compute, marks, triangles) == 1
 
 
@@ -206,10 +214,3 @@ def _texels(triangles: Triangles, resolution: int) -> np.ndarray:
     first, second = ((triangles.uvs[:, k] - triangles.uvs[:, 0]).astype(np.float64).T for k in (1, 2))
     texels: np.ndarray = np.abs(first[0] * second[1] - first[1] * second[0]) * (resolution**2 / 2)
     return texels
-
-
-def _areas(triangles: Triangles) -> np.ndarray:
-    """Return the area of triangles, (t,) float64, m^2."""
-    first, second = (triangles.positions[:, k] - triangles.positions[:, 0] for k in (1, 2))
-    areas: np.ndarray = np.linalg.norm(np.cross(first, second).astype(np.float64), axis=1) / 2
-    return areas

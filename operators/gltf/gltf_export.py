@@ -26,12 +26,12 @@ from ..result.destination import blend_from, try_folder
 from ..result.directional_images import all_directional_images, directional_images
 from ..result.file_names import file_name
 from ..result.files import reason, replace_all, staging_folder
+from ..result.images import rec709_pixels
 from ..result.light_mixer import group_images
 from ..result.light_states import baked_groups, manifest_states, mixed_light
 from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, VERSION, is_ours, read_manifest, write_manifest
 from ..result.moved_charts import warn_changed_uvs
-from ..result.pictures import read_pixels
 from ..result.preview import hide_preview, previewed, show_preview
 from ..result.shadow_mask_images import sun_mask
 from ..result.state_files import STATE
@@ -401,8 +401,8 @@ def _stems(stem: str, names: Mapping[Any, str]) -> dict:
 
 
 def _finite_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Return a lightmap's colours, see `read_pixels`; raises EngineError for NaN or infinite ones."""
-    pixels = read_pixels(image)
+    """Return a lightmap's light, see `rec709_pixels`; raises EngineError for NaN or infinite values."""
+    pixels = rec709_pixels(image)
     if not np.isfinite(pixels).all():
         raise EngineError(_NOT_FINITE.format(image.name))
     return pixels

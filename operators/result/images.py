@@ -15,12 +15,13 @@ from ...engine.errors import EngineError
 from ...engine.outputs import RATIO_MAPS
 from ..lookup import find
 from ..rollback import Rollback
-from ..working_space import REC709, from_rec709, is_rec709
+from ..working_space import REC709, from_rec709, is_rec709, to_rec709
 from .destination import Destination
 from .exr import rgba, write_exr
 from .files import reason, replace_all, staging_folder
 from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
+from .pictures import read_pixels
 from .probe_files import ProbeFile, probe_sections
 from .reflection_files import ReflectionFile, reflection_sections
 
@@ -124,6 +125,12 @@ def store(
 def holds_colours(image: bpy.types.Image) -> bool:
     """Return True if Blender converts the pixels of a lightmap image to its working space."""
     return image.colorspace_settings.name != _DATA
+
+
+def rec709_pixels(image: bpy.types.Image) -> np.ndarray:
+    """Return the light of a lightmap image, (h, w, 3) float32, linear Rec.709; data maps as they are."""
+    pixels = read_pixels(image)
+    return to_rec709(pixels) if holds_colours(image) else pixels
 
 
 def _set_space(image: bpy.types.Image) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...engine.bake_result import ProbeGrid
 from ...engine.probes.spherical_harmonics import BASIS_FACTORS, IRRADIANCE_FACTORS, windowed
+from ..working_space import from_rec709
 
 #: Custom property that marks an image of probes.
 MARK = "hemibake_probes"
@@ -96,6 +97,8 @@ def _write(image: bpy.types.Image, pixels: np.ndarray) -> None:
 def _pixels(grid: ProbeGrid, lights: Sequence[np.ndarray]) -> np.ndarray:
     """Return an image, (h, w, 4) float32: for each light ny nz rows of 9 nx pixels.
 
+    Colors are scene-linear, since shaders read data images as they are.
+
     Blocks are coefficients times factors: E/pi for a normal n is the sum of the blocks times 1; y, z, x; xy,
     yz, 3z^2 - 1, xz, x^2 - y^2 of n.
 
@@ -105,5 +108,6 @@ def _pixels(grid: ProbeGrid, lights: Sequence[np.ndarray]) -> np.ndarray:
     pixels = np.ones((len(lights), z * y, 9 * x, 4), np.float32)
     for layer, light in zip(pixels, lights, strict=True):
         values = windowed(light) * (BASIS_FACTORS * IRRADIANCE_FACTORS)[:, None]
-        layer[..., :3] = values.reshape(z * y, x, 9, 3).swapaxes(1, 2).reshape(z * y, 9 * x, 3)
+        blocks = values.reshape(z * y, x, 9, 3).swapaxes(1, 2).reshape(z * y, 9 * x, 3)
+        layer[..., :3] = from_rec709(blocks)
     return pixels.reshape(-1, 9 * x, 4)

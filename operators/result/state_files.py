@@ -11,15 +11,13 @@ import numpy as np
 from ...engine.errors import EngineError
 from ..file_format import chosen_format
 from ..rollback import Rollback
-from ..working_space import to_rec709
 from .destination import Destination, choose_destination, is_of_another_scene
 from .files import reason
-from .images import holds_colours, write_all
+from .images import rec709_pixels, write_all
 from .light_mixer import group_images
 from .light_states import factors, manifest_states, mixed_light
 from .lightmap_files import lightmap_files
 from .manifest import read_manifest
-from .pictures import read_pixels
 
 #: Prefix of the output of a state's lightmaps.
 STATE = "state "
@@ -56,15 +54,9 @@ def _mixed(scene: bpy.types.Scene, weights: dict[str, list[float]]) -> dict[str,
         if entry.image is not None and not entry.companion_of:
             images = group_images(scene, [entry.image])
             if images:
-                maps = {name: _rec709(image) for name, (image,) in images.items()}
+                maps = {name: rec709_pixels(image) for name, (image,) in images.items()}
                 found[entry.name] = mixed_light(maps, weights)
     return found
-
-
-def _rec709(image: bpy.types.Image) -> np.ndarray:
-    """Return the light of a map, (h, w, 3) float32, linear Rec.709."""
-    pixels = read_pixels(image)
-    return to_rec709(pixels) if holds_colours(image) else pixels
 
 
 def _write(

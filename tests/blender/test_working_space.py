@@ -143,3 +143,37 @@ def test_lightmaps_do_not_drift(matrix, has_folder, tmp_path):
         loaded.colorspace_settings.name = "Non-Color"
         stored = pixels(loaded)[..., :3].reshape(-1, 3)
         assert np.abs(stored[stored.sum(axis=1) > 0.5] - right).max() < 2e-3
+
+
+def test_exports_hold_rec709(matrix, tmp_path):
+    """Images in Blender are scene-linear, so the values of an export are converted."""
+    import bpy
+
+    square("Square", surface=material("Lit", colour=(0.6, 0.6, 0.6)))
+    lamp = bpy.data.lights.new("Lamp", "SUN")
+    lamp.color, lamp.energy, lamp.use_shadow = COLOUR, np.pi, False
+    bpy_link(bpy.data.objects.new("Lamp", lamp))
+    bake_selected("//lightmaps/")
+    path = tmp_path / "export" / "room.glb"
+    path.parent.mkdir()
+    assert bpy.ops.hemibake.export_for_engine(filepath=str(path), lightmaps="NONE") == {"FINISHED"}
+    (file,) = path.parent.rglob("*.exr")
+    loaded = bpy.data.images.load(str(file), check_existing=False)
+    loaded.colorspace_settings.name = "Non-Color"
+    stored = pixels(loaded)[..., :3].reshape(-1, 3)
+    right = np.maximum(matrix @ COLOUR, 0)
+    assert np.abs(stored[stored.sum(axis=1) > 0.5] - right).max() < 2e-3
+
+
+def test_probe_images_are_scene_linear(matrix):
+    """Shaders of dynamic objects read them as data."""
+    import bpy
+
+    scene, right = bpy.context.scene, np.float32((0.3, 0.2, 0.1))
+    light = np.zeros((6, 9, 3), np.float32)
+    light[:, 0] = right / np.float32(0.5 * np.sqrt(1 / np.pi))
+    ones, places = np.ones(6, np.float32), np.zeros((6, 3), np.float32)
+    volume = part("engine.bake_result").ProbeGrid("Volume", (3, 2, 1), np.eye(4), light, ones, places)
+    part("operators.result.probe_images").keep_probes(scene, [volume], np.zeros(3))
+    mean = pixels(scene.hemibake.probe_volumes[0].image)[:, :3, :3]
+    assert mean @ matrix.T == pytest.approx(np.broadcast_to(right, mean.shape), rel=1e-4)

@@ -162,7 +162,7 @@ def _fitting_places(meshes: list[Mesh], widths: np.ndarray, capacity: int, size:
     """
     positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
     kinds = _kinds(meshes, positions)
-    least = _LEAST_TEXELS * (int(_unique_rows(kinds.T).max()) + 1)
+    least = _LEAST_TEXELS * (int(_unique_rows(list(kinds.T)).max()) + 1)
     texels = -(-least // capacity) * capacity
     area = triangle_areas(positions)
     while True:
@@ -259,7 +259,7 @@ def _places_at(
     # Small triangles of equal kind and grid cell form one cluster.
     keys = np.column_stack([np.where(level > 0, np.arange(len(level)) + 1, 0), kinds, _cells(centers, size)])
     keys[level > 0, 1:] = 0
-    block = _unique_rows(keys.T)
+    block = _unique_rows(list(keys.T))
 
     # One triangle represents its cluster, drawn with a probability in proportion to its area (Efraimidis and
     # Spirakis, 2006). The largest triangles would be a biased choice: hair was 14 % too bright.

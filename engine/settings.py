@@ -66,7 +66,10 @@ MOST_LIGHTS = 8
 
 #: Valid widths of a hemicube: powers of two, since the paper's column reduction halves the width repeatedly.
 _HEMICUBES = {
-    width: Option(str(width), f"{width} texels wide: {3 * width * width} samples per texel")
+    width: Option(
+        str(width),
+        f"Hemicube {width} pixels wide: {3 * width * width} samples for each texel of the lightmap",
+    )
     for width in (8, 16, 32, 64, 128, 256)
 }
 

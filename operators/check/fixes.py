@@ -110,7 +110,10 @@ def cut_along_walls(
     )
     kept = [obj.name for obj in floors if obj.hemibake.own_uv_layer]
     if kept:
-        sentence = "{} has a chosen UV Layer, which a fix does not change. Clear UV Layer to cut its charts."
+        sentence = (
+            "{}: UV layer of your choice, which this fix does not change. Clear the object's UV Layer to let "
+            "the fix make new lightmap UVs, cut along the walls."
+        )
         raise SceneError(object_message(sentence, kept))
     if not floors:
         sentence = (

@@ -121,7 +121,7 @@ def test_layer_that_was_chosen_stays():
     bpy.ops.hemibake.unwrap()
     obj.hemibake.own_uv_layer = "Lightmap"
     before = snapshot()
-    with pytest.raises(RuntimeError, match="'Floor' has a chosen UV Layer"):
+    with pytest.raises(RuntimeError, match="'Floor': UV layer of your choice"):
         cut()
     assert snapshot() == before
 

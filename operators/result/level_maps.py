@@ -30,11 +30,14 @@ FAR = 4.0
 _OTHERWISE = "or set its role to No Lightmap"
 _LINKED = f"{{}}: the mesh of the level is linked from another file. Make it local, {_OTHERWISE}."
 _EDITED = "{}: the mesh of the level is in Edit Mode. Leave Edit Mode and bake again."
-_MODIFIED = f"{{}}: modifiers change the faces of the level. Apply the modifiers, {_OTHERWISE}."
-_FULL = f"{{}}: the mesh of the level has 8 UV layers, as many as Blender allows. Remove one, {_OTHERWISE}."
+_MODIFIED = f"{{}}: modifiers change the faces of this level of detail. Apply them, {_OTHERWISE}."
+_FULL = (
+    "{}: this level of detail has a mesh with 8 UV layers, as many as Blender allows. Remove one, "
+    f"{_OTHERWISE}."
+)
 _SHARED = (
-    "{}: levels of different objects share the mesh. Use Object > Relations > Make Single User > Object & "
-    f"Data, {_OTHERWISE}."
+    "{}: levels of detail of different objects share one mesh. Use Object > Relations > Make Single User > "
+    f"Object & Data, {_OTHERWISE}."
 )
 _NAMED = f"{{}}: an attribute called '{LEVEL_UVS}' is not a UV layer. Rename it."
 TOO_FAR = (

@@ -116,7 +116,7 @@ def test_levels_that_cannot_get_uvs_are_named(objects):
     objects["Far_LOD1"].data.attributes.new(UVS, "FLOAT", "POINT")
     read, stored, notes = store()
     assert not stored and len(read.scene.meshes) == 3
-    assert "'Rock_LOD1': modifiers" in notes and "'Chosen', 'Stone_lod2': levels of different" in notes
+    assert "'Rock_LOD1': modifiers" in notes and "'Chosen', 'Stone_lod2': levels of detail" in notes
     assert "'Far_LOD1': an attribute" in notes
     assert UVS not in objects["Chosen"].data.uv_layers
 

@@ -24,8 +24,8 @@ SMALL: dict[str, Any] = {
     "resolution": 53, "samples": 64, "hemicube": 16, "adaptive": True, "checkpoint_space": 0
 }  # fmt: skip
 
-#: The same with a typical lightmap: with more texels than 16-bit samples can number, and more work items than
-#: 65,535, for which PoCL compiles kernels of their own.
+#: `SMALL` with a lightmap of typical size. It has more patches than 16-bit samples can index. Its kernels run
+#: with more than 65,535 work items, for which PoCL compiles them separately.
 TYPICAL = SMALL | {"resolution": 401}
 
 

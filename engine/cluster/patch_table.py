@@ -67,7 +67,10 @@ class PatchTable(NumpyPickle):
     def of(
         cls, texel_to_patch: np.ndarray, emission: SparseRadiance, back_to_back: bool, folder: str
     ) -> PatchTable:
-        """Pack patches or groups. folder: in the shared memory of all workers, empty if there is none."""
+        """Pack patches or patch groups.
+
+        folder:  folder of files that all workers can map; empty if there is none
+        """
         return cls(uuid.uuid4().hex, StoredArray.of(texel_to_patch, folder), emission, back_to_back)
 
 
@@ -77,9 +80,9 @@ class SceneTable(PatchTable):
 
     glow:                     emission of front faces
     backs:                    emission of back faces; None if equal
-    shining:                  (s,) int64, triangles with an emissive patch
+    shining:                  (s,) int64, triangles with a patch whose back emits
     sampled:                  (b,) int64, triangles sampled as lights
-    radiance, back_radiance:  (b, 3) float32, radiance of these
+    radiance, back_radiance:  (b, 3) float32, radiance of the front and the back of the sampled triangles
     uniform:                  (b,) bool, True if radiance is constant over the triangle
     """
 
@@ -95,7 +98,10 @@ class SceneTable(PatchTable):
     def of_scene(
         cls, parts: PatchScene, bright: SampledTriangles, back_to_back: bool, folder: str
     ) -> SceneTable:
-        """Pack the patches of a scene and its sampled triangles. folder: see `PatchTable.of`."""
+        """Pack the patches of a scene and its sampled triangles.
+
+        folder:  see `PatchTable.of`
+        """
         surfaces, stored = parts.surfaces, StoredArray.of(parts.texel_to_patch, folder)
         glow, left = (
             SparseRadiance.among(radiance, surfaces.shining)

@@ -79,7 +79,7 @@ class RadianceExchangePair:
     """
 
     def __init__(self, folder: str) -> None:
-        """Store a folder in the shared memory of all workers; empty if there is none."""
+        """Prepare exchanges in `folder`, which all workers can map; no exchanges if it is empty."""
         self._folder, self._workers = folder, set[str]()
         self._both: list[RadianceExchange] = []
 

@@ -26,10 +26,10 @@ from .triangle_scene import TriangleScene
 
 
 class SourcePatches:
-    """Patches or patch groups as sources of radiance, on the device of a worker.
+    """Patches or patch groups that send out light, on the device of a worker.
 
-    name:  name of their table
-    job:   radiosity problem of the sources, without receiving patches
+    name:  name of their `PatchTable`
+    job:   radiosity problem with these patches as sources only; none of them receives light
     """
 
     def __init__(

@@ -31,7 +31,8 @@ _EACH, _LONG = 0.2, 60_000
 #: adds one second. Fitted to all common programs with PoCL 6.0 on an EPYC; RMS error 0.18 s.
 _PARSED, _COMPILED, _PARSED_SOURCE = 0.06, 0.08, 62_000
 
-#: Weight of the expected pace against the measured one, in expected seconds.
+#: Weight of the prior in the estimate of the build speed: the pace of earlier builds counts as much as this
+#: many expected seconds of finished builds.
 _PRIOR = 2.0
 
 #: Seconds after which a hanging driver, and a process that was killed, is abandoned.

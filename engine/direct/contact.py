@@ -16,7 +16,8 @@ from ..visibility.rays.receiver_records import RECEIVER
 #: Ends of the test ray above and below the surface, as multiples of the height of ray origins.
 ABOVE, BELOW = 2.0, 1.0
 
-#: Maximum number of emissive triangles for which the kernel tests if a patch lies in front of all planes.
+#: Maximum number of emissive triangles for the early exit of the kernel: no back face of an emissive triangle
+#: is visible from a patch in front of the planes of all of them.
 _PLANES = 64
 
 #: Distance by which the planes lie in front of their triangles, as a fraction of the largest coordinate.

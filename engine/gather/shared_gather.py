@@ -68,7 +68,11 @@ class DeviceRows:
         return self._parts
 
     def fill(self, rows: RowRange, from_end: bool = False) -> Generator[None, None, None]:
-        """Compute the samples of rows until none is left, then their background light."""
+        """Compute the visibility samples of rows, then the background light of these rows.
+
+        rows:      range from which other devices take rows too; this device takes rows until none is left
+        from_end:  True to take them from the end of the range
+        """
         parts = self._made
         if parts.sampler is not None:
             yield from parts.cache.take(parts.sampler, rows, from_end)
@@ -77,7 +81,11 @@ class DeviceRows:
                 yield
 
     def gather(self, radiance: cl.Buffer, stride: int) -> None:
-        """Start to gather for the rows from radiance, float4 by source + 1, into `light`."""
+        """Enqueue the gather of this device's patches into `light`.
+
+        radiance:  float4 for each source, indexed by source + 1; 0 stands for no source
+        stride:    see `GatherKernels.gather`
+        """
         parts = self._made
         for piece in parts.cache.pieces:
             self._kernels.gather(piece, radiance, parts.static.light, self._outputs, stride)

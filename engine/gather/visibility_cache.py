@@ -23,7 +23,8 @@ from .stale_samples import StaleSamples
 #: Maximum size of a piece of the cache, bytes.
 _PIECE = 1 << 30
 
-#: Minimum number of patches of a piece where several devices share the patches (chosen).
+#: Minimum number of patches in a piece of the visibility cache when several devices share the patches
+#: (chosen).
 _FEWEST = 1 << 12
 
 

@@ -63,8 +63,9 @@ def _reflecting_twice(material: Material, loss: Fresnel) -> Material:
     """Return glass whose front also reflects the light of the face behind it.
 
     A face transmits T and reflects 1 - T of the light at an angle. Two faces reflect (1 - T) (1 + T^2), of
-    which the front now reflects all. Its opaque part is (1 - T^2) / 2, and its reflectance has the ratio of
-    the means under uniform light.
+    which the front now reflects all. Its opaque part is (1 - T^2) / 2. The reflectance is scaled so that
+    under uniform light the front reflects as much as both faces: by the mean of (1 - T) (1 + T^2) divided by
+    the mean of (1 - T^2) / 2.
     """
     steps = 256
     cosines = np.sqrt((np.arange(steps) + 0.5) / steps)

@@ -40,7 +40,7 @@ class TexelSteps:
         return longer
 
     def scaled(self, factor: float) -> TexelSteps:
-        """Return the steps for texels whose sides are `factor` times as long."""
+        """Return the texel steps of a lightmap whose texels are `factor` times as wide."""
         edges = np.float32(factor) * self.edge_u, np.float32(factor) * self.edge_v
         return TexelSteps(*edges, self.geometric, np.float32(factor**2) * self.area, self.whole)
 

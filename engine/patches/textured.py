@@ -77,11 +77,10 @@ def textured_patches(
 
 
 def _grouped(numbers: np.ndarray, chosen: Sequence[bool]) -> list[np.ndarray | None]:
-    """Return for each chosen value the indices at which `numbers`, (n,), has it, (m,) int64.
+    """Return the indices of each value in `numbers`, (m,) int64 ascending; None for values not chosen.
 
-    None if not chosen.
-
-    None for values that are not chosen.
+    numbers:  (n,) integers, each an index into `chosen`
+    chosen:   True for each value whose indices are needed
     """
     if sum(chosen) <= _SEARCHED:
         return [np.flatnonzero(numbers == number) if wanted else None for number, wanted in enumerate(chosen)]

@@ -41,10 +41,11 @@ _FINE_BACKS = 0.02
 class Blocks:
     """Layout of the texel blocks in which triangles are placed.
 
-    low, high: corners of a triangle in its block of k texels: `low`, and k minus `high`. They cover the
-               centres of all texels below the diagonal and touch no texel of another block
-    is_back:   True for back faces: the number of texels of a block follows the triangle's area, and texels
-               are finer if few are needed. False: a block is as wide as the triangle's longest edge
+    low, high:  distances of a triangle from the borders of its block, texels. In a block k texels wide, its
+                corners are (low, low), (k - high, low) and (low, k - high). It covers the texel centres on
+                and below the block's diagonal, and no texel of another block
+    is_back:    True for back faces: a block has about as many texels as the triangle's area, and texels are
+                finer if few are needed. False: a block is at least as wide as the triangle's longest edge
     """
 
     low: float

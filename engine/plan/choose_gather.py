@@ -146,7 +146,10 @@ def _empty_cache(job: SolveJob, sampling: SampleLayout) -> VisibilityCache:
 
 
 def _new_parts(job: SolveJob) -> DeviceParts:
-    """Return the objects of another device that computes visibility samples and gathers from them."""
+    """Return visibility cache, sampler and background light for an additional device.
+
+    The device traces its own share of the patches and gathers from it.
+    """
     sampler = RaySampler(job.opencl, job.rays, job.parts, job.background, job.settings)
     sampling = SampleLayout.of(sampler)
     return DeviceParts(_empty_cache(job, sampling), sampler, static_light(job, sampling))

@@ -41,10 +41,10 @@ from .solve_job import SolveJob
 from .solver_choice import SolverChoice
 from .substitute_patches import substitute_patches
 
-#: Tolerance of the interpolation between groups, relative to the irradiance, times the square root of the
-#: samples of a patch. It is three times the sampling error: most of the residual is noise of the groups,
-#: which the plane removes. Where irradiance is curved, the plane's centre is closer than the residual
-#: suggests.
+#: Tolerance of interpolation between patch groups. An irradiance plane is fitted to neighbouring groups; its
+#: residual, relative to the irradiance, may be at most this value divided by the square root of the samples
+#: per patch. That is three times the sampling error, because most of the residual is noise that the plane
+#: averages out. Where irradiance is curved, the centre of the plane is closer than the residual suggests.
 _TOLERANCE = 2.0
 
 #: Width in texels of the smaller groups, of which one patch gathers first where 4 x 4 groups are too coarse.

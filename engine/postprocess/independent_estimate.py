@@ -56,7 +56,8 @@ def denoise_weight(
     along, squares, noise = segment_sums(rows, kind, kind.max(initial=0) + 1).T
     overall = along.sum() / max(squares.sum(), 1e-30)
 
-    # The variance of a weight is the variance of the estimate divided by the squared changes.
+    # Posterior mean of each weight. Its prior has mean `overall` and variance `_SPREAD`. The regression has
+    # variance s^2 / squares, where s^2 is the mean square of `toward` in the class.
     uncertain = noise / np.maximum(np.bincount(kind, minlength=len(noise)), 1) / _SPREAD
     weight = (along + uncertain * overall) / np.maximum(squares + uncertain, 1e-30)
     of_texel: np.ndarray = np.clip(weight, 0, 1).astype(np.float32)[kind]

@@ -42,7 +42,7 @@ class ThinWallFit:
     visible:  (s,) bool, valid samples
     light:    (s,) float32, E/pi of the samples, sum of the channels
     inside:   (k,) int64, indices of samples inside thin walls
-    shown:    the same light in all texels without this fit, one channel
+    shown:    light of each texel before this fit, E/pi, sum of the channels
     known:    (atlases, r, r) bool, texels with valid light
     texels:   (t,) int64, flat indices of the fitted texels
     centres:  (p,) int64, flat indices of the texels whose centre is a sample of the fit

@@ -72,7 +72,8 @@ _COMPARED = ((0, 1), (1, 2), (0, 2), (0, 2), (1, 2))
 #: Children over and under each node of a cell: a node, or -(t + 1) for tetrahedron t of the cell.
 _CHILDREN = ((1, 3), (-3, 2), (-1, -2), (-6, 4), (-4, -5))
 
-#: Order in which the coordinates of the points of each tetrahedron of a cell descend.
+#: Axes of each of the six tetrahedra of a cell, sorted by descending coordinate: (0, 2, 1) is the tetrahedron
+#: with x >= z >= y.
 _ORDERS = ((0, 2, 1), (2, 0, 1), (0, 1, 2), (1, 2, 0), (2, 1, 0), (1, 0, 2))
 
 

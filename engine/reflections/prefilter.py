@@ -26,7 +26,7 @@ _SAMPLES, _MOST_SAMPLES = 512, 8192
 #: Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
 _COARSER = 1.0
 
-#: Golden ratio, whose multiples are even angles.
+#: Golden ratio; 0, 1, 2, ... divided by it, as fractions of a turn, are evenly spread angles.
 _GOLDEN = (1 + np.sqrt(5)) / 2
 
 

@@ -262,7 +262,10 @@ class Solver:
     def _mixture(self, sums: IterationSums) -> tuple[np.ndarray, np.ndarray]:
         """Return the Anderson weights of stored iterates, (columns, 3), and the ambient light to add, (3,).
 
-        The ambient light is the radiance that lost samples would have brought; 0 in most iterations.
+        The ambient light is the uniform radiance that balances the energy: what it loses in one bounce, by
+        absorption and to the background, equals the reflected flux of the newest defect (Cohen et al. 1988).
+        Accelerated solutions add it after the first iteration and after the first full one, except in a warm
+        start; otherwise it is 0.
         """
         weights, ambient = np.zeros((self._radiosity.columns, 3)), np.zeros(3)
         weights[self._newest] = 1

@@ -37,7 +37,10 @@ _DATA = "Non-Color"
 
 
 def map_name(atlas: str, output: str) -> str:
-    """Return the name of a further output's map of a lightmap, in the scene's list and of the image."""
+    """Return the name of a companion map: the map of another output beside a lightmap.
+
+    Both the image and its entry in the scene's list use it.
+    """
     return f"{atlas} {output.replace('_', ' ', 1)}"
 
 

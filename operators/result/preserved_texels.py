@@ -68,7 +68,10 @@ class PreservedTexels:
         return entry and entry.image
 
     def _others(self, atlas: str) -> list[bpy.types.Object]:
-        """Return the objects that show an atlas's image and are not baked now; raise SceneError."""
+        """Return the objects that use an atlas's image but are not baked now.
+
+        Raises SceneError if there are any and the image has another resolution than this bake.
+        """
         image, baked = self._image(atlas), {entry.uid for entry in self._read.objects}
         if image is None:
             return []

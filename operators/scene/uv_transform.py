@@ -61,7 +61,12 @@ class ChartBox:
         return (self.high - self.low) / self.density
 
     def place(self, atlas: str, corner: tuple[int, int], scale: float, resolution: int) -> UvTransform:
-        """Return the place with its lower left corner at a texel, and a scale in texels per metre."""
+        """Return the transform that puts the box's lower left corner at a texel of a lightmap.
+
+        corner:      column and row of the texel
+        scale:       texels per metre
+        resolution:  width of the lightmap, texels
+        """
         factor = scale / self.density / resolution
         x, y = np.array(corner) / resolution - self.low * factor
         return UvTransform(atlas, float(factor), (float(x), float(y)))

@@ -17,7 +17,8 @@ _WORTHWHILE = 192
 #: clipping, so that no visible triangle is culled.
 _SLACK = 4e-6
 
-#: Planes between faces, along right, up and normal; the last is the patch's own plane.
+#: Normals of the planes that separate the hemicube's faces, as components along right, up and normal. The
+#: last is the patch's own plane.
 _PLANES = np.array(
     [[1, 1, 0], [1, -1, 0], [1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [0, 0, 1]], np.float32
 )

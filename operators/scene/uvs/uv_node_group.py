@@ -31,7 +31,8 @@ _LAYER, _TOPOLOGY = UV_GROUP, "hemibake_topology"
 #: Custom property of a node group: digest of the meshes and UVs from which its viewport UVs were projected.
 _VIEWPORT = "hemibake_viewport"
 
-#: Names of the nodes that viewport UVs add to a group; the Object Info node is first.
+#: Names of the extra nodes of a group that also stores UVs for the viewport's mesh; the first is the Object
+#: Info node.
 _VIEWPORT_NODES = tuple(f"{NAME} {part}" for part in ("of viewport", "is viewport", "switch", "count"))
 
 #: Custom property that marks carriers.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ...engine.errors import EngineError
 from ...engine.object_message import object_message
 from ..levels import levels_of
 from ..lookup import find
@@ -69,12 +70,16 @@ def store_levels(
 ) -> tuple[dict[int, int], list[str]]:
     """Write UVs on the lightmap of their first level to all levels of baked objects.
 
-    Returns the session uid of the first level by that of each level with such UVs, and notes.
+    Returns the session uid of the first level by that of each level with such UVs, and notes. If Blender
+    cannot evaluate the scene, a note has the reason, so that the bake can still be stored.
 
     baked:  place in the atlas of objects with new lightmaps, by session uid
     width:  width of the lightmaps, texels
     """
-    levels, troubles = _read_levels(context, baked.keys())
+    try:
+        levels, troubles = _read_levels(context, baked.keys())
+    except EngineError as error:
+        return {}, [str(error)]
     for level in levels:
         replace_layer(level.obj, LEVEL_UVS, level.surface.corner_uvs(level.mesh), Rollback())
         if level.distance * baked[level.first.session_uid].scale * width > FAR:

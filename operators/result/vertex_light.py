@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence, Set
 import bpy
 import numpy as np
 
+from ...engine.errors import EngineError
 from ...engine.object_message import object_message
 from ...engine.vertex_light.vertex_fit import VertexLight, corner_values, fit_vertices
 from ..lookup import find_all
@@ -58,7 +59,8 @@ def store_vertex_light(
     """Write the light of baked objects to their vertices, or remove old colors of objects with lightmaps.
 
     Returns the report's entry of each object with such light, and notes on objects that keep their lightmap.
-    Call it after `mark_objects`.
+    If Blender cannot evaluate the scene, all keep it, and a note has the reason. Call this after
+    `mark_objects`.
 
     lightmaps:  (h, w, 3) float32, linear Rec.709, by atlas
     lost:       session uids and names of objects without lightmap UVs, which stay unchanged
@@ -66,7 +68,12 @@ def store_vertex_light(
     scene, places = context.scene, {entry.uid: entry.place for entry in read.objects}
     baked = [obj for obj in find_all(bpy.data.objects, places.keys() - lost.keys()) if obj.is_editable]
     wanted = [obj for obj in baked if obj.hemibake.bake_to == "VERTICES"]
-    meshes = read_vertex_meshes(context, wanted, {entry.name for entry in read.instances}) if wanted else {}
+    meshes, notes = dict[int, MeshArrays | str](), list[str]()
+    try:
+        if wanted:
+            meshes = read_vertex_meshes(context, wanted, {entry.name for entry in read.instances})
+    except EngineError as error:
+        notes.append(str(error))
     fitted, troubles = dict[str, VertexLight](), dict[str, list[str]]()
     for obj in baked:
         record, mesh, light = writable_record(obj, scene), meshes.get(obj.session_uid), None
@@ -86,7 +93,8 @@ def store_vertex_light(
         {"object": name, "values": len(light.light), "error": light.error}
         for name, light in sorted(fitted.items())
     ]
-    return entries, [object_message(sentence, sorted(names)) for sentence, names in troubles.items()]
+    notes += [object_message(sentence, sorted(names)) for sentence, names in troubles.items()]
+    return entries, notes
 
 
 def read_vertex_meshes(

@@ -121,6 +121,19 @@ def test_levels_that_cannot_get_uvs_are_named(objects):
     assert UVS not in objects["Chosen"].data.uv_layers
 
 
+def test_a_bake_is_stored_without_levels_if_the_view_layer_is_gone(objects):
+    import bpy
+
+    layer = SimpleNamespace(name="Gone")
+    context = part("operators.scene").SceneContext(SimpleNamespace(scene=bpy.context.scene, view_layer=layer))
+    place = part("operators.scene.uv_transform").UvTransform("Lightmap")
+    stored, notes = part("operators.result.level_maps").store_levels(
+        context, {objects["Rock"].session_uid: place}, 64
+    )
+    assert not stored and notes == ["The view layer 'Gone' is gone. Bake again."]
+    assert UVS not in objects["Rock_LOD1"].data.uv_layers
+
+
 def test_hidden_levels_have_maps_too(objects):
     import bpy
 

@@ -1,5 +1,7 @@
 """Light at vertices: color attributes of baked objects, their preview and their export."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,11 @@ from .things import CUBE, INWARD, SQUARE_UVS, mesh_object, part, pixels, read_sc
 COLORS = "Lightmap Color"
 
 
-def store(light):
-    """Store light, (h, w, 3), as the lightmaps of a bake; return the entries of the report, and the notes."""
+def store(light, view_layer=None):
+    """Store light, (h, w, 3), as the lightmaps of a bake; return the entries of the report, and the notes.
+
+    view_layer:  view layer of the bake; None for the shown one
+    """
     import bpy
 
     scene, read = bpy.context.scene, read_scene()
@@ -23,7 +28,8 @@ def store(light):
         images.remember(scene, atlas, image)
         made.append(image)
     part("operators.result.baked_marks").mark_objects(scene, read, made, "Lightmap", {})
-    context = part("operators.scene").SceneContext(bpy.context)
+    layer = view_layer or bpy.context.view_layer
+    context = part("operators.scene").SceneContext(SimpleNamespace(scene=scene, view_layer=layer))
     lightmaps = dict.fromkeys(read.scene.atlases, light)
     entries, notes = part("operators.result.vertex_light").store_vertex_light(context, read, lightmaps, {})
     return {entry["object"]: entry for entry in entries}, " ".join(notes)
@@ -165,6 +171,16 @@ def test_light_at_vertices(tmp_path):
     objects["Ground"].hemibake.bake_to = "LIGHTMAP"
     assert "Ground" not in store(light)[0]
     assert [one.name for one in attributes] == ["Paint"] and not objects["Ground"].hemibake.on_vertices
+
+
+def test_light_is_in_the_lightmap_if_the_view_layer_is_gone():
+    ground = grid(count=2)
+    ground.hemibake.bake_to = "VERTICES"
+    assert store(smooth_light())[0].keys() == {"Ground"} and ground.hemibake.on_vertices
+    entries, notes = store(smooth_light(), SimpleNamespace(name="Gone"))
+    assert not entries and notes == "The view layer 'Gone' is gone. Bake again."
+    assert not ground.hemibake.on_vertices and COLORS not in ground.data.color_attributes
+    assert ground.hemibake.image is not None
 
 
 def test_bakes_store_light_at_vertices_and_uvs_of_levels():

@@ -10,6 +10,7 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.object_message import object_message
 from ...engine.settings import Settings
+from ..levels import first_level
 from ..lookup import find_all
 from ..scene import ReadScene, SceneContext
 from ..scene.bake_records import Record, bake_record
@@ -71,6 +72,7 @@ class PreservedTexels:
         """Return the objects that use an atlas's image but are not baked now.
 
         Raises SceneError if there are any and the image has another resolution than this bake.
+        Levels of detail of objects that are baked now are left out: the bake writes their UVs again.
         """
         image, baked = self._image(atlas), {entry.uid for entry in self._read.objects}
         if image is None:
@@ -79,7 +81,9 @@ class PreservedTexels:
         others = [
             obj
             for obj in scene.objects
-            if obj.type == "MESH" and bake_record(obj, scene).image == image and obj.session_uid not in baked
+            if obj.type == "MESH"
+            and bake_record(obj, scene).image == image
+            and (first_level(obj) or obj).session_uid not in baked
         ]
         if others and tuple(image.size) != (self._settings.resolution,) * 2:
             sentence = (

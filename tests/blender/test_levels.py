@@ -1,5 +1,6 @@
 """Levels of detail: left out of bakes, and shown with the lightmap of their first level."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -108,6 +109,27 @@ def test_levels_show_the_lightmap_of_the_first_level(objects, tmp_path):
         corners, obj = file.corners(file.nodes(name)[0]), objects[first].hemibake
         uvs = (0.1 + 0.35 * corners[:, :2]) * obj.uv_scale + np.array(obj.uv_offset)
         assert corners[:, 3:] == pytest.approx(uvs, abs=0.02)
+
+
+def test_levels_are_no_other_objects_in_bakes_of_their_first_level(objects):
+    import bpy
+
+    kept, scene = part("operators.result.preserved_texels"), bpy.context.scene
+    read, _, _ = store()
+    context = part("operators.scene").SceneContext(bpy.context)
+    settings = part("operators.bake_settings").read_settings(scene.hemibake)
+    settings = replace(settings, resolution=64)
+
+    def others(*names):
+        """Return the names of the objects that keep their texels in a bake of some objects."""
+        uids = {objects[name].session_uid for name in names}
+        chosen = part("operators.scene.bake_targets").only_targets(read, uids, scene)
+        partial = kept.PreservedTexels(context, chosen, chosen.scene.atlases, settings, partial=True)
+        return sorted(obj.name for _, obj in partial.objects())
+
+    firsts = {"Rock", "Stone_LOD0", "Lone_LOD1"}
+    assert others(*firsts) == []
+    assert others("Rock", "Lone_LOD1") == ["Far_LOD1", "Stone_LOD0", "Stone_lod2"]
 
 
 def test_levels_that_cannot_get_uvs_are_named(objects):

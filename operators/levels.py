@@ -51,4 +51,18 @@ def _valid(first: bpy.types.Object | None, obj: bpy.types.Object) -> bpy.types.O
     if first is None or first == obj or first.type != "MESH" or first.hide_render:
         return None
     is_level = first.hemibake.level_of is not None or first.hemibake.role != "BAKED"
-    return None if is_level or not set(first.users_scene) & set(obj.users_scene) else first
+    return None if is_level or not _share_scene(first, obj) else first
+
+
+def _share_scene(one: bpy.types.Object, other: bpy.types.Object) -> bool:
+    """Return True if a scene has both objects.
+
+    `users_scene` is not used, because it makes a Python list of the objects of all scenes.
+    """
+    return any(_is_in(one, scene) and _is_in(other, scene) for scene in bpy.data.scenes)
+
+
+def _is_in(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Return True if a scene has an object; a local and a linked object may have the same name."""
+    found = scene.objects.get(obj.name)
+    return found == obj or (found is not None and obj in scene.objects[:])

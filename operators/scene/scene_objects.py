@@ -141,6 +141,7 @@ class ItemReader:
         self._displaced_meshes: set[_MeshKey] = set()
         self._displaced: list[str] = []
         self._haired: set[ItemKey] = set()
+        self._left_out: dict[int, bool] = {}
 
     @staticmethod
     def is_large(item: SceneItem) -> bool:
@@ -154,7 +155,7 @@ class ItemReader:
 
         override:  material of all surfaces, if the view layer has one
         """
-        if is_left_out(item.source) or self._instancer_ignored(item):
+        if self._is_left_out(item):
             return
         atlas = item.source.hemibake.atlas if self._gets_lightmap(item) else None
         materials = shown_materials(item.object.data, item.source, override)
@@ -180,7 +181,7 @@ class ItemReader:
 
         override:  material of all surfaces, if the view layer has one
         """
-        if is_left_out(item.source) or self._instancer_ignored(item):
+        if self._is_left_out(item):
             return
         if item.key in self._haired:
             return
@@ -265,8 +266,13 @@ class ItemReader:
             on_vertices=item.source.hemibake.bake_to == "VERTICES",
         )
 
-    def _instancer_ignored(self, item: SceneItem) -> bool:
-        return item.instancer is not None and is_left_out(item.instancer)
+    def _is_left_out(self, item: SceneItem) -> bool:
+        """Return True if bakes leave out an object, or the source object or instancer of an instance."""
+        owners = (item.source,) if item.instancer is None else (item.source, item.instancer)
+        for owner in owners:
+            if owner.session_uid not in self._left_out:
+                self._left_out[owner.session_uid] = is_left_out(owner)
+        return any(self._left_out[owner.session_uid] for owner in owners)
 
     def _gets_lightmap(self, item: SceneItem) -> bool:
         """Return True if an object is baked; an instance must also have a baked instancer."""

@@ -176,6 +176,32 @@ def test_check_lists_levels_that_do_not_fit(objects):
     assert part("operators.check.levels").check_levels(context, 4) == []
 
 
+def test_objects_are_compared_by_identity_within_a_scene(objects, monkeypatch):
+    """A scene may have a linked object with the name of a local one, which a look-up by name may find."""
+    import bpy
+
+    levels, rock, level = part("operators.levels"), objects["Rock"], objects["Rock_LOD1"]
+    other = bpy.data.scenes.new("Other")
+    other.collection.objects.link(level)
+    assert levels.first_level(level) == rock
+    bpy.context.scene.collection.objects.unlink(level)
+    assert levels.first_level(level) is None
+    other.collection.objects.link(rock)
+    assert levels.first_level(level) == rock
+
+    class Objects(list):
+        """Objects of a scene of which a look-up finds another one with the same name."""
+
+        def get(self, name):
+            return objects["Chosen"]
+
+    scenes = [SimpleNamespace(objects=Objects(found)) for found in ([rock], [level], [rock, level])]
+    monkeypatch.setattr(levels, "bpy", SimpleNamespace(data=SimpleNamespace(scenes=scenes[:2])))
+    assert not levels._share_scene(rock, level)
+    levels.bpy.data.scenes = scenes
+    assert levels._share_scene(rock, level)
+
+
 def test_what_is_no_level(objects):
     level = part("operators.levels").first_level
     assert level(objects["Rock_LOD1"]) == objects["Rock"] and level(objects["Rock"]) is None

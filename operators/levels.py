@@ -13,8 +13,16 @@ _NAME = re.compile(r"(?P<stem>.+)(?P<mark>_LOD)(?P<level>\d+)(?P<copy>\.\d{3,})?
 def first_level(obj: bpy.types.Object) -> bpy.types.Object | None:
     """Return the first level of a level of detail; None for all other objects.
 
-    The setting Level Of names it. Without the setting, the first level of TREE_LOD2 is TREE_LOD0, or TREE.
+    The setting Level Of names it. Without the setting, the first level of TREE_LOD2 is TREE_LOD0, or TREE. If
+    this object is itself a level, its first level counts; objects in longer chains or cycles are no levels.
     """
+    above = _level_above(obj)
+    first = None if above is None else _level_above(above) or above
+    return None if first is None or _level_above(first) is not None else first
+
+
+def _level_above(obj: bpy.types.Object) -> bpy.types.Object | None:
+    """Return the object that the setting Level Of or the name of an object refers to; None without one."""
     if obj.type != "MESH" or obj.hemibake.role != "BAKED":
         return None
     if obj.hemibake.level_of is not None:
@@ -47,11 +55,10 @@ def _first_names(name: str) -> tuple[str, ...]:
 
 
 def _valid(first: bpy.types.Object | None, obj: bpy.types.Object) -> bpy.types.Object | None:
-    """Return a first level if it gets a lightmap: a mesh that renders show, and that is no level itself."""
+    """Return the object above a level if it can be one: a baked mesh that renders show in the same scene."""
     if first is None or first == obj or first.type != "MESH" or first.hide_render:
         return None
-    is_level = first.hemibake.level_of is not None or first.hemibake.role != "BAKED"
-    return None if is_level or not _share_scene(first, obj) else first
+    return first if first.hemibake.role == "BAKED" and _share_scene(first, obj) else None
 
 
 def _share_scene(one: bpy.types.Object, other: bpy.types.Object) -> bool:

@@ -202,6 +202,22 @@ def test_objects_are_compared_by_identity_within_a_scene(objects, monkeypatch):
     assert levels._share_scene(rock, level)
 
 
+def test_levels_of_levels_have_the_same_first_level(objects):
+    level, objs = part("operators.levels").first_level, objects
+    objs["Lone_LOD1"].hemibake.level_of = objs["Rock_LOD1"]
+    objs["Far_LOD1"].hemibake.level_of = objs["Chosen"]
+    assert level(objs["Lone_LOD1"]) == level(objs["Far_LOD1"]) == level(objs["Chosen"]) == objs["Rock"]
+
+    # An end without a lightmap, a longer chain and a cycle: no object refers to one that is left out.
+    objs["Rock"].hemibake.role = "NO_LIGHTMAP"
+    assert level(objs["Chosen"]) is None and level(objs["Far_LOD1"]) == objs["Chosen"]
+    objs["Rock"].hemibake.role = "BAKED"
+    objs["Stone_lod2"].hemibake.level_of = objs["Far_LOD1"]
+    assert level(objs["Stone_lod2"]) is None and level(objs["Far_LOD1"]) == objs["Rock"]
+    objs["Rock"].hemibake.level_of = objs["Rock_LOD1"]
+    assert level(objs["Rock"]) is None and level(objs["Rock_LOD1"]) is None
+
+
 def test_what_is_no_level(objects):
     level = part("operators.levels").first_level
     assert level(objects["Rock_LOD1"]) == objects["Rock"] and level(objects["Rock"]) is None

@@ -13,9 +13,10 @@ from ...engine.object_message import object_message
 from ..levels import levels_of
 from ..lookup import find
 from ..rollback import Rollback
-from ..scene import SceneContext
+from ..scene import SceneContext, visible_meshes
 from ..scene.bake_records import bake_record, writable_record
 from ..scene.objects.evaluation import Evaluation, evaluate
+from ..scene.objects.visible import visible_objects
 from ..scene.uv_transform import UvTransform
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.uv_layers import MOST_LAYERS, replace_layer
@@ -39,6 +40,10 @@ _FULL = (
 _SHARED = (
     "{}: levels of detail of different objects share one mesh. Use Object > Relations > Make Single User > "
     f"Object & Data, {_OTHERWISE}."
+)
+_HIDDEN = (
+    "{}: renders of this scene show the level but not its first level, so neither is baked. Show the first "
+    "level in renders, or set the role of the level to No Lightmap."
 )
 _NAMED = f"{{}}: an attribute called '{LEVEL_UVS}' is not a UV layer. Rename it."
 TOO_FAR = (
@@ -78,12 +83,15 @@ def store_levels(
     """
     try:
         levels, troubles = _read_levels(context, baked.keys())
+        hidden = _without_first(context)
     except EngineError as error:
         return {}, [str(error)]
     for level in levels:
         replace_layer(level.obj, LEVEL_UVS, level.surface.corner_uvs(level.mesh), Rollback())
         if level.distance * baked[level.first.session_uid].scale * width > FAR:
             troubles.setdefault(TOO_FAR, []).append(level.obj.name)
+    if hidden:
+        troubles[_HIDDEN] = hidden
     stored = {level.obj.session_uid: level.first.session_uid for level in levels}
     return stored, [object_message(sentence, sorted(names)) for sentence, names in troubles.items()]
 
@@ -108,6 +116,19 @@ def far_levels(context: SceneContext, width: int) -> list[str]:
     """
     levels, _ = _read_levels(context)
     return [level.obj.name for level in levels if level.distance * width > FAR]
+
+
+def _without_first(context: SceneContext) -> list[str]:
+    """Return the names of levels that renders show while neither they nor instances show the first level."""
+    visible = set(visible_objects(context))
+    hidden = [
+        (first, level)
+        for first, levels in levels_of(context.scene).items()
+        for level in levels
+        if first not in visible and level in visible
+    ]
+    instanced = set(visible_meshes(context)) if hidden else set()
+    return [level.name for first, level in hidden if first not in instanced]
 
 
 def _read_levels(

@@ -11,6 +11,9 @@ from .things import material, mesh_object, part, read_scene
 
 UVS = "Lightmap of Level 0"
 
+#: First levels of the scene, and an object that is no level.
+OTHERS = ("Stone_LOD0", "Lone_LOD1")
+
 
 def grid(name, count, surface=None):
     """Return a bent sheet of count^2 quads, with lightmap UVs for a surface."""
@@ -154,6 +157,29 @@ def test_a_bake_is_stored_without_levels_if_the_view_layer_is_gone(objects):
     )
     assert not stored and notes == ["The view layer 'Gone' is gone. Bake again."]
     assert UVS not in objects["Rock_LOD1"].data.uv_layers
+
+
+def test_levels_whose_first_level_is_not_rendered_are_named(objects):
+    import bpy
+
+    scene = bpy.context.scene
+    hidden = bpy.data.collections.new("Hidden")
+    scene.collection.children.link(hidden)
+    for name in ("Rock", "Chosen"):
+        hidden.objects.link(objects[name])
+        scene.collection.objects.unlink(objects[name])
+    bpy.context.view_layer.layer_collection.children["Hidden"].exclude = True
+    read, stored, notes = store()
+    assert {entry.uid for entry in read.objects} == {objects[name].session_uid for name in OTHERS}
+    assert objects["Rock_LOD1"].session_uid not in stored
+    assert "'Rock_LOD1': renders of this scene show the level but not its first" in notes
+
+    # An instance of the collection shows its objects.
+    empty = bpy.data.objects.new("Empty", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", hidden
+    scene.collection.objects.link(empty)
+    bpy.context.view_layer.update()
+    assert "renders of this scene" not in store()[2]
 
 
 def test_hidden_levels_have_maps_too(objects):

@@ -22,21 +22,22 @@ MAX_SHOWN = 1 << 18
 def keep_probes(scene: bpy.types.Scene, grids: Sequence[ProbeGrid], origin: np.ndarray) -> None:
     """Replace a scene's probes by those of a bake; larger volumes than MAX_SHOWN are left out.
 
-    Images of unchanged size keep their data-blocks, so that a preview shows their new light. Light groups are
-    left out if the volume is too large with them.
+    Images of unchanged size keep their data-blocks, so that a preview shows their new light. Volumes of equal
+    names, of which one is linked, keep them in order. Light groups are left out if the volume is too large
+    with them.
 
     origin:  (3,) float64, world space: the point to which the grids are relative
     """
     entries = scene.hemibake.probe_volumes
-    before = {entry.name: entry.image for entry in entries if entry.image is not None}
-    unused = set(before.values())
+    before = [(entry.name, entry.image) for entry in entries if entry.image is not None]
+    unused = {image for _, image in before}
     entries.clear()
     for grid in grids:
         count = len(grid.coefficients)
         if count <= MAX_SHOWN:
             groups = grid.groups if count * (1 + len(grid.groups)) <= MAX_SHOWN else {}
-            known = before.get(grid.name)
-            known = None if known is None or _is_of_another(known, scene) else known
+            same = (image for name, image in before if name == grid.name and image in unused)
+            known = next((image for image in same if not _is_of_another(image, scene)), None)
             image = _image(grid, [grid.coefficients, *groups.values()], known)
             unused.discard(image)
             entry = entries.add()
@@ -53,16 +54,24 @@ def keep_probes(scene: bpy.types.Scene, grids: Sequence[ProbeGrid], origin: np.n
 def update_probes(scene: bpy.types.Scene, grids: Sequence[ProbeGrid]) -> None:
     """Write new light into the images of a scene's probes; volumes that have none are left out.
 
+    Volumes of equal names and resolutions, of which one is linked, have the order of the last bake.
+
     No data-block is added, so no undo step has to follow.
     """
-    entries = scene.hemibake.probe_volumes
+    entries = list(scene.hemibake.probe_volumes)
     for grid in grids:
-        entry = entries.get(grid.name)
+        entry = next((entry for entry in entries if _is_of(entry, grid)), None)
         if entry is not None and entry.image is not None:
+            entries.remove(entry)
             groups = json.loads(entry.light_groups or "[]")
             pixels = _pixels(grid, [grid.coefficients, *(grid.groups[name] for name in groups)])
             if tuple(entry.image.size) == pixels.shape[1::-1]:
                 _write(entry.image, pixels)
+
+
+def _is_of(entry: bpy.types.PropertyGroup, grid: ProbeGrid) -> bool:
+    """Return True if an entry has the name and resolution of a volume."""
+    return entry.name == grid.name and tuple(entry.resolution) == tuple(grid.resolution)
 
 
 def _is_of_another(image: bpy.types.Image, scene: bpy.types.Scene) -> bool:

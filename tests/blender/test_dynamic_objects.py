@@ -5,7 +5,7 @@ import pytest
 
 from tests.blender.test_light_probes import bake, probe_volume
 from tests.blender.test_preview_render import render
-from tests.blender.things import bpy_link, furnace, material, part, snapshot, square
+from tests.blender.things import bpy_link, furnace, material, part, pixels, snapshot, square
 
 
 def grid(name, matrix, resolution, level=0.0, has_groups=False):
@@ -92,6 +92,38 @@ def test_the_preview_interpolates_the_probes(tmp_path, normal, has_groups):
         probes = fine if np.abs(unit).max() < 1 else coarse
         light = expected(probes, point, np.array(normal)) * [0.8, 0.5, 0.25] * factor
         assert found[row, column] == pytest.approx(light, rel=0.03)
+
+
+def test_volumes_of_equal_names_keep_images_of_their_own():
+    """A local and a linked volume may have the same name: each bake and Live write two images."""
+    import bpy
+
+    scene, images = bpy.context.scene, part("operators.result.probe_images")
+
+    def levels():
+        """Return the image and the mean red of the first block, E/pi of the mean light, of each volume."""
+        found = []
+        for entry in scene.hemibake.probe_volumes:
+            red = pixels(entry.image)[:, : entry.resolution[0], 0].mean()
+            found.append((entry.image.name, red))
+        return found
+
+    def volumes(*means):
+        return [grid("Volume", np.eye(4), (2, 3, 1), mean) for mean in means]
+
+    images.keep_probes(scene, volumes(1, 9), np.zeros(3))
+    first, count = levels(), len(bpy.data.images)
+    assert first[0][0] != first[1][0] and first[1][1] > 2 * first[0][1]
+    images.keep_probes(scene, volumes(1, 9), np.zeros(3))
+    assert levels() == first and len(bpy.data.images) == count
+    images.update_probes(scene, volumes(9, 1))
+    assert [red for _, red in levels()] == [red for _, red in reversed(first)]
+
+    # Files of older versions have one image for both.
+    for entry in scene.hemibake.probe_volumes:
+        entry.image = bpy.data.images[first[0][0]]
+    images.keep_probes(scene, volumes(1, 9), np.zeros(3))
+    assert [red for _, red in levels()] == [red for _, red in first]
 
 
 def test_probes_are_shown_as_spheres_and_removed_again(tmp_path):

@@ -30,8 +30,9 @@ class HEMIBAKE_OT_show_light_probes(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        is_ready = context.mode == "OBJECT" and any(
-            entry.image for entry in context.scene.hemibake.probe_volumes
+        scene = context.scene
+        is_ready = context.mode == "OBJECT" and (
+            any(entry.image for entry in scene.hemibake.probe_volumes) or bool(_spheres(scene))
         )
         if not is_ready:
             cls.poll_message_set("Bake with Light Probes, and leave Edit Mode, to show probes")
@@ -39,7 +40,7 @@ class HEMIBAKE_OT_show_light_probes(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
-        shown = [obj for obj in scene.objects if obj.get(_MARK)]
+        shown = _spheres(scene)
         if shown:
             _remove(shown)
             return {"FINISHED"}
@@ -63,6 +64,11 @@ class HEMIBAKE_OT_show_light_probes(bpy.types.Operator):
         show_materials(context)
         self.report({"INFO"}, f"{count:,} light probes are shown")
         return {"FINISHED"}
+
+
+def _spheres(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the objects of spheres in a scene; a user may have copied the first one."""
+    return [obj for obj in scene.objects if obj.get(_MARK)]
 
 
 def _add(scene: bpy.types.Scene, volumes: Sequence[ProbeVolume]) -> None:

@@ -156,7 +156,11 @@ def test_probes_are_shown_as_spheres_and_removed_again(tmp_path):
         node.node_tree.name for node in obj.material_slots[0].material.node_tree.nodes if node.type == "GROUP"
     ]
     assert groups == ["Light probes"]
+
+    # After the volumes were deleted and a bake ran, the spheres can still be removed.
+    scene.hemibake.probe_volumes.clear()
     assert bpy.ops.hemibake.show_light_probes() == {"FINISHED"}
+    assert not bpy.ops.hemibake.show_light_probes.poll()
     assert (len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.materials)) == count
     after = snapshot()
     assert after["selected"] == before["selected"] and after["active"] == before["active"]

@@ -127,16 +127,18 @@ def _sphere() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _remove(objects: Sequence[bpy.types.Object]) -> None:
-    """Remove the spheres with their mesh and material."""
+    """Remove the spheres with their meshes and materials; linked duplicates share them."""
     hide_preview(objects)
+    meshes = {obj.data for obj in objects}
+    materials = {material for mesh in meshes for material in mesh.materials if material is not None}
     for obj in objects:
-        mesh = obj.data
-        materials = [material for material in mesh.materials if material is not None]
         bpy.data.objects.remove(obj)
-        bpy.data.meshes.remove(mesh)
-        for material in materials:
-            if not material.users:
-                bpy.data.materials.remove(material)
+    for mesh in meshes:
+        if not mesh.users:
+            bpy.data.meshes.remove(mesh)
+    for material in materials:
+        if not material.users:
+            bpy.data.materials.remove(material)
 
 
 CLASSES = (HEMIBAKE_OT_show_light_probes,)

@@ -157,7 +157,8 @@ def test_probes_are_shown_as_spheres_and_removed_again(tmp_path):
     ]
     assert groups == ["Light probes"]
 
-    # After the volumes were deleted and a bake ran, the spheres can still be removed.
+    # After the volumes were deleted and a bake ran, spheres and their copies can still be removed.
+    bpy_link(obj.copy())
     scene.hemibake.probe_volumes.clear()
     assert bpy.ops.hemibake.show_light_probes() == {"FINISHED"}
     assert not bpy.ops.hemibake.show_light_probes.poll()

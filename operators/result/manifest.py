@@ -4,18 +4,19 @@ A folder of lightmaps holds one `hemibake.json`; docs/reference/report_and_manif
 
     {"version": 2,
      "lightmaps": {"house_Lightmap.png": {
-        "blend": "../house.blend", "atlas": "Lightmap", "output": "combined",
+        "blend": "../house.blend", "scene": "Scene", "atlas": "Lightmap", "output": "combined",
         "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0]}],
         "format": "rgbm", "encoding": "PNG, 8-bit RGBM, no colour space",
         "intensity": 34.4932, "decode_texel": "light = ...", "range": 34.4932, "gamma": 2.2,
         "sha256": "...", "replaced": "..."}},
      "objects": [{"object": "Floor", "uv_layer": "Lightmap", "scale": 1.0, "offset": [0.0, 0.0],
-        "blend": "../house.blend", "maps": {"combined": "house_Lightmap.png"}}],
+        "blend": "../house.blend", "scene": "Scene", "maps": {"combined": "house_Lightmap.png"}}],
      "groups": [{"name": "Lamps", "output": "light_group Lamps"}],
      "states": {"Night": {"Lamps": [1.0, 0.8, 0.6]}}}
 
-`objects` lists the maps of each object; files that only Blender shows are left out. A linked object has its
-"library", too: a local one may have the same name. docs/reference/manifest.schema.json describes all keys.
+`objects` lists the maps of each object of each scene, without files that only Blender shows. A linked object
+has its "library", too: a local one may have the same name. docs/reference/manifest.schema.json describes all
+keys.
 
 A file is Hemibake's as long as its bytes are those that were written, `sha256`, or those that it replaced,
 `replaced`: a bake may have been killed when the manifest was written and the file was not.
@@ -119,12 +120,13 @@ def _read(folder: Path) -> dict:
 
 
 def _by_object(known: Mapping[str, dict]) -> list[dict]:
-    """Return the maps of each object by output; later files replace earlier ones."""
+    """Return the maps of each object of each scene by output; later files replace earlier ones."""
     found: dict[str, dict] = {}
     for name, entry in known.items():
+        owner = {"blend": entry.get("blend"), **({"scene": entry["scene"]} if "scene" in entry else {})}
         for place in entry.get("objects", ()) if "shown_for" not in entry else ():
-            key = json.dumps([entry.get("blend"), place], sort_keys=True)
-            maps = found.setdefault(key, {**place, "blend": entry.get("blend"), "maps": {}})["maps"]
+            key = json.dumps([owner, place], sort_keys=True)
+            maps = found.setdefault(key, {**place, **owner, "maps": {}})["maps"]
             maps[entry["output"]] = name
     return list(found.values())
 

@@ -2,6 +2,8 @@
 
 import copy
 import json
+import shutil
+import subprocess
 from argparse import Namespace
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from tests.blender.things import part
 from tests.json_schema import faults
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
+CLIENT = GOLDEN.parents[1] / "clients" / "manifest" / "src" / "manifest.js"
 
 
 def golden(name: str) -> dict:
@@ -29,6 +32,44 @@ def test_golden_manifests_follow_from_their_files_and_sections(name):
 def test_a_manifest_without_groups_and_states_has_no_keys_for_them():
     known = {"a.exr": {**golden("manifest_baked")["lightmaps"]["street_Lightmap.exr"]}}
     assert [*part("operators.result.manifest").manifest(known)] == ["version", "lightmaps", "objects"]
+
+
+def two_scenes() -> dict[str, dict]:
+    """Return entries of files of the scenes Day and Night that share their objects."""
+    fact = golden("manifest_baked")["lightmaps"]["street_Lightmap light_group Ungrouped.exr"]
+    return {
+        f"{scene} {output}.exr": {**fact, "scene": scene, "output": output}
+        for scene in ("Day", "Night")
+        for output in ("combined", "direct")
+    }
+
+
+def test_an_object_of_two_scenes_has_the_maps_of_each():
+    made = part("operators.result.manifest").manifest(two_scenes())
+    assert faults(made) == []
+    assert [(one["object"], one["scene"], one["maps"]) for one in made["objects"]] == [
+        (name, scene, {output: f"{scene} {output}.exr" for output in ("combined", "direct")})
+        for scene in ("Day", "Night")
+        for name in ("Floor", "Post")
+    ]
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="Node.js is not installed")
+def test_a_client_takes_all_maps_of_an_atlas_from_the_scene_written_last():
+    """Files without a scene, of an old manifest, are taken too."""
+    old = "street_Lightmap light_group Ungrouped.exr"
+    day = {**two_scenes()["Day combined.exr"], "output": "light_group Lamps"}
+    known = {old: golden("manifest_baked")["lightmaps"][old], "Day light_group Lamps.exr": day}
+    made = part("operators.result.manifest").manifest({**known, **two_scenes()})
+    script = f"""
+        import {{ lightmapsOf, readManifest }} from {json.dumps(CLIENT.as_uri())};
+        const {{ atlases, atlasOf }} = lightmapsOf(readManifest({json.dumps(made)}).manifest, 'street.glb');
+        const {{ light, groups }} = atlases.get('Lightmap');
+        console.log(JSON.stringify([light.file, [...groups.keys()], [...atlasOf.keys()]]));
+    """
+    command = ["node", "--input-type=module", "--eval", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == ["Night combined.exr", ["Ungrouped"], ["Floor", "Post"]]
 
 
 def changed(path: list, value) -> dict:

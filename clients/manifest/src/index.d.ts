@@ -9,6 +9,7 @@ export interface Group { name: string; output: string }
 /** Entry of a file in the manifest; see docs/reference/manifest.schema.json. */
 export interface Entry {
   blend: string;
+  scene?: string;
   export?: string;
   atlas: string;
   output: string;

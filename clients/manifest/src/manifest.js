@@ -39,13 +39,14 @@ export function readExtras(extras, name) {
  *
  * Returns { atlases, atlasOf }. atlases: Map of { light, groups, directional } by atlas, each map { file, entry };
  * groups and directional are Maps by group and output. atlasOf: Map of atlases by the name of an object; an object
- * with instances in several atlases is left out.
+ * with instances in several atlases is left out. An atlas that several scenes have baked has the maps of the scene
+ * that was written last.
  */
 export function lightmapsOf(manifest, file) {
   const all = Object.entries(manifest.lightmaps)
     .filter(([, entry]) => entry.output !== undefined && entry.shown_for === undefined);
   const exported = all.filter(([, entry]) => entry.export === file);
-  const chosen = exported.length ? exported : all.filter(([, entry]) => entry.export === undefined);
+  const chosen = ofLastScenes(exported.length ? exported : all.filter(([, entry]) => entry.export === undefined));
   const atlases = new Map(), atlasOf = new Map();
   for (const [name, entry] of chosen) {
     if (!atlases.has(entry.atlas)) {
@@ -69,6 +70,12 @@ export function hasLight(entry) {
 /** Returns GLSL statements that set `vec3 light` from `vec3 rgb`, `float a` and `float intensity`. */
 export function decoder(entry) {
   return hasLight(entry) ? 'light = rgb' : entry.decode_texel;
+}
+
+// Leaves out maps of an atlas of other scenes than the last one; later files are written later.
+function ofLastScenes(entries) {
+  const last = new Map(entries.filter(([, { scene }]) => scene).map(([, { atlas, scene }]) => [atlas, scene]));
+  return entries.filter(([, { atlas, scene }]) => (scene ?? last.get(atlas)) === last.get(atlas));
 }
 
 function place(atlas, map) {

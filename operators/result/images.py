@@ -19,6 +19,7 @@ from ..working_space import REC709, from_rec709, is_rec709, to_rec709
 from .destination import Destination
 from .exr import rgba, write_exr
 from .files import reason, replace_all, staging_folder
+from .light_states import states_section
 from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
 from .pictures import read_pixels
@@ -190,7 +191,7 @@ def write_all(
         owner = {"blend": destination.blend, "scene": destination.scene}
         manifest, entries = staging / NAME, [{**owner, **file.entry} for file in files]
         sections: dict[str, dict | list] = {
-            "states": dict(states),
+            **states_section(states, destination),
             **probe_sections(destination, staged_probes, probes),
             **reflection_sections(destination, staged_cubes, cubes),
         }

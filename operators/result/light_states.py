@@ -13,6 +13,9 @@ import numpy as np
 
 from ...engine.errors import EngineError
 from ..working_space import to_rec709
+from .destination import Destination
+from .manifest import read_manifest
+from .probe_files import is_own
 
 #: Color, linear RGB in the working space, and strength of a light group.
 Mix = tuple[tuple[float, float, float], float]
@@ -79,6 +82,16 @@ def factors(state: bpy.types.PropertyGroup) -> dict[str, list[float]]:
 def manifest_states(scene: bpy.types.Scene) -> dict[str, dict[str, list[float]]]:
     """Return the factors of all states of a scene by name, for the manifest."""
     return {state.name: factors(state) for state in scene.hemibake.light_states}
+
+
+def states_section(states: Mapping[str, dict], destination: Destination) -> dict[str, dict]:
+    """Return the section of the manifest for the light states of a scene that is written to a folder.
+
+    It is empty, which keeps the states in the manifest, for a scene without states beside files of others.
+    """
+    known = {} if destination.folder is None else read_manifest(destination.folder)
+    is_shared = any(not is_own(entry, destination) for entry in known.values())
+    return {} if is_shared and not states else {"states": dict(states)}
 
 
 def mixed_light(maps: Mapping[str, np.ndarray], weights: Mapping[str, Iterable[float]]) -> np.ndarray:

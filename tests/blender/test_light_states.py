@@ -152,6 +152,24 @@ def test_states_of_another_scene_keep_their_files(baked, tmp_path):
     assert write(baked, state) == [first]
 
 
+def test_a_scene_without_states_keeps_those_of_another_scene(baked, tmp_path):
+    """A scene that wrote all files in the folder removes its states."""
+    import bpy
+
+    other = bpy.data.scenes.new("Other")
+
+    def written(states, scene, blend="../street.blend"):
+        place = part("operators.result.destination").Destination(folder, (), "", blend, (), scene.name)
+        part("operators.result.images").write_all([], place, states)
+        return manifest(tmp_path).get("states")
+
+    folder, states = tmp_path / "lightmaps", {"Bright": {"Day": [2.0, 2.0, 2.0]}}
+    assert written(states, baked) == states == written({}, other)
+    assert written({}, baked, "../another.blend") == states
+    assert written({"Dim": {}}, other) == {"Dim": {}}
+    assert written({}, baked) is None
+
+
 def test_a_missing_group_is_named_and_the_rest_displayed(baked, tmp_path):
     import bpy
 

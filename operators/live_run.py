@@ -14,9 +14,8 @@ from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError
 from ..engine.postprocess.output_names import output_names
 from ..engine.progress import Progress, finished
-from ..engine.scene.digests import same_values
 from ..engine.scene.model import Scene
-from ..engine.scene.scene_changes import changes_between
+from ..engine.scene.scene_changes import changes_between, same_probe_volumes
 from ..engine.settings import Settings
 from .bake_run import ATTEMPTS, Bake, BakeRun, Steps
 from .bake_settings import read_settings
@@ -204,7 +203,7 @@ class LiveRun(BakeRun):
         self._guessed = not everything
         scene = self._read.scene
         new_names = image_names(scene.atlases, output_names(scene, self._settings)) != self._names
-        if new_names or not same_values(scene.probe_volumes, self._sent.probe_volumes):
+        if new_names or not same_probe_volumes(scene, self._sent):
             self.outdated = True
             return
         changes = changes_between(self._sent, scene)

@@ -17,6 +17,10 @@ Part = TypeVar("Part", Material, Mesh)
 #: Fields of a scene that `SceneChanges` can change.
 _CHANGING = ("lights", "world", "materials", "meshes")
 
+#: Maximum difference between matrices of the same probe volume relative to two origins, m: subtracting and
+#: adding an origin 1e9 m away rounds float64 by 1e-7 m.
+_SAME_PLACE = 1e-6
+
 
 @dataclass(frozen=True)
 class SceneChanges:
@@ -70,6 +74,19 @@ def changes_between(before: Scene, after: Scene) -> SceneChanges | None:
         world=None if same_values(before.world, after.world) else after.world,
         materials=_replaced(before.materials, after.materials),
         meshes=_replaced(before.meshes, after.meshes),
+    )
+
+
+def same_probe_volumes(one: Scene, other: Scene) -> bool:
+    """Return True if two scenes have the same probe volumes in world space, whatever their origins are."""
+    if len(one.probe_volumes) != len(other.probe_volumes):
+        return False
+    shift = np.zeros((4, 4))
+    shift[:3, 3] = one.origin - other.origin
+    return all(
+        (before.name, before.resolution) == (after.name, after.resolution)
+        and np.allclose(before.matrix + shift, after.matrix, rtol=0, atol=_SAME_PLACE)
+        for before, after in zip(one.probe_volumes, other.probe_volumes, strict=True)
     )
 
 

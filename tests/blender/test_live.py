@@ -439,7 +439,7 @@ def test_lightmaps_or_groups_that_are_added_start_it_anew(operator, context, win
 
 
 def test_light_probes_follow_lamps_and_volumes(operator, context, window):  # noqa: F811
-    """Four times the power shows in the same image; a volume that moves starts Live again."""
+    """Four times the power shows in the same image; only a volume that moves starts Live again."""
     import bpy
 
     scene = bpy.context.scene
@@ -459,6 +459,11 @@ def test_light_probes_follow_lamps_and_volumes(operator, context, window):  # no
     )
     owner = part("operators.worker_manager").owner
     before = owner.running
+    box = mesh_object("Box", np.array(CUBE) * 0.1 + [0.8, 0.8, 5.0], [face[::-1] for face in INWARD])
+    settle(operator, context)
+    box.location.z = 7
+    settle(operator, context)
+    assert owner.running is before
     volume.location.x -= 0.05
     bpy.context.view_layer.update()
     drive(operator, context, until=lambda: owner.running is not before and owner.running.following)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from engine import Light, SceneChanges, SceneError
-from engine.scene.scene_changes import changes_between, transformed
+from engine.scene.probe_volume import ProbeVolume
+from engine.scene.scene_changes import changes_between, same_probe_volumes, transformed
 from tests.analytic.scenes import material, nine_quad_room
 
 ROOM = nine_quad_room()
@@ -76,3 +77,35 @@ def test_scenes_with_other_parts_have_no_difference():
     for name, value in {"atlases": ("Other",), "origin": np.ones(3), "light_groups": ("Key",)}.items():
         assert changes_between(ROOM, dataclasses.replace(ROOM, **{name: value})) is None
     assert changes_between(ROOM, dataclasses.replace(ROOM, meshes=ROOM.meshes * 2)) is None
+
+
+def volumes_of(*volumes, origin=(0, 0, 0)):
+    """Return the room with probe volumes: pairs of a location in world space, and fields of the volume."""
+    made = []
+    for location, changed in volumes:
+        matrix = np.diag([0.3, 0.2, 0.1, 1.0])
+        matrix[:3, 3] = np.subtract(location, origin)
+        made.append(dataclasses.replace(ProbeVolume("Volume", matrix, (2, 3, 1)), **changed))
+    return dataclasses.replace(ROOM, origin=np.float64(origin), probe_volumes=tuple(made))
+
+
+def test_probe_volumes_are_the_same_relative_to_another_origin():
+    places = (((1e6, -3, 0.7), {}), ((0, 0, 0.1), {"name": "Second"}))
+    before, after = volumes_of(*places), volumes_of(*places, origin=(1e6 / 3, 77, -0.1))
+    assert not np.array_equal(before.probe_volumes[0].matrix, after.probe_volumes[0].matrix)
+    assert same_probe_volumes(before, after) and same_probe_volumes(ROOM, ROOM)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        [],
+        [((1e4, 2, 3.001), {})],
+        [((1e4, 2, 3), {"resolution": (2, 3, 2)})],
+        [((1e4, 2, 3), {"name": "Other"})],
+        [((1e4, 2, 3), {}), ((1e4, 2, 3), {})],
+    ],
+    ids=["none", "moved", "resolution", "name", "more"],
+)
+def test_other_probe_volumes_differ(other):
+    assert not same_probe_volumes(volumes_of(((1e4, 2, 3), {})), volumes_of(*other, origin=(5e3, 1, -7)))

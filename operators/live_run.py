@@ -101,16 +101,23 @@ class LiveRun(BakeRun):
     def _store_shown(self, path: str = "", *_: object) -> None:
         """Write the lightmap files when the .blend is saved; between saves the images are packed.
 
+        They are stored with the scene of the lightmaps, since it may have been read again.
+
         path: path of the .blend; a file with a new name gets its own lightmaps
         """
         assert self.lightmap is not None
-        targets = find_all(bpy.data.images, self._pictures.uids)
-        if len(targets) == len(self._names):
+        targets, last_read = find_all(bpy.data.images, self._pictures.uids), self._read
+        if len(targets) != len(self._names):
+            return
+        self._read = self._of_lightmap
+        try:
             with suppress(EngineError):
                 self._paths = {image.session_uid: image.filepath_raw for image in targets}
                 if path and path != bpy.data.filepath:
                     self._destination = self._destination_of(path)
                 self._store(targets, self._show_finished(self.lightmap), self.lightmap)
+        finally:
+            self._read = last_read
 
     def _has_stored(self, path: str = "", *_: object) -> None:
         """Pack the images again after a save. If only a copy was saved, restore their paths."""

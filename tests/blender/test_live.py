@@ -1,5 +1,6 @@
 """Live, driven by events in a stand-in for a window; see test_modal.py. The worker process is real."""
 
+import json
 import time
 
 import numpy as np
@@ -461,7 +462,7 @@ def test_light_probes_follow_lamps_and_volumes(operator, context, window):  # no
     before = owner.running
     box = mesh_object("Box", np.array(CUBE) * 0.1 + [0.8, 0.8, 5.0], [face[::-1] for face in INWARD])
     settle(operator, context)
-    box.location.z = 7
+    box.location.x = -2
     settle(operator, context)
     assert owner.running is before
     volume.location.x -= 0.05
@@ -550,6 +551,30 @@ def test_a_file_that_is_saved_has_the_light_that_is_shown(operator, context, win
 
     bpy.ops.hemibake.cancel()
     assert drive(operator, context) == {"FINISHED"} and image.packed_file is None
+
+
+def test_probes_that_are_saved_have_the_place_of_their_bake(operator, context, window, tmp_path):  # noqa: F811
+    """Saving before the light of a new object is baked; the object has moved the origin of the scene."""
+    import bpy
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+    lit_room()
+    probe_volume(resolution=(2, 1, 1))
+    bpy.context.scene.hemibake.light_probes, bpy.context.scene.hemibake.samples = True, 32
+    start(operator, context)
+    settle(operator, context)
+    run = part("operators.worker_manager").owner.running.run
+    mesh_object("Far", np.array(CUBE) + 50.0, [face[::-1] for face in INWARD])
+    bpy.context.view_layer.update()
+    drive(operator, context, until=lambda: run._read is not run._of_lightmap)
+    last_read = run._read
+    assert np.linalg.norm(last_read.scene.origin - run._of_lightmap.scene.origin) > 1
+    bpy.ops.wm.save_mainfile()
+    made = json.loads((tmp_path / "lightmaps" / "hemibake.json").read_text())
+    assert [row[3] for row in made["probes"][0]["matrix"]] == pytest.approx([0.5, 0.5, 0.5, 1])
+    assert run._read is last_read and not run.settled
+    bpy.ops.hemibake.cancel()
+    assert drive(operator, context) == {"FINISHED"}
 
 
 def test_a_mesh_in_edit_mode_is_followed_and_settles(operator, context, window):  # noqa: F811

@@ -1,12 +1,13 @@
 """File cache of built OpenCL programs: each source is built once for each device.
 
 PyOpenCL leaves caching to NVIDIA's driver and its own settings. PoCL caches kernels in its own files; beside
-them, an empty file records that the kernels of a program were compiled.
+them, an empty file records that the kernels of a program were compiled for its launches.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import os
 import sys
@@ -59,6 +60,7 @@ class ProgramCache:
         self._folder = None if folder is None else Path(folder) / device_digest(device)
         self._files, self._loading = _newest(self._folder), dict[str, Future[cl.Program]]()
         self._known, self._builders = {path.name for path in self._files}, list[Builders]()
+        self._file_names = dict[str, str]()
 
     def open(self, context: cl.Context) -> None:
         """Set the device's context and load cached programs in threads.
@@ -74,7 +76,7 @@ class ProgramCache:
     def build(self, source: str, options: Sequence[str] = ()) -> cl.Program:
         """Return a program, from the cache or built from source; raises cl.Error."""
         name = program_name(source, options)
-        self._known.add(name)
+        self._known.add(self._file_name(name))
         if name in self._loading:
             with suppress(cl.Error, OSError):
                 program = self._loading.pop(name).result()
@@ -95,8 +97,9 @@ class ProgramCache:
         programs:  programs in the order of need
         """
         named = {program_name(program.source, program.options): program for program in programs}
-        missing = {name: named[name] for name in named if name not in self._known}
-        self._known.update(missing)
+        self._file_names.update({name: file_name(program) for name, program in named.items()})
+        missing = {name: named[name] for name in named if self._file_name(name) not in self._known}
+        self._known.update(map(self._file_name, missing))
         if self._folder is None or len(missing) < (_FEW if self._keeps_itself else _MANY):
             return set() if self._keeps_itself else set(missing)
         others = missing if self._keeps_itself else dict(list(missing.items())[_OWN:])
@@ -122,6 +125,10 @@ class ProgramCache:
             with suppress(OSError):
                 paces = {**self._read_paces(), self._key: ended[-1].pace}
                 write_json(self._paces, paces)
+
+    def _file_name(self, name: str) -> str:
+        """Return the file name of a program by its name."""
+        return self._file_names.get(name, name)
 
     @property
     def _key(self) -> str:
@@ -178,7 +185,7 @@ class ProgramCache:
             self._folder.mkdir(parents=True, exist_ok=True)
             partial = self._folder / f".{name}.{os.getpid()}"
             partial.write_bytes(_checksum(binary) + binary if binary else b"")
-            partial.replace(self._folder / name)
+            partial.replace(self._folder / self._file_name(name))
 
 
 def marks_folder(cache_dir: str | None) -> str | None:
@@ -198,6 +205,15 @@ def marks_folder(cache_dir: str | None) -> str | None:
 def program_name(source: str, options: Sequence[str]) -> str:
     """Return the name of a program: a hash of its source and options."""
     return hashlib.blake2b("\0".join([source, *options]).encode(), digest_size=20).hexdigest()
+
+
+def file_name(program: Program) -> str:
+    """Return the name of a program's file; the empty file of a program with launches depends on them too.
+
+    PoCL compiles a kernel for each kind of launch, so a program with other launches is built ahead again.
+    """
+    launches = () if program.launches is None else [json.dumps(program.launches)]
+    return program_name(program.source, [*program.options, *launches])
 
 
 def build(context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:

@@ -14,7 +14,7 @@ from engine.device import builders, cl_device, program_cache
 from engine.device.builders import Program
 from engine.device.cl_device import ComputeDevice
 from engine.device.planned_program import Launch, PlannedProgram
-from engine.device.program_cache import ProgramCache, marks_folder, program_name
+from engine.device.program_cache import ProgramCache, file_name, marks_folder, program_name
 from engine.errors import DeviceError
 from engine.plan.common_programs import _listed
 from engine.session import Session
@@ -235,10 +235,39 @@ def test_other_processes_compile_what_pocl_keeps(context, many, tmp_path):
     assert cache.preparation(names) is None
     cache.keep_pace()
     kept = {path.name: path.stat().st_size for path in files(tmp_path)}
-    assert kept.pop("build_paces.json") and kept == dict.fromkeys(names, 0)
+    assert kept.pop("build_paces.json") and kept == dict.fromkeys(map(file_name, wanted), 0)
     later = ProgramCache(context.devices[0], str(tmp_path), keeps_itself=True)
     later.begin(wanted)
     assert later.preparation(names) is None and not later._builders
+
+
+def test_programs_with_other_launches_are_built_ahead_again(context, many, tmp_path, monkeypatch):
+    """A new version lists more launches of a program whose source stays; PoCL lacks their kernels."""
+    asked = []
+
+    class Built:
+        def __init__(self, device, programs, built, pace):
+            asked.append(list(programs))
+            for name in programs:
+                built(name, b"")
+
+        def binary(self, name):
+            return b""
+
+    def begin(launches):
+        cache = ProgramCache(context.devices[0], str(tmp_path), keeps_itself=True)
+        cache.open(context)
+        cache.begin([Program(SOURCE, (f"-DVALUE={value}.75f",), launches) for value in range(5)])
+        return cache
+
+    monkeypatch.setattr(program_cache, "Builders", Built)
+    small, large = (Launch("fill", (64,), ("b",), has_many) for has_many in (False, True))
+    for launches in ((small,), (small,), (small, large), (small,), (small, large)):
+        cache = begin(launches)
+        cache.begin([Program(SOURCE, (f"-DVALUE={value}.75f",), launches) for value in range(5)])
+    assert len(asked) == 2 and asked[0] == asked[1] and len(files(tmp_path)) == 10
+    assert filled(context, cache.build(SOURCE, ("-DVALUE=3.75f",))) == 3.75
+    assert len(files(tmp_path)) == 10
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="marks lie in the folder of the settings")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from .levels import LevelFinder
 from .object_properties import gets_lightmap
 from .result.instance_uv_table import baked_instances, instance_image
 from .scene.bake_records import bake_record
@@ -13,11 +14,11 @@ from .scene.uv_layout import is_page
 def members(scene: bpy.types.Scene, atlas: str) -> list[bpy.types.Object]:
     """Return the objects of a lightmap: those assigned to it, or baked into it last."""
     entry = scene.hemibake.lightmaps.get(atlas)
-    image = entry and entry.image
+    image, levels = entry and entry.image, LevelFinder()
     return [
         obj
         for obj in scene.objects
-        if gets_lightmap(obj)
+        if gets_lightmap(obj, levels)
         and (obj.hemibake.atlas == atlas or (image is not None and bake_record(obj, scene).image == image))
     ]
 
@@ -27,8 +28,8 @@ def unlisted(scene: bpy.types.Scene) -> list[str]:
 
     Objects that share a mesh are not counted once they have been baked: they have tiles in another lightmap.
     """
-    tiled = _tiled(scene)
-    baked = [obj for obj in scene.objects if gets_lightmap(obj) and obj not in tiled]
+    tiled, levels = _tiled(scene), LevelFinder()
+    baked = [obj for obj in scene.objects if gets_lightmap(obj, levels) and obj not in tiled]
     return sorted({obj.hemibake.atlas for obj in baked} - {entry.name for entry in scene.hemibake.lightmaps})
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import bpy
 
-from .levels import first_level
+from .levels import LevelFinder
 from .lookup import find
 from .rollback import Rollback
 
 
-def is_left_out(obj: bpy.types.Object) -> bool:
+def is_left_out(obj: bpy.types.Object, levels: LevelFinder) -> bool:
     """Return True if bakes leave an object out: by its role, or as a level of detail of another one."""
-    return has_left_role(obj) or first_level(obj) is not None
+    return has_left_role(obj) or levels.first_level(obj) is not None
 
 
 def has_left_role(obj: bpy.types.Object) -> bool:
@@ -19,9 +19,9 @@ def has_left_role(obj: bpy.types.Object) -> bool:
     return obj.hemibake.role in {"IGNORED", "DYNAMIC"}
 
 
-def gets_lightmap(obj: bpy.types.Object) -> bool:
+def gets_lightmap(obj: bpy.types.Object, levels: LevelFinder) -> bool:
     """Return True if an object gets a lightmap of its own."""
-    return obj.type == "MESH" and obj.hemibake.role == "BAKED" and first_level(obj) is None
+    return obj.type == "MESH" and obj.hemibake.role == "BAKED" and levels.first_level(obj) is None
 
 
 def set_property(obj: bpy.types.Object, name: str, value: object, changes: Rollback) -> None:

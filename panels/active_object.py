@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..operators.levels import LevelFinder
 from ..operators.object_properties import gets_lightmap
 from ..operators.scene.bake_records import bake_record
 from .sidebar import SubPanel, split_properties
@@ -45,7 +46,7 @@ def _draw_role(layout: bpy.types.UILayout, obj: bpy.types.Object, scene: bpy.typ
     layout.prop(obj.hemibake, "role")
     if obj.type == "MESH" and obj.hemibake.role == "BAKED":
         layout.prop(obj.hemibake, "level_of")
-    if gets_lightmap(obj):
+    if gets_lightmap(obj, LevelFinder()):
         layout.prop(obj.hemibake, "bake_to")
         layout.prop(obj.hemibake, "atlas")
         layout.prop(obj.hemibake, "lightmap_scale")

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import bpy
 
 from ..compat import light_power, node_input, node_tree
+from ..levels import LevelFinder
 from ..object_properties import is_left_out
 from ..scene import SceneContext
 from ..scene.objects.render_differences import Geometry
@@ -30,9 +31,9 @@ _EMITTERS = {
 
 def check_differences(context: SceneContext) -> list[Finding]:
     """Return findings on objects and meshes that differ between the viewport and renders."""
-    layer = context.view_layer
+    layer, levels = context.view_layer, LevelFinder()
     rendered = {obj.session_uid for obj in visible_objects(context)}
-    objects = [obj for obj in layer.objects if obj.type in _SEEN and not is_left_out(obj)]
+    objects = [obj for obj in layer.objects if obj.type in _SEEN and not is_left_out(obj, levels)]
     unrendered = [obj for obj in objects if obj.session_uid not in rendered]
     baked = [obj for obj in objects if obj.session_uid in rendered]
     differing = list(Geometry(context.scene).differing(baked))
@@ -105,7 +106,8 @@ def check_light(
 
     override:  material of all surfaces, if the view layer has one
     """
-    if _may_shine(world) or any(_is_source(obj, override) for obj in objects):
+    levels = LevelFinder()
+    if _may_shine(world) or any(_is_source(obj, override, levels) for obj in objects):
         return []
     text = "Nothing emits light: the lightmaps would be black. Add a light, an emissive material or a world."
     return [Finding(ERROR, text)]
@@ -121,9 +123,9 @@ def is_missing(image: bpy.types.Image) -> bool:
     return not os.path.isfile(path)
 
 
-def _is_source(obj: bpy.types.Object, override: bpy.types.Material | None) -> bool:
+def _is_source(obj: bpy.types.Object, override: bpy.types.Material | None, levels: LevelFinder) -> bool:
     """Return whether an object may emit light."""
-    if is_left_out(obj):
+    if is_left_out(obj, levels):
         return False
     if obj.type == "LIGHT":
         return light_power(obj.data) > 0 and any(obj.data.color)

@@ -10,7 +10,7 @@ import numpy as np
 from ...engine.errors import SceneError
 from ...engine.object_message import object_message
 from ...engine.settings import Settings
-from ..levels import first_level
+from ..levels import LevelFinder
 from ..lookup import find_all
 from ..scene import ReadScene, SceneContext
 from ..scene.bake_records import Record, bake_record
@@ -77,13 +77,13 @@ class PreservedTexels:
         image, baked = self._image(atlas), {entry.uid for entry in self._read.objects}
         if image is None:
             return []
-        scene = self._context.scene
+        scene, levels = self._context.scene, LevelFinder()
         others = [
             obj
             for obj in scene.objects
             if obj.type == "MESH"
             and bake_record(obj, scene).image == image
-            and (first_level(obj) or obj).session_uid not in baked
+            and (levels.first_level(obj) or obj).session_uid not in baked
         ]
         if others and tuple(image.size) != (self._settings.resolution,) * 2:
             sentence = (

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...engine.object_message import object_message
+from ..levels import LevelFinder
 from ..object_properties import is_left_out
 from ..original_slots import own_slots, shown_materials
 from .materials.displacement import displaces
@@ -141,7 +142,8 @@ class ItemReader:
         self._displaced_meshes: set[_MeshKey] = set()
         self._displaced: list[str] = []
         self._haired: set[ItemKey] = set()
-        self._left_out: dict[int, bool] = {}
+        levels = LevelFinder()
+        self._left_out = {obj.session_uid for obj in bpy.data.objects if is_left_out(obj, levels)}
 
     @staticmethod
     def is_large(item: SceneItem) -> bool:
@@ -268,11 +270,8 @@ class ItemReader:
 
     def _is_left_out(self, item: SceneItem) -> bool:
         """Return True if bakes leave out an object, or the source object or instancer of an instance."""
-        owners = (item.source,) if item.instancer is None else (item.source, item.instancer)
-        for owner in owners:
-            if owner.session_uid not in self._left_out:
-                self._left_out[owner.session_uid] = is_left_out(owner)
-        return any(self._left_out[owner.session_uid] for owner in owners)
+        owners = (item.source, item.instancer)
+        return any(owner is not None and owner.session_uid in self._left_out for owner in owners)
 
     def _gets_lightmap(self, item: SceneItem) -> bool:
         """Return True if an object is baked; an instance must also have a baked instancer."""

@@ -202,34 +202,60 @@ def test_check_lists_levels_that_do_not_fit(objects):
     assert part("operators.check.levels").check_levels(context, 4) == []
 
 
-def test_objects_are_compared_by_identity_within_a_scene(objects, monkeypatch):
-    """A scene may have a linked object with the name of a local one, which a look-up by name may find."""
+def first_level(obj):
+    return part("operators.levels").LevelFinder().first_level(obj)
+
+
+def test_levels_share_a_scene_with_the_first_level(objects):
     import bpy
 
-    levels, rock, level = part("operators.levels"), objects["Rock"], objects["Rock_LOD1"]
+    rock, level = objects["Rock"], objects["Rock_LOD1"]
     other = bpy.data.scenes.new("Other")
     other.collection.objects.link(level)
-    assert levels.first_level(level) == rock
+    assert first_level(level) == rock
     bpy.context.scene.collection.objects.unlink(level)
-    assert levels.first_level(level) is None
+    assert first_level(level) is None
     other.collection.objects.link(rock)
-    assert levels.first_level(level) == rock
+    assert first_level(level) == rock
 
-    class Objects(list):
-        """Objects of a scene of which a look-up finds another one with the same name."""
 
-        def get(self, name):
-            return objects["Chosen"]
+def test_the_objects_of_the_file_are_listed_once_for_all_levels(objects, monkeypatch):
+    """Listing them for each level would take minutes with thousands of levels."""
+    import bpy
 
-    scenes = [SimpleNamespace(objects=Objects(found)) for found in ([rock], [level], [rock, level])]
-    monkeypatch.setattr(levels, "bpy", SimpleNamespace(data=SimpleNamespace(scenes=scenes[:2])))
-    assert not levels._share_scene(rock, level)
-    levels.bpy.data.scenes = scenes
-    assert levels._share_scene(rock, level)
+    class Data:
+        """Data of the file that counts how often objects or scenes are listed."""
+
+        lists = 0
+
+        @property
+        def objects(self):
+            self.lists += 1
+            return bpy.data.objects
+
+        @property
+        def scenes(self):
+            self.lists += 1
+            return bpy.data.scenes
+
+    levels, lists, scene = part("operators.levels"), part("operators.lightmap_list"), bpy.context.scene
+    context = part("operators.scene").SceneContext(bpy.context)
+    passes = {
+        "levels": lambda: levels.levels_of(scene),
+        "meshes": lambda: part("operators.scene").visible_meshes(context),
+        "members": lambda: lists.members(scene, "Lightmap"),
+        "names": lambda: lists.unlisted(scene),
+        "reading": read_scene,
+    }
+    for name, run in passes.items():
+        data = Data()
+        monkeypatch.setattr(levels, "bpy", SimpleNamespace(data=data))
+        run()
+        assert 2 <= data.lists <= (4 if name == "reading" else 2), name
 
 
 def test_levels_of_levels_have_the_same_first_level(objects):
-    level, objs = part("operators.levels").first_level, objects
+    level, objs = first_level, objects
     objs["Lone_LOD1"].hemibake.level_of = objs["Rock_LOD1"]
     objs["Far_LOD1"].hemibake.level_of = objs["Chosen"]
     assert level(objs["Lone_LOD1"]) == level(objs["Far_LOD1"]) == level(objs["Chosen"]) == objs["Rock"]
@@ -245,7 +271,7 @@ def test_levels_of_levels_have_the_same_first_level(objects):
 
 
 def test_what_is_no_level(objects):
-    level = part("operators.levels").first_level
+    level = first_level
     assert level(objects["Rock_LOD1"]) == objects["Rock"] and level(objects["Rock"]) is None
     objects["Rock"].hide_render = True
     assert level(objects["Rock_LOD1"]) is None and level(objects["Chosen"]) is None

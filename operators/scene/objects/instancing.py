@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ...levels import LevelFinder
 from ...lookup import find_all
 from ...object_properties import gets_lightmap
 from ..scene_context import SceneContext
@@ -31,7 +32,8 @@ def visible_meshes(context: SceneContext, viewport: bool = False) -> list[bpy.ty
     pairs = instance_pairs(context, viewport)
     shown = dict.fromkeys(source for instancer, source in pairs if instancer in instancers)
     instanced = [obj for obj in find_all(bpy.data.objects, shown) if not obj.hide_render] if shown else []
-    return [obj for obj in dict.fromkeys([*visible, *instanced]) if gets_lightmap(obj)]
+    levels = LevelFinder()
+    return [obj for obj in dict.fromkeys([*visible, *instanced]) if gets_lightmap(obj, levels)]
 
 
 def instance_pairs(context: SceneContext, viewport: bool = False) -> Pairs:

@@ -40,7 +40,7 @@ from .postprocess.output_maps import Outputs
 from .postprocess.output_names import output_names
 from .postprocess.store import LightmapImages
 from .probes.gather_probes import gather_probes, probe_warnings
-from .progress import Progress
+from .progress import Progress, map_progress
 from .reflections.gather_reflections import gather_reflections, reflection_warnings
 from .scene.model import Scene
 from .settings import Settings
@@ -106,7 +106,10 @@ def _bake(
     """Run the stages of the bake."""
     graphics, compute = devices.graphics, devices.compute
     settings, notes = without_opencl(devices, scene, settings)
-    atlases, scene = scene.atlases, kept.with_places(graphics, compute, scene, settings)
+
+    # Lightmap UVs of objects without a lightmap and of visible back faces, which rays find.
+    atlases = scene.atlases
+    scene = yield from _placed(devices, scene, settings, stages, kept)
     check_limits(graphics, compute, scene, settings)
 
     # Send the scene to the other processes, which build their ray tracing structures while this process
@@ -114,7 +117,6 @@ def _bake(
     shipped = ship and ship(scene)
 
     # Patch list: lightmap texels on surfaces, and their geometry (III.A, IV.A).
-    yield stages.begin(stages.patches)
     patch_scene = kept.make_patch_scene(graphics, compute, scene, settings)
     check_patch_count(len(patch_scene.patches))
     store = kept.texels.images(patch_scene.patches, len(atlases), settings, compute)
@@ -217,6 +219,15 @@ def _bake(
         probes,
         cubes,
     )
+
+
+def _placed(
+    devices: Devices, scene: Scene, settings: Settings, stages: BakeStages, kept: SessionCache
+) -> Generator[Progress, None, Scene]:
+    """Begin the stage of patches; return the scene of `SessionCache.with_places`."""
+    yield stages.begin(stages.patches)
+    placing = kept.with_places(devices.graphics, devices.compute, scene, settings)
+    return (yield from map_progress(placing, lambda _: stages.progress(0.0)))
 
 
 def _direct_light(

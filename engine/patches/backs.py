@@ -39,11 +39,29 @@ def with_places(
     find_visible:  chooses the back faces that are visible from a surface; None to use all
     last:          back faces of the previous scene; None without one
     """
-    texel, surfaces = texel_size(scene, resolution), surfaces or OpenSurfaces()
-    placed = with_closed_glass(place_unmapped(scene, resolution, texel))
-    is_chosen = _is_opaque(placed) & surfaces.of(placed.meshes)
+    placed, is_chosen, texel = find_candidates(scene, resolution, surfaces or OpenSurfaces())
     if find_visible is not None:
         is_chosen = find_visible(placed, is_chosen, texel)
+    return with_backs(placed, is_chosen, resolution, texel, last)
+
+
+def find_candidates(scene: Scene, resolution: int, surfaces: OpenSurfaces) -> tuple[Scene, np.ndarray, float]:
+    """Return the scene with lightmap UVs for occluders, and the arguments of `FindVisible` after the scene.
+
+    surfaces: open surfaces of the previous scene
+    """
+    texel = texel_size(scene, resolution)
+    placed = with_closed_glass(place_unmapped(scene, resolution, texel))
+    return placed, _is_opaque(placed) & surfaces.of(placed.meshes), texel
+
+
+def with_backs(
+    placed: Scene, is_chosen: np.ndarray, resolution: int, texel: float, last: Memo[Scene] | None = None
+) -> Scene:
+    """Return the result of `place_backs`, from the previous scene if back faces stay.
+
+    last: back faces of the previous scene; None without one
+    """
     if last is None:
         return place_backs(placed, is_chosen, resolution, texel)
     materials, numbers = _materials_of_backs(placed.materials)

@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..device.cpu_renderers import draws_on_cpu
 from ..json_file import read_json, write_json
 
 if TYPE_CHECKING:
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
 #: Triangles per second that no graphics card, and no driver that draws on the CPU, exceeds (chosen; llvmpipe
 #: draws 1.7e6 on two busy cores).
 _CARD_TRIANGLES, _CPU_TRIANGLES = 5e10, 5e7
-
-#: Parts of the names of drivers that draw on the CPU.
-_CPU_DRIVERS = ("llvmpipe", "softpipe", "swrast", "SwiftShader", "GDI Generic", "Basic Render")
 
 #: Approximate speed of casting rays relative to OpenCL on a CPU: on a GPU, and by OpenGL on a CPU (measured
 #: with llvmpipe and PoCL in the Cornell box of 512 x 512 texels).
@@ -28,12 +26,7 @@ def ray_speed(devices: Devices) -> float:
     """Return the approximate speed of casting rays on the open devices, relative to OpenCL on a CPU."""
     if devices.compute is not None:
         return 1.0 if devices.compute.processor else _CARD_RAYS
-    return _CPU_SHADER_RAYS if _draws_on_cpu(devices.graphics.name) else _CARD_RAYS
-
-
-def _draws_on_cpu(device: str) -> bool:
-    """Return True if an OpenGL renderer of this name draws on the CPU."""
-    return any(name in device for name in _CPU_DRIVERS)
+    return _CPU_SHADER_RAYS if draws_on_cpu(devices.graphics.name) else _CARD_RAYS
 
 
 def hemicubes_bound(device: str, triangles: int) -> float:
@@ -41,7 +34,7 @@ def hemicubes_bound(device: str, triangles: int) -> float:
 
     device: name of the OpenGL renderer
     """
-    return (_CPU_TRIANGLES if _draws_on_cpu(device) else _CARD_TRIANGLES) / max(1, triangles)
+    return (_CPU_TRIANGLES if draws_on_cpu(device) else _CARD_TRIANGLES) / max(1, triangles)
 
 
 class DrawingRates:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from ..direct.direct_light_cache import DirectLightCache
 from ..direct.emitter_cache import MAX_SKY_BYTES, EmitterCache
 from ..gather.background_light import BackgroundLight
 from ..gather.visibility_cache import VisibilityCache
-from ..patches.backs import with_places
+from ..patches.backs import find_candidates, with_backs, with_places
 from ..patches.patch_materials import KnownSurfaces, patch_surfaces
 from ..patches.patch_scene import PatchScene, make_patch_scene
 from ..postprocess.texel_cache import TexelCache
@@ -92,19 +93,21 @@ class SessionCache:
 
     def with_places(
         self, graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, settings: Settings
-    ) -> Scene:
+    ) -> Generator[None, None, Scene]:
         """Return the scene with lightmap UVs for what has none; see `patches.backs.with_places`.
 
-        A warm start keeps the choice of visible backs while objects move; see `refresh_backs`. With a patch
-        file all backs have patches, so that its charts do not depend on positions or devices.
+        Yields between launches of the rays that find visible backs. A warm start keeps the choice of visible
+        backs while objects move; see `refresh_backs`. With a patch file all backs have patches, so that its
+        charts do not depend on positions or devices.
         """
         if settings.patch_file is not None:
             return with_places(scene, settings.resolution, self.surfaces)
-        find_visible = partial(
-            self.visible.of, partial(make_tracer, graphics, compute), resolution=settings.resolution,
+        placed, candidates, texel = find_candidates(scene, settings.resolution, self.surfaces)
+        is_visible = yield from self.visible.find(
+            partial(make_tracer, graphics, compute), placed, candidates, texel, settings.resolution,
             is_moving=settings.warm_start,
         )  # fmt: skip
-        return with_places(scene, settings.resolution, self.surfaces, find_visible, self._backs)
+        return with_backs(placed, is_visible, settings.resolution, texel, self._backs)
 
     def refresh_backs(self, graphics: GraphicsContext, compute: ComputeDevice | None) -> bool:
         """Choose the visible backs again after objects have moved; return True if the choice changes."""

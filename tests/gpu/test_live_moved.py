@@ -215,7 +215,7 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
         parts = session._kept._parts
         assert bool(drawn) == (not np.array_equal(charts, parts.triangles.uvs))
         devices = session._devices.graphics, session._devices.compute
-        scene = session._kept.with_places(*devices, live.scene, SETTINGS)
+        scene = finished(session._kept.with_places(*devices, live.scene, SETTINGS))
         unknown = dataclasses.replace(parts, charts=None), None
         expected = make_patch_scene(*devices, scene, SETTINGS, unknown)
         for found, wanted in (

@@ -9,15 +9,17 @@ N rays cover at most 3 / N of all views with a probability of 95 % (rule of thre
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 from ...device.buffers import download_bytes, upload, words_of
+from ...device.cpu_renderers import draws_on_cpu
 from ...device.opencl import cl
 from ...patches.unmapped_meshes import COARSENESS, clusters, triangle_areas
+from ...progress import finished
 from ...scene.cutouts import Cutouts, read_cutouts
 from ...scene.digests import same_values
 from ...scene.model import Scene
@@ -42,12 +44,16 @@ Hierarchy = TypeVar("Hierarchy", Bvh, HostBvh)
 #: less than the view of one texel, see above.
 _RAYS = 4
 
-#: Minimum and maximum number of rays of one round, from front faces and from back faces. The maximum is
-#: enough for 268 million texels, and ray numbers fit 32 bits.
-_MIN_RAYS, _MAX_RAYS = 1 << 11, 1 << 30
+#: Minimum number of rays of one round, from front faces and from back faces (chosen).
+_MIN_RAYS = 1 << 11
 
-#: Number of rays of one launch, so that a launch on a slow GPU is short.
-_LAUNCH = 1 << 22
+#: Maximum number of rays of one round (chosen). A CPU casts as many in seconds; larger scenes have fewer rays
+#: per texel. On a GPU they are enough for 268 million texels. Ray numbers fit 32 bits.
+_MAX_RAYS_CPU, _MAX_RAYS_GPU = 1 << 22, 1 << 30
+
+#: Number of rays of one launch, so that a launch is short on a CPU and on a slow GPU (chosen). Sizes that
+#: depend on time would change the kernels that are built ahead.
+_LAUNCH_CPU, _LAUNCH_GPU = 1 << 18, 1 << 22
 
 #: Maximum number of rounds: rays from front faces, and from the back faces that the round before found. Each
 #: round finds more of the inside of a vase, or 28 m more of the underside of a roof 5 m above a floor.
@@ -80,7 +86,19 @@ class VisibleBacks:
         resolution: int,
         is_moving: bool = False,
     ) -> np.ndarray:
-        """Return a mask of the candidates with a visible back face, (t,) bool.
+        """Return the result of `find` at once; parameters as there."""
+        return finished(self.find(make_tracer, scene, candidates, texel, resolution, is_moving))
+
+    def find(
+        self,
+        make_tracer: MakeTracer,
+        scene: Scene,
+        candidates: np.ndarray,
+        texel: float,
+        resolution: int,
+        is_moving: bool = False,
+    ) -> Generator[None, None, np.ndarray]:
+        """Return a mask of the candidates with a visible back face, (t,) bool; yield between launches.
 
         scene:       occluders must have lightmap UVs already
         candidates:  (t,) bool, of all triangles
@@ -101,7 +119,7 @@ class VisibleBacks:
         triangles = join_meshes(scene)
         tracer = make_tracer(triangles, read_cutouts(scene))
         width = texel or triangles.diagonal / resolution
-        self._visible = _visible(tracer, triangles, scene, width, resolution, candidates)
+        self._visible = yield from _visible(tracer, triangles, scene, width, resolution, candidates)
         self._key, self._shape, self._hierarchy = key, shape, (triangles.positions, tracer.bvh)
         return self._visible
 
@@ -148,8 +166,8 @@ def _visible(
     texel: float,
     resolution: int,
     candidates: np.ndarray,
-) -> np.ndarray:
-    """Return the result of `VisibleBacks.of`.
+) -> Generator[None, None, np.ndarray]:
+    """Return the result of `VisibleBacks.find`; yield between launches.
 
     tracer: ray tracer of the triangles; texel: world size of a lightmap texel, m, not 0
     """
@@ -163,14 +181,15 @@ def _visible(
     area = triangle_areas(triangles.positions) / (COARSENESS * texel) ** 2
     chosen = np.flatnonzero(candidates)
     cluster = clusters(triangles, chosen, _CLUSTER * texel)
-    cast = _caster(tracer, triangles.positions)
+    cast, max_rays = _caster(tracer, triangles.positions), _max_rays(tracer)
     for _ in range(_ROUNDS):
         met = np.zeros(int(cluster.max()) + 1, bool)
         for sources, side in ((texels, 1.0), (np.where(more, area, 0), -1.0)):
             if sources.any():
-                rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, _MAX_RAYS))
+                rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, max_rays))
                 tests = BackRays.of(sources, rays, side, height, visible)
-                met[cluster[cast(tests)[chosen]]] = True
+                hits = yield from cast(tests)
+                met[cluster[hits[chosen]]] = True
         more = fixed & ~visible
         more[chosen] |= met[cluster] & ~visible[chosen]
         if not more.any():
@@ -179,7 +198,18 @@ def _visible(
     return visible & candidates
 
 
-def _caster(tracer: RayTracer | ShaderTracer, positions: np.ndarray) -> Callable[[BackRays], np.ndarray]:
+def _max_rays(tracer: RayTracer | ShaderTracer) -> int:
+    """Return the maximum number of rays of one round on the device of a ray tracer."""
+    if isinstance(tracer, ShaderTracer):
+        on_cpu = draws_on_cpu(tracer.graphics.name)
+    else:
+        on_cpu = tracer.compute.processor
+    return _MAX_RAYS_CPU if on_cpu else _MAX_RAYS_GPU
+
+
+def _caster(
+    tracer: RayTracer | ShaderTracer, positions: np.ndarray
+) -> Callable[[BackRays], Generator[None, None, np.ndarray]]:
     """Return a function that casts rays and returns what `_backs_met` does.
 
     positions: (t, 3, 3) float32, m, uploaded once for all rounds
@@ -189,8 +219,8 @@ def _caster(tracer: RayTracer | ShaderTracer, positions: np.ndarray) -> Callable
     return partial(_backs_met, tracer, upload(tracer.compute, positions))
 
 
-def _backs_met(tracer: RayTracer, corners: cl.Buffer, rays: BackRays) -> np.ndarray:
-    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool.
+def _backs_met(tracer: RayTracer, corners: cl.Buffer, rays: BackRays) -> Generator[None, None, np.ndarray]:
+    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool; yield after each launch.
 
     corners: (t, 3, 3) float32, m, of all triangles
     """
@@ -200,12 +230,15 @@ def _backs_met(tracer: RayTracer, corners: cl.Buffer, rays: BackRays) -> np.ndar
     before[:triangles] = rays.marks
     marks = upload(compute, before)
     ends = upload(compute, rays.ends)
-    for first in range(0, rays.count, _LAUNCH):
-        count = min(_LAUNCH, rays.count - first)
+    most = _LAUNCH_CPU if compute.processor else _LAUNCH_GPU
+    for first in range(0, rays.count, most):
+        count = min(most, rays.count - first)
         tracer.run(
             kernel, count, corners, ends, np.int32(triangles), np.float32(rays.side),
             np.float32(rays.height), marks, np.uint32(first), np.int32(count),
         )  # fmt: skip
+        compute.queue.finish()
+        yield
     return download_bytes(compute, marks, triangles) == 1
 
 

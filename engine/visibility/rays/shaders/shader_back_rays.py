@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import moderngl
 import numpy as np
 
@@ -14,8 +16,10 @@ from .shader_tracer import RESULTS, ShaderTracer
 _CORNERS, _ENDS = 4, 5
 
 
-def backs_met_by_shader(tracer: ShaderTracer, corners: moderngl.Buffer, rays: BackRays) -> np.ndarray:
-    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool.
+def backs_met_by_shader(
+    tracer: ShaderTracer, corners: moderngl.Buffer, rays: BackRays
+) -> Generator[None, None, np.ndarray]:
+    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool; yield after each dispatch.
 
     corners: (t, 3, 3) float32, m, of all triangles
     """
@@ -28,5 +32,5 @@ def backs_met_by_shader(tracer: ShaderTracer, corners: moderngl.Buffer, rays: Ba
     }
     launch = {"triangle_count": len(rays.ends), "side": rays.side, "height": rays.height}
     for _ in tracer.run("visible_backs", rays.count, buffers, launch, records=(RECEIVER,)):
-        pass
+        yield
     return np.frombuffer(marks.read(size), np.uint32) == 1

@@ -89,6 +89,7 @@ class BakeRun:
         self._changes = Rollback()
         self._images: ProgressImages | None = None
         self._check: IdleCheck | None = None
+        self._overlay = LightOverlay(self._context)
         self._unwraps = False
         self._changed: ChangedObjects | None = None
         self._levels: dict[int, int] = {}
@@ -111,6 +112,7 @@ class BakeRun:
         None means that the run waits for the window to be drawn, or for the worker.
         """
         progress = next(self._work)
+        self._overlay.step()
         if progress is None and self._check is not None:
             self._check.step()
         return progress
@@ -124,9 +126,9 @@ class BakeRun:
         yield self._stages.begin(self._stages.baking)
         if not self._watched:
             yield from self._finish_check()
-        with LightOverlay(self._context) as overlay:
+        with self._overlay:
             if self._watched:
-                overlay.begin(self._read.scene, self._pictures.uids, self._settings.resolution)
+                self._overlay.begin(self._read.scene, self._pictures.uids, self._settings.resolution)
             lightmap = yield from self._bake_without_overlaps()
             yield self._stages.begin(self._stages.saving)
             yield from self._finish_check()

@@ -17,6 +17,7 @@ from ...engine.scene.texture import Texture
 from ..handlers import Handlers
 from ..lookup import find
 from ..scene import SceneContext
+from ..scene.objects.render_depsgraph import reads_render
 from .preview import shows_preview
 
 #: Maximum numbers of triangles and of lightmap texels, so that the window stays responsive: their upload to
@@ -115,8 +116,9 @@ class LightOverlay:
         self._batches: dict[int, Any] = {}
         self._shader: Any = None
         self._drawing: object = None
+        self._is_over = False
         self._handlers = Handlers(
-            {"depsgraph_update_post": self._note_update, "frame_change_post": self._end}
+            {"depsgraph_update_post": self._note_update, "frame_change_post": self._note_frame}
         )
 
     def __enter__(self) -> Self:
@@ -143,7 +145,12 @@ class LightOverlay:
         self._drawing = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
         self._handlers.begin()
 
-    def _end(self, *_: object) -> None:
+    def step(self) -> None:
+        """End if objects have changed; never call it from a handler, since that would skip other handlers."""
+        if self._is_over:
+            self._end()
+
+    def _end(self) -> None:
         """Stop to draw."""
         if self._drawing is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
@@ -152,21 +159,23 @@ class LightOverlay:
             self._batches.clear()
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        """End if an object has moved or has another mesh."""
-        objects = [
-            update
-            for update in depsgraph.updates
-            if scene.session_uid == self._scene_uid and isinstance(update.id, bpy.types.Object)
-        ]
-        if any(update.is_updated_transform or update.is_updated_geometry for update in objects):
-            self._end()
+        """Let the overlay end if an object has moved or has another mesh."""
+        if scene.session_uid != self._scene_uid or reads_render():
+            return
+        objects = [update for update in depsgraph.updates if isinstance(update.id, bpy.types.Object)]
+        self._is_over |= any(update.is_updated_transform or update.is_updated_geometry for update in objects)
+
+    def _note_frame(self, scene: bpy.types.Scene, *_: object) -> None:
+        """Let the overlay end at another frame."""
+        self._is_over |= scene.session_uid == self._scene_uid and not reads_render()
 
     def _draw(self) -> None:
         """Draw the lightmaps over a 3D view."""
         context = bpy.context
         space = context.space_data
         if (
-            context.scene.session_uid != self._scene_uid
+            self._is_over
+            or context.scene.session_uid != self._scene_uid
             or space.shading.type not in _UNLIT
             or space.local_view is not None
         ):

@@ -106,8 +106,46 @@ def test_an_object_that_moves_ends_the_light_but_not_the_bake(drawn):
     run = run_of()
     bpy.context.scene.collection.objects[0].location.x += 1
     bpy.context.view_layer.update()
+    run.step()
     assert not drawn
     run.run_to_end()
+
+
+def test_a_change_ends_the_light_outside_of_handlers(drawn):
+    """A function that leaves a list of handlers while these run makes Blender skip the next function."""
+    import bpy
+
+    run, calls = run_of(), []
+    handlers = bpy.app.handlers.depsgraph_update_post
+    handlers.append(lambda *_: calls.append(1))
+    bpy.context.scene.collection.objects[0].location.x += 1
+    bpy.context.view_layer.update()
+    handlers.pop()
+    assert calls
+    run.cancel()
+
+
+def test_another_frame_ends_the_light(drawn):
+    import bpy
+
+    run = run_of()
+    bpy.context.scene.frame_set(bpy.context.scene.frame_current + 1)
+    run.step()
+    assert not drawn
+    run.cancel()
+
+
+def test_reading_the_scene_of_renders_leaves_the_light(drawn):
+    """The check of a scene links a triangle while it reads; other objects may hide from the viewport."""
+    import bpy
+
+    run = run_of()
+    part("operators.scene.objects.render_depsgraph").in_render(
+        lambda depsgraph: None, bpy.context.scene, bpy.context.view_layer
+    )
+    run.step()
+    assert len(drawn) == 1
+    run.cancel()
 
 
 def test_large_scenes_and_visible_lightmaps_are_not_drawn_over(drawn, monkeypatch):

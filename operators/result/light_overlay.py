@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -18,6 +19,7 @@ from ..handlers import Handlers
 from ..lookup import find
 from ..scene import SceneContext
 from ..scene.objects.render_depsgraph import reads_render
+from ..user_files import append_to_log
 from .preview import shows_preview
 
 #: Maximum numbers of triangles and of lightmap texels, so that the window stays responsive: their upload to
@@ -170,26 +172,38 @@ class LightOverlay:
         self._is_over |= scene.session_uid == self._scene_uid and not reads_render()
 
     def _draw(self) -> None:
-        """Draw the lightmaps over a 3D view."""
+        """Draw the lightmaps over a 3D view; an error ends the overlay."""
         context = bpy.context
-        space = context.space_data
-        if (
-            self._is_over
-            or context.scene.session_uid != self._scene_uid
-            or space.shading.type not in _UNLIT
-            or space.local_view is not None
-        ):
+        if self._is_over or not self._is_drawn_in(context):
             return
+        try:
+            self._draw_lightmaps(context)
+        except Exception:  # noqa: BLE001
+            self._is_over = True
+            append_to_log(f"Light in 3D views: {traceback.format_exc()}")
+        finally:
+            gpu.state.face_culling_set("NONE")
+            gpu.state.depth_mask_set(False)
+            gpu.state.depth_test_set("NONE")
+
+    def _is_drawn_in(self, context: bpy.types.Context) -> bool:
+        """Return True if a 3D view shows the objects of the scene without light."""
+        space = context.space_data
+        return (
+            context.scene.session_uid == self._scene_uid
+            and space.shading.type in _UNLIT
+            and space.local_view is None
+        )
+
+    def _draw_lightmaps(self, context: bpy.types.Context) -> None:
+        """Draw the lightmaps over a 3D view."""
         images = [find(bpy.data.images, uid) for uid in self._images]
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
-        gpu.state.face_culling_set("BACK" if space.shading.show_backface_culling else "NONE")
+        gpu.state.face_culling_set("BACK" if context.space_data.shading.show_backface_culling else "NONE")
         for atlas, batch in self._prepared().items():
             if atlas < len(images) and images[atlas] is not None:
                 self._draw_batch(batch, images[atlas], context)
-        gpu.state.face_culling_set("NONE")
-        gpu.state.depth_mask_set(False)
-        gpu.state.depth_test_set("NONE")
 
     def _prepared(self) -> dict[int, Any]:
         """Return a batch for each lightmap, made at the first drawing, which has a GPU."""

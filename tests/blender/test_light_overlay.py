@@ -156,3 +156,33 @@ def test_large_scenes_and_visible_lightmaps_are_not_drawn_over(drawn, monkeypatc
             run = run_of()
             assert not drawn
             run.cancel()
+
+
+def test_an_error_of_drawing_is_logged_once_and_ends_the_light(drawn, monkeypatch):
+    """Views would draw, and log, the same error many times a second."""
+    import bpy
+
+    module, logged, calls = part("operators.result.light_overlay"), [], []
+    run = run_of()
+    space = SimpleNamespace(
+        shading=SimpleNamespace(type="SOLID", show_backface_culling=False), local_view=None
+    )
+    state = SimpleNamespace(
+        **{
+            f"{name}_set": lambda value, name=name: calls.append((name, value))
+            for name in ("depth_test", "depth_mask", "face_culling")
+        }
+    )
+    module.bpy.context = SimpleNamespace(scene=bpy.context.scene, space_data=space)
+    monkeypatch.setattr(module, "append_to_log", logged.append)
+    monkeypatch.setattr(module, "gpu", SimpleNamespace(state=state))
+    monkeypatch.setattr(module, "_make_shader", lambda: 1 / 0)
+    draw = drawn[0]
+    draw()
+    assert dict(calls) == {"depth_test": "NONE", "depth_mask": False, "face_culling": "NONE"}
+    calls.clear()
+    draw()
+    assert len(logged) == 1 and "ZeroDivisionError" in logged[0] and not calls
+    run.step()
+    assert not drawn
+    run.cancel()

@@ -128,7 +128,7 @@ class BakeRun:
             yield from self._finish_check()
         with self._overlay:
             if self._watched:
-                self._overlay.begin(self._read.scene, self._pictures.uids, self._settings.resolution)
+                self._overlay.begin(self._read, self._pictures.uids, self._settings.resolution)
             lightmap = yield from self._bake_without_overlaps()
             yield self._stages.begin(self._stages.saving)
             yield from self._finish_check()

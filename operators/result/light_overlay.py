@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import traceback
+from contextlib import suppress
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -12,13 +14,15 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
+from ...engine.errors import SceneError
 from ...engine.scene.color import srgb_to_linear
 from ...engine.scene.model import Scene
 from ...engine.scene.texture import Texture
 from ..handlers import Handlers
 from ..lookup import find
-from ..scene import SceneContext
+from ..scene import ReadScene, SceneContext
 from ..scene.objects.render_depsgraph import reads_render
+from ..scene.objects.render_differences import hidden_in_viewport
 from ..user_files import append_to_log
 from .preview import shows_preview
 
@@ -31,6 +35,9 @@ _UNLIT = ("SOLID", "MATERIAL")
 
 #: Distance by which the light is drawn in front of the objects, in normalized device coordinates (chosen).
 _LIFT = 2e-5
+
+#: Types of datablocks that Blender updates when objects are added, deleted, shown or hidden.
+_HOLDERS = (bpy.types.Scene, bpy.types.Collection)
 
 _VERTEX = """
 void main()
@@ -100,12 +107,21 @@ def _mean(constant: np.ndarray, texture: Texture | None) -> np.ndarray:
     return mean
 
 
+def _without_hidden(read: ReadScene, context: SceneContext) -> Scene:
+    """Return a scene without the meshes of objects, instances and instancers that the viewport hides."""
+    hidden = {obj.session_uid for obj in hidden_in_viewport(context)}
+    meshes = zip(read.scene.meshes, read.placed, strict=True)
+    shown = tuple(mesh for mesh, placed in meshes if not {placed.source, placed.instancer} & hidden)
+    return replace(read.scene, meshes=shown)
+
+
 class LightOverlay:
     """Overlay of 3D views that shows the lightmaps of a bake; a context manager.
 
     Draws in views of the scene with Solid or Material Preview shading, in the view transform Standard. Ends
-    when objects change, since it shows them as the bake has read them. Shows nothing while objects show their
-    lightmaps, in large scenes, and if *Show When Done* is off.
+    when objects change, appear or disappear, since it shows them as the bake has read them. Leaves out
+    objects that the viewport hides. Shows nothing while objects show their lightmaps, in large scenes, and if
+    *Show When Done* is off.
 
     context:  scene of the bake
     """
@@ -113,12 +129,13 @@ class LightOverlay:
     _read: Scene
 
     def __init__(self, context: SceneContext) -> None:
-        self._scene_uid = context.scene_uid
+        self._context, self._scene_uid = context, context.scene_uid
         self._images: list[int] = []
         self._batches: dict[int, Any] = {}
         self._shader: Any = None
         self._drawing: object = None
-        self._is_over = False
+        self._is_over = self._is_doubtful = False
+        self._shown = frozenset[int]()
         self._handlers = Handlers(
             {"depsgraph_update_post": self._note_update, "frame_change_post": self._note_frame}
         )
@@ -131,26 +148,36 @@ class LightOverlay:
     ) -> None:
         self._end()
 
-    def begin(self, read: Scene, images: list[int], width: int) -> None:
-        """Start to draw.
+    def begin(self, read: ReadScene, images: list[int], width: int) -> None:
+        """Start to draw; raises SceneError if the scene was deleted.
 
         read:    scene of the bake
         images:  session uids of the images of its lightmaps; may grow later
         width:   of lightmaps, texels
         """
         scene = find(bpy.data.scenes, self._scene_uid)
-        triangles = sum(len(mesh.positions) for mesh in read.meshes)
-        small = triangles <= _TRIANGLES and len(read.atlases) * width**2 <= _TEXELS
+        small = read.triangles <= _TRIANGLES and len(read.scene.atlases) * width**2 <= _TEXELS
         if scene is None or not small or not scene.hemibake.show_when_done or shows_preview(scene):
             return
-        self._read, self._images = read, images
+        self._read, self._images = _without_hidden(read, self._context), images
+        self._shown = self._find_shown()
         self._drawing = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
         self._handlers.begin()
 
     def step(self) -> None:
         """End if objects have changed; never call it from a handler, since that would skip other handlers."""
+        if self._is_doubtful:
+            self._is_doubtful = False
+            self._is_over |= self._find_shown() != self._shown
         if self._is_over:
             self._end()
+
+    def _find_shown(self) -> frozenset[int]:
+        """Return the session uids of the objects that the viewport shows; none if the view layer is gone."""
+        with suppress(SceneError):
+            layer = self._context.view_layer
+            return frozenset(obj.session_uid for obj in layer.objects if obj.visible_get(view_layer=layer))
+        return frozenset()
 
     def _end(self) -> None:
         """Stop to draw."""
@@ -161,11 +188,12 @@ class LightOverlay:
             self._batches.clear()
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        """Let the overlay end if an object has moved or has another mesh."""
+        """Let the overlay end if an object has moved, has another mesh, or is shown or hidden."""
         if scene.session_uid != self._scene_uid or reads_render():
             return
         objects = [update for update in depsgraph.updates if isinstance(update.id, bpy.types.Object)]
         self._is_over |= any(update.is_updated_transform or update.is_updated_geometry for update in objects)
+        self._is_doubtful |= any(isinstance(update.id, _HOLDERS) for update in depsgraph.updates)
 
     def _note_frame(self, scene: bpy.types.Scene, *_: object) -> None:
         """Let the overlay end at another frame."""

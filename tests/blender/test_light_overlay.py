@@ -7,7 +7,7 @@ import pytest
 
 from engine.scene.model import NO_LIGHTMAP, Material, Mesh, Scene
 from engine.scene.texture import Texture
-from tests.blender.things import furnace, part
+from tests.blender.things import SQUARE, SQUARE_UVS, furnace, mesh_object, part
 
 GREY = np.full(3, 0.5, np.float32)
 BLACK = np.zeros(3, np.float32)
@@ -67,11 +67,12 @@ def drawn(monkeypatch):
     return functions
 
 
-def run_of(show=True, watched=True):
-    """Return a bake of a furnace that has read the scene."""
+def run_of(show=True, watched=True, prepare=lambda: None):
+    """Return a bake of a furnace that has read the scene; `prepare` changes the scene before."""
     import bpy
 
     furnace()
+    prepare()
     bpy.context.scene.hemibake.show_when_done = show
     run = part("operators.bake_run").BakeRun(bpy.context, part("engine.session").bake, watched)
     while True:
@@ -132,6 +133,49 @@ def test_another_frame_ends_the_light(drawn):
     bpy.context.scene.frame_set(bpy.context.scene.frame_current + 1)
     run.step()
     assert not drawn
+    run.cancel()
+
+
+def hidden_card():
+    """Link an object that renders show and the viewport hides."""
+    mesh_object("Card", SQUARE, [(0, 1, 2, 3)], SQUARE_UVS).hide_set(True)
+
+
+def test_objects_that_the_viewport_hides_have_no_light(drawn):
+    run = run_of(prepare=hidden_card)
+    assert {mesh.name for mesh in run._read.scene.meshes} > {"Card"}
+    names = [mesh.name for mesh in run._overlay._read.meshes]
+    assert drawn and names and "Card" not in names
+    run.cancel()
+
+
+@pytest.mark.parametrize("way", ["hide_set", "hide_viewport", "remove"])
+def test_an_object_that_disappears_ends_the_light(drawn, way):
+    import bpy
+
+    run = run_of()
+    obj = bpy.context.scene.collection.objects[0]
+    if way == "hide_set":
+        obj.hide_set(True)
+    elif way == "hide_viewport":
+        obj.hide_viewport = True
+    else:
+        bpy.data.objects.remove(obj)
+    bpy.context.view_layer.update()
+    run.step()
+    assert not drawn
+    run.cancel()
+
+
+def test_a_changed_setting_of_the_scene_leaves_the_light(drawn):
+    import bpy
+
+    run = run_of()
+    bpy.context.scene.render.resolution_x += 1
+    bpy.context.scene.update_tag()
+    bpy.context.view_layer.update()
+    run.step()
+    assert len(drawn) == 1
     run.cancel()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
@@ -23,12 +24,16 @@ from ..lookup import find
 from ..scene import ReadScene, SceneContext
 from ..scene.objects.render_depsgraph import reads_render
 from ..scene.objects.render_differences import hidden_in_viewport
+from ..scene.slice_timer import Slice
 from ..user_files import append_to_log
 from .preview import shows_preview
 
 #: Maximum numbers of triangles and of lightmap texels, so that the window stays responsive: their upload to
 #: the GPU takes about .1 s (chosen).
 _TRIANGLES, _TEXELS = 500_000, 1 << 22
+
+#: Approximate number of texels of a texture in each direction from which its mean is computed (chosen).
+_MEAN_TEXELS = 128
 
 #: Shading types of 3D views that show no light of the scene.
 _UNLIT = ("SOLID", "MATERIAL")
@@ -74,9 +79,10 @@ class Corners(NamedTuple):
     emission: np.ndarray
 
 
-def lit_corners(scene: Scene) -> dict[int, Corners]:
-    """Return the corners of each lightmap of a scene, by index of the lightmap."""
-    reflectance, emission = _constants(scene, "reflectance"), _constants(scene, "emission")
+def lit_corners(scene: Scene) -> Generator[None, None, dict[int, Corners]]:
+    """Return the corners of each lightmap of a scene, by index of the lightmap; yield after short steps."""
+    reflectance = yield from _constants(scene, "reflectance")
+    emission = yield from _constants(scene, "emission")
     corners = {}
     for atlas in range(len(scene.atlases)):
         meshes = [mesh for mesh in scene.meshes if mesh.atlas == atlas and len(mesh.positions)]
@@ -88,22 +94,34 @@ def lit_corners(scene: Scene) -> dict[int, Corners]:
                 reflectance[materials],
                 emission[materials],
             )
+            yield
     return corners
 
 
-def _constants(scene: Scene, quantity: str) -> np.ndarray:
-    """Return the means of a quantity of all materials, (m, 3) float32."""
-    return np.array(
-        [_mean(getattr(one, quantity), getattr(one, f"{quantity}_map")) for one in scene.materials]
-    )
+def _constants(scene: Scene, quantity: str) -> Generator[None, None, np.ndarray]:
+    """Return the means of a quantity of all materials, (m, 3) float32; yield after each texture."""
+    means: dict[tuple[int, bool], np.ndarray] = {}
+    constants = []
+    for material in scene.materials:
+        constant, texture = getattr(material, quantity), getattr(material, f"{quantity}_map")
+        if texture is not None:
+            key = id(texture.pixels), texture.srgb
+            if key not in means:
+                means[key] = _mean(texture)
+                yield
+            constant = (constant * means[key]).astype(np.float32)
+        constants.append(constant)
+    return np.array(constants)
 
 
-def _mean(constant: np.ndarray, texture: Texture | None) -> np.ndarray:
-    """Return the mean of a quantity of a material, (3,) float32."""
-    if texture is None:
-        return constant
-    pixels = srgb_to_linear(texture.pixels) if texture.srgb else texture.pixels
-    mean: np.ndarray = (constant * pixels.mean(axis=(0, 1))).astype(np.float32)
+def _mean(texture: Texture) -> np.ndarray:
+    """Return the approximate mean of a texture, scene-linear, (1,) or (3,) float32.
+
+    Steps are odd, so that they meet all parts of tiles whose width is a power of two.
+    """
+    height, width = (-(-size // _MEAN_TEXELS) | 1 for size in texture.pixels.shape[:2])
+    pixels = texture.pixels[height // 2 :: height, width // 2 :: width]
+    mean: np.ndarray = (srgb_to_linear(pixels) if texture.srgb else pixels).mean(axis=(0, 1))
     return mean
 
 
@@ -127,6 +145,8 @@ class LightOverlay:
     """
 
     _read: Scene
+    _work: Generator[None, None, dict[int, Corners]] | None = None
+    _corners: dict[int, Corners] | None = None
 
     def __init__(self, context: SceneContext) -> None:
         self._context, self._scene_uid = context, context.scene_uid
@@ -160,17 +180,39 @@ class LightOverlay:
         if scene is None or not small or not scene.hemibake.show_when_done or shows_preview(scene):
             return
         self._read, self._images = _without_hidden(read, self._context), images
-        self._shown = self._find_shown()
+        self._shown, self._work = self._find_shown(), lit_corners(self._read)
         self._drawing = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
         self._handlers.begin()
 
     def step(self) -> None:
-        """End if objects have changed; never call it from a handler, since that would skip other handlers."""
+        """Prepare some of the triangles, or end if objects have changed.
+
+        Never call it from a handler: other handlers would be skipped.
+        """
         if self._is_doubtful:
             self._is_doubtful = False
             self._is_over |= self._find_shown() != self._shown
         if self._is_over:
             self._end()
+        time = Slice()
+        while self._work is not None and not time.over:
+            self._prepare()
+
+    def _prepare(self) -> None:
+        """Prepare a texture or a lightmap."""
+        assert self._work is not None
+        try:
+            next(self._work)
+        except StopIteration as end:
+            self._work, self._corners = None, end.value
+        except Exception:  # noqa: BLE001
+            self._work = None
+            self._fail()
+
+    def _fail(self) -> None:
+        """Write the current exception to the log, and let the overlay end."""
+        self._is_over = True
+        append_to_log(f"Light in 3D views: {traceback.format_exc()}")
 
     def _find_shown(self) -> frozenset[int]:
         """Return the session uids of the objects that the viewport shows; none if the view layer is gone."""
@@ -184,7 +226,7 @@ class LightOverlay:
         if self._drawing is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
             self._handlers.end()
-            self._drawing, self._shader = None, None
+            self._drawing = self._shader = self._work = self._corners = None
             self._batches.clear()
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
@@ -202,13 +244,12 @@ class LightOverlay:
     def _draw(self) -> None:
         """Draw the lightmaps over a 3D view; an error ends the overlay."""
         context = bpy.context
-        if self._is_over or not self._is_drawn_in(context):
+        if self._is_over or self._corners is None or not self._is_drawn_in(context):
             return
         try:
-            self._draw_lightmaps(context)
+            self._draw_lightmaps(context, self._corners)
         except Exception:  # noqa: BLE001
-            self._is_over = True
-            append_to_log(f"Light in 3D views: {traceback.format_exc()}")
+            self._fail()
         finally:
             gpu.state.face_culling_set("NONE")
             gpu.state.depth_mask_set(False)
@@ -223,26 +264,27 @@ class LightOverlay:
             and space.local_view is None
         )
 
-    def _draw_lightmaps(self, context: bpy.types.Context) -> None:
-        """Draw the lightmaps over a 3D view."""
+    def _draw_lightmaps(self, context: bpy.types.Context, prepared: dict[int, Corners]) -> None:
+        """Draw the lightmaps over a 3D view, with the corners of each."""
         images = [find(bpy.data.images, uid) for uid in self._images]
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
         gpu.state.face_culling_set("BACK" if context.space_data.shading.show_backface_culling else "NONE")
-        for atlas, batch in self._prepared().items():
+        for atlas, batch in self._made_batches(prepared).items():
             if atlas < len(images) and images[atlas] is not None:
                 self._draw_batch(batch, images[atlas], context)
 
-    def _prepared(self) -> dict[int, Any]:
+    def _made_batches(self, prepared: dict[int, Corners]) -> dict[int, Any]:
         """Return a batch for each lightmap, made at the first drawing, which has a GPU."""
         if self._shader is None:
             self._shader = _make_shader()
-            for atlas, corners in lit_corners(self._read).items():
+            for atlas, corners in prepared.items():
                 content = {
                     "position": corners.positions, "uv": corners.uvs,
                     "reflectance": corners.reflectance, "emission": corners.emission,
                 }  # fmt: skip
                 self._batches[atlas] = batch_for_shader(self._shader, "TRIS", content)
+            self._corners = {}
         return self._batches
 
     def _draw_batch(self, batch: Any, image: bpy.types.Image, context: bpy.types.Context) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from engine.scene.model import NO_LIGHTMAP, Material, Mesh, Scene
 from engine.scene.texture import Texture
-from tests.blender.things import SQUARE, SQUARE_UVS, furnace, mesh_object, part
+from tests.blender.things import SQUARE, SQUARE_UVS, finished, furnace, mesh_object, part
 
 GREY = np.full(3, 0.5, np.float32)
 BLACK = np.zeros(3, np.float32)
@@ -38,9 +38,8 @@ def test_corners_of_each_lightmap_have_the_mean_color_of_their_material():
         mesh("B", 2, 1, 1),
         mesh("None", 0, 0, 0),
     )
-    corners = part("operators.result.light_overlay").lit_corners(
-        Scene(meshes, (painted, lamp), ("L", "M", "N"))
-    )
+    scene = Scene(meshes, (painted, lamp), ("L", "M", "N"))
+    corners = finished(part("operators.result.light_overlay").lit_corners(scene))
     assert list(corners) == [1]
     found = corners[1]
     assert np.array_equal(
@@ -49,6 +48,22 @@ def test_corners_of_each_lightmap_have_the_mean_color_of_their_material():
     assert np.array_equal(found.uvs, np.concatenate([meshes[k].uvs.reshape(-1, 2) for k in (0, 2)]))
     assert np.allclose(found.reflectance[:9], (0.25, 0.25, 0.5)) and not found.reflectance[9:].any()
     assert not found.emission[:9].any() and np.allclose(found.emission[9:], 3.5)
+
+
+def test_a_large_texture_is_averaged_once_over_some_of_its_texels(monkeypatch):
+    """Twenty textures of 4096 x 4096 texels would stop the window for seconds."""
+    module, counts = part("operators.result.light_overlay"), []
+    decode = module.srgb_to_linear
+    monkeypatch.setattr(
+        module, "srgb_to_linear", lambda pixels: counts.append(pixels[..., 0].size) or decode(pixels)
+    )
+    tiles = np.zeros((1021, 2048, 3), np.float32)
+    tiles[:, ::16], tiles[:512, :, 1] = 1, 1
+    paint = Texture("Paint", tiles, "UVMap", srgb=True)
+    materials = tuple(Material(name, 2 * GREY, BLACK, reflectance_map=paint) for name in "AB")
+    found = finished(module.lit_corners(Scene((mesh("A", 2, 0, 1),), materials, ("L",))))[0]
+    assert len(counts) == 1 and counts[0] <= 128**2
+    assert np.allclose(found.reflectance, (1 / 16, 1 / 2 + 1 / 32, 1 / 16), atol=0.02)
 
 
 @pytest.fixture

@@ -62,8 +62,10 @@ def _remote_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
 
 def _reused_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
     """Return a gather from the visibility cache of an earlier bake; None if no valid cache exists."""
-    cache = job.kept.samples
-    if cache is None or not cache.pieces or (cache.others and job.settings.warm_start):
+    cache, settings = job.kept.samples, job.settings
+    if cache is None or not cache.pieces:
+        return None
+    if cache.others and (settings.warm_start or settings.by_light_groups):
         return None
     if not cache.holds_for(job.parts, job.rays, job.back_emission):
         return None

@@ -160,9 +160,14 @@ def _gathered(
 
 
 def _common_samples(solved: SolveJob) -> VisibilityCache | None:
-    """Return the visibility cache if all groups can share it: no visible back face emits light."""
+    """Return the visibility cache if all groups can share it, else None.
+
+    No visible back face may emit light, and this device must hold the samples of all patches.
+    """
     kept = solved.kept.samples
-    return None if kept is None or not kept.complete or kept.has_light_of_backs else kept
+    if kept is None or not kept.complete or kept.others or kept.has_light_of_backs:
+        return None
+    return kept
 
 
 def _solved_alone(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rooms import hilly_room
-from engine import Settings, finished
+from engine import Light, Settings, finished
 from engine.bake_result import BakeResult
 from engine.device import peers
 from engine.device.cl_device import ComputeDevice
@@ -105,6 +105,21 @@ def test_both_devices_keep_visibility_for_the_next_bake() -> None:
     again = _baked(session, settings, relit)
     assert any("kept from the last bake" in reason for reason in again.report.reasons)
     assert np.array_equal(again.image, _baked(Session(), _SETTINGS, relit).image)
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_light_groups_after_a_shared_bake_equal_those_without() -> None:
+    room, session = hilly_room(_WIDTH, 200), Session()
+    lamp = Light("Lamp", "point", np.array([1.0, 1.0, 1.5]), np.eye(3), np.float32([3, 2, 1]), light_group="L")
+    scene = replace(room, lights=(lamp,), light_groups=("L",))
+    _baked(session, replace(_SETTINGS, scheduler=ALL_DEVICES), scene)
+    assert session._kept.samples.others
+    settings = replace(_SETTINGS, outputs=("combined", "light_groups"))
+    alone = _baked(Session(), settings, scene)
+    after = _baked(session, replace(settings, scheduler=ALL_DEVICES), scene)
+    assert "light_group L" in alone.passes
+    for name, image in alone.passes.items():
+        assert np.array_equal(image, after.passes[name]), name
 
 
 @pytest.mark.usefixtures("two_devices")

@@ -34,11 +34,13 @@ class DeviceParts:
     cache:    visibility samples of some patches
     sampler:  fills the cache; None if it is complete
     static:   background light
+    most:     maximum number of patches in the cache; the devices together must hold all patches
     """
 
     cache: VisibilityCache
     sampler: VisibilitySampler | None
     static: BackgroundLight
+    most: int
 
 
 class DeviceRows:
@@ -75,7 +77,7 @@ class DeviceRows:
         """
         parts = self._made
         if parts.sampler is not None:
-            yield from parts.cache.take(parts.sampler, rows, from_end)
+            yield from parts.cache.take(parts.sampler, rows, parts.most, from_end)
         for piece in parts.cache.pieces:
             for _ in parts.static.sum_up(piece, parts.cache.backs):
                 yield

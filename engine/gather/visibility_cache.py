@@ -195,14 +195,17 @@ class VisibilityCache:
             )
 
     def take(
-        self, sampler: VisibilitySampler, rows: RowRange, from_end: bool = False
+        self, sampler: VisibilitySampler, rows: RowRange, most: int, from_end: bool = False
     ) -> Generator[None, None, None]:
         """Compute the samples of rows that other devices take from too, until none is left.
 
         A piece must fit `backs`, which holds all patches.
+
+        most:  maximum number of rows of this cache
         """
-        wanted = max(1, self._largest_piece // self.sampling.row_bytes)
-        while (taken := rows.take(wanted, _FEWEST, from_end)) is not None:
+        wanted, left = max(1, self._largest_piece // self.sampling.row_bytes), most
+        while left > 0 and (taken := rows.take(min(wanted, left), _FEWEST, from_end)) is not None:
+            left -= taken[1] - taken[0]
             size = self.sampling.row_bytes * (taken[1] - taken[0])
             cache = cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size)
             self.pieces.append(SampleRows(cache, *taken))

@@ -20,7 +20,7 @@ from ..gather.visibility_cache import BackfaceLight, VisibilityCache
 from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.sample_counts import expected_samples
 from ..visibility.sampler import SampleLayout, VisibilitySampler
-from .memory import is_cached, memory_budget, memory_clause, shares_cache
+from .memory import is_cached, memory_budget, memory_clause, most_rows, shares_cache
 from .solve_job import SolveJob
 from .solver_choice import SolverChoice
 from .visibility_trial import SAMPLERS, choose_sampler, make_sampler, untried_visibility
@@ -136,7 +136,8 @@ def caching_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
     resumes = job.checkpoint.rows_from_the_first(sampler.name)
     if shares_cache(job) and isinstance(sampler, RaySampler) and not resumes:
         job.kept.background.clear()
-        others = [DeviceRows(peer, partial(_new_parts, job.on(peer))) for peer in job.rays.peers]
+        most = most_rows(job, sampler.row_bytes)
+        others = [DeviceRows(peer, partial(_new_parts, job.on(peer), most)) for peer in job.rays.peers]
         return _shared_gather(job, job.kept.samples, sampler, others)
     return _cached_gather(job, job.kept.samples, sampler)
 
@@ -147,20 +148,26 @@ def _empty_cache(job: SolveJob, sampling: SampleLayout) -> VisibilityCache:
     return VisibilityCache(job.opencl, sampling, *seen)
 
 
-def _new_parts(job: SolveJob) -> DeviceParts:
+def _new_parts(job: SolveJob, most: int) -> DeviceParts:
     """Return visibility cache, sampler and background light for an additional device.
 
     The device traces its own share of the patches and gathers from it.
+
+    most:  maximum number of patches in its cache
     """
     sampler = RaySampler(job.opencl, job.rays, job.parts, job.background, job.settings)
     sampling = SampleLayout.of(sampler)
-    return DeviceParts(_empty_cache(job, sampling), sampler, static_light(job, sampling))
+    return DeviceParts(_empty_cache(job, sampling), sampler, static_light(job, sampling), most)
 
 
 def _kept_rows(job: SolveJob, cache: VisibilityCache) -> DeviceRows:
     """Return the rows of another device that gathers from the samples of the last bake."""
     there = job.on(cache.compute)
-    return DeviceRows(cache.compute, lambda: DeviceParts(cache, None, static_light(there, cache.sampling)))
+
+    def parts() -> DeviceParts:
+        return DeviceParts(cache, None, static_light(there, cache.sampling), cache.count)
+
+    return DeviceRows(cache.compute, parts)
 
 
 def _shared_gather(
@@ -168,7 +175,8 @@ def _shared_gather(
 ) -> DeviceGather:
     """Return a gather by several devices from cached samples; None as sampler if all samples are known."""
     static = static_light(job, cache.sampling)
-    own = DeviceRows(job.opencl, lambda: DeviceParts(cache, sampler, static))
+    most = most_rows(job, cache.sampling.row_bytes)
+    own = DeviceRows(job.opencl, lambda: DeviceParts(cache, sampler, static, most))
     return SharedCachedGather(job.opencl, own, others, static, job.checkpoint)
 
 

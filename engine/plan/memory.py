@@ -35,6 +35,16 @@ def device_budget(job: SolveJob) -> int:
     return min(job.settings.memory_budget or memory // 2, memory)
 
 
+def most_rows(job: SolveJob, row_bytes: int) -> int:
+    """Return the maximum number of patches whose samples one of the sharing devices keeps.
+
+    The budget rounds down; an equal share rounds up, so that the devices together hold all patches.
+
+    row_bytes:  size of the samples of a patch, bytes
+    """
+    return max(device_budget(job) // row_bytes, -(-job.count // (1 + len(job.rays.peers))))
+
+
 def shares_cache(job: SolveJob) -> bool:
     """Return True if several devices keep the visibility samples of the patches, each of a part of them.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
@@ -18,10 +19,12 @@ from engine.device.row_range import RowRange
 from engine.direct import shadow_rays
 from engine.errors import DeviceError
 from engine.gather import visibility_cache
-from engine.plan import sharing
+from engine.plan import memory, sharing
+from engine.plan.solve_job import SolveJob
 from engine.scene.model import Scene
 from engine.session import Session
 from engine.settings import ALL_DEVICES
+from engine.visibility.sample_counts import sample_bytes
 
 #: An odd width, so that devices share rows unevenly.
 _WIDTH = 45
@@ -108,9 +111,31 @@ def test_both_devices_keep_visibility_for_the_next_bake() -> None:
 
 
 @pytest.mark.usefixtures("two_devices")
+def test_fast_device_keeps_no_more_samples_than_its_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    def half_of_the_samples(job: SolveJob) -> int:
+        size = _SETTINGS.samples * sample_bytes(job.count, job.parts.cutouts.tinted)
+        return -(-size * job.count // 2)
+
+    def late_take(rows: RowRange, wanted: int, least: int, from_end: bool = False) -> tuple[int, int] | None:
+        while from_end and 2 * rows.left > rows._count:
+            time.sleep(0.01)
+        return _take(rows, wanted, least, from_end)
+
+    monkeypatch.setattr(memory, "device_budget", half_of_the_samples)
+    monkeypatch.setattr(RowRange, "take", late_take)
+    session = Session()
+    _baked(session, replace(_SETTINGS, scheduler=ALL_DEVICES, method="cached"))
+    kept = session._kept.samples
+    rows = [sum(rows.last - rows.first for rows in cache.pieces) for cache in (kept, *kept.others)]
+    assert sum(rows) == kept.count and max(rows) <= (kept.count + 1) // 2
+
+
+@pytest.mark.usefixtures("two_devices")
 def test_light_groups_after_a_shared_bake_equal_those_without() -> None:
     room, session = hilly_room(_WIDTH, 200), Session()
-    lamp = Light("Lamp", "point", np.array([1.0, 1.0, 1.5]), np.eye(3), np.float32([3, 2, 1]), light_group="L")
+    lamp = Light(
+        "Lamp", "point", np.array([1.0, 1.0, 1.5]), np.eye(3), np.float32([3, 2, 1]), light_group="L"
+    )
     scene = replace(room, lights=(lamp,), light_groups=("L",))
     _baked(session, replace(_SETTINGS, scheduler=ALL_DEVICES), scene)
     assert session._kept.samples.others

@@ -13,13 +13,15 @@ _SHARES = 2
 class RowRange:
     """Rows first <= i < last; the first device takes them from the front, the others from the end.
 
-    takers:  number of devices; with one, `take` returns all that is wanted
+    takers:   number of devices; with one, `take` returns all that is wanted
+    stopped:  True after `stop`; work on slices that have been taken ends soon
     """
 
     def __init__(self, first: int, last: int, takers: int = 1) -> None:
         self._first, self._last, self._takers = first, last, takers
         self._count = max(last - first, 1)
         self._lock = threading.Lock()
+        self.stopped = False
 
     @property
     def left(self) -> int:
@@ -50,6 +52,6 @@ class RowRange:
             yield 1 - self.left / self._count
 
     def stop(self) -> None:
-        """Drop the rows that are left, so that all devices stop after their slice."""
+        """Drop the rows that are left, so that all devices stop, at the latest after their slice."""
         with self._lock:
-            self._first = self._last
+            self.stopped, self._first = True, self._last

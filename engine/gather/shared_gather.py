@@ -72,6 +72,8 @@ class DeviceRows:
     def fill(self, rows: RowRange, from_end: bool = False) -> Generator[None, None, None]:
         """Compute the visibility samples of rows, then the background light of these rows.
 
+        Ends early once the rows are stopped.
+
         rows:      range from which other devices take rows too; this device takes rows until none is left
         from_end:  True to take them from the end of the range
         """
@@ -79,6 +81,8 @@ class DeviceRows:
         if parts.sampler is not None:
             yield from parts.cache.take(parts.sampler, rows, parts.most, from_end)
         for piece in parts.cache.pieces:
+            if rows.stopped:
+                return
             for _ in parts.static.sum_up(piece, parts.cache.backs):
                 yield
 

@@ -199,7 +199,7 @@ class VisibilityCache:
     ) -> Generator[None, None, None]:
         """Compute the samples of rows that other devices take from too, until none is left.
 
-        A piece must fit `backs`, which holds all patches.
+        Ends within a piece once the rows are stopped. A piece must fit `backs`, which holds all patches.
 
         most:  maximum number of rows of this cache
         """
@@ -210,6 +210,8 @@ class VisibilityCache:
             cache = cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size)
             self.pieces.append(SampleRows(cache, *taken))
             for _ in sampler.find(*taken, self.backs.found_with(cache, taken[0])):
+                if rows.stopped:
+                    return
                 yield
 
     def join(self, others: list[VisibilityCache]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Generator
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
@@ -24,7 +25,9 @@ from engine.plan.solve_job import SolveJob
 from engine.scene.model import Scene
 from engine.session import Session
 from engine.settings import ALL_DEVICES
+from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.sample_counts import sample_bytes
+from engine.visibility.sampler import VisibilityBuffers
 
 #: An odd width, so that devices share rows unevenly.
 _WIDTH = 45
@@ -171,6 +174,30 @@ def test_cancelled_bake_stops_both_devices() -> None:
         if progress.stage == "Direct light" and progress.fraction > 0:
             break
     work.close()
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_cancelled_bake_does_not_wait_for_a_piece_of_another_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, whole, find = threading.Event(), threading.Event(), RaySampler.find
+
+    def slow_find(
+        sampler: RaySampler, first: int, last: int, seen: VisibilityBuffers
+    ) -> Generator[float, None, None]:
+        if threading.current_thread().name == "peer":
+            begun.set()
+            for _ in range(1000):
+                time.sleep(0.01)
+                yield 0.0
+            whole.set()
+        yield from find(sampler, first, last, seen)
+
+    monkeypatch.setattr(RaySampler, "find", slow_find)
+    work = Session().bake(hilly_room(_WIDTH, 200), replace(_SETTINGS, scheduler=ALL_DEVICES))
+    for _ in work:
+        if begun.is_set():
+            break
+    work.close()
+    assert begun.is_set() and not whole.is_set()
 
 
 def test_small_bake_is_not_shared(monkeypatch: pytest.MonkeyPatch) -> None:

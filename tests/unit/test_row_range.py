@@ -32,6 +32,13 @@ def test_slices_shrink_so_that_devices_finish_together() -> None:
     assert rows.take(1000, 10, from_end=True) == (813, 1000)
 
 
+def test_stopped_rows_are_not_taken() -> None:
+    rows = RowRange(0, 1000, 2)
+    assert rows.take(1000, 10) == (0, 250) and not rows.stopped
+    rows.stop()
+    assert rows.stopped and rows.take(1000, 10, from_end=True) is None
+
+
 def test_error_of_another_device_stops_this_one_and_is_raised() -> None:
     rows, failed = RowRange(0, 1_000_000, 2), threading.Event()
 

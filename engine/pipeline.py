@@ -6,7 +6,7 @@ visibility comes from cached rays; method "paper" draws radiance hemicubes in ev
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import replace
@@ -33,7 +33,7 @@ from .plan.opencl_fallback import without_opencl
 from .plan.previous_solution import PreviousSolution
 from .plan.remote_devices import RemoteDevices
 from .plan.session_cache import SessionCache
-from .plan.sharing import sharing_devices
+from .plan.sharing import share
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
@@ -65,17 +65,19 @@ def bake(
     kept: SessionCache,
     ship: Ship | None = None,
     inspect: Inspect = ignore,
-    peers: Sequence[ComputeDevice] = (),
+    shares: bool = False,
 ) -> Generator[Progress, None, BakeResult]:
     """Bake a validated scene; see `engine.bake`. The devices and the session cache stay open.
 
     ship:     sends the scene to other processes; None to use only the given devices
     inspect:  called with the intermediate results before they are released
-    peers:    devices of the model of the OpenCL device that share a large bake
+    shares:   True if devices of the model of the OpenCL device share a large bake
     """
     # On the first use of a device, wait for the programs of direct light. Other programs are built meanwhile.
     yield from stages.prepare(devices.compute, early=True)
-    return (yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect, peers)))
+    return (
+        yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect, shares))
+    )
 
 
 def _current(
@@ -101,7 +103,7 @@ def _bake(
     kept: SessionCache,
     ship: Ship | None,
     inspect: Inspect,
-    peers: Sequence[ComputeDevice],
+    shares: bool,
 ) -> Generator[Progress, None, BakeResult]:
     """Run the stages of the bake."""
     graphics, compute = devices.graphics, devices.compute
@@ -126,7 +128,7 @@ def _bake(
     # Direct light: shadow rays to lights, small bright surfaces and bright sky. The first intermediate
     # lightmap shows it before visibility is computed.
     rays = kept.ray_scene(graphics, compute, patch_scene)
-    rays.peers, shared = sharing_devices(peers, settings, len(patch_scene.patches))
+    sharing = share(rays, devices.peers if shares else None, settings)
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_squares = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
@@ -190,7 +192,7 @@ def _bake(
         method=choice.method,
         visibility=choice.visibility,
         samples=choice.samples,
-        reasons=(*choice.reasons, *shared, *finishing.reasons),
+        reasons=(*choice.reasons, *sharing, *finishing.reasons),
         iterations=solution.iterations,
         convergence_error=solution.residual,
         converged=solution.converged or not settings.has_indirect,

@@ -151,11 +151,11 @@ class Session:
         kept.checkpoints = _checkpoints(settings)
         stages.opened(ray_speed(devices))
         try:
-            peers = devices.peers() if settings.scheduler == ALL_DEVICES else ()
-            with _workers(replace(settings, scheduler="") if peers else settings) as workers:
+            shares = settings.scheduler == ALL_DEVICES and devices.has_peers
+            with _workers(replace(settings, scheduler="") if shares else settings) as workers:
                 ship = partial(workers.ship, settings) if workers else None
                 lightmap = yield from bake(
-                    devices, scene, settings, stages, kept, ship, inspect or ignore, peers
+                    devices, scene, settings, stages, kept, ship, inspect or ignore, shares
                 )
         except GeneratorExit:
             if settings.warm_start or self._is_warming_up:

@@ -12,7 +12,7 @@ from .async_open import AsyncOpen
 from .cl_device import ComputeDevice
 from .gl_context import GraphicsContext
 from .opencl import cl
-from .peers import open_peers
+from .peers import Peers, has_equals, open_peers
 
 #: Text in the OpenCL error for a buffer above the maximum size.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"
@@ -37,7 +37,7 @@ class Devices:
     ) -> None:
         self.cache_dir, self.opencl_device, self.missing = cache_dir, opencl_device, ""
         self.compute: ComputeDevice | None = None
-        self._peers: tuple[ComputeDevice, ...] | None = None
+        self._peers: Peers | None = None
         try:
             self.compute = opening.compute() if opening else ComputeDevice(cache_dir, opencl_device)
         except DeviceError as error:
@@ -57,10 +57,15 @@ class Devices:
         """Start to open an OpenCL device for these parameters."""
         return AsyncOpen(lambda ahead: ComputeDevice(cache_dir, opencl_device, ahead=ahead))
 
-    def peers(self) -> tuple[ComputeDevice, ...]:
+    @property
+    def has_peers(self) -> bool:
+        """True if this machine has other GPUs of the same model; opens none."""
+        return self.compute is not None and has_equals(self.compute)
+
+    def peers(self) -> Peers:
         """Return the other GPUs of the same model, opened on first use."""
         if self._peers is None:
-            self._peers = open_peers(self.compute, self.cache_dir) if self.compute else ()
+            self._peers = open_peers(self.compute, self.cache_dir) if self.compute else Peers()
         return self._peers
 
     @contextmanager
@@ -90,7 +95,7 @@ class Devices:
         self._release_compute()
 
     def _release_compute(self) -> None:
-        for compute in (self.compute, *(self._peers or ())):
+        for compute in (self.compute, *(self._peers.opened if self._peers else ())):
             if compute is not None:
                 compute.release()
 

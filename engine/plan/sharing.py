@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 
-from ..device.cl_device import ComputeDevice
+from ..device.peers import Peers
 from ..settings import Settings
+from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sample_counts import ray_count
 
 #: Minimum number of rays from all patches: the other devices need about 0.2 s to prepare, in which an H100
@@ -13,18 +14,17 @@ from ..visibility.sample_counts import ray_count
 _FEWEST_RAYS = 1 << 31
 
 
-def sharing_devices(
-    peers: Sequence[ComputeDevice], settings: Settings, patches: int
-) -> tuple[Sequence[ComputeDevice], tuple[str, ...]]:
-    """Return the other devices that share a bake, none for a small one, and a sentence for the report.
+def share(rays: RayScene, open_peers: Callable[[], Peers] | None, settings: Settings) -> tuple[str, ...]:
+    """Choose the other devices that share the work of a bake, none for a small one; return report sentences.
 
-    peers:  other devices that the settings allow
+    open_peers:  opens the other devices that the settings allow; None for none
     """
-    if not peers or settings.warm_start:
-        return (), ()
-    rays = patches * ray_count(settings)
-    if rays < _FEWEST_RAYS:
-        return (), (
-            f"One device baked: {rays:,} rays are too few to share; the minimum is {_FEWEST_RAYS:,}.",
-        )
-    return peers, (f"{1 + len(peers)} devices traced rays and gathered light.",)
+    rays.peers = ()
+    if open_peers is None or settings.warm_start:
+        return ()
+    count = rays.count * ray_count(settings)
+    if count < _FEWEST_RAYS:
+        return (f"One device baked: {count:,} rays are too few to share; the minimum is {_FEWEST_RAYS:,}.",)
+    peers = open_peers()
+    rays.peers = peers.opened
+    return (*peers.notes, f"{1 + len(peers.opened)} devices traced rays and gathered light.")

@@ -16,6 +16,7 @@ from engine import Light, Settings, finished
 from engine.bake_result import BakeResult
 from engine.device import peers
 from engine.device.cl_device import ComputeDevice
+from engine.device.opencl import cl
 from engine.device.row_range import RowRange
 from engine.direct import shadow_rays
 from engine.errors import DeviceError
@@ -200,7 +201,23 @@ def test_cancelled_bake_does_not_wait_for_a_piece_of_another_device(monkeypatch:
     assert begun.is_set() and not whole.is_set()
 
 
-def test_small_bake_is_not_shared(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("two_devices")
+@pytest.mark.parametrize("error", [DeviceError("No driver."), cl.MemoryError("OUT_OF_HOST_MEMORY")])
+def test_device_that_does_not_open_is_skipped(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(peers, "ComputeDevice", fail)
+    made = _baked(Session(), replace(_SETTINGS, scheduler=ALL_DEVICES, resolution=16, samples=16))
+    assert any("does not share" in reason for reason in made.report.reasons)
+    assert not any("2 devices" in reason for reason in made.report.reasons)
+
+
+def test_small_bake_opens_no_other_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise AssertionError
+
     monkeypatch.setattr(peers, "equal_devices", lambda device: [device])
+    monkeypatch.setattr(peers, "ComputeDevice", fail)
     made = _baked(Session(), replace(_SETTINGS, scheduler=ALL_DEVICES, samples=16, resolution=16))
     assert any("too few to share" in reason for reason in made.report.reasons)

@@ -33,7 +33,7 @@ from .plan.opencl_fallback import without_opencl
 from .plan.previous_solution import PreviousSolution
 from .plan.remote_devices import RemoteDevices
 from .plan.session_cache import SessionCache
-from .plan.sharing import share
+from .plan.sharing import share, shared_work
 from .plan.solve_job import SolveJob
 from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
@@ -192,7 +192,7 @@ def _bake(
         method=choice.method,
         visibility=choice.visibility,
         samples=choice.samples,
-        reasons=(*choice.reasons, *sharing, *finishing.reasons),
+        reasons=(*choice.reasons, *sharing, *shared_work(rays), *finishing.reasons),
         iterations=solution.iterations,
         convergence_error=solution.residual,
         converged=solution.converged or not settings.has_indirect,

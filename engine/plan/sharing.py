@@ -19,12 +19,17 @@ def share(rays: RayScene, open_peers: Callable[[], Peers] | None, settings: Sett
 
     open_peers:  opens the other devices that the settings allow; None for none
     """
-    rays.peers = ()
+    rays.share_with(())
     if open_peers is None or settings.warm_start:
         return ()
     count = rays.count * ray_count(settings)
     if count < _FEWEST_RAYS:
         return (f"One device baked: {count:,} rays are too few to share; the minimum is {_FEWEST_RAYS:,}.",)
     peers = open_peers()
-    rays.peers = peers.opened
-    return (*peers.notes, f"{1 + len(peers.opened)} devices traced rays and gathered light.")
+    rays.share_with(peers.opened)
+    return peers.notes
+
+
+def shared_work(rays: RayScene) -> tuple[str, ...]:
+    """Return a sentence for the report if other devices have traced rays of a bake."""
+    return (f"{1 + len(rays.peers)} devices traced rays and gathered light.",) if rays.shared else ()

@@ -84,7 +84,6 @@ def _baked(session: Session, settings: Settings, scene: Scene | None = None) -> 
         {"patch_groups": 4},
         {"samples": 1024, "resolution": 17},
         {"outputs": ("combined", "ambient_occlusion")},
-        {"outputs": ("combined", "directional")},
     ],
     ids=lambda changes: "-".join(map(str, changes.values())) or "cached",
 )
@@ -95,6 +94,21 @@ def test_bits_equal_those_of_one_device(changes: dict[str, object]) -> None:
     shared = _baked(Session(), replace(settings, scheduler=ALL_DEVICES), scene)
     assert any("2 devices" in reason for reason in shared.report.reasons)
     assert shared.report.iterations == alone.report.iterations
+    for name, image in alone.passes.items():
+        assert np.array_equal(image, shared.passes[name]), name
+
+
+@pytest.mark.usefixtures("two_devices")
+@pytest.mark.parametrize("is_dark", [True, False], ids=["dark", "directional"])
+def test_bake_that_one_device_did_alone_does_not_name_two(is_dark: bool) -> None:
+    scene, outputs = hilly_room(_WIDTH, 200), ("combined", "directional")
+    if is_dark:
+        dark = tuple(replace(made, emission=0 * made.emission) for made in scene.materials)
+        scene, outputs = replace(scene, materials=dark), ("combined",)
+    settings = replace(_SETTINGS, outputs=outputs)
+    alone = _baked(Session(), settings, scene)
+    shared = _baked(Session(), replace(settings, scheduler=ALL_DEVICES), scene)
+    assert not any("2 devices" in reason for reason in shared.report.reasons)
     for name, image in alone.passes.items():
         assert np.array_equal(image, shared.passes[name]), name
 

@@ -34,10 +34,12 @@ def make_tracer(
 class RayScene:
     """Triangles and patches of a bake on the OpenCL device.
 
-    peers:  other devices that share the work of the patches; empty for one device
+    peers:   other devices that share the work of the patches; empty for one device
+    shared:  True once `peers` have received work
     """
 
     peers: Sequence[ComputeDevice] = ()
+    shared: bool = False
 
     def __init__(
         self,
@@ -79,8 +81,13 @@ class RayScene:
         """True if there is an OpenCL device, so that rays can be traced."""
         return self._compute is not None
 
+    def share_with(self, peers: Sequence[ComputeDevice]) -> None:
+        """Set the other devices of a bake, which have no work yet."""
+        self.peers, self.shared = peers, False
+
     def on(self, peer: ComputeDevice) -> RayScene:
         """Return a scene of the same triangles and patches on another device, created on first use."""
+        self.shared = bool(self.peers)
         if peer not in self._twins:
             self._twins[peer] = RayScene(peer, self._parts)
         return self._twins[peer]

@@ -7,8 +7,9 @@ import pytest
 
 from engine import Material
 from engine.device import devices
-from engine.scene.model import Light
-from engine.scene.transmission import Fresnel, Transmittance, mean_angular_factor
+from engine.scene.model import NO_LIGHTMAP, Light
+from engine.scene.transmission import Fresnel, Transmittance, angular_factor, mean_angular_factor
+from tests.analytic.scenes import quads, room_walls
 from tests.analytic.test_tinted import light_of, under_panes
 from tests.gpu.test_glass_angles import exact
 from tests.gpu.test_shader_bakes import NoCompute
@@ -67,6 +68,30 @@ def test_glass_that_absorbs_nothing_loses_no_light():
     wide = replace(scene, meshes=(widened(scene.meshes[0]), *scene.meshes[1:]))
     found = light_of(wide, max_bounces=24, samples=512)
     assert found == pytest.approx(np.full(3, passed / (1 - 0.5 * (1 - passed))), rel=0.01)
+
+
+@pytest.mark.parametrize("transmittance", [0.48, 0.9])
+def test_lamp_in_a_closed_globe_shines_through_one_face(transmittance):
+    """A tinted globe transmits T. Rays that meet the front of a clear one transmit (1 + T^2) / 2, 0.6 % more.
+
+    The lamp is 0.8 m above the middle of the floor. Shadow rays from the floor meet the bottom of the globe.
+    """
+    fresnel = Fresnel(IOR)
+    tint = Transmittance(np.full(3, transmittance, np.float32), fresnel=fresnel)
+    globe = replace(glass(reflectance=0.5), transmission=uniform_transmission(tint))
+    lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.8]), np.eye(3), np.ones(3, np.float32))
+    scene = under_panes(lights=(lamp,))
+    walls = room_walls(0.4, 0.4, 0.4)[:, ::-1] + [0.3, 0.3, 0.6]
+    box = replace(quads(walls, [(1, 1, 1, 1)] * 6, [1] * 6, 32, "Globe"), atlas=NO_LIGHTMAP)
+    closed = replace(scene, meshes=(*scene.meshes, box), materials=(*scene.materials, globe))
+    across = ((np.arange(200) + 0.5) / 200 - 0.5) ** 2
+    cosines = 0.8 / np.sqrt(0.64 + across[:, None] + across)
+    passed = transmittance * angular_factor(fresnel, cosines)
+    if transmittance == 0.9:
+        passed = (1 + passed**2) / 2
+    expected = np.average(passed, weights=cosines**4)
+    few = {"samples": 16, "max_bounces": 1}
+    assert light_of(closed, **few) == pytest.approx(expected * light_of(scene, **few), rel=2e-3)
 
 
 def widened(floor):

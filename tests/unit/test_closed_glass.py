@@ -37,7 +37,7 @@ def bodies(*materials, wall=0):
 
 def test_only_bodies_of_glass_get_another_material():
     """Neither a sheet nor panes in a closed room of walls are bodies."""
-    scene = bodies(material("Wall", 0.5), glass(0.9, 0.9, 0.6), wall=1)
+    scene = bodies(material("Wall", 0.5), glass(0.9, 0.9, 0.81), wall=1)
     found = with_closed_glass(scene)
     assert set(found.meshes[0].material) == {2} and found.meshes[1:] == scene.meshes[1:]
     assert found.materials[:2] == scene.materials
@@ -58,6 +58,6 @@ def test_both_faces_of_white_glass_reflect_what_they_do_not_transmit():
 
 
 def test_scenes_without_plain_glass_stay_the_same():
-    uneven = replace(glass(0.9, 0.9, 0.9), translucency=GREY)
-    for scene in (bodies(material("Wall", 0.5)), bodies(uneven), Scene((), ())):
+    uneven, tinted = replace(glass(0.9, 0.9, 0.9), translucency=GREY), glass(0.9, 0.9, 0.6)
+    for scene in (bodies(material("Wall", 0.5)), bodies(uneven), bodies(tinted), Scene((), ())):
         assert with_closed_glass(scene) is scene

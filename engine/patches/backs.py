@@ -51,7 +51,7 @@ def find_candidates(scene: Scene, resolution: int, surfaces: OpenSurfaces) -> tu
     surfaces: open surfaces of the previous scene
     """
     texel = texel_size(scene, resolution)
-    placed = with_closed_glass(place_unmapped(scene, resolution, texel))
+    placed = with_closed_glass(place_unmapped(scene, resolution, texel), surfaces)
     return placed, _is_opaque(placed) & surfaces.of(placed.meshes), texel
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene.model import Material, Mesh, Scene
-from ..scene.open_surfaces import open_triangles
+from ..scene.open_surfaces import OpenSurfaces
 from ..scene.transmission import BACK, FRONT, Fresnel, Transmission, Transmittance, angular_factor
 
 #: Minimum transmittance of a face at normal incidence, of each channel, with separate sides. Below it, light
@@ -18,10 +18,12 @@ from ..scene.transmission import BACK, FRONT, Fresnel, Transmission, Transmittan
 _CLEAREST = 0.8
 
 
-def with_closed_glass(scene: Scene) -> Scene:
+def with_closed_glass(scene: Scene, surfaces: OpenSurfaces | None = None) -> Scene:
     """Return the scene with other materials for closed bodies of glass; the same scene without any.
 
     Bodies are closed if their faces of glass are, so that a single sheet in a closed room is open.
+
+    surfaces:  open surfaces of the previous scene; None without one
     """
     losses = [_plain_glass(material) for material in scene.materials]
     is_glass = np.array([loss is not None for loss in losses], bool)
@@ -31,8 +33,7 @@ def with_closed_glass(scene: Scene) -> Scene:
     bodies = tuple(_reflecting_twice(material, loss) for material, loss in pairs if loss is not None)
     numbers = np.cumsum(is_glass, dtype=np.int32) - 1 + len(is_glass)
     glass = [is_glass[mesh.material] for mesh in scene.meshes]
-    parts = [mesh.part(chosen) for mesh, chosen in zip(scene.meshes, glass, strict=True)]
-    is_open, first = open_triangles(parts), 0
+    is_open, first = (surfaces or OpenSurfaces()).of_parts(scene.meshes, glass), 0
     meshes = []
     for mesh, chosen in zip(scene.meshes, glass, strict=True):
         last = first + int(chosen.sum())

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..array_ops import joined_rows, largest_in_rows, map_slabs, run_numbers, run_starts
+from .memo import Memo
 from .model import Mesh
 
 #: Vertices are welded if they are nearer than this fraction of the scene's largest coordinate. This is the
@@ -33,6 +34,7 @@ class OpenSurfaces:
     def __init__(self) -> None:
         self._closed: dict[int, tuple[np.ndarray, bool]] = {}
         self._open: tuple[list[np.ndarray], np.ndarray] = [], np.zeros(0, bool)
+        self._parts = Memo[np.ndarray]()
 
     def of(self, meshes: Sequence[Mesh]) -> np.ndarray:
         """Return `open_triangles` of meshes; a mesh that is closed by itself does not close others."""
@@ -44,6 +46,17 @@ class OpenSurfaces:
             lengths = [len(mesh.positions) for mesh in meshes]
             found[np.repeat(is_open, lengths)] = self._of_open(others)
         return found
+
+    def of_parts(self, meshes: Sequence[Mesh], chosen: Sequence[np.ndarray]) -> np.ndarray:
+        """Return `open_triangles` of parts of meshes.
+
+        chosen:  (t,) bool for each mesh, the triangles of its part
+        """
+        parts = [(mesh, some) for mesh, some in zip(meshes, chosen, strict=True) if some.any()]
+        if not parts:
+            return np.zeros(0, bool)
+        key = tuple((mesh.positions, some) for mesh, some in parts)
+        return self._parts.get(key, lambda: open_triangles([mesh.part(some) for mesh, some in parts]))
 
     def _examine(self, positions: Sequence[np.ndarray]) -> None:
         """Find out which meshes are closed by themselves; forget all other meshes."""

@@ -7,6 +7,8 @@ import pytest
 
 from engine import Material, Scene
 from engine.patches.closed_glass import with_closed_glass
+from engine.scene import open_surfaces
+from engine.scene.open_surfaces import OpenSurfaces, open_triangles
 from engine.scene.transmission import BACK, FRONT, Fresnel, Transmittance, angular_factor, body_transmittance
 from tests.analytic.scenes import material, quads, rectangle, room_walls
 from tests.transparency import uniform_transmission
@@ -46,6 +48,28 @@ def test_only_bodies_of_glass_get_another_material():
     assert (found.materials[2].reflectance > 1.3 * GREY).all()
 
 
+def test_bodies_are_searched_again_only_where_glass_moves(monkeypatch):
+    searched = []
+
+    def search(meshes):
+        searched.append([len(mesh.positions) for mesh in meshes])
+        return open_triangles(meshes)
+
+    monkeypatch.setattr(open_surfaces, "open_triangles", search)
+    scene, surfaces = bodies(material("Wall", 0.5), glass(0.9, 0.9, 0.9), wall=1), OpenSurfaces()
+    sheet, extra = scene.meshes[2], replace(scene.meshes[1], material=0 * scene.meshes[1].material)
+    scene = replace(scene, meshes=(extra, *scene.meshes))
+    first = with_closed_glass(scene, surfaces)
+    moved = replace(scene, meshes=(replace(extra, positions=extra.positions + 1), *scene.meshes[1:]))
+    again = with_closed_glass(moved, surfaces)
+    assert len(searched) == 1 and len(searched[0]) == 3
+    assert again.meshes[0] is moved.meshes[0] and (again.meshes[1].material == 2).all()
+    assert (first.meshes[1].material == 2).all()
+    opened = replace(scene.meshes[1], positions=scene.meshes[1].positions.copy())
+    opened.positions[:2] += 5
+    assert with_closed_glass(replace(scene, meshes=(opened, sheet)), surfaces).meshes == (opened, sheet)
+
+
 def test_both_faces_of_white_glass_reflect_what_they_do_not_transmit():
     """All light but what is reflected more than once inside."""
     surface = replace(glass(0.96, 0.96, 0.96), reflectance=np.ones(3, np.float32))
@@ -55,6 +79,12 @@ def test_both_faces_of_white_glass_reflect_what_they_do_not_transmit():
     front, back = (body_transmittance(passed, body) for body in (FRONT, BACK))
     assert front * back == pytest.approx(passed**2)
     assert 0.975 < (passed**2 + factor * (1 - front)).mean() < 1
+
+
+def test_glass_without_triangles_changes_no_mesh():
+    scene = bodies(material("Wall", 0.5))
+    scene = replace(scene, materials=(*scene.materials, glass(0.9, 0.9, 0.9)))
+    assert with_closed_glass(scene).meshes == scene.meshes
 
 
 def test_scenes_without_plain_glass_stay_the_same():

@@ -112,7 +112,6 @@ def _bake(
     # Lightmap UVs of objects without a lightmap and of visible back faces, which rays find.
     atlases = scene.atlases
     scene = yield from _placed(devices, scene, settings, stages, kept)
-    check_limits(graphics, compute, scene, settings)
 
     # Send the scene to the other processes, which build their ray tracing structures while this process
     # continues.
@@ -226,10 +225,19 @@ def _bake(
 def _placed(
     devices: Devices, scene: Scene, settings: Settings, stages: BakeStages, kept: SessionCache
 ) -> Generator[Progress, None, Scene]:
-    """Begin the stage of patches; return the scene of `SessionCache.with_places`."""
+    """Begin the stage of patches; return the scene of `SessionCache.with_places`.
+
+    Places add texels, so limits are checked before this work and again after it.
+
+    Raises SettingsError if the lightmaps exceed a limit of the devices.
+    """
+    graphics, compute = devices.graphics, devices.compute
+    check_limits(graphics, compute, scene, settings)
     yield stages.begin(stages.patches)
-    placing = kept.with_places(devices.graphics, devices.compute, scene, settings)
-    return (yield from map_progress(placing, lambda _: stages.progress(0.0)))
+    placing = kept.with_places(graphics, compute, scene, settings)
+    placed = yield from map_progress(placing, lambda _: stages.progress(0.0))
+    check_limits(graphics, compute, placed, settings)
+    return placed
 
 
 def _direct_light(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 from tools.engines import godot
-from tools.engines.cornell import ROOT
+from tools.engines.cornell import ROOT, render_preview
 from tools.engines.web import THREE
 from tools.headless import blender
 from tools.page_table import replace_rows, table_row
@@ -91,7 +91,7 @@ def _show(name: str, options: argparse.Namespace) -> str:
     report = bake(name, folder, options.quality)
     if entry.state:
         bpy.ops.hemibake.light_state_apply(name=entry.state)
-    pictures = {"blender": render_preview(folder)}
+    pictures = {"blender": render_picture(folder)}
     size = 0
     for engine in options.engines:
         path = export(name, folder / engine, engine)
@@ -133,27 +133,16 @@ def _module(name: str) -> ModuleType:
     return import_module(f"gallery_scenes.{name}")
 
 
-def render_preview(folder: Path) -> np.ndarray:
+def render_picture(folder: Path) -> np.ndarray:
     """Return the preview as Cycles renders it, (h, w, 3) float32, linear, bottom row first."""
     import bpy
 
-    scene, path = bpy.context.scene, folder / "preview.exr"
+    scene = bpy.context.scene
     scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", _SAMPLES
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.max_bounces = scene.cycles.transmission_bounces = _GLASS_BOUNCES
     scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = 0
-    scene.render.resolution_x, scene.render.resolution_y = _SIZE
-    scene.render.resolution_percentage = 100
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
-    scene.render.filepath = str(path)
-    bpy.ops.hemibake.preview()
-    bpy.ops.render.render(write_still=True)
-    bpy.ops.hemibake.preview()
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    return pixels.reshape(_SIZE[1], _SIZE[0], -1)[..., :3]
+    return render_preview(folder / "preview.exr", *_SIZE)
 
 
 def export(name: str, folder: Path, engine: str) -> Path:

@@ -126,13 +126,24 @@ def preview(width: int, folder: Path) -> np.ndarray:
     """
     import bpy
 
-    scene, path = bpy.context.scene, folder / "preview.exr"
+    scene = bpy.context.scene
     scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", 1
     scene.cycles.max_bounces, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 0, False, False
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "GAUSSIAN", 0.01
-    scene.render.resolution_x = scene.render.resolution_y = width
-    scene.render.resolution_percentage = 100
     scene.view_settings.view_transform = "Raw"
+    return render_preview(folder / "preview.exr", width, width)
+
+
+def render_preview(path: Path, width: int, height: int) -> np.ndarray:
+    """Render the preview with the settings of the scene; return (h, w, 3) float32, linear, bottom row first.
+
+    path:  of the OpenEXR file that is written
+    """
+    import bpy
+
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = width, height
+    scene.render.resolution_percentage = 100
     scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
     scene.render.filepath = str(path)
     bpy.ops.hemibake.preview()
@@ -142,7 +153,7 @@ def preview(width: int, folder: Path) -> np.ndarray:
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
     bpy.data.images.remove(image)
-    return pixels.reshape(width, width, -1)[..., :3]
+    return pixels.reshape(height, width, -1)[..., :3]
 
 
 def export(folder: Path, kind: str = "NONE", engine: str = "FILES") -> Path:

@@ -24,7 +24,7 @@ from ..file_format import PLAIN
 from ..result.contents import decoding, named
 from ..result.destination import blend_from, try_folder
 from ..result.directional_images import all_directional_images, directional_images
-from ..result.file_names import file_name
+from ..result.file_names import file_name, numbered_names
 from ..result.files import reason, replace_all, staging_folder
 from ..result.images import rec709_pixels
 from ..result.light_mixer import group_images
@@ -393,8 +393,7 @@ def _stems(stem: str, names: Mapping[Any, str]) -> dict:
     stems: dict = {}
     taken: set[str] = set()
     for key, name in names.items():
-        base = file_name(f"{stem}.{name}")
-        numbered = (base if not number else f"{base}.{number:03d}" for number in range(len(names)))
+        numbered = numbered_names(file_name(f"{stem}.{name}"), len(names))
         stems[key] = next(name for name in numbered if name.casefold() not in taken)
         taken.add(stems[key].casefold())
     return stems

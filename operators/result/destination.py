@@ -13,7 +13,7 @@ import bpy
 from ...engine.errors import EngineError
 from ..file_format import PLAIN, FileFormat
 from ..rollback import Rollback
-from .file_names import file_name
+from .file_names import file_name, numbered_names
 from .files import reason
 from .manifest import NAME, is_ours, read_manifest
 
@@ -199,7 +199,4 @@ def _candidates(scene: str, stem: str, atlas: str, others: set[str]) -> Iterator
     parts = [part for part in (stem, atlas) if part]
     if file_name("_".join(parts)).casefold() in others:
         parts.insert(-1, scene)
-    base = file_name("_".join(parts))
-    yield base
-    for number in range(1, 10**6):
-        yield f"{base}.{number:03d}"
+    yield from numbered_names(file_name("_".join(parts)), 10**6)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from ...engine.errors import SettingsError
 
@@ -42,6 +42,16 @@ def file_name(name: str) -> str:
     plain = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name)
     short = plain.encode()[:_LONGEST].decode(errors="ignore").rstrip(". ")
     return short or "Lightmap"
+
+
+def numbered_names(name: str, count: int) -> Iterator[str]:
+    """Yield a name, then the name with numbers as Blender adds them: .001, .002, and so on.
+
+    count:  number of names
+    """
+    yield name
+    for number in range(1, count):
+        yield f"{name}.{number:03d}"
 
 
 def _parts(template: str) -> list[tuple[str, str]]:

@@ -17,7 +17,7 @@ from ...engine.probes.spherical_harmonics import windowed
 from ..file_format import PLAIN
 from .destination import Destination, is_of_another_scene
 from .exr import write_exr
-from .file_names import file_name
+from .file_names import file_name, numbered_names
 from .manifest import checksum, read_sections
 
 #: Coefficients of a probe, each an RGB block of the atlas; one more block holds the validity.
@@ -100,10 +100,9 @@ def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Des
     files = []
     for grid in grids:
         stem = file_name(f"{Path(destination.blend).stem}_{grid.name}_Probes".lstrip("_"))
-        numbered = (stem, *(f"{stem}.{number:03d}" for number in range(1, 1000)))
         name = next(
             name
-            for name in numbered
+            for name in numbered_names(stem, 1000)
             if name.casefold() not in taken
             and all(
                 may_write(folder / file, ours)
@@ -122,10 +121,8 @@ def _group_files(stem: str, grid: ProbeGrid) -> dict[str, str]:
     files: dict[str, str] = {}
     for group in grid.groups:
         base, taken = file_name(f"{stem}_{group}"), {file.casefold() for file in files.values()}
-        numbered = (base, *(f"{base}.{number:03d}" for number in range(1, len(grid.groups))))
-        files[group] = next(
-            f"{name}{_ATLAS}" for name in numbered if f"{name}{_ATLAS}".casefold() not in taken
-        )
+        numbered = (f"{name}{_ATLAS}" for name in numbered_names(base, len(grid.groups)))
+        files[group] = next(file for file in numbered if file.casefold() not in taken)
     return files
 
 

@@ -17,7 +17,7 @@ from ...engine.scene.reflection_sphere import ReflectionSphere, ReflectionVolume
 from ..file_format import PLAIN
 from .destination import Destination
 from .exr import write_exr
-from .file_names import file_name
+from .file_names import file_name, numbered_names
 from .manifest import checksum, read_sections
 from .probe_files import is_own, may_write
 
@@ -92,10 +92,9 @@ def reflection_files(
     for cube in cubes:
         sphere = spheres[cube.sphere]
         stem = file_name(f"{Path(destination.blend).stem}_{sphere.name}_Reflection".lstrip("_"))
-        numbered = (stem, *(f"{stem}.{number:03d}" for number in range(1, 10**4)))
         name = next(
             name
-            for name in numbered
+            for name in numbered_names(stem, 10**4)
             if name.casefold() not in taken
             and all(may_write(folder / f"{name}{ending}", ours) for ending in ENDINGS)
         )

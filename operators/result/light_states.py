@@ -15,7 +15,7 @@ from ...engine.errors import EngineError
 from ..working_space import to_rec709
 from .destination import Destination
 from .manifest import read_manifest
-from .probe_files import is_own
+from .object_files import is_own
 
 #: Color, linear RGB in the working space, and strength of a light group.
 Mix = tuple[tuple[float, float, float], float]

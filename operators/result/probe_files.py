@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +14,14 @@ from ...engine.encoding.ktx2 import ktx2_volume
 from ...engine.probes.bevy_volume import bevy_voxels
 from ...engine.probes.spherical_harmonics import windowed
 from ..file_format import PLAIN
-from .destination import Destination, is_of_another_scene
+from .destination import Destination
 from .exr import write_exr
 from .file_names import file_name, numbered_names
-from .manifest import checksum, read_sections
+from .manifest import checksum
+from .object_files import ObjectFiles
+
+#: Key of the manifest.
+SECTION = "probes"
 
 #: Coefficients of a probe, each an RGB block of the atlas; one more block holds the validity.
 COEFFICIENTS = 9
@@ -92,28 +95,20 @@ def probe_files(grids: Sequence[ProbeGrid], origin: np.ndarray, destination: Des
 
     origin:  (3,) float64, world space: the point to which the grids are relative
     """
-    folder = destination.folder
-    if folder is None:
+    if destination.folder is None:
         return []
-    ours = _checksums([entry for entry in _known(folder) if is_own(entry, destination)])
-    taken: set[str] = set()
-    files = []
+    known, files = ObjectFiles(destination.folder, destination, SECTION, _checksums), list[ProbeFile]()
     for grid in grids:
-        stem = file_name(f"{Path(destination.blend).stem}_{grid.name}_Probes".lstrip("_"))
-        name = next(
-            name
-            for name in numbered_names(stem, 1000)
-            if name.casefold() not in taken
-            and all(
-                may_write(folder / file, ours)
-                for file in (f"{name}{_ATLAS}", f"{name}{_TEXTURE}", *_group_files(name, grid).values())
-            )
-        )
-        taken.add(name.casefold())
-        entry = _entry(name, grid, origin, destination)
-        files += [ProbeFile(f"{name}{ending}", grid, entry) for ending in (_ATLAS, _TEXTURE)]
-        files += [ProbeFile(file, grid, entry, group) for group, file in _group_files(name, grid).items()]
+        stem = known.stem(grid.name, "Probes", partial(_names, grid=grid))
+        entry = _entry(stem, grid, origin, destination)
+        files += [ProbeFile(f"{stem}{ending}", grid, entry) for ending in (_ATLAS, _TEXTURE)]
+        files += [ProbeFile(file, grid, entry, group) for group, file in _group_files(stem, grid).items()]
     return files
+
+
+def _names(stem: str, grid: ProbeGrid) -> list[str]:
+    """Return the names of all files of a volume."""
+    return [f"{stem}{_ATLAS}", f"{stem}{_TEXTURE}", *_group_files(stem, grid).values()]
 
 
 def _group_files(stem: str, grid: ProbeGrid) -> dict[str, str]:
@@ -138,9 +133,8 @@ def probe_sections(
     if not files or destination.folder is None:
         return {}
     sums = {file.name: checksum(path) for path, file in zip(staged, files, strict=True)}
-    others = [entry for entry in _known(destination.folder) if not is_own(entry, destination)]
     mine = [_with_checksums(file.entry, sums) for file in files if file.is_first]
-    return {"probes": [*others, *mine]}
+    return {SECTION: ObjectFiles(destination.folder, destination, SECTION, _checksums).section(mine)}
 
 
 def _with_checksums(entry: dict, sums: Mapping[str, str]) -> dict:
@@ -151,22 +145,10 @@ def _with_checksums(entry: dict, sums: Mapping[str, str]) -> dict:
     return made
 
 
-def _known(folder: Path) -> list[dict]:
-    """Return the entries of the manifest in a folder."""
-    return list(read_sections(folder).get("probes", []))
-
-
-def is_own(entry: dict, destination: Destination) -> bool:
-    """Return True if a bake of the same scene wrote an entry."""
-    same = entry.get("blend") == destination.blend
-    return same and not is_of_another_scene(entry, destination.scene)
-
-
-def _checksums(entries: Sequence[dict]) -> dict[str, str]:
-    """Return the checksums of the files of entries, by file."""
-    groups = (group for entry in entries for group in entry.get("groups", ()))
-    sums = {entry.get("file", ""): entry.get("sha256", "") for entry in (*entries, *groups)}
-    return sums | {entry.get("ktx2", ""): entry.get("ktx2_sha256", "") for entry in entries}
+def _checksums(entry: dict) -> dict[str, str]:
+    """Return the checksums of the files of an entry, by file."""
+    sums = {part.get("file", ""): part.get("sha256", "") for part in (entry, *entry.get("groups", ()))}
+    return sums | {entry.get("ktx2", ""): entry.get("ktx2_sha256", "")}
 
 
 def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, destination: Destination) -> dict:
@@ -188,15 +170,3 @@ def _entry(stem: str, grid: ProbeGrid, origin: np.ndarray, destination: Destinat
         "validity": {"filled": filled, "moved": moved, "block": COEFFICIENTS},
         **({"groups": groups} if groups else {}),
     }
-
-
-def may_write(path: Path, ours: dict[str, str]) -> bool:
-    """Return True if no file has the path, or one that Hemibake wrote; ours: checksums by file.
-
-    A file that cannot be read, such as one that another program has locked, counts as another program's.
-    """
-    if not os.path.lexists(path):
-        return True
-    with suppress(OSError):
-        return path.name in ours and path.is_file() and checksum(path) == ours[path.name]
-    return False

@@ -17,9 +17,11 @@ from ...engine.scene.reflection_sphere import ReflectionSphere, ReflectionVolume
 from ..file_format import PLAIN
 from .destination import Destination
 from .exr import write_exr
-from .file_names import file_name, numbered_names
-from .manifest import checksum, read_sections
-from .probe_files import is_own, may_write
+from .manifest import checksum
+from .object_files import ObjectFiles
+
+#: Key of the manifest.
+SECTION = "reflections"
 
 #: Endings of the files of a sphere.
 ENDINGS = (".exr", ".hdr", ".ktx2")
@@ -83,25 +85,19 @@ def reflection_files(
     spheres:  all spheres of the scene, which the cubes refer to
     origin:   (3,) float64, world space: the point to which the spheres are relative
     """
-    folder = destination.folder
-    if folder is None:
+    if destination.folder is None:
         return []
-    ours = _checksums([entry for entry in _known(folder) if is_own(entry, destination)])
-    taken: set[str] = set()
-    files = []
+    known, files = ObjectFiles(destination.folder, destination, SECTION, _checksums), list[ReflectionFile]()
     for cube in cubes:
         sphere = spheres[cube.sphere]
-        stem = file_name(f"{Path(destination.blend).stem}_{sphere.name}_Reflection".lstrip("_"))
-        name = next(
-            name
-            for name in numbered_names(stem, 10**4)
-            if name.casefold() not in taken
-            and all(may_write(folder / f"{name}{ending}", ours) for ending in ENDINGS)
-        )
-        taken.add(name.casefold())
-        entry = _entry(name, cube, sphere, origin, destination)
+        entry = _entry(known.stem(sphere.name, "Reflection", _names), cube, sphere, origin, destination)
         files += [ReflectionFile(file, cube, entry) for file in entry["files"]]
     return files
+
+
+def _names(stem: str) -> list[str]:
+    """Return the names of the files of a sphere."""
+    return [f"{stem}{ending}" for ending in ENDINGS]
 
 
 def reflection_sections(
@@ -116,21 +112,14 @@ def reflection_sections(
     if not files or destination.folder is None:
         return {}
     sums = {file.name: checksum(path) for path, file in zip(staged, files, strict=True)}
-    others = [entry for entry in _known(destination.folder) if not is_own(entry, destination)]
     entries = {file.entry["files"][0]: file.entry for file in files}
     mine = [{**entry, "sha256": [sums[name] for name in entry["files"]]} for entry in entries.values()]
-    return {"reflections": [*others, *mine]}
+    return {SECTION: ObjectFiles(destination.folder, destination, SECTION, _checksums).section(mine)}
 
 
-def _known(folder: Path) -> list[dict]:
-    """Return the entries of the manifest in a folder."""
-    return list(read_sections(folder).get("reflections", []))
-
-
-def _checksums(entries: Sequence[dict]) -> dict[str, str]:
-    """Return the checksums of the files of entries, by file."""
-    pairs = [zip(entry.get("files", ()), entry.get("sha256", ()), strict=False) for entry in entries]
-    return {name: digest for entry in pairs for name, digest in entry}
+def _checksums(entry: dict) -> dict[str, str]:
+    """Return the checksums of the files of an entry, by file."""
+    return dict(zip(entry.get("files", ()), entry.get("sha256", ()), strict=False))
 
 
 def _entry(
@@ -142,7 +131,7 @@ def _entry(
         "name": sphere.name,
         "blend": destination.blend,
         "scene": destination.scene,
-        "files": [f"{stem}{ending}" for ending in ENDINGS],
+        "files": _names(stem),
         "size": cube.levels[0].shape[1],
         "roughness": [level / (count - 1) for level in range(count)],
         "position": (sphere.position + origin).tolist(),

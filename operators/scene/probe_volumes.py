@@ -8,13 +8,13 @@ import bpy
 import numpy as np
 
 from ...engine.scene.probe_volume import MAX_PROBES, ProbeVolume, volume_issue
-from .objects.visible import visible_objects
+from .light_probes import is_light_probe, matrix_from, visible_light_probes
 from .scene_context import SceneContext
 
 
 def is_probe_volume(obj: bpy.types.Object) -> bool:
     """Return True for a Light Probe Volume object."""
-    return obj.type == "LIGHT_PROBE" and obj.data.type == "VOLUME"
+    return is_light_probe(obj, "VOLUME")
 
 
 def read_probe_volumes(
@@ -28,7 +28,7 @@ def read_probe_volumes(
     """
     if not context.scene.hemibake.light_probes:
         return ()
-    found = [_volume(obj, origin) for obj in visible_objects(context) if is_probe_volume(obj)]
+    found = [_volume(obj, origin) for obj in visible_light_probes(context, "VOLUME")]
     if not found:
         notes.append("Light Probes: the scene has no Light Probe Volume. Add one with Add Light Probes.")
     return tuple(_usable(found, notes))
@@ -38,7 +38,7 @@ def count_probes(context: SceneContext) -> int:
     """Return the number of light probes of a bake of the scene."""
     if not context.scene.hemibake.light_probes:
         return 0
-    volumes = [_volume(obj, np.zeros(3)) for obj in visible_objects(context) if is_probe_volume(obj)]
+    volumes = [_volume(obj, np.zeros(3)) for obj in visible_light_probes(context, "VOLUME")]
     return sum(volume.count for volume in _usable(volumes, []))
 
 
@@ -59,7 +59,7 @@ def _usable(volumes: Sequence[ProbeVolume], notes: list[str]) -> list[ProbeVolum
 
 def _volume(obj: bpy.types.Object, origin: np.ndarray) -> ProbeVolume:
     """Return the engine's volume of an object; its box reaches from -1 to 1 along the object's axes."""
-    matrix = np.array(obj.matrix_world, np.float64)
-    matrix[:3, 3] -= origin
     data = obj.data
-    return ProbeVolume(obj.name, matrix, (data.resolution_x, data.resolution_y, data.resolution_z))
+    return ProbeVolume(
+        obj.name, matrix_from(obj, origin), (data.resolution_x, data.resolution_y, data.resolution_z)
+    )

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ...engine.scene.reflection_sphere import ReflectionSphere, ReflectionVolume, sphere_issue
-from .objects.visible import visible_objects
+from .light_probes import matrix_from, visible_light_probes
 from .scene_context import SceneContext
 
 
@@ -21,7 +21,7 @@ def read_reflection_spheres(
     """
     if not context.scene.hemibake.reflection_cubes:
         return ()
-    spheres = [_sphere(obj, origin) for obj in visible_objects(context) if _is_sphere(obj)]
+    spheres = [_sphere(obj, origin) for obj in visible_light_probes(context, "SPHERE")]
     if not spheres:
         notes.append(
             "Reflection Cubes: the scene has no Light Probe Sphere. Add one with Add > Light Probe > Sphere."
@@ -37,15 +37,9 @@ def count_spheres(context: SceneContext) -> int:
     return len(read_reflection_spheres(context, np.zeros(3), []))
 
 
-def _is_sphere(obj: bpy.types.Object) -> bool:
-    """Return True for a Light Probe Sphere object."""
-    return obj.type == "LIGHT_PROBE" and obj.data.type == "SPHERE"
-
-
 def _sphere(obj: bpy.types.Object, origin: np.ndarray) -> ReflectionSphere:
     """Return the engine's sphere of an object."""
-    data, matrix = obj.data, np.array(obj.matrix_world, np.float64)
-    matrix[:3, 3] -= origin
+    data, matrix = obj.data, matrix_from(obj, origin)
     influence = _volume(matrix, data.influence_type, data.influence_distance)
     parallax = influence
     if data.use_custom_parallax:

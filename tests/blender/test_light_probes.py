@@ -77,7 +77,7 @@ def test_files_of_others_stay(tmp_path):
 
 def test_a_file_that_cannot_be_read_gets_a_neighbor(tmp_path, monkeypatch):
     """Another program has locked the file of the last bake, and the new bake is saved all the same."""
-    files = part("operators.result.probe_files")
+    files = part("operators.result.object_files")
 
     def locked(path):
         raise PermissionError(13, "Permission denied", str(path))
@@ -147,16 +147,46 @@ def test_scenes_of_a_blend_keep_their_probes(tmp_path):
 
 
 def test_bad_volumes_are_left_out_with_a_remedy(tmp_path):
+    """All bad volumes come before a good one, which is baked with the lightmaps; no volume changes."""
+    import bpy
+
     furnace()
-    probe_volume("Good", (1, 1, 1))
+    words = {
+        "Flat": ("is flat", "Scale it up"),
+        "Folded": ("is flat", "Scale it up"),
+        "Mirrored": ("is mirrored", "Make its scale positive"),
+        "Turned over": ("is mirrored", "Make its scale positive"),
+        "Huge": ("256 x 256 x 256 probes exceed", "Lower its resolution"),
+        "Most": ("exceed 2,097,152 probes", "Lower their resolutions"),
+    }
+    probe_volume("A few", (7, 1, 1))
     probe_volume("Flat", scale=(0.4, 0.0, 0.2))
+    probe_volume("Folded", scale=(1e-9, 0.3, 0.2))
     probe_volume("Mirrored", scale=(-0.4, 0.3, 0.2))
+    turner = bpy_link(bpy.data.objects.new("Turner", None))
+    turner.scale = (1, -1, 1)
+    probe_volume("Turned over").parent = turner
     probe_volume("Huge", (256, 256, 256))
-    entries = bake(tmp_path)["probes"]
-    assert [entry["name"] for entry in entries] == ["Good"]
-    notes = "\n".join(report()["warnings"])
-    for name, words in {"Flat": "is flat", "Mirrored": "is mirrored", "Huge": "Lower its resolution"}.items():
-        assert f"'{name}'" in notes and words in notes
+    probe_volume("Most", (128, 128, 128))
+    probe_volume("Very last", (1, 1, 1))
+    bpy.context.view_layer.update()
+    before = {obj.name: state(obj) for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"}
+    manifest = bake(tmp_path)
+    assert {entry["name"] for entry in manifest["probes"]} == {"A few", "Very last"}
+    assert manifest["lightmaps"] and faults(manifest) == []
+    notes = report()["warnings"]
+    for name, parts in words.items():
+        (note,) = [note for note in notes if note.startswith(f"Light Probe Volume '{name}': ")]
+        assert all(words in note for words in parts)
+    assert before == {obj.name: state(obj) for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"}
+
+
+def test_without_a_usable_volume_the_lightmaps_are_baked(tmp_path):
+    square()
+    probe_volume("Flat", scale=(0.4, 0.0, 0.2))
+    manifest = bake(tmp_path)
+    assert "probes" not in manifest and manifest["lightmaps"]
+    assert any("Light Probe Volume 'Flat': the volume is flat. Scale" in note for note in report()["warnings"])
 
 
 def test_without_the_switch_nothing_is_baked(tmp_path):

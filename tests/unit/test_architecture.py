@@ -41,8 +41,8 @@ ORDERS = {
     "operators/scene": [
         "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
         "read_lights",
-        "read_stages", "fingerprints", "probe_volumes", "reflection_spheres", "invalid_values",
-        "world_mesh", "uv_layout",
+        "read_stages", "fingerprints", "probe_volumes", "reflection_spheres", "light_probes",
+        "invalid_values", "world_mesh", "uv_layout",
         "overlap_layout", "uv_transform", "skyline_packing",
         "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context",
         "slice_timer", "units", "bake_records",

@@ -37,7 +37,7 @@ _NEGLIGIBLE = 0.1
 class Progress:
     """Progress of the work after one slice.
 
-    stage:         name for the user: "Patches", "Direct light", "Visibility", "Bounce 3", "Outputs" ...
+    stage:         name for the user: "Preparing texels", "Direct light", "Visibility", "Bounce 3" ...
     fraction:      completed fraction of the stage, in [0, 1]
     overall:       completed fraction of all work, in [0, 1]; never decreases, 1 at the end
     seconds_left:  remaining time of all work, s; NaN while unknown

@@ -46,7 +46,7 @@ _VISIBILITIES = {
 }
 _DIRECTIONS = {
     "cosine": Option("Cosine", "Low-discrepancy directions with cosine density and equal weights"),
-    "hemicube": Option("Hemicube", "Directions of the texels of a drawn hemicube"),
+    "hemicube": Option("Hemicube", "Directions through the pixels of a drawn hemicube"),
 }
 _OUTPUTS = {name: Option(output.label, output.text) for name, output in OUTPUTS.items()}
 _PATCH_GROUPS = {
@@ -107,7 +107,7 @@ class Settings:
     hemicube: int = described(
         32,
         "Hemicube",
-        "Width of hemicubes in texels; also sets the default number of samples",
+        "Width of hemicubes in pixels; also sets the default number of samples",
         OneOf(_HEMICUBES),
     )
     max_bounces: int = described(
@@ -119,7 +119,7 @@ class Settings:
     )
     tolerance: float = described(
         0.002,
-        "Tolerance",
+        "Error Threshold",
         "Stop when the mean convergence error per texel is below this. 0 bakes all bounces",
         Span(0, 1, "of the mean"),
         invalidates=(),
@@ -143,9 +143,14 @@ class Settings:
         "outputs",
         invalidates=(),
     )
-    method: str = described("auto", "Method", "How indirect light is computed", OneOf(_METHODS))
+    method: str = described(
+        "auto",
+        "Visibility Data",
+        "Keep visibility for all bounces, or compute it again for each",
+        OneOf(_METHODS),
+    )
     visibility: str = described(
-        "auto", "Visibility", "How visibility is computed. Method Paper always uses Raster",
+        "auto", "Visibility", "How visibility is computed. Visibility Data: Paper always uses Raster",
         OneOf(_VISIBILITIES),
     )  # fmt: skip
     directions: str = described(
@@ -330,7 +335,7 @@ class Settings:
     batch_bytes: int = described(
         64 << 20,
         "Hemicube Batch",
-        "Memory for one batch of hemicubes, for method Paper",
+        "Memory for one batch of hemicubes, if Visibility Data is Paper",
         Span(1, 1 << 50, "bytes", ("MiB", 1 << 20)),
         PREFERENCES,
     )
@@ -358,7 +363,7 @@ class Settings:
     array_size: tuple[int, int, int] = described(
         (0, 0, 0),
         "Texture Array",
-        "Width, height and layers of the texture array of hemicubes, in texels. 0 fits the batch",
+        "Width, height and layers of the texture array of hemicubes, in pixels. 0 fits the batch",
         Size(),
         "paper",
     )

@@ -41,8 +41,8 @@ def chart_properties() -> dict:
             subtype="ANGLE",
         ),
         "chart_cost": FloatProperty(
-            name="Max Cost",
-            description="Grow charts of curved surfaces up to this cost. High values distort charts",
+            name="Max Stretch",
+            description="Limit stretch in charts of curved surfaces. High values give fewer, larger charts",
             default=USUAL.largest_cost,
             min=0.01,
             soft_max=16,
@@ -56,12 +56,14 @@ def chart_properties() -> dict:
             soft_max=8,
             max=64,
         ),
-        "chart_flatness": _weight("Flatness", "faces that point away from the chart", USUAL.flatness),
+        "chart_flatness": _weight(
+            "Flat Charts", "faces that point away from the chart's plane", USUAL.flatness
+        ),
         "chart_roundness": _weight(
-            "Roundness", "faces that make the border long for its area", USUAL.roundness
+            "Compact Charts", "faces that make the border long for the area", USUAL.roundness
         ),
         "chart_straightness": _weight(
-            "Straightness", "faces that make the border jagged", USUAL.straightness
+            "Straight Borders", "faces that make the border jagged", USUAL.straightness
         ),
         "chart_sharp_edges": _weight(
             "Sharp Edges", "faces beyond a sharp edge; from 1000 on charts end there", USUAL.sharp_edges

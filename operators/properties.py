@@ -160,7 +160,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
             (
                 "CHANGED",
                 "Changed",
-                "Bake objects that are new or changed, or whose light changed by more than Tolerance",
+                "Bake objects that are new or changed, or whose light changed by more than Error Threshold",
             ),
         ],
     )

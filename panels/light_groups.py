@@ -91,7 +91,7 @@ def _draw_mixer(layout: bpy.types.UILayout, mixer: bpy.types.NodeTree) -> None:
 def _draw_states(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the list of light states, the operators on the chosen one, and its groups."""
     kept, state = context.scene.hemibake, active_state(context.scene)
-    layout.label(text="States")
+    layout.label(text="Light States")
     row = layout.row()
     row.template_list(
         "HEMIBAKE_UL_light_states", "", kept, "light_states", kept, "active_light_state", rows=3

@@ -42,7 +42,7 @@ _HALF = {"POCL_MAX_PTHREAD_COUNT": "1"}
 
 #: Stages of a bake, as its progress names them; all bounces are one. Workers have nothing to do any more when
 #: images are made, and saved.
-_STAGES = ("Direct light", "Visibility", "Bounces", "Final gather", "Texels", "Images")
+_STAGES = ("Direct light", "Visibility", "Bounces", "Final gather", "Supersampling", "Finishing lightmaps")
 
 #: Of random moments.
 _SEED = 20260811

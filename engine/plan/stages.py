@@ -139,15 +139,15 @@ class BakeStages(Schedule):
         texels = settings.resolution**2 * extent.atlases
         self.starting = self._stage("Starting", 1, _OPENING)
         self.early_preparing, self.preparing = Stage(PREPARING, 0), Stage(PREPARING, 0)
-        self.patches = self._stage("Patches", texels + _TRIANGLE * extent.triangles, _TEXEL)
+        self.patches = self._stage("Preparing texels", texels + _TRIANGLE * extent.triangles, _TEXEL)
         self.first = self._stage("First light", 0, _RAY)
         self.direct = self._stage("Direct light", 0, _RAY)
-        self.choosing = self._stage("Choosing a method", 1 + _CHOSEN_TRIANGLE * extent.triangles, _CHOOSING)
+        self.choosing = self._stage("Choosing method", 1 + _CHOSEN_TRIANGLE * extent.triangles, _CHOOSING)
         self.visibility = self._stage("Visibility", 0, _RAY)
         self.bounces = self._stage("Bounces", 0, _RAY * _LOOK_UP)
         self.final = self._stage("Final gather", 0, _RAY)
         self.outputs = self._stage("Outputs", 0, _RAY)
-        self.texels = self._stage("Texels", 0, _RAY)
+        self.texels = self._stage("Supersampling", 0, _RAY)
         self.texels.like = self.visibility
         self.light_groups = self._stage("Light groups", 0, _RAY)
         self.light_groups.like = self.visibility
@@ -157,7 +157,7 @@ class BakeStages(Schedule):
         filtered = texels * (_filtered_images(settings) + more) if settings.denoise else 0
         self.denoising = self._stage("Denoising", filtered, _FILTERED)
         maps = sum(len(OUTPUTS[name].maps) or 1 for name in settings.outputs) + more
-        self.images = self._stage("Images", texels * maps, _TEXEL)
+        self.images = self._stage("Finishing lightmaps", texels * maps, _TEXEL)
         gathering = (self.visibility, self.bounces, self.final, self.texels, self.light_groups)
         self._casting = (self.first, self.direct, self.outputs, self.probes, self.reflections, *gathering)
         names = list(self._names)

@@ -132,7 +132,7 @@ def cut_along_walls(
 #: Label of the button and function of each fix, by its name.
 FIXES: dict[str, tuple[str, Fix]] = {
     "unwrap": ("Unwrap", unwrap),
-    "unwrap_anew": ("Unwrap Anew", unwrap_anew),
+    "unwrap_anew": ("Unwrap Again", unwrap_anew),
     "resolution": ("Set Resolution", set_resolution),
     "normals": ("Recalculate", recalculate_normals),
     "apply_on_copy": ("Apply on a Copy", apply_on_copy),

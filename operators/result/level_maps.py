@@ -30,8 +30,10 @@ LEVEL_UVS = "Lightmap of Level 0"
 FAR = 4.0
 
 _OTHERWISE = "or set its role to No Lightmap"
-_LINKED = f"{{}}: the mesh of the level is linked from another file. Make it local, {_OTHERWISE}."
-_EDITED = "{}: the mesh of the level is in Edit Mode. Leave Edit Mode and bake again."
+_LINKED = (
+    f"{{}}: this level of detail has a mesh that is linked from another file. Make it local, {_OTHERWISE}."
+)
+_EDITED = "{}: this level of detail is in Edit Mode. Leave Edit Mode and bake again."
 _MODIFIED = f"{{}}: modifiers change the faces of this level of detail. Apply them, {_OTHERWISE}."
 _FULL = (
     "{}: this level of detail has a mesh with 8 UV layers, as many as Blender allows. Remove one, "
@@ -42,13 +44,13 @@ _SHARED = (
     f"Object & Data, {_OTHERWISE}."
 )
 _HIDDEN = (
-    "{}: renders of this scene show the level but not its first level, so neither is baked. Show the first "
-    "level in renders, or set the role of the level to No Lightmap."
+    "{}: renders of this scene show this level of detail but not the first level, so neither is baked. Show "
+    "the first level in renders, or set the role of this object to No Lightmap."
 )
 _NAMED = f"{{}}: an attribute called '{LEVEL_UVS}' is not a UV layer. Rename it."
 TOO_FAR = (
-    f"Surface more than {FAR:g} texels away from that of the first level, so the light may be wrong: {{}}. "
-    f"Move the level to its first level, {_OTHERWISE}."
+    f"{{}}: this level of detail has faces more than {FAR:g} texels away from the first level, so its light "
+    f"may be wrong. Move it to the first level, {_OTHERWISE}."
 )
 
 

@@ -172,7 +172,7 @@ def test_levels_whose_first_level_is_not_rendered_are_named(objects):
     read, stored, notes = store()
     assert {entry.uid for entry in read.objects} == {objects[name].session_uid for name in OTHERS}
     assert objects["Rock_LOD1"].session_uid not in stored
-    assert "'Rock_LOD1': renders of this scene show the level but not its first" in notes
+    assert "'Rock_LOD1': renders of this scene show this level of detail but not the first" in notes
 
     # An instance of the collection shows its objects.
     empty = bpy.data.objects.new("Empty", None)

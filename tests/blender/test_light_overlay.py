@@ -92,7 +92,7 @@ def run_of(show=True, watched=True, prepare=lambda: None):
     run = part("operators.bake_run").BakeRun(bpy.context, part("engine.session").bake, watched)
     while True:
         progress = run.step()
-        if progress is not None and progress.stage.startswith("Patches"):
+        if progress is not None and progress.stage.startswith("Preparing texels"):
             return run
 
 

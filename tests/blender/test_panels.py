@@ -418,7 +418,7 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     mixer = ["Mixer", "Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
     hint = shown.index("Show Lightmaps to see the mix")
     assert shown[hint - 7 : hint] == mixer
-    assert shown[hint + 1 :] == ["States", "hemibake.light_state_add", "hemibake.light_state_remove"]
+    assert shown[hint + 1 :] == ["Light States", "hemibake.light_state_add", "hemibake.light_state_remove"]
     bpy.ops.hemibake.light_state_add(name="Night")
     scene.hemibake.light_states[0].groups["Day"].name = "Dawn"
     shown = draw("HEMIBAKE_PT_light_groups")

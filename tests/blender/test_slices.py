@@ -66,7 +66,7 @@ def steps_of_reading() -> int:
     """Return after how many steps the bake of the room begins."""
     run, steps = new_run(), 0
     stages = set()
-    while "Patches" not in stages:
+    while "Preparing texels" not in stages:
         progress = run.step()
         steps += 1
         if progress is not None:
@@ -84,7 +84,7 @@ def test_cancel_at_any_step_leaves_nothing_behind(quick_cycles):
         for _ in range(steps):
             # How often the process that unwraps is asked differs from run to run.
             progress = run.step()
-            if progress is not None and progress.stage == "Patches":
+            if progress is not None and progress.stage == "Preparing texels":
                 break
         run.cancel()
         assert snapshot() == before, steps

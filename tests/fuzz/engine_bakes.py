@@ -66,7 +66,8 @@ def _bake(scene: Scene, settings: Settings) -> BakeResult:
 
 #: First words of what a bake's stages are called.
 _STAGES = {
-    "Patches", "Direct", "Choosing", "Visibility", "Bounce", "Final", "Light", "Outputs", "Texels", "Images",
+    "Preparing", "Direct", "Choosing", "Visibility", "Bounce", "Final", "Light", "Outputs", "Supersampling",
+    "Finishing",
 }  # fmt: skip
 
 

@@ -43,7 +43,7 @@ def test_a_patch_list_from_a_file_gives_the_same_bits(tmp_path):
 
 def test_progress_reports_stages_energy_and_intermediate_lightmaps():
     steps = list(bake(furnace(0.5, 1.0), QUICK))
-    assert [step.stage for step in steps][:2] == ["Patches", "Patches"]
+    assert [step.stage for step in steps][:2] == ["Preparing texels", "Preparing texels"]
     intermediate = [step for step in steps if step.intermediate is not None]
     assert [step.iteration for step in intermediate] == [1, 2, 3]
     assert all(step.intermediate.shape == (1, 32, 32, 3) for step in intermediate)

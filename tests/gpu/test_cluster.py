@@ -194,7 +194,9 @@ def test_a_worker_that_is_lost_changes_no_bit(by_two, steps):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("stage", ["Direct light", "Visibility", "Bounce 2", "Texels", "Images"])
+@pytest.mark.parametrize(
+    "stage", ["Direct light", "Visibility", "Bounce 2", "Supersampling", "Finishing lightmaps"]
+)
 def test_a_worker_that_is_lost_in_a_stage_changes_no_bit(by_two_in_texels, stage):
     with cluster(2) as made:
         work = bake(made, IN_TEXELS)
@@ -215,7 +217,7 @@ def test_tasks_whose_results_are_taken_are_forgotten(monkeypatch, two):
     gc.disable()
     try:
         work = bake(two, IN_TEXELS)
-        while next(work).stage != "Images":
+        while next(work).stage != "Finishing lightmaps":
             pass
         deadline = time.monotonic() + 10
         while kinds_of_tasks(two) & {"sampled", "find", "views", "gather_to", "light_at_samples"}:
@@ -258,7 +260,7 @@ def test_images_are_made_and_saved_without_workers_and_scheduler(tmp_path, by_tw
     """All are killed once points of texels are lit."""
     with running_scheduler(tmp_path) as (address, _):
         work = Session().bake(nine_quad_room(), replace(IN_TEXELS, scheduler=address))
-        while next(work).stage != "Images":
+        while next(work).stage != "Finishing lightmaps":
             pass
     assert np.array_equal(finished(work).display, by_two_in_texels.display)
 

@@ -69,7 +69,7 @@ def test_denoised_directional_maps_are_nearer_to_the_exact_ones(output):
 def test_denoising_is_a_stage_of_the_bake():
     scene, settings = nine_quad_room(), replace(NOISY, resolution=64, outputs=("combined",), denoise=True)
     stages = [progress.stage for progress in drive_with_progress(scene, settings)[1]]
-    assert stages.index("Texels") < stages.index("Denoising") < stages.index("Images")
+    assert stages.index("Supersampling") < stages.index("Denoising") < stages.index("Finishing lightmaps")
     without = [progress.stage for progress in drive_with_progress(scene, replace(settings, denoise=False))[1]]
     assert "Denoising" not in without
 

@@ -43,17 +43,17 @@ def timed(scene, settings):
     ids=["paper", "cached", "raster", "stream", "shared", "sampled", "no bounces"],
 )
 def test_percentage_rises_to_the_end_by_every_method(changes, stages):
-    stages = ["Patches", "Direct light", "Choosing a method", *stages]
+    stages = ["Preparing texels", "Direct light", "Choosing method", *stages]
     check(nine_quad_room(), replace(SETTINGS, **changes), stages)
 
 
 def test_percentage_rises_to_the_end_without_opencl(monkeypatch):
     monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
-    check(nine_quad_room(), SETTINGS, ["Patches", "Visibility", "Bounce 2"])
+    check(nine_quad_room(), SETTINGS, ["Preparing texels", "Visibility", "Bounce 2"])
 
 
 def test_percentage_rises_to_the_end_in_the_dark():
-    check(furnace(0.5, 0.0), SETTINGS, ["Patches", "Images"])
+    check(furnace(0.5, 0.0), SETTINGS, ["Preparing texels", "Finishing lightmaps"])
 
 
 def check(scene, settings, stages):
@@ -62,7 +62,7 @@ def check(scene, settings, stages):
     assert overall[0] < 1 and overall == sorted(overall) and overall[-1] == 1
     assert all(step.fraction <= 1 and not step.seconds_left < 0 for step in steps)
     told = list(dict.fromkeys(step.stage for step in steps))
-    assert [stage for stage in told if stage in stages] == stages and told[-1] == "Images"
+    assert [stage for stage in told if stage in stages] == stages and told[-1] == "Finishing lightmaps"
     of_stage = {name: [step.fraction for step in steps if step.stage == name] for name in told}
     assert all(fractions == sorted(fractions) for fractions in of_stage.values())
     assert steps[-1].seconds_left == 0

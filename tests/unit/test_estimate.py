@@ -30,7 +30,7 @@ def test_paces_of_earlier_bakes_count():
     slow = {"Visibility rays": 1e-3, "Visibility raster": 2e-3}
     told = estimate(EXTENT, 9973, SETTINGS, slow)
     assert told.measured and told.seconds > 9973 * 256 * 1e-3
-    assert not estimate(EXTENT, 9973, SETTINGS, {"Patches": 1e-9}).measured
+    assert not estimate(EXTENT, 9973, SETTINGS, {"Preparing texels": 1e-9}).measured
     assert slow == {"Visibility rays": 1e-3, "Visibility raster": 2e-3}
 
 

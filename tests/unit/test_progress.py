@@ -139,7 +139,7 @@ def test_work_that_tells_its_own_time_is_believed(clock, pace):
     baking, saving = Stage("Baking", pace=pace), Stage("Saving", 10, 0.2, True)
     schedule = Schedule([baking, saving])
     seen = list(islice(schedule.include(baking, bake(clock, [Stage("A", pace=9)] * 3, [9] * 3)), 9))
-    inside = [Stage("Patches", 1, 1.0, True), Stage("Visibility", 100, 0.5, True)]
+    inside = [Stage("Preparing texels", 1, 1.0, True), Stage("Visibility", 100, 0.5, True)]
     start = clock.now
     for step in schedule.include(baking, bake(clock, inside, [1, 50])):
         seen.append(step)
@@ -147,7 +147,7 @@ def test_work_that_tells_its_own_time_is_believed(clock, pace):
     seen += schedule.run(saving, work(clock, 2, 3))
     overall = [step.overall for step in seen if step]
     assert overall == sorted(overall) and overall[-1] == 1
-    assert {step.stage for step in seen if step} == {"A", "Patches", "Visibility", "Saving"}
+    assert {step.stage for step in seen if step} == {"A", "Preparing texels", "Visibility", "Saving"}
 
 
 @pytest.mark.parametrize(
@@ -179,8 +179,12 @@ def test_paces_of_a_bake_serve_the_next_one(clock):
         stages.listed(601, 0.5)
         assert finished(stages.run(stages.images, work(clock, 0.001, 3))) is None
         stages.learn()
-        known.append(paces["Patches"] * stages.patches.amount)
-    assert known == sorted(known) and known[-1] == pytest.approx(3, rel=0.05) and "Images" not in paces
+        known.append(paces["Preparing texels"] * stages.patches.amount)
+    assert (
+        known == sorted(known)
+        and known[-1] == pytest.approx(3, rel=0.05)
+        and "Finishing lightmaps" not in paces
+    )
 
 
 def test_short_first_bake_does_not_foretell_minutes_for_a_long_one(clock):
@@ -214,7 +218,7 @@ def test_short_bake_hardly_changes_the_pace_of_a_long_one(clock):
         stages.images.amount *= amount
         assert finished(stages.run(stages.images, work(clock, seconds, 3))) is None
         stages.learn()
-        known.append(paces["Images"])
+        known.append(paces["Finishing lightmaps"])
     assert known[0] < known[1] < known[2] < 1.6 * known[0]
 
 

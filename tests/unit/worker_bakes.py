@@ -48,13 +48,13 @@ def echo(scene, settings):
 
 def return_scene(scene, settings):
     """Return the received input instead of a lightmap."""
-    yield Progress("Images", 1.0)
+    yield Progress("Finishing lightmaps", 1.0)
     return scene, settings
 
 
 def fail(scene, settings):
     """Raise the error that the first mesh is named after."""
-    yield Progress("Patches", 0.0)
+    yield Progress("Preparing texels", 0.0)
     errors = {
         "SceneError": SceneError("Object 'Äpfel' is bad. Correct it."),
         "SettingsError": SettingsError("hemicube is 3; choose 8."),
@@ -78,7 +78,7 @@ def endless(scene, settings):
 
 def deaf(scene, settings):
     """Be stuck in one slice, as in a driver that hangs."""
-    yield Progress("Patches", 0.0)
+    yield Progress("Preparing texels", 0.0)
     time.sleep(60)
 
 
@@ -100,7 +100,7 @@ def crash_on_device(scene, settings, paces):
     if CRASHING.digest in records.skipped() and settings.max_bounces != 13:
         return _lightmap(scene, settings)
     records.use(CRASHING)
-    yield Progress("Patches", 0.0)
+    yield Progress("Preparing texels", 0.0)
     os.abort()
 
 
@@ -116,7 +116,7 @@ def prepare(file):
 
 def crash(scene, settings):
     """Die as in a driver crash, after a last line of output."""
-    yield Progress("Patches", 0.0)
+    yield Progress("Preparing texels", 0.0)
     sys.stderr.write("last words\n")
     os._exit(3)
 
@@ -144,7 +144,7 @@ def follow_slowly(scene, settings):
     """Like `follow`, but ignore changes while a lightmap is finished."""
     known = []
     while True:
-        known += (yield Progress("Images", 0.5)) or []
+        known += (yield Progress("Finishing lightmaps", 0.5)) or []
         time.sleep(0.5)
         lightmap = _lightmap(scene, settings)
         known += (yield replace(lightmap, report=replace(lightmap.report, reasons=tuple(known)))) or []

@@ -63,14 +63,17 @@ bool is_enclosed(const Rays *rays, const TestRay *ray, const float3 x, const flo
 // Mark each triangle whose back a ray meets. Rays start all over triangles and follow the cosine; a start inside of
 // something does not count. corners: 9 floats a triangle; side: 1 for rays from fronts, -1 from backs; height: of
 // their start above the surface, and distance of parallel rays, m; marks: of triangles, 0 or KNOWN before, 1 for those
-// that are found; first: number of the first ray of this launch.
+// that are found; enclosed: a bit of each ray that starts inside of something and meets an unknown back; again: not 0
+// to cast only these, since other rays meet the same as before; first: number of the first ray of this launch.
 __kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, __global const uint *ends,
                                  const int triangle_count, const float side, const float height, __global uchar *marks,
-                                 const uint first, const int count)
+                                 __global uint *enclosed, const int again, const uint first, const int count)
 {
     if (get_global_id(0) >= count)
         return;
-    const uint number = first + get_global_id(0);
+    const uint number = first + get_global_id(0), bit = 1u << (number & 31);
+    if (again && !(enclosed[number >> 5] & bit))
+        return;
     const Rays rays = RAYS;
     const int triangle = start_triangle(number, ends, triangle_count);
     const float3 corner = vload3(3 * triangle, corners);
@@ -86,6 +89,10 @@ __kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, 
     ray.start = corner + w.x * edge1 + w.y * edge2 + height * normal;
     ray.beside = ray.start + height * x;
     const int met = back_met(&rays, &ray);
-    if (met >= 0 && met != triangle && !marks[met] && !is_enclosed(&rays, &ray, x, y, normal, marks))
+    if (met < 0 || met == triangle || marks[met])
+        return;
+    if (!is_enclosed(&rays, &ray, x, y, normal, marks))
         marks[met] = 1;
+    else if (!again)
+        atomic_or(&enclosed[number >> 5], bit);
 }

@@ -10,8 +10,9 @@
 layout(local_size_x = 64) in;
 layout(std430, binding = 4) readonly buffer Corners { float corners[]; };  // 9 of each triangle, metres
 layout(std430, binding = 5) readonly buffer Ends { uint ends[]; };         // first ray after those of each triangle
+layout(std430, binding = 6) buffer Enclosed { uint enclosed[]; };          // a bit of each ray, see the kernel
 layout(std430, binding = 7) buffer Marks { uint marks[]; };                // 0 or KNOWN before, 1 for found ones
-uniform int start, end, triangle_count;
+uniform int start, end, triangle_count, again;
 uniform float side, height;
 
 // Mark of a back face that an earlier round found. No ray writes it, so reading it is no race.
@@ -40,7 +41,8 @@ int start_triangle(const uint ray)
 void main()
 {
     int ray = start + int(gl_GlobalInvocationID.x);
-    if (ray >= end)
+    uint bit = 1u << (uint(ray) & 31u);
+    if (ray >= end || again != 0 && (enclosed[ray >> 5] & bit) == 0u)
         return;
     int triangle = start_triangle(uint(ray)), met = -1;
     vec3 corner = corner_of(triangle, 0);
@@ -75,4 +77,6 @@ void main()
             return;
         }
     }
+    if (again == 0)
+        atomicOr(enclosed[ray >> 5], bit);
 }

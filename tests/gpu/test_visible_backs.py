@@ -145,12 +145,15 @@ def test_rays_follow_the_number_of_texels_up_to_the_limit_of_the_device(tracer, 
     assert visible(RESOLUTION).tolist() == [False, False, True, True]
     counts = []
 
-    def cast(rays):
-        counts.append(rays.count)
-        yield
-        return np.zeros(4, bool)
+    class Rays:
+        def __init__(self, rays):
+            counts.append(rays.count)
 
-    monkeypatch.setattr(visible_backs, "_caster", lambda *_: cast)
+        def met(self, known):
+            yield
+            return np.zeros_like(known)
+
+    monkeypatch.setattr(visible_backs, "_caster", lambda *_: Rays)
     visible(4096)
     if request.node.callspec.params["tracer"] == "card":
         assert 64e6 < counts[0] < 69e6
@@ -237,3 +240,30 @@ def test_a_patch_file_stays_valid_when_other_backs_become_visible(tmp_path):
         for each in (inside, below)
     ]
     assert patches[0].report.patches == patches[1].report.patches
+
+
+def test_later_rounds_need_only_rays_that_start_inside_something(tracer, monkeypatch):
+    floor = card((0, 0, 0), 24 * X, 24 * Y, "Floor")
+    tiles = [rectangle((2 * i, 2 * j, 1), 2 * X, 2 * Y) for i in range(12) for j in range(12)]
+    charts = [(3 * (k % 24), 3 * (k // 24), 2, 2) for k in range(len(tiles))]
+    roof = quads(np.stack(tiles), charts, [0] * len(tiles), RESOLUTION, "Roof")
+    scene = Scene((floor, roof), (material("Grey", 0.5),))
+
+    def visible():
+        return VisibleBacks().of(tracer, scene, np.ones(290, bool), TEXEL, RESOLUTION)
+
+    found, rounds = visible(), []
+    make = visible_backs._caster
+
+    class AllRays:
+        """Rays that are all cast in each round."""
+
+        def __init__(self, cast, rays):
+            self.made = partial(cast, rays)
+
+        def met(self, known):
+            rounds.append(known.sum())
+            return self.made().met(known)
+
+    monkeypatch.setattr(visible_backs, "_caster", lambda *arguments: partial(AllRays, make(*arguments)))
+    assert np.array_equal(visible(), found) and 0 == rounds[0] < rounds[1] < found.sum()

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...device.buffers import download_bytes, upload, words_of
+from ...device.buffers import download_bytes, upload, words_of, zeros
 from ...device.cpu_renderers import draws_on_cpu
 from ...device.opencl import cl
 from ...patches.unmapped_meshes import COARSENESS, clusters, triangle_areas
@@ -25,12 +25,12 @@ from ...scene.digests import same_values
 from ...scene.model import Scene
 from ...scene.triangles import Triangles, join_meshes
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
-from .back_rays import BackRays
+from .back_rays import BackRays, CastRays, marks_of
 from .bvh import Bvh
 from .ray_tracer import RayTracer
 from .receiver_records import RECEIVER
 from .shaders.host_bvh import HostBvh
-from .shaders.shader_back_rays import backs_met_by_shader
+from .shaders.shader_back_rays import ShaderBackRays
 from .shaders.shader_tables import storage_buffer
 from .shaders.shader_tracer import ShaderTracer
 
@@ -177,19 +177,24 @@ def _visible(
     )
     fixed = _stays(scene)[triangles.material]
     visible, more = np.zeros(len(candidates), bool), np.zeros(len(candidates), bool)
-    texels = _texels(triangles, resolution)
     area = triangle_areas(triangles.positions) / (COARSENESS * texel) ** 2
     chosen = np.flatnonzero(candidates)
     cluster = clusters(triangles, chosen, _CLUSTER * texel)
     cast, max_rays = _caster(tracer, triangles.positions), _max_rays(tracer)
+
+    def rays_from(weight: np.ndarray, side: float) -> list[CastRays]:
+        """Return rays that start on a side of triangles, (t,) texels; none without texels."""
+        if not weight.any():
+            return []
+        count = int(np.clip(_RAYS * weight.sum(), _MIN_RAYS, max_rays))
+        return [cast(BackRays.of(weight, count, side, height))]
+
+    fronts = rays_from(_texels(triangles, resolution), 1.0)
     for _ in range(_ROUNDS):
         met = np.zeros(int(cluster.max()) + 1, bool)
-        for sources, side in ((texels, 1.0), (np.where(more, area, 0), -1.0)):
-            if sources.any():
-                rays = int(np.clip(_RAYS * sources.sum(), _MIN_RAYS, max_rays))
-                tests = BackRays.of(sources, rays, side, height, visible)
-                hits = yield from cast(tests)
-                met[cluster[hits[chosen]]] = True
+        for rays in (*fronts, *rays_from(np.where(more, area, 0), -1.0)):
+            hits = yield from rays.met(visible)
+            met[cluster[hits[chosen]]] = True
         more = fixed & ~visible
         more[chosen] |= met[cluster] & ~visible[chosen]
         if not more.any():
@@ -207,39 +212,45 @@ def _max_rays(tracer: RayTracer | ShaderTracer) -> int:
     return _MAX_RAYS_CPU if on_cpu else _MAX_RAYS_GPU
 
 
-def _caster(
-    tracer: RayTracer | ShaderTracer, positions: np.ndarray
-) -> Callable[[BackRays], Generator[None, None, np.ndarray]]:
-    """Return a function that casts rays and returns what `_backs_met` does.
+def _caster(tracer: RayTracer | ShaderTracer, positions: np.ndarray) -> Callable[[BackRays], CastRays]:
+    """Return a function that puts rays on the device of a ray tracer.
 
     positions: (t, 3, 3) float32, m, uploaded once for all rounds
     """
     if isinstance(tracer, ShaderTracer):
-        return partial(backs_met_by_shader, tracer, storage_buffer(tracer.graphics, positions))
-    return partial(_backs_met, tracer, upload(tracer.compute, positions))
+        return partial(ShaderBackRays, tracer, storage_buffer(tracer.graphics, positions))
+    return partial(_KernelBackRays, tracer, upload(tracer.compute, positions))
 
 
-def _backs_met(tracer: RayTracer, corners: cl.Buffer, rays: BackRays) -> Generator[None, None, np.ndarray]:
-    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool; yield after each launch.
+class _KernelBackRays:
+    """Test rays traced by an OpenCL kernel; see `back_rays.CastRays`."""
 
-    corners: (t, 3, 3) float32, m, of all triangles
-    """
-    triangles, compute = len(rays.ends), tracer.compute
-    (kernel,) = tracer.kernels((RECEIVER, "visible_backs.cl"), "mark_visible_backs")
-    before = np.zeros(words_of(triangles), np.uint8)
-    before[:triangles] = rays.marks
-    marks = upload(compute, before)
-    ends = upload(compute, rays.ends)
-    most = _LAUNCH_CPU if compute.processor else _LAUNCH_GPU
-    for first in range(0, rays.count, most):
-        count = min(most, rays.count - first)
-        tracer.run(
-            kernel, count, corners, ends, np.int32(triangles), np.float32(rays.side),
-            np.float32(rays.height), marks, np.uint32(first), np.int32(count),
-        )  # fmt: skip
-        compute.queue.finish()
-        yield
-    return download_bytes(compute, marks, triangles) == 1
+    def __init__(self, tracer: RayTracer, corners: cl.Buffer, rays: BackRays) -> None:
+        """Upload the rays; corners: (t, 3, 3) float32, m, of all triangles."""
+        self._tracer, self._corners, self._rays, self._again = tracer, corners, rays, False
+        self._ends = upload(tracer.compute, rays.ends)
+        self._enclosed = zeros(tracer.compute, 4 * rays.words)
+
+    def met(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
+        """Return the result of `CastRays.met`."""
+        triangles, tracer, rays = len(known), self._tracer, self._rays
+        compute = tracer.compute
+        (kernel,) = tracer.kernels((RECEIVER, "visible_backs.cl"), "mark_visible_backs")
+        before = np.zeros(words_of(triangles), np.uint8)
+        before[:triangles] = marks_of(known)
+        marks = upload(compute, before)
+        most = _LAUNCH_CPU if compute.processor else _LAUNCH_GPU
+        for first in range(0, rays.count, most):
+            count = min(most, rays.count - first)
+            tracer.run(
+                kernel, count, self._corners, self._ends, np.int32(triangles), np.float32(rays.side),
+                np.float32(rays.height), marks, self._enclosed, np.int32(self._again), np.uint32(first),
+                np.int32(count),
+            )  # fmt: skip
+            compute.queue.finish()
+            yield
+        self._again = True
+        return download_bytes(compute, marks, triangles) == 1
 
 
 def _texels(triangles: Triangles, resolution: int) -> np.ndarray:

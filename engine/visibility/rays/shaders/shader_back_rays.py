@@ -7,30 +7,37 @@ from collections.abc import Generator
 import moderngl
 import numpy as np
 
-from ..back_rays import BackRays
+from ..back_rays import BackRays, marks_of
 from ..receiver_records import RECEIVER
 from .shader_tables import reserve_storage, storage_buffer
 from .shader_tracer import RESULTS, ShaderTracer
 
 #: Storage blocks of shaders/visibility/visible_backs.comp.
-_CORNERS, _ENDS = 4, 5
+_CORNERS, _ENDS, _ENCLOSED = 4, 5, 6
 
 
-def backs_met_by_shader(
-    tracer: ShaderTracer, corners: moderngl.Buffer, rays: BackRays
-) -> Generator[None, None, np.ndarray]:
-    """Return a mask of triangles whose unknown back face some ray hits, (t,) bool; yield after each dispatch.
+class ShaderBackRays:
+    """Test rays traced by a compute shader; see `back_rays.CastRays`."""
 
-    corners: (t, 3, 3) float32, m, of all triangles
-    """
-    size = 4 * len(rays.ends)
-    marks = reserve_storage(tracer.graphics, size, rays.marks.astype(np.uint32).tobytes())
-    buffers = {
-        _CORNERS: corners,
-        _ENDS: storage_buffer(tracer.graphics, rays.ends),
-        RESULTS: marks,
-    }
-    launch = {"triangle_count": len(rays.ends), "side": rays.side, "height": rays.height}
-    for _ in tracer.run("visible_backs", rays.count, buffers, launch, records=(RECEIVER,)):
-        yield
-    return np.frombuffer(marks.read(size), np.uint32) == 1
+    def __init__(self, tracer: ShaderTracer, corners: moderngl.Buffer, rays: BackRays) -> None:
+        """Upload the rays; corners: (t, 3, 3) float32, m, of all triangles."""
+        self._tracer, self._again = tracer, False
+        self._buffers = {
+            _CORNERS: corners,
+            _ENDS: storage_buffer(tracer.graphics, rays.ends),
+            _ENCLOSED: storage_buffer(tracer.graphics, np.zeros(rays.words, np.uint32)),
+        }
+        self._rays = rays
+
+    def met(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
+        """Return the result of `CastRays.met`."""
+        size, rays = 4 * len(known), self._rays
+        marks = reserve_storage(self._tracer.graphics, size, marks_of(known).astype(np.uint32).tobytes())
+        uniforms = {
+            "triangle_count": len(known), "side": rays.side, "height": rays.height, "again": int(self._again),
+        }  # fmt: skip
+        buffers = self._buffers | {RESULTS: marks}
+        for _ in self._tracer.run("visible_backs", rays.count, buffers, uniforms, records=(RECEIVER,)):
+            yield
+        self._again = True
+        return np.frombuffer(marks.read(size), np.uint32) == 1

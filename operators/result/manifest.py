@@ -14,7 +14,8 @@ A folder of lightmaps holds one `hemibake.json`; docs/reference/report_and_manif
      "groups": [{"name": "Lamps", "output": "light_group Lamps"}],
      "states": {"Night": {"Lamps": [1.0, 0.8, 0.6]}}}
 
-`objects` lists the maps of each object of each scene, without files that only Blender shows. A linked object
+`objects` lists the maps of each object of each scene, without files that only Blender shows and files of
+light groups that the last bake no longer has, whose "output" is called "superseded". A linked object
 has its "library", too: a local one may have the same name. docs/reference/manifest.schema.json describes all
 keys.
 
@@ -86,8 +87,30 @@ def write_manifest(
         known[name] = {**fact, "sha256": sha256}
         if before != sha256:
             known[name]["replaced"] = before
+    _supersede_groups(known, facts)
     written = manifest(known, {**read_sections(folder), **(sections or {})})
     path.write_text(json.dumps(written, indent=1), encoding="utf-8")
+
+
+def _supersede_groups(known: Mapping[str, dict], facts: Sequence[dict]) -> None:
+    """Mark files of light groups that a new bake or export of their lightmap no longer has.
+
+    Their key "output" becomes "superseded", so that they are no longer displayed, and stay files of Hemibake.
+
+    facts:  entries of all new files
+    """
+    outputs: dict[tuple, set[str]] = {}
+    for fact in facts:
+        outputs.setdefault(_lightmap_key(fact), set()).add(fact.get("output", ""))
+    for entry in known.values():
+        output, new = entry.get("output", ""), outputs.get(_lightmap_key(entry), set())
+        if output.startswith(LIGHT_GROUP) and "combined" in new and output not in new:
+            entry["superseded"] = entry.pop("output")
+
+
+def _lightmap_key(entry: Mapping[str, object]) -> tuple:
+    """Return what identifies the lightmap of an entry among those of other files, scenes and exports."""
+    return tuple(entry.get(key) for key in ("blend", "scene", "export", "atlas"))
 
 
 def manifest(known: Mapping[str, dict], sections: Mapping[str, dict | list] | None = None) -> dict:
@@ -124,7 +147,8 @@ def _by_object(known: Mapping[str, dict]) -> list[dict]:
     found: dict[str, dict] = {}
     for name, entry in known.items():
         owner = {"blend": entry.get("blend"), **({"scene": entry["scene"]} if "scene" in entry else {})}
-        for place in entry.get("objects", ()) if "shown_for" not in entry else ():
+        is_shown = "output" in entry and "shown_for" not in entry
+        for place in entry.get("objects", ()) if is_shown else ():
             key = json.dumps([owner, place], sort_keys=True)
             maps = found.setdefault(key, {**place, **owner, "maps": {}})["maps"]
             maps[entry["output"]] = name

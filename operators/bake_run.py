@@ -16,8 +16,11 @@ from ..engine.errors import EngineError, OverlapError, SceneError
 from ..engine.object_message import object_message
 from ..engine.plan.stages import Extent
 from ..engine.postprocess.output_names import output_names
+from ..engine.postprocess.reduced_groups import reduce_groups
 from ..engine.progress import Progress, finished, map_progress
+from ..engine.scene.light_groups import light_group_names
 from ..engine.scene.model import Scene
+from ..engine.scene.sun_path import without_sun_positions
 from ..engine.settings import Settings
 from .bake_report import bake_report
 from .bake_settings import read_settings
@@ -42,6 +45,7 @@ from .result.probe_files import probe_files
 from .result.probe_images import keep_probes
 from .result.progress_images import ProgressImages, image_names
 from .result.reflection_files import reflection_files
+from .result.sun_states import path_report, store_sun_states
 from .result.vertex_light import store_vertex_light
 from .rollback import Rollback
 from .run_stages import RunStages
@@ -50,6 +54,7 @@ from .scene.bake_targets import only_targets, target_uids
 from .scene.overlaps import without_overlaps
 from .scene.probe_volumes import count_probes
 from .scene.reflection_spheres import count_spheres
+from .scene.sun_path import SunPath, place_suns, sun_times
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs
 from .scene.uvs.uv_snapshot import UvSnapshot
@@ -93,6 +98,7 @@ class BakeRun:
         self._unwraps = False
         self._changed: ChangedObjects | None = None
         self._levels: dict[int, int] = {}
+        self._sun_path: SunPath | None = None
         self.findings: tuple[Finding, ...] = ()
         self.failure: str | None = None
         self.uvs_undone = False
@@ -202,6 +208,14 @@ class BakeRun:
         size = settle_width(self._read.scene, context, resolution, self._unwraps, whole, self._changes)
         self._read = replace(self._read, notes=(*self._read.notes, *size.notes))
         self._settings = replace(self._settings, resolution=size.width)
+        self._place_suns()
+
+    def _place_suns(self) -> None:
+        """Replace the sun by its positions if the scene has a sun path; raises SceneError, SettingsError."""
+        scene = self._context.scene
+        times = sun_times(scene.hemibake.sun_times) if self._settings.by_light_groups else {}
+        if times:
+            self._read, self._sun_path = place_suns(self._read, scene, times, self._target)
 
     def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
         """Set the approximate amounts of work in the progress before the scene is read."""
@@ -325,6 +339,7 @@ class BakeRun:
         If the files cannot be written, `failure` is set, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
+        lightmap = self._reduce_sun_path(lightmap)
         pixels = self._show_finished(lightmap)
         targets = self._pictures.found()
         lost = self._uvs.lost()
@@ -381,6 +396,22 @@ class BakeRun:
             if scene.hemibake.show_when_done and not shows_preview(scene):
                 return show_preview(scene, self._context.evaluated_depsgraph_get())[0] > 0
         return False
+
+    def _reduce_sun_path(self, lightmap: BakeResult) -> BakeResult:
+        """Return the lightmaps with few maps of the sun path, and store its light states."""
+        path, scene = self._sun_path, find(bpy.data.scenes, self._context.scene_uid)
+        if path is None or scene is None:
+            return lightmap
+        reduced = reduce_groups(lightmap, path.names)
+        kept = without_sun_positions(self._read.scene, set(path.names) - set(reduced.kept))
+        self._read = replace(self._read, scene=kept)
+        shown = self._pictures.uids
+        self._choose_destination()
+        self._pictures.uids = shown
+        others = [name for name in light_group_names(kept) if name not in reduced.kept]
+        store_sun_states(scene, path, reduced, others)
+        reasons = (*lightmap.report.reasons, path_report(path, reduced))
+        return replace(reduced.result, report=replace(lightmap.report, reasons=reasons))
 
     def _show_finished(self, lightmap: BakeResult) -> np.ndarray:
         """Copy finished lightmaps to all images; return their pixels, (images, h, w, 3) float32."""

@@ -68,6 +68,9 @@ class LiveRun(BakeRun):
         """Return the settings of the scene without reflection cubes, which Live does not bake."""
         return replace(super()._read_settings(), reflection_cubes=False)
 
+    def _place_suns(self) -> None:
+        """Leave the sun where it is: Live shows the scene as it is now."""
+
     def _chosen_target(self) -> str:
         """Return "ALL", since a change may affect the light of all objects."""
         return "ALL"

@@ -111,6 +111,11 @@ class HemibakeLightStateProperties(bpy.types.PropertyGroup):
         type=HemibakeStateGroupProperties,
         description="Light groups of the state; others have color white and strength 1",
     )
+    of_sun_path: BoolProperty(
+        name="Of Sun Path",
+        description="True if a bake of a sun path made the state; the next one replaces it",
+        options={"HIDDEN"},
+    )
 
 
 class HemibakeProbeVolumeProperties(bpy.types.PropertyGroup):
@@ -128,6 +133,11 @@ def _layers_of_scene(
 ) -> list[tuple[str, str]]:
     """Return the UV layers that a scene's property suggests, each with a note."""
     return offered_layers(scene.id_data.objects)
+
+
+def _is_sun_light(settings: bpy.types.PropertyGroup, obj: bpy.types.Object) -> bool:
+    """Return True for the objects that a scene's sun path offers."""
+    return obj.type == "LIGHT" and obj.data.type == "SUN"
 
 
 def _layers_of_object(
@@ -215,6 +225,34 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         min=0.0,
         soft_max=10.0,
         default=1.0,
+    )
+    sun_times: StringProperty(
+        name="Sun Path",
+        description="Times of day, such as 08:00 12:30: a bake makes a light state of the sun at each",
+    )
+    sun_light: PointerProperty(
+        type=bpy.types.Object,
+        name="Sun",
+        description="Sun light that follows the sun path; empty for the only one of the scene",
+        poll=_is_sun_light,
+    )
+    sun_latitude: FloatProperty(
+        name="Latitude",
+        description="Latitude of the sun path, degrees, positive in the north",
+        min=-90.0,
+        max=90.0,
+        default=50.0,
+        precision=2,
+    )
+    sun_day: IntProperty(
+        name="Day of Year", description="Day of the sun path; 172 is June 21", min=1, max=366, default=80
+    )
+    sun_north: FloatProperty(
+        name="North Offset",
+        description="Degrees from the Y axis to north, counter-clockwise seen from above",
+        soft_min=-180.0,
+        soft_max=180.0,
+        precision=2,
     )
     baked_scene: StringProperty(
         description="Key under which this session keeps the scene of the last bake in memory",

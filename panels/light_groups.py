@@ -56,7 +56,17 @@ class HEMIBAKE_PT_light_groups(SubPanel, bpy.types.Panel):
             column = layout.column()
             split_properties(column)
             column.prop_search(world, "lightgroup", view_layer, "lightgroups", text="World")
+        _draw_sun_path(layout.column(), context.scene.hemibake)
         _draw_maps(layout, context)
+
+
+def _draw_sun_path(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """Draw the times of the sun path, and its place once there are times."""
+    split_properties(layout)
+    layout.prop(settings, "sun_times")
+    if settings.sun_times:
+        for name in ("sun_light", "sun_latitude", "sun_day", "sun_north"):
+            layout.prop(settings, name)
 
 
 def _draw_maps(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

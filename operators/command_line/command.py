@@ -89,6 +89,7 @@ def prepare(options: argparse.Namespace) -> None:
     if options.world is not None:
         replace_world(options.world)
     apply_settings(options)
+    _apply_sun_path(options)
     _check_states(options.states)
 
 
@@ -156,17 +157,45 @@ def save(options: argparse.Namespace, report: dict) -> dict:
     return report
 
 
+def _apply_sun_path(options: argparse.Namespace) -> None:
+    """Set the sun path of the scene by the options; raises CommandError if one is invalid."""
+    import bpy
+
+    from ...engine.errors import EngineError
+    from ..scene.sun_path import sun_times
+
+    settings = bpy.context.scene.hemibake
+    if options.sun_light is not None:
+        lights = [obj for obj in bpy.context.scene.objects if obj.type == "LIGHT"]
+        suns = {obj.name: obj for obj in lights if obj.data.type == "SUN"}
+        if options.sun_light not in suns:
+            listed = ", ".join(f"'{name}'" for name in suns) or "none"
+            raise CommandError(
+                f"--sun-light is '{options.sun_light}'; choose one of the sun lights: {listed}."
+            )
+        settings.sun_light = suns[options.sun_light]
+    if options.sun_times is None:
+        return
+    try:
+        settings.sun_times = " ".join(sun_times(" ".join(options.sun_times)))
+    except EngineError as error:
+        raise CommandError(str(error)) from error
+    settings.outputs |= {"combined", "light_groups"}
+
+
 def _check_states(names: Sequence[str]) -> None:
     """Raise CommandError for a light state that the scene does not have, or without maps of light groups."""
     import bpy
 
     from ...engine.errors import EngineError
     from ..result.light_states import find_state
+    from ..scene.sun_path import sun_times
 
     if names and "light_groups" not in bpy.context.scene.hemibake.outputs:
         raise CommandError("--state needs the output Light Groups. Add light_groups to --outputs.")
     try:
-        for name in names:
+        made_by_bake = sun_times(bpy.context.scene.hemibake.sun_times)
+        for name in (name for name in names if name not in made_by_bake):
             find_state(bpy.context.scene, name)
     except EngineError as error:
         raise CommandError(str(error)) from error

@@ -39,6 +39,9 @@ OWN: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "exposure": (float, "STOPS", "that light is raised by before it is written as a PNG"),
     "light_range": (float, "N", "brightest light of RGBM and RGBD; 0 for that of the brightest texel"),
     "light_gamma": (float, "N", "power of the decoder of RGBM and RGBD"),
+    "sun_latitude": (float, "DEGREES", "latitude of --sun-path, positive in the north"),
+    "sun_day": (int, "DAY", "day of the year of --sun-path, from 1 to 366"),
+    "sun_north": (float, "DEGREES", "from the y axis to north, counter-clockwise seen from above"),
 }
 
 
@@ -73,6 +76,11 @@ def parser(program: str, description: str) -> Parser:
         "--state", metavar="NAME", action="append", default=[], dest="states",
         help="also write the lightmaps of this light state; may be repeated",
     )  # fmt: skip
+    made.add_argument(
+        "--sun-path", metavar="HH:MM", nargs="+", dest="sun_times",
+        help="also bake the sun at these times of a day, each as a light state",
+    )  # fmt: skip
+    made.add_argument("--sun-light", metavar="NAME", help="sun light that follows --sun-path")
     made.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
     made.add_argument(
         "--export",

@@ -39,7 +39,7 @@ ORDERS = {
         "viewports", "working_space",
     ],
     "operators/scene": [
-        "__init__", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
+        "__init__", "sun_path", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
         "read_lights",
         "read_stages", "fingerprints", "probe_volumes", "reflection_spheres", "light_probes",
         "invalid_values", "world_mesh", "uv_layout",

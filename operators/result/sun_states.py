@@ -1,0 +1,53 @@
+"""Light states of a sun path: one for each time of day."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import bpy
+import numpy as np
+
+from ...engine.object_message import counted
+from ...engine.postprocess.reduced_groups import ReducedGroups
+from ..scene.sun_path import SunPath
+from ..working_space import from_rec709
+from .light_states import UNCHANGED, Mix, set_state_mix, state_mix
+
+
+def store_sun_states(
+    scene: bpy.types.Scene, path: SunPath, reduced: ReducedGroups, others: Collection[str]
+) -> None:
+    """Store a light state for each time of a sun path, and remove states of earlier paths.
+
+    States of the same times keep the colors and strengths of other light groups.
+
+    others:  names of the baked light groups that are not of the path
+    """
+    states = scene.hemibake.light_states
+    kept = {state.name: state_mix(state) for state in states if state.of_sun_path}
+    for index in reversed([number for number, state in enumerate(states) if state.of_sun_path]):
+        states.remove(index)
+    for time, group in path.groups.items():
+        mix = {name: kept.get(time, {}).get(name, UNCHANGED) for name in others if name in kept.get(time, {})}
+        factors = reduced.factors[group] if group is not None else {}
+        mix |= {name: _mix(factors.get(name, (0.0, 0.0, 0.0)), len(path.names)) for name in reduced.kept}
+        state = states.add()
+        state.name, state.of_sun_path = time, True
+        set_state_mix(state, mix)
+    scene.hemibake.active_light_state = max(0, min(scene.hemibake.active_light_state, len(states) - 1))
+
+
+def path_report(path: SunPath, reduced: ReducedGroups) -> str:
+    """Return a sentence on the maps of a sun path for the report."""
+    return (
+        f"Sun path: {counted(len(path.names), 'position')} in {counted(len(reduced.kept), 'map')}, "
+        f"error up to {reduced.error:.2%} of the mean light of a position."
+    )
+
+
+def _mix(factor: tuple[float, float, float], count: int) -> Mix:
+    """Return color and strength of a group: a linear Rec.709 factor times the number of positions."""
+    values = from_rec709(np.array(factor, np.float64)) * count
+    strength = float(values.max())
+    red, green, blue = (float(value) / strength for value in values) if strength > 0 else (1.0, 1.0, 1.0)
+    return (red, green, blue), strength

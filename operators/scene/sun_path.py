@@ -1,0 +1,117 @@
+"""Sun paths: copies of the scene's sun light at several times of a day, each in a light group."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ...engine.errors import SceneError, SettingsError
+from ...engine.scene.sun_path import is_sun, sun_direction, with_sun_positions
+from .fingerprints import combined
+from .read import ReadScene
+
+_TIME = re.compile(r"(\d{1,2}):(\d{2})")
+
+
+@dataclass(frozen=True)
+class SunPath:
+    """A sun path of a bake.
+
+    groups:  light group of each time in order; None for times at which the sun is below the horizon
+    """
+
+    groups: Mapping[str, str | None]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the light groups."""
+        return tuple(group for group in self.groups.values() if group is not None)
+
+
+def sun_times(text: str) -> dict[str, float]:
+    """Return the hour of each time in a text such as "08:00 12:30", by its name; raises SettingsError."""
+    found = {}
+    for word in text.replace(",", " ").split():
+        match = _TIME.fullmatch(word)
+        hour, minute = (int(part) for part in match.groups()) if match else (24, 0)
+        if hour > 23 or minute > 59:
+            raise SettingsError(
+                f"Sun Path: '{word}' is no time of day. Enter hours and minutes, such as 08:00 12:30."
+            )
+        found[f"{hour:02d}:{minute:02d}"] = hour + minute / 60
+    return found
+
+
+def place_suns(
+    read: ReadScene, scene: bpy.types.Scene, times: Mapping[str, float], target: str
+) -> tuple[ReadScene, SunPath]:
+    """Return the scene with its sun at several times, and their light groups.
+
+    times:   hour of each time by its name
+    target:  setting of the objects to bake
+
+    Raises SceneError if the sun is missing or not unique, and for bakes of some objects.
+    """
+    if target != "ALL":
+        raise SceneError(
+            f"Scene '{scene.name}': a sun path needs new maps of all objects. Set Objects to All, or empty "
+            "the times of Sun Path."
+        )
+    sun, place = _chosen_sun(read, scene), scene.hemibake
+    directions: dict[str, np.ndarray] = {}
+    groups: dict[str, str | None] = {}
+    for time, hour in times.items():
+        towards = sun_direction(hour, place.sun_latitude, place.sun_day, place.sun_north)
+        groups[time] = _free_name(f"{sun} {time}", read.scene.light_groups) if towards[2] > 0 else None
+        if (group := groups[time]) is not None:
+            directions[group] = towards
+    below = [time for time, group in groups.items() if group is None]
+    notes = [f"Sun Path: the sun is below the horizon at {', '.join(below)}."] if below else []
+    digests = {uid: combined([digest, repr(directions)]) for uid, digest in read.fingerprints.items()}
+    moved = replace(
+        read,
+        scene=with_sun_positions(read.scene, sun, directions),
+        notes=(*read.notes, *notes),
+        fingerprints=digests,
+    )
+    return moved, SunPath(groups)
+
+
+def _chosen_sun(read: ReadScene, scene: bpy.types.Scene) -> str:
+    """Return the name of the sun light of the path; raises SceneError."""
+    names = list(dict.fromkeys(light.name for light in read.scene.lights if is_sun(light)))
+    chosen = scene.hemibake.sun_light
+    if chosen is not None and chosen.name not in names:
+        raise SceneError(
+            f"Light '{chosen.name}': no sun light that renders show, so it has no sun path. Show it in "
+            "renders, or choose another light under Sun Path."
+        )
+    if not names:
+        raise SceneError(f"Scene '{scene.name}': {_no_sun(read)}")
+    if chosen is None and len(names) > 1:
+        listed = ", ".join(f"'{name}'" for name in names)
+        raise SceneError(
+            f"Scene '{scene.name}': several sun lights, {listed}. Choose one under Sun Path, or by "
+            "--sun-light."
+        )
+    return names[0] if chosen is None else chosen.name
+
+
+def _no_sun(read: ReadScene) -> str:
+    """Return the problem and remedy of a scene without a sun light."""
+    if any(light.of_world for light in read.scene.lights):
+        return (
+            "the sun of a Sky Texture cannot follow a sun path. Add a sun light, and turn off Sun Disc in "
+            "the Sky Texture."
+        )
+    return "no sun light for the sun path. Add one, or empty the times of Sun Path."
+
+
+def _free_name(name: str, taken: Sequence[str]) -> str:
+    """Return a name, with a number if a light group of the scene has it."""
+    names = (name if number == 1 else f"{name} ({number})" for number in range(1, len(taken) + 2))
+    return next(other for other in names if other not in taken)

@@ -87,6 +87,8 @@ class ProbeGrid:
                    probes inside geometry, whose light comes from valid neighbours
     positions:     (n, 3) float32, m, of the light, relative to `Scene.origin`
     groups:        the same coefficients of each light group by name; empty without the output light groups
+    distances:     (n, 8, 8, 2) float32, mean distance, m, and mean squared distance, m^2, of the surfaces
+                   around `positions` on octahedral maps; v, then u, from the bottom left. Empty without them
     """
 
     name: str
@@ -96,6 +98,7 @@ class ProbeGrid:
     validity: np.ndarray
     positions: np.ndarray
     groups: dict[str, np.ndarray] = field(default_factory=dict)
+    distances: np.ndarray = field(default_factory=lambda: np.zeros((0, 8, 8, 2), np.float32))
 
 
 @dataclass(frozen=True)

@@ -241,6 +241,14 @@ class Settings:
         "outputs",
         invalidates=(),
     )
+    probe_distances: bool = described(
+        False,
+        "Probe Distances",
+        "Write the distances around light probes, for engines that test which probes are visible",
+        Switch(),
+        "outputs",
+        invalidates=(),
+    )
     reflection_cubes: bool = described(
         False,
         "Reflection Cubes",

@@ -65,6 +65,13 @@ class HEMIBAKE_PT_charts(_SettingsPanel, bpy.types.Panel):
     _names = CHART_PROPERTIES
 
 
+class HEMIBAKE_PT_probe_files(_SettingsPanel, bpy.types.Panel):
+    """Further files of light probes."""
+
+    bl_label = "Light Probes"
+    _names = ("probe_distances",)
+
+
 class HEMIBAKE_PT_memory(_SettingsPanel, bpy.types.Panel):
     """Settings that trade memory for time."""
 
@@ -85,6 +92,7 @@ CLASSES = (
     HEMIBAKE_PT_texels,
     HEMIBAKE_PT_uvs,
     HEMIBAKE_PT_charts,
+    HEMIBAKE_PT_probe_files,
     HEMIBAKE_PT_memory,
     HEMIBAKE_PT_paper,
 )

@@ -14,6 +14,7 @@ from ..plan.solve_job import SolveJob
 from ..progress import run_as_fraction
 from ..scene.light_groups import light_groups
 from ..scene.probe_volume import ProbeVolume
+from ..settings import Settings
 from ..solve.solution import Solution
 from ..texel_gather.invalid_texel_fill import InvalidTexelFill
 from ..texel_gather.texel_sample_points import TexelGatherJob
@@ -44,6 +45,9 @@ _TRACING, _PROJECTING, _MOVING = 0.6, 0.7, 0.75
 
 #: Share of the gather in the time of a volume; the rest fills invalid probes (chosen).
 _GATHERING = 0.95
+
+#: Maximum number of probes of a volume with maps of distances; its file has 316 MB (chosen).
+MAX_DISTANCE_PROBES = 1 << 18
 
 #: Luminance below which a back face is dark in a scene without light.
 _BLACK = 1e-30
@@ -127,7 +131,9 @@ class _ProbeGather:
             done = _GATHERING * first / len(points), _GATHERING * last / len(points)
             batch = self._batch(volume, points[first:last], first)
             parts.append((yield from run_as_fraction(*done, batch)))
-        coefficients, validity, positions = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        coefficients, validity, positions, distances = (
+            np.concatenate(arrays) for arrays in zip(*parts, strict=True)
+        )
         filling = filled(coefficients, validity > 0, volume)
         coefficients = yield from run_as_fraction(_GATHERING, 1.0, filling)
         return ProbeGrid(
@@ -141,24 +147,31 @@ class _ProbeGather:
                 name: np.ascontiguousarray(coefficients[:, number])
                 for number, name in enumerate(self._names, 1)
             },
+            distances,
         )
 
     def _batch(
         self, volume: ProbeVolume, points: np.ndarray, first: int
-    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Return coefficients, (n, lights, 9, 3), validity and positions of consecutive probes."""
+    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """Return coefficients, (n, lights, 9, 3), validity, positions and distances of consecutive probes.
+
+        distances:  see `ProbeRows`
+        """
         rows = self._kept_rows(volume, points, first)
         yield from run_as_fraction(0.0, _TRACING, rows.trace())
         coefficients, valid = yield from run_as_fraction(_TRACING, _PROJECTING, self._projected(rows))
-        validity, points = valid.astype(np.float32), points.copy()
+        validity, points, distances = valid.astype(np.float32), points.copy(), rows.distances
         invalid = np.flatnonzero(validity == 0)
         if len(invalid):
             moving = self._moved(volume, rows, invalid, first)
-            moved, positions, light = yield from run_as_fraction(_PROJECTING, _MOVING, moving)
+            moved, positions, light, maps = yield from run_as_fraction(_PROJECTING, _MOVING, moving)
             coefficients[moved], points[moved], validity[moved] = light, positions, 0.5
+            if len(maps):
+                distances = distances.copy()
+                distances[moved] = maps
             rows = self._moved_rows(rows, "all", volume, points, first) if len(moved) else rows
         coefficients += yield from run_as_fraction(_MOVING, 1.0, self._direct.project(rows))
-        return coefficients, validity, points
+        return coefficients, validity, points, distances
 
     def _projected(self, rows: ProbeRows) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return the light of samples, (n, lights, 9, 3) float32, and the mask of valid probes, (n,) bool."""
@@ -173,16 +186,20 @@ class _ProbeGather:
 
     def _moved(
         self, volume: ProbeVolume, rows: ProbeRows, invalid: np.ndarray, first: int
-    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Return the invalid probes, (k,) int64, that moved out of geometry, their positions and light."""
+    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """Return the invalid probes, (k,) int64, that moved out of geometry, with their new values.
+
+        The values are positions, light and distances as in `_batch`.
+        """
         offsets, stays = moved_out(volume, *rows.ways_out(invalid))
         chosen, points = invalid[stays], (rows.points[invalid] + offsets)[stays]
         if not len(chosen):
-            return chosen, points, np.zeros((0, len(self._lights), COEFFICIENTS, 3), np.float32)
+            return chosen, points, np.zeros((0, len(self._lights), COEFFICIENTS, 3)), rows.distances[:0]
         moved = self._moved_rows(rows, "some", volume, points, first)
         yield from run_as_fraction(0.0, 0.9, moved.trace())
         coefficients, valid = yield from run_as_fraction(0.9, 1.0, self._projected(moved))
-        return chosen[valid], points[valid], coefficients[valid]
+        distances = moved.distances[valid] if len(moved.distances) else moved.distances
+        return chosen[valid], points[valid], coefficients[valid], distances
 
     def _moved_rows(
         self, rows: ProbeRows, key: str, volume: ProbeVolume, points: np.ndarray, first: int
@@ -209,7 +226,8 @@ class _ProbeGather:
     def _key(self, volume: ProbeVolume) -> tuple:
         """Return everything besides the scene's geometry that determines the samples of a volume."""
         samples = direction_count(self._settings.probe_samples)
-        return volume.matrix.tobytes(), volume.resolution, samples, self._settings.seed
+        limit = distance_limit(volume, self._settings)
+        return volume.matrix.tobytes(), volume.resolution, samples, self._settings.seed, limit
 
     def _drop_rows_of_others(self) -> None:
         """Remove the samples of volumes that the scene does not have."""
@@ -224,15 +242,33 @@ class _ProbeGather:
         margin = np.maximum(_MARGIN * volume.spacing, OF_COORDINATE * reach)
         settings = self._settings
         sources, seed = self._what.job.parts, settings.seed + first
-        return ProbeRows(self._compute, self._rays, sources, points, margin, settings.probe_samples, seed)
+        limit = distance_limit(volume, settings)
+        return ProbeRows(
+            self._compute, self._rays, sources, points, margin, settings.probe_samples, seed, limit
+        )
+
+
+def distance_limit(volume: ProbeVolume, settings: Settings) -> float | None:
+    """Return the largest distance of the maps of a volume, m; None if it gets no maps."""
+    has_maps = settings.probe_distances and volume.count <= MAX_DISTANCE_PROBES
+    return volume.reach if has_maps else None
 
 
 def probe_warnings(what: TexelGatherJob) -> tuple[str, ...]:
-    """Return the warning that probes cannot be baked, or that bounced light is missing; else nothing."""
+    """Return warnings about probes that cannot be baked, or that miss bounced light or distances."""
+    settings = what.job.settings
     if what.job.compute is None:
         return (
             "Light Probe Volumes: no OpenCL device. Install an OpenCL driver, or switch Light Probes off.",
         )
-    if not what.job.settings.has_indirect:
-        return ("Light Probe Volumes: no output has bounced light, so probes have none. Switch Combined on.",)
-    return ()
+    warnings = [
+        f"Light Probe Volume '{volume.name}': {volume.count:,} probes exceed the {MAX_DISTANCE_PROBES:,} "
+        "that Probe Distances allows, so it has none. Lower its resolution, or split the volume."
+        for volume in what.scene.probe_volumes
+        if settings.probe_distances and volume.count > MAX_DISTANCE_PROBES
+    ]
+    if not settings.has_indirect:
+        warnings.append(
+            "Light Probe Volumes: no output has bounced light, so probes have none. Switch Combined on."
+        )
+    return tuple(warnings)

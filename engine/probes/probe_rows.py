@@ -14,15 +14,20 @@ from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..device.time_slicer import sliced
 from ..patches.patch_scene import PatchScene
+from ..progress import run_as_fraction
 from ..scene.tints import tint_palette
 from ..visibility.rays.ray_tracer import RayTracer
 from ..visibility.rays.receiver_records import RECEIVER
 from ..visibility.sampler import Background
+from .distance_atlas import MAP_WIDTH
 from .sphere_directions import random_rotations, sphere_directions
 
 #: Coefficients of SH L2, and bytes of a probe's: float4 each.
 COEFFICIENTS = 9
 _BYTES = 16 * COEFFICIENTS
+
+#: Share of tracing in the time of tracing and maps (measured on a CPU).
+_TRACED = 0.8
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,8 @@ class ProbeRows:
 
     points:  (n, 3) float64, m, relative to `Triangles.origin`
     margin:  (n,) float32, m, distance by which rays start behind a probe
+    distances:  (n, 8, 8, 2) float32, mean distance, m, and mean squared distance on octahedral maps; after
+                `trace`, empty without a limit
     direct:  direct light of the last bake by light group, each with the digest of its emitters
     moved:   samples that replace some of these, by the bytes of what they depend on; the last ones
     """
@@ -59,11 +66,17 @@ class ProbeRows:
         margin: np.ndarray,
         samples: int,
         seed: int,
+        limit: float | None = None,
     ) -> None:
+        """Upload the probes.
+
+        limit:  maximum of the distances of `distances`, m; None for no maps
+        """
         self._compute, self._rays, self.count = compute, rays, len(points)
         directions = sphere_directions(samples)
         self._samples = len(directions)
-        self.points = points
+        self.points, self._limit = points, limit
+        self.distances = np.zeros((0, MAP_WIDTH, MAP_WIDTH, 2), np.float32)
         self.direct: dict[int, tuple[bytes, np.ndarray]] = {}
         self.moved: dict[str, tuple[bytes, ProbeRows]] = {}
         probes = to_float4(points)
@@ -77,6 +90,9 @@ class ProbeRows:
             (RECEIVER, "trace_probes.cl"), "trace_probes", "find_way_out", options=options
         )
         tinted = () if self._palette is None else ("-DTINTED",)
+        (self._map_distances,) = (
+            (None,) if limit is None else compute.kernels(("probe_distances.cl",), "map_distances")
+        )
         (self._project,) = compute.kernels(("project_probes.cl",), "project_probes", options=tinted)
         triangles = sources.triangles
         arrays = triangles.uvs, triangles.atlas, sources.texel_to_patch
@@ -99,10 +115,30 @@ class ProbeRows:
         size, flags = self.count * self._samples, cl.mem_flags.READ_WRITE
         rows = cl.Buffer(self._compute.context, flags, 4 * size)
         tints = None if self._palette is None else cl.Buffer(self._compute.context, flags, size)
+        distances = None if self._limit is None else cl.Buffer(self._compute.context, flags, 4 * size)
         sequence = self._rotations, self._directions, np.int32(self._samples)
         inputs = (*self._rays.arguments, *self._lightmaps, self.probes, *sequence)
-        yield from self._run(self._trace, inputs, (rows, tints))
+        traced = 1.0 if distances is None else _TRACED
+        tracing = self._run(self._trace, inputs, (rows, tints, distances))
+        yield from run_as_fraction(0.0, traced, tracing)
+        if distances is not None:
+            self.distances = yield from run_as_fraction(traced, 1.0, self._mapped(distances))
         self._rows, self._tints = rows, tints
+
+    def _mapped(self, distances: cl.Buffer) -> Generator[float, None, np.ndarray]:
+        """Return the octahedral maps of the distances of samples, see the class; yield progress 0..1."""
+        compute, items = self._compute, MAP_WIDTH**2 * self.count
+        maps = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 8 * items)
+        sequence = self._rotations, self._directions, np.int32(self._samples)
+        arguments = *sequence, distances, np.float32(self._limit), maps
+
+        def launch(start: int, end: int) -> None:
+            compute.run(self._map_distances, end - start, *arguments, np.int32(start), np.int32(end))
+
+        size = compute.slice_size(self._map_distances, self._samples)
+        for end in sliced(compute.queue, 0, items, launch, size):
+            yield end / items
+        return download(compute, maps, (self.count, MAP_WIDTH, MAP_WIDTH, 2))
 
     def project(self, light: ProbeRadiance) -> Generator[float, None, np.ndarray]:
         """Return the light of the samples, (n, 9, 4) float32: SH L2 of radiance; yield progress 0..1.

@@ -12,6 +12,9 @@ MAX_PROBES = 1 << 21
 #: Maximum resolution along an axis: the atlas then has at most 2560 x 65536 pixels.
 MAX_RESOLUTION = 256
 
+#: Largest distance of maps of distances, in diagonals of a cell.
+_REACH = 1.5
+
 #: Minimum width of a volume along an axis, relative to the largest coordinate: float32 resolves no smaller
 #: grid.
 _THIN = 1e-6
@@ -46,6 +49,15 @@ class ProbeVolume:
     def spacing(self) -> float:
         """Smallest distance between neighbouring probes, m."""
         return float(np.linalg.norm(self.steps, axis=1).min())
+
+    @property
+    def reach(self) -> float:
+        """Largest distance of maps of distances, m: 1.5 diagonals of a cell.
+
+        Surfaces farther than that hide no probe from its own cells (Majercik et al., "Dynamic Diffuse Global
+        Illumination with Ray-Traced Irradiance Fields", JCGT 2019).
+        """
+        return _REACH * float(np.linalg.norm(self.steps))
 
     def points(self) -> np.ndarray:
         """Return the probes, (n, 3) float64, m, as `matrix`; x varies fastest, then y.

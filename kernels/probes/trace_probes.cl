@@ -7,12 +7,13 @@
 
 // Fills one row of samples per probe, one work group per probe. probes: position, metres, and in w the distance by
 // which rays start behind it: a probe in the plane of a surface then hits its back, not what lies beyond. tint_rows:
-// palette index of each sample, with TINTED.
+// palette index of each sample, with TINTED. distances: from the probe to the hit of each sample, metres; null if they
+// are not needed.
 __kernel void trace_probes(RAYS_ARGUMENTS, __global const float2 *uvs, __global const int *atlases,
                            __global const uint *texel_to_patch, const int resolution, __global const int *backs,
                            __global const float4 *probes, __global const float4 *rotations,
                            __global const float4 *directions, const int samples, const int start,
-                           __global uint *rows, __global uchar *tint_rows)
+                           __global uint *rows, __global uchar *tint_rows, __global float *distances)
 {
     const int probe = start + get_group_id(0);
     const Rays rays = RAYS;
@@ -21,8 +22,12 @@ __kernel void trace_probes(RAYS_ARGUMENTS, __global const float2 *uvs, __global 
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = rotated(rotation, directions[i].xyz);
         const size_t place = (size_t)probe * samples + i;
+        const float3 origin = at.xyz - at.w * direction;
+        const Hit hit = nearest_hit(&rays, origin, direction, false);
         uint tint;
-        rows[place] = trace_sample(&rays, &lightmaps, at.xyz - at.w * direction, direction, &tint);
+        rows[place] = sample_of_hit(&rays, &lightmaps, origin, direction, hit, &tint);
+        if (distances)
+            distances[place] = hit.triangle < 0 ? INFINITY : fmax(hit.distance - at.w, 0.0f);
 #ifdef TINTED
         tint_rows[place] = tint;
 #endif

@@ -57,11 +57,11 @@ Hit turned(const Lightmaps *lightmaps, Hit hit)
     return hit;
 }
 
-// Returns the item-buffer entry hit by a ray: patch + 1, with the BACK bit for back faces, or SKY. tint: palette index
-// of the colour of transparent surfaces passed (visibility_sample.cl).
-uint trace_sample(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction, uint *tint)
+// Returns the item-buffer entry of a ray's nearest hit: patch + 1, with the BACK bit for back faces, or SKY. tint:
+// palette index of the colour of transparent surfaces passed (visibility_sample.cl).
+uint sample_of_hit(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction,
+                   const Hit hit, uint *tint)
 {
-    const Hit hit = nearest_hit(rays, origin, direction, false);
     *tint = 0;
 #ifdef TINTED
     if (hit.tinted) {
@@ -79,6 +79,12 @@ uint trace_sample(const Rays *rays, const Lightmaps *lightmaps, const float3 ori
     const int2 texel = clamp(convert_int2(uv * lightmaps->resolution), 0, lightmaps->resolution - 1);
     const size_t row = (size_t)lightmaps->atlases[shown.triangle] * lightmaps->resolution + texel.y;
     return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (shown.front ? 0u : BACK);
+}
+
+// Traces a ray and returns its item-buffer entry.
+uint trace_sample(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction, uint *tint)
+{
+    return sample_of_hit(rays, lightmaps, origin, direction, nearest_hit(rays, origin, direction, false), tint);
 }
 
 // Ray origin of a sample and the index of its position in the texel; -1 before the first sample.

@@ -118,6 +118,9 @@ def _with_paths(entry: dict, name: str) -> dict:
     moved |= {key: f"{name}/{entry[key]}" for key in ("file", "ktx2") if key in entry}
     if "groups" in entry:
         moved["groups"] = [{**group, "file": f"{name}/{group['file']}"} for group in entry["groups"]]
+    if "distances" in entry:
+        known = entry["distances"]
+        moved["distances"] = {**known, **{key: f"{name}/{known[key]}" for key in ("file", "offsets")}}
     if "files" in entry:
         moved["files"] = [f"{name}/{file}" for file in entry["files"]]
     return moved

@@ -7,6 +7,7 @@ import pytest
 
 from engine import Light, Scene, Session, Settings, finished
 from engine.probes.probe_lights import ProbeLights
+from engine.probes.sphere_directions import sphere_directions
 from engine.probes.spherical_harmonics import basis, irradiance
 from engine.scene.probe_volume import ProbeVolume
 from tests.analytic.scenes import furnace, material, quads, rectangle, room_walls
@@ -235,3 +236,81 @@ def test_a_second_bake_reuses_the_rays_and_gives_the_same_bits(session):
     assert len(kept) == 2
     bake(session, dataclasses.replace(dim, probe_volumes=probes[1:]), resolution=32, visibility="rays")
     assert len(kept) == 1
+
+
+def octahedral(width=8):
+    """Return the unit directions of texels of an octahedral map, (width, width, 3), z up."""
+    place = (2 * np.arange(width) + 1) / width - 1
+    u, v = np.meshgrid(place, place)
+    z = 1 - np.abs(u) - np.abs(v)
+    x, y = (
+        np.where(z < 0, np.copysign(1 - np.abs(v), u), u),
+        np.where(z < 0, np.copysign(1 - np.abs(u), v), v),
+    )
+    directions = np.stack([x, y, z], axis=-1)
+    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+
+def box_distances(points, directions):
+    """Return the distances from points, (n, 3), inside the unit cube to its walls, (n, m)."""
+    with np.errstate(divide="ignore"):
+        to_walls = np.where(directions > 0, 1 - points[:, None], -points[:, None]) / directions
+    return to_walls.min(axis=2)
+
+
+def test_distances_in_a_box_have_their_closed_form(session):
+    """Each texel is the mean over rays with the weight cos^50, here by quadrature of the closed form."""
+    volumes = volume((0.5, 0.5, 0.5), (0.45, 0.3, 0.2), (2, 3, 1)), volume((0.3, 0.6, 0.5), 0.05, (1, 1, 1))
+    scene = dataclasses.replace(furnace(0.5, 1.0), probe_volumes=volumes)
+    grids = bake(session, scene, probe_samples=6000, probe_distances=True)
+    directions = sphere_directions(60000)
+    weights = np.maximum(octahedral().reshape(64, 3) @ directions.T, 0) ** 50
+    weights /= weights.sum(axis=1, keepdims=True)
+    for grid, place in zip(grids, volumes, strict=True):
+        distances = np.minimum(box_distances(place.points(), directions), place.reach)
+        expected = np.stack([distances @ weights.T, distances**2 @ weights.T], axis=-1).reshape(-1, 8, 8, 2)
+        assert grid.distances == pytest.approx(expected, rel=0.03, abs=0.003)
+        assert np.abs(grid.distances - expected).mean() < 4e-3 * expected.mean()
+    assert grids[1].distances[..., 0] == pytest.approx(np.full((1, 8, 8), volumes[1].reach), rel=1e-4)
+
+
+def test_distances_leave_the_light_as_it_is(session):
+    probes = volume((31 / 32, 0.5, 0.5), (0.25, 0.1, 0.1), (8, 1, 1))
+    scene = dataclasses.replace(furnace(0.5, 1.0), probe_volumes=(probes,))
+    (plain,), (grid,) = (bake(session, scene, visibility="rays", probe_distances=on) for on in (False, True))
+    assert (plain.coefficients == grid.coefficients).all() and not len(plain.distances)
+    (again,) = bake(session, scene, visibility="rays", probe_distances=True)
+    assert (again.distances == grid.distances).all()
+
+
+def test_distances_of_moved_probes_are_from_their_new_place(session):
+    """The probe in the plane of a wall moves inwards, to 5 % of a cell before it; those behind it stay."""
+    probes = volume((31 / 32, 0.5, 0.5), (0.25, 0.1, 0.1), (8, 1, 1))
+    scene = dataclasses.replace(furnace(0.5, 1.0), probe_volumes=(probes,))
+    (grid,) = bake(session, scene, probe_distances=True, probe_samples=1200)
+    (moved,) = np.flatnonzero(grid.validity == 0.5)
+    inward, outward = octahedral()[..., 0] < -0.7, octahedral()[..., 0] > 0.7
+    assert (grid.distances[moved, ..., 0][outward] < 0.01).all()
+    assert (grid.distances[moved, ..., 0][inward] > 0.1).all()
+    behind = grid.distances[grid.validity == 0][-1, ..., 0]
+    assert behind[inward].max() < behind[outward].min()
+
+
+def test_without_surfaces_distances_are_the_largest(session):
+    (grid,) = bake(session, scene_of(square((0, 0, -9)), probe_volumes=(volume(),)), probe_distances=True)
+    reach = 1.5 * np.sqrt(1**2 + (2 / 3) ** 2 + 2**2)
+    assert grid.distances == pytest.approx(np.broadcast_to([reach, reach**2], (6, 8, 8, 2)), rel=1e-5)
+
+
+def test_too_many_probes_for_distances_are_a_warning(session):
+    grids = volume(resolution=(3, 1, 1), name="Few"), volume(resolution=(4, 1, 1), name="Many")
+    scene = scene_of(square((0, 0, -9)), probe_volumes=grids)
+    settings = dataclasses.replace(SETTINGS, probe_distances=True, probe_samples=60)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("engine.probes.gather_probes.MAX_DISTANCE_PROBES", 3)
+        result = finished(session.bake(scene, settings))
+    assert [len(grid.distances) for grid in result.probes] == [3, 0]
+    (warning,) = [text for text in result.report.warnings if "Probe Distances" in text]
+    assert (
+        warning.startswith("Light Probe Volume 'Many': 4 probes exceed") and "Lower its resolution" in warning
+    )

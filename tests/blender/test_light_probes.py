@@ -63,6 +63,43 @@ def test_volumes_are_baked_into_an_atlas(tmp_path):
     assert np.abs(coefficients[:, 1:]).max() < 0.05
 
 
+def test_distances_and_offsets_have_files(tmp_path):
+    """A row of probes crosses a wall of a room: one moves into the room, and its distances start there."""
+    import bpy
+
+    furnace()
+    probe_volume(resolution=(8, 1, 1), location=(31 / 32, 0.5, 0.5), scale=(0.25, 0.1, 0.1))
+    scene = bpy.context.scene
+    scene.hemibake.probe_distances, scene.hemibake.outputs = True, {"combined", "light_groups"}
+    bpy.context.view_layer.lightgroups.add(name="distances")
+    manifest = bake(tmp_path)
+    assert faults(manifest) == []
+    (entry,) = manifest["probes"]
+    known = entry["distances"]
+    names = [known["file"], known["offsets"], *(group["file"] for group in entry["groups"])]
+    assert len({name.casefold() for name in names}) == len(names)
+    assert (known["size"], known["border"]) == (8, 1)
+    assert known["limit"] == pytest.approx(1.5 * np.linalg.norm([0.5 / 8, 0.2, 0.2]))
+    (moved,) = range(entry["validity"]["moved"])
+    maps, offsets = (
+        pixels(bpy.data.images.load(str(tmp_path / known[key])))[..., :3] for key in ("file", "offsets")
+    )
+    assert maps.shape == (10, 80, 3) and offsets.shape == (1, 8, 3)
+    (moved,) = np.flatnonzero(offsets.any(axis=2))
+    assert -0.5 * 0.5 / 8 < offsets[0, moved, 0] < 0
+    tile = maps[:, 10 * moved : 10 * moved + 10]
+    assert np.array_equal(tile[1:9, 0], tile[8:0:-1, 1]) and np.array_equal(tile[0, 1:9], tile[1, 8:0:-1])
+    assert np.array_equal(tile[0, 0], tile[8, 8]) and np.array_equal(tile[9, 0], tile[1, 8])
+    mean, squared = tile[..., 0], tile[..., 1]
+    assert mean.max() <= known["limit"] * 1.001 and mean.min() > 0
+    assert (squared >= mean**2 * 0.999).all() and not tile[..., 2].any()
+    (again,) = bake(tmp_path)["probes"]
+    assert again == entry
+    scene.hemibake.probe_distances = False
+    (without,) = bake(tmp_path)["probes"]
+    assert "distances" not in without and without["file"] == entry["file"]
+
+
 def test_files_of_others_stay(tmp_path):
     """A second bake replaces its own files; a changed or foreign one gets a neighbor with a number."""
     square()

@@ -97,6 +97,7 @@ def test_panels_show_every_setting_once(devices):
         "texels",
         "uvs",
         "charts",
+        "probe_files",
         "memory",
         "paper",
     )

@@ -1,6 +1,7 @@
 """Light of probe grids in three.js against the formula of their coefficients."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -27,7 +28,8 @@ def volume(hemibake, engine, tmp_path):
     probe_files = part("operators.result.probe_files")
     owner = part("operators.result.destination").Destination(tmp_path, (), "")
     entry = probe_files._entry("box_Probes", grid, np.zeros(3), owner)
-    probe_files.ProbeFile("box_Probes.exr", grid, entry).write(tmp_path / "box_Probes.exr")
+    content = partial(probe_files.probe_atlas, grid)
+    probe_files.ProbeFile("box_Probes.exr", content, entry).write(tmp_path / "box_Probes.exr")
     turned = {**entry, "name": "Turned", "matrix": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
     lost = {**entry, "name": "Lost", "file": "lost.exr"}
     manifest = {"version": 2, "lightmaps": {}, "objects": [], "probes": [entry, turned, lost]}

@@ -90,9 +90,6 @@ class ProbeRows:
             (RECEIVER, "trace_probes.cl"), "trace_probes", "find_way_out", options=options
         )
         tinted = () if self._palette is None else ("-DTINTED",)
-        (self._map_distances,) = (
-            (None,) if limit is None else compute.kernels(("probe_distances.cl",), "map_distances")
-        )
         (self._project,) = compute.kernels(("project_probes.cl",), "project_probes", options=tinted)
         triangles = sources.triangles
         arrays = triangles.uvs, triangles.atlas, sources.texel_to_patch
@@ -122,20 +119,22 @@ class ProbeRows:
         tracing = self._run(self._trace, inputs, (rows, tints, distances))
         yield from run_as_fraction(0.0, traced, tracing)
         if distances is not None:
-            self.distances = yield from run_as_fraction(traced, 1.0, self._mapped(distances))
+            mapping = self._mapped(distances, np.float32(self._limit))
+            self.distances = yield from run_as_fraction(traced, 1.0, mapping)
         self._rows, self._tints = rows, tints
 
-    def _mapped(self, distances: cl.Buffer) -> Generator[float, None, np.ndarray]:
+    def _mapped(self, distances: cl.Buffer, limit: np.float32) -> Generator[float, None, np.ndarray]:
         """Return the octahedral maps of the distances of samples, see the class; yield progress 0..1."""
+        (kernel,) = self._compute.kernels(("probe_distances.cl",), "map_distances")
         compute, items = self._compute, MAP_WIDTH**2 * self.count
         maps = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 8 * items)
         sequence = self._rotations, self._directions, np.int32(self._samples)
-        arguments = *sequence, distances, np.float32(self._limit), maps
+        arguments = *sequence, distances, limit, maps
 
         def launch(start: int, end: int) -> None:
-            compute.run(self._map_distances, end - start, *arguments, np.int32(start), np.int32(end))
+            compute.run(kernel, end - start, *arguments, np.int32(start), np.int32(end))
 
-        size = compute.slice_size(self._map_distances, self._samples)
+        size = compute.slice_size(kernel, self._samples)
         for end in sliced(compute.queue, 0, items, launch, size):
             yield end / items
         return download(compute, maps, (self.count, MAP_WIDTH, MAP_WIDTH, 2))

@@ -235,7 +235,7 @@ def _placed(
     check_limits(graphics, compute, scene, settings)
     yield stages.begin(stages.patches)
     placing = kept.with_places(graphics, compute, scene, settings)
-    placed = yield from map_progress(placing, lambda _: stages.progress(0.0))
+    placed = yield from map_progress(placing, lambda _: stages.placed())
     check_limits(graphics, compute, placed, settings)
     return placed
 

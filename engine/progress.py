@@ -26,8 +26,9 @@ _STARTING = 0.2
 #: Minimum time between two reports, s; thousands of shorter steps would cost as much as the work.
 _STEP = 0.004
 
-#: Lower bound of the ratio of actual to guessed time, for work that has never been measured.
-_FASTEST = 0.25
+#: Lower bound of the ratio of actual to guessed time, for work that has never been measured. Work that ends
+#: early, such as unwrapping, says nothing about the speed of the device that works next.
+_FASTEST = 1.0
 
 #: A guess of remaining time below this fraction of the time spent so far is ignored.
 _NEGLIGIBLE = 0.1
@@ -41,6 +42,7 @@ class Progress:
     fraction:      completed fraction of the stage, in [0, 1]
     overall:       completed fraction of all work, in [0, 1]; never decreases, 1 at the end
     seconds_left:  remaining time of all work, s; NaN while unknown
+    expected_left: the same, also while most of it is a guess, s; NaN without any
     iteration:     completed iterations
     residual:      estimated mean error of the patches, relative to the light of each; NaN while unknown
     energy:        flux that the last completed iteration added, W, sum of the channels
@@ -52,6 +54,7 @@ class Progress:
     fraction: float
     overall: float = 0.0
     seconds_left: float = math.nan
+    expected_left: float = math.nan
     iteration: int = 0
     residual: float = math.nan
     energy: float = 0.0
@@ -68,6 +71,7 @@ class Stage:
     measured:  True if the pace was measured by earlier work or a trial; False for a guess
     like:      stage of the same kind of work, whose known pace replaces a guess
     forecast:  remaining seconds as reported by the work itself; NaN if it reports none
+    guess:     the same, also while most of it is a guess
     done:      completed units
     seconds:   seconds spent
     """
@@ -78,6 +82,7 @@ class Stage:
     measured: bool = False
     like: Stage | None = None
     forecast: float = math.nan
+    guess: float = math.nan
     done: float = 0.0
     seconds: float = 0.0
     _start: tuple[float, float] = field(default=(0.0, 0.0), repr=False)
@@ -100,6 +105,8 @@ class Stage:
         """Expected remaining seconds."""
         if not math.isnan(self.forecast):
             return self.forecast
+        if not math.isnan(self.guess):
+            return self.guess
         rest = self.amount - self.done
         return rest * self._likely_pace if rest > 0 else 0.0
 
@@ -182,7 +189,7 @@ class Schedule:
     def end(self) -> Progress:
         """End the current stage; its completed work becomes its total."""
         stage = self.current
-        stage.amount, stage.forecast = stage.done or stage.amount, math.nan
+        stage.amount, stage.forecast, stage.guess = stage.done or stage.amount, math.nan, math.nan
         self.advance(stage.amount)
         return self.progress(1.0)
 
@@ -213,10 +220,10 @@ class Schedule:
     def _included(self, progress: Progress | None) -> Progress | None:
         if progress is None:
             return None
-        self.current.forecast = progress.seconds_left
+        self.current.forecast, self.current.guess = progress.seconds_left, progress.expected_left
         self.advance(progress.overall)
         left = math.nan if math.isnan(progress.seconds_left) else self.seconds_left
-        return replace(progress, overall=self.overall, seconds_left=left)
+        return replace(progress, overall=self.overall, seconds_left=left, expected_left=self._left)
 
     def progress(self, fraction: float, name: str = "", **facts: Any) -> Progress:
         """Return the overall progress with facts about the current stage.
@@ -225,7 +232,9 @@ class Schedule:
         name:      name for the user; empty for the name of the stage
         facts:     further fields of `Progress`
         """
-        return Progress(name or self.current.name, fraction, self.overall, self.seconds_left, **facts)
+        return Progress(
+            name or self.current.name, fraction, self.overall, self.seconds_left, self._left, **facts
+        )
 
     def _estimate(self) -> None:
         """Estimate the remaining time of all stages, and how much of it is guessed."""
@@ -252,8 +261,7 @@ class Schedule:
     def _slowness(self) -> float:
         """Return the ratio of actual to expected time of the work so far, at least `_FASTEST`.
 
-        The ratio corrects guesses of later stages: compiling drivers and other programs slow them too, a fast
-        machine speeds them up.
+        The ratio corrects guesses of later stages: compiling drivers and other programs slow them too.
         """
         begun = [stage for stage in self._stages[: self._current + 1] if stage.seconds > 0]
         expected = sum(stage.pace * (stage.done or stage.amount) for stage in begun)

@@ -103,7 +103,7 @@ class BakeRun:
         self.failure: str | None = None
         self.uvs_undone = False
         self._start = time.perf_counter()
-        self._stages = RunStages(owner.paces)
+        self._stages = RunStages(owner.paces, owner.preparation_seconds)
         self._work = self._all_work()
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Generator
 from contextlib import suppress
@@ -57,6 +58,12 @@ class WorkerManager:
     def busy(self) -> bool:
         """True while a bake runs in a window."""
         return self.running is not None
+
+    @property
+    def preparation_seconds(self) -> float:
+        """Expected seconds until the kernels of the device are built; 0 if unknown."""
+        seconds = 0.0 if self.preparation is None else self.preparation.seconds_left
+        return seconds if math.isfinite(seconds) else 0.0
 
     @cached_property
     def paces(self) -> dict[str, float]:

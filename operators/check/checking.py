@@ -159,8 +159,9 @@ def _expect(
         patches += _COVERAGE * texels
     patches += len(new) * _COVERAGE * texels
     atlases = len({one.mesh.atlas for one in placed}) + len(new) + bool(tiled)
-    preparing = 0.0 if owner.preparation is None else owner.preparation.seconds_left
-    return estimate(replace(extent, atlases=atlases), round(patches), settings, owner.paces, preparing)
+    return estimate(
+        replace(extent, atlases=atlases), round(patches), settings, owner.paces, owner.preparation_seconds
+    )
 
 
 def _check_memory(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> list[Finding]:

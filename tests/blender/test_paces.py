@@ -3,7 +3,9 @@
 import contextlib
 import json
 import math
+from dataclasses import dataclass
 
+import numpy as np
 import pytest
 
 from tests.blender.things import furnace, part
@@ -81,3 +83,162 @@ def test_time_of_a_bake_is_foreseen_before_the_scene_is_read():
         known.append(run._stages.baking.pace)
         run.cancel()
     assert foreseen[1] > 2 * foreseen[0] and foreseen == pytest.approx(known, rel=0.3)
+
+
+class Clock:
+    """A time that a test sets."""
+
+    now = 100.0
+
+    def perf_counter(self):
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    made = Clock()
+    for name in ("engine.progress", "engine.plan.stages", "operators.run_stages"):
+        monkeypatch.setattr(part(name), "time", made)
+    return made
+
+
+@dataclass
+class Measured:
+    """Bake on two busy cores: size of its scene, settings that differ, measured seconds of each stage."""
+
+    triangles: int
+    faces: int
+    lamps: int
+    patches: int
+    settings: dict
+    unwrapping: float
+    reading: float
+    starting: float
+    patch_list: float
+    direct: float
+    choosing: float
+    visibility: float
+    final: float
+    texels: float
+    denoising: float
+    images: float
+    saving: float
+
+
+BAKES = {
+    "level of 109,000 triangles": Measured(
+        108_562, 79_281, 20, 640_000, {"resolution": 1024},
+        10.6, 0.9, 0.3, 16.6, 52.4, 7.8, 40.2, 23.1, 24.1, 0.0, 2.3, 0.5,
+    ),
+    "level of 316,000 triangles": Measured(
+        315_962, 228_793, 20, 640_000, {"resolution": 1024},
+        17.5, 2.0, 2.0, 29.5, 96.1, 19.1, 64.8, 27.8, 21.0, 0.0, 0.8, 0.7,
+    ),
+}  # fmt: skip
+
+
+class Solution:
+    """Solution whose iterations take times that a test sets; the last of them is the final gather."""
+
+    energies = ()
+
+    def __init__(self, clock, seconds):
+        self._clock, self._seconds, self.iterations, self.residual = clock, list(seconds), 0, math.nan
+
+    @property
+    def gathers_finally(self):
+        return self.iterations == len(self._seconds) - 1
+
+    @property
+    def is_done(self):
+        return self.iterations == len(self._seconds)
+
+    def iteration(self):
+        yield from takes(self._clock, self._seconds[self.iterations])
+        self.iterations += 1
+        self.residual = 0.3**self.iterations
+
+
+def takes(clock, seconds, slices=23):
+    """Yield the fraction done of work that takes some seconds."""
+    for index in range(slices):
+        clock.now += seconds / slices
+        yield (index + 1) / slices
+
+
+def host_work(clock, name, seconds):
+    """Yield the progress of unwrapping or reading, which tell no time left."""
+    progress = part("engine.progress").Progress
+    for fraction in takes(clock, seconds):
+        yield progress(name, fraction, fraction)
+
+
+def engine_work(clock, measured, slow, settings, extent, paces):
+    """Yield the progress of the engine's bake in the order of its pipeline; learn the paces at its end."""
+    stages = part("engine.plan.stages").BakeStages(extent, settings, paces)
+    choice = part("engine.plan.solver_choice").SolverChoice
+    clock.now += slow * measured.starting
+    stages.opened(1.0)
+    yield stages.begin(stages.patches)
+    for _ in takes(clock, slow * measured.patch_list):
+        yield stages.placed()
+    yield stages.listed(measured.patches, 0.5)
+    yield from stages.run(stages.direct, takes(clock, slow * measured.direct))
+    yield stages.begin(stages.choosing)
+    clock.now += slow * measured.choosing
+    samples = settings.samples // 4
+    final = measured.patches * settings.samples // 4
+    yield stages.chosen(choice("cached", "rays", samples, (), patches=measured.patches, final_samples=final))
+    solution = Solution(clock, (slow * measured.visibility, *[0.05 * slow] * 5, slow * measured.final))
+    while not solution.is_done:
+        yield from stages.iterate(solution)
+        yield stages.iterated(solution, None)
+    yield from stages.run(stages.texels, takes(clock, slow * measured.texels))
+    yield from stages.run(stages.denoising, takes(clock, slow * measured.denoising))
+    yield from stages.run(stages.images, takes(clock, slow * measured.images))
+    stages.learn()
+
+
+def shares_of_run(clock, measured, slow, paces):
+    """Return the true share of time and the shown percentage, both in [0, 1], of each step of a run."""
+    engine = part("engine.settings")
+    quality = part("engine.quality").QUALITIES["preview"].values
+    settings = engine.Settings(**quality | measured.settings)
+    extent = part("engine.plan.stages").Extent(1, measured.triangles, measured.lamps)
+    run, begin, seen = part("operators.run_stages").RunStages(paces), clock.now, []
+
+    def follow(stage, work):
+        seen.extend((clock.now - begin, step.overall) for step in run.include(stage, work))
+
+    run.foresee(extent, measured.faces, settings)
+    follow(run.unwrapping, host_work(clock, "Unwrapping", slow * measured.unwrapping))
+    follow(run.reading, host_work(clock, "Reading objects", slow * measured.reading))
+    run.begin(run.baking)
+    run.saving.amount = settings.resolution**2
+    follow(run.baking, engine_work(clock, measured, slow, settings, extent, paces))
+    run.begin(run.saving)
+    clock.now += slow * measured.saving
+    run.has_saved()
+    return np.array(seen) / (clock.now - begin, 1)
+
+
+@pytest.mark.parametrize(("slow", "limits"), [(0.3, (0.12, 0.1)), (1.0, (0.25, 0.2))])
+@pytest.mark.parametrize("name", BAKES)
+def test_percentage_is_near_the_share_of_time(clock, name, slow, limits):
+    """On an idle machine, and on a busy one, which takes 3.3 times as long; the second bake has paces."""
+    paces = {}
+    for limit in limits:
+        shares = shares_of_run(clock, BAKES[name], slow, paces)
+        assert shares[-1, 1] > 0.95
+        after = shares[shares[:, 0] > 0.05]
+        assert np.abs(after[:, 1] - after[:, 0]).max() < limit
+
+
+def test_kernels_that_are_being_built_count_until_they_are_built(clock):
+    extent, settings = part("engine.plan.stages").Extent(1, 100, 1), part("engine.settings").Settings()
+    run, seconds = part("operators.run_stages").RunStages({}, preparing=9.0), []
+    for _ in range(3):
+        run.foresee(extent, 0, settings)
+        seconds.append(run.baking.pace)
+        clock.now += 6
+    assert seconds[0] - seconds[2] == pytest.approx(9) and seconds[0] - seconds[1] == pytest.approx(6)

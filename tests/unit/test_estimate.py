@@ -51,7 +51,7 @@ def test_triangles_count_before_and_after_direct_light():
     few = BakeStages(Extent(1, 100, 1), SETTINGS, {})
     for name in ("patches", "choosing"):
         assert getattr(stages, name).seconds_left > 20 * getattr(few, name).seconds_left
-    assert few.choosing.seconds_left == pytest.approx(0.5, rel=0.01)
+    assert few.choosing.seconds_left == pytest.approx(0.06, rel=0.1)
 
 
 def test_kernels_that_are_not_built_yet_count():

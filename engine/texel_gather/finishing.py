@@ -22,6 +22,7 @@ from ..progress import Progress, run_as_fraction
 from ..solve.solution import Solution
 from .buried import warn_buried
 from .independent_gather import gather_independent_estimate
+from .lit_back_faces import warn_lit_back_faces
 from .texel_sample_gather import TexelSampleLight
 from .texel_sample_points import TexelGatherJob
 
@@ -57,8 +58,10 @@ class Finishing:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Messages for the user."""
-        buried = warn_buried(self._texels.scene, self._job.parts, self.refined.known)
-        return *self._lit.warnings, *buried, *self._denoising.warnings
+        scene, parts, known = self._texels.scene, self._job.parts, self.refined.known
+        buried = warn_buried(scene, parts, known)
+        turned = warn_lit_back_faces(scene, self._job, self._solution.irradiance, len(known))
+        return *self._lit.warnings, *buried, *turned, *self._denoising.warnings
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -144,3 +144,60 @@ def test_inside_a_box_of_single_planes_no_texel_becomes_valid_and_dark():
     assert outside > 0.5 and floor.min() > 0.5 * outside
     lit = drive(lidless(lid=False), replace(SETTINGS, resolution=61, texel_samples=4))
     assert lit.known[0, 13:18, 13:18].all()
+
+
+def open_shell(outward, name, emission=0.0):
+    """Return the lid and the sides of a box without a bottom around (0.5, 0.5, 0.5), and its material."""
+    sides = [
+        rectangle((0, 0, 0), X, Z), rectangle((1, 0, 0), Y, Z), rectangle((1, 1, 0), -X, Z),
+        rectangle((0, 1, 0), -Y, Z), rectangle((0, 0, 1), X, Y),
+    ]  # fmt: skip
+    corners = np.stack(sides) if outward else np.stack([side[[0, 3, 2, 1]] for side in sides])
+    charts = [(1 + 7 * i, 1, 5, 5) for i in range(4)] + [(1, 8, 5, 5)]
+    return quads(corners, charts, [0] * 5, 37, name), material("Shell", 0.5, emission)
+
+
+TURNED = "back faces are lit"
+
+
+@pytest.mark.parametrize(
+    ("outward", "emission", "translucency", "settings", "expected"),
+    [
+        (True, 0, 0, {}, True),
+        (True, 0, 0, {"patch_groups": 2}, True),
+        (False, 0, 0, {}, False),
+        (True, 0.001, 0, {}, False),
+        (True, 0, 0.2, {}, False),
+    ],
+)
+def test_open_shells_with_the_light_at_their_back_are_named(
+    outward, emission, translucency, settings, expected
+):
+    """A lamp is inside a shell without a bottom, 1 km from the origin; a spot lights a floor beside."""
+    shell, surface = open_shell(outward, "Shell", emission)
+    surface = replace(surface, translucency=np.full(3, translucency, np.float32))
+    floor = sheet((4, 4, 0), X, Y, (8, 8, 5, 5), 1, 37, "Floor")
+    far = np.array([1000, -700, 30], np.float32)
+    meshes = [replace(mesh, positions=mesh.positions + far) for mesh in (shell, floor)]
+    lamps = [
+        Light(kind, kind, far + at, np.eye(3), np.full(3, np.pi, np.float32), radius=0.01, half_angle=0.4)
+        for kind, at in (("point", (0.5, 0.5, 0.5)), ("spot", (4.5, 4.5, 1)))
+    ]
+    scene = Scene(tuple(meshes), (surface, material("Grey", 0.5)), lights=tuple(lamps))
+    report = drive(scene, replace(SETTINGS, resolution=37, **settings)).report
+    notes = [note for note in report.warnings if TURNED in note]
+    assert len(notes) == expected and all(note.objects == ("Shell",) for note in notes)
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_a_roof_whose_normals_point_away_from_the_sky_is_named(up):
+    """Two roofs of one kind are in one warning; a dark scene and an object without a lightmap have none."""
+    edges = (X, Y) if up else (Y, X)
+    roofs = [sheet((3 * i, 0, 2), *edges, (1 + 9 * i, 1, 7, 7), 0, name=f"Roof {i}") for i in range(2)]
+    hidden = replace(sheet((7, 0, 2), *edges, (20, 1, 7, 7), 0, name="Hidden"), atlas=NO_LIGHTMAP)
+    world = half_lit(1.0, 0.01)
+    scene = Scene((*roofs, hidden), (material("Tiles", 0.5),), world=world)
+    notes = [note for note in drive(scene, SETTINGS).report.warnings if TURNED in note]
+    assert [note.objects for note in notes] == ([] if up else [("Roof 0", "Roof 1")])
+    dark = drive(replace(scene, world=np.zeros(3, np.float32)), SETTINGS).report.warnings
+    assert not any(TURNED in note for note in dark)

@@ -444,3 +444,78 @@ def test_materials_that_depend_on_the_view_are_named(kind, output, target, expec
     collected.add(surface)
     notes = [note for note in collected.sentences() if "depend on the view" in note]
     assert len(notes) == expected and all("'View'" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("target", "metallic", "expected"),
+    [
+        ("Roughness", 0.0, False),
+        ("Roughness", 0.5, True),
+        ("Normal", 0.5, False),
+        ("Coat Weight", 0.5, False),
+        ("Emission Color", 0.0, False),
+        ("Emission Strength", 0.0, True),
+        ("Base Color", 0.0, True),
+        ("Displacement", 0.0, False),
+        ("camera branch", 0.0, False),
+    ],
+)
+@pytest.mark.parametrize("grouped", [False, True])
+def test_views_that_do_not_reach_baked_light_are_not_named(target, metallic, expected, grouped):
+    """The value of the viewer passes a node, a reroute and, if grouped, a group."""
+    surface = material("View")
+    tree = surface.node_tree
+    output = tree.get_output_node("CYCLES")
+    principled = tree.nodes["Principled BSDF"]
+    principled.inputs["Metallic"].default_value = metallic
+    principled.inputs["Emission Strength"].default_value = 0.0
+    viewed, scaled, bend = node(tree, "CameraData"), node(tree, "Math"), tree.nodes.new("NodeReroute")
+    tree.links.new(viewed.outputs["View Distance"], bend.inputs[0])
+    source = bend.outputs[0]
+    if grouped:
+        source = through_group(tree, source)
+    tree.links.new(source, scaled.inputs[0])
+    if target == "camera branch":
+        path, mix, light = node(tree, "LightPath"), node(tree, "MixShader"), node(tree, "Emission")
+        tree.links.new(scaled.outputs[0], light.inputs["Strength"])
+        tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+        tree.links.new(principled.outputs[0], mix.inputs[1])
+        tree.links.new(light.outputs[0], mix.inputs[2])
+        tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    else:
+        place = output if target == "Displacement" else principled
+        tree.links.new(scaled.outputs[0], place.inputs[target])
+    assert part("operators.scene.materials.view_nodes").depends_on_view(tree) == expected
+
+
+def through_group(tree, source):
+    """Return the second output of a group that passes its second input; the first ones are a constant."""
+    import bpy
+
+    group = bpy.data.node_groups.new("Pass", "ShaderNodeTree")
+    for name in ("First", "Second"):
+        for direction in ("INPUT", "OUTPUT"):
+            group.interface.new_socket(name, in_out=direction, socket_type="NodeSocketFloat")
+    entry, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    for index in range(2):
+        group.links.new(entry.outputs[index], end.inputs[index])
+    passing = node(tree, "Group")
+    passing.node_tree = group
+    tree.links.new(source, passing.inputs[1])
+    constant = node(tree, "Value")
+    tree.links.new(constant.outputs[0], passing.inputs[0])
+    return passing.outputs[1]
+
+
+def test_other_inputs_of_a_group_are_not_mixed_up():
+    """A view value that enters a group and leaves it by an unused output does not count."""
+    surface = material("View")
+    tree = surface.node_tree
+    viewed = node(tree, "LayerWeight")
+    passing = through_group(tree, viewed.outputs["Facing"]).node
+    base = tree.nodes["Principled BSDF"].inputs["Base Color"]
+    tree.links.new(passing.outputs[0], base)
+    depends_on_view = part("operators.scene.materials.view_nodes").depends_on_view
+    assert not depends_on_view(tree)
+    tree.links.new(passing.outputs[1], base)
+    assert depends_on_view(tree)

@@ -1,11 +1,15 @@
-"""Finds materials whose light depends on the direction or distance of the viewer: bakes have one value."""
+"""Finds materials whose baked light depends on the viewer: bakes have one value."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import bpy
 
-from .gloss import GLOSSY
-from .tree_nodes import used_nodes
+from .closures import DARK, MIX, PRINCIPLED
+from .gloss import GLOSSY, METALLIC
+from .ray_kinds import RayKind, ray_value
+from .sockets import feeding_socket
 
 #: Outputs that depend on the viewer, by node; None for all outputs.
 _OUTPUTS: dict[str, tuple[str, ...] | None] = {
@@ -17,32 +21,125 @@ _OUTPUTS: dict[str, tuple[str, ...] | None] = {
 }
 
 #: Closures whose part of a mix by a Fresnel factor is gloss, of which a bake has the mean only.
-_GLOSS = GLOSSY | {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction", "ShaderNodeBsdfMetallic"}
+_GLOSS = GLOSSY | {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction", METALLIC}
+
+#: Inputs of a closure that determine its baked light; the names of several versions of Blender.
+_LIT_INPUTS = frozenset({
+    "Color", "Base Color", "Alpha", "Metallic", "Transmission Weight", "Transmission", "Subsurface Weight",
+    "Subsurface", "Thin Wall", "Emission", "Emission Color", "Emission Strength", "Strength", "IOR",
+})  # fmt: skip
+
+#: Further such inputs of metals, of which bakes have the albedo.
+_METAL_INPUTS = frozenset({"Roughness", "Extinction"})
+
+#: Group nodes around a node, from the outermost one.
+_Groups = tuple[bpy.types.Node, ...]
 
 
 def depends_on_view(tree: bpy.types.NodeTree) -> bool:
-    """Return True if a value of the viewer reaches anything but the factor of a mix with gloss."""
-    return any(
-        not _mixes_gloss(link.to_socket)
-        for node in used_nodes(tree)
-        for output in node.outputs
-        if _is_of_viewer(node, output)
-        for link in output.links
-        if not link.is_muted
-    )
+    """Return True if a value of the viewer determines baked light, other than by a mix with gloss."""
+    output = tree.get_output_node("CYCLES")
+    return output is not None and _Search().finds_viewer(output.inputs["Surface"], ())
 
 
-def _is_of_viewer(node: bpy.types.Node, output: bpy.types.NodeSocket) -> bool:
-    if node.bl_idname not in _OUTPUTS:
+class _Search:
+    """Search for outputs of the viewer, backward from a socket; it visits each output once."""
+
+    def __init__(self) -> None:
+        self._visited: set[tuple[_Groups, str, str]] = set()
+
+    def finds_viewer(self, socket: bpy.types.NodeSocket, groups: _Groups) -> bool:
+        """Return True if an output of the viewer feeds an input.
+
+        groups: the group nodes around the node of the input
+        """
+        return any(
+            not (_is_of_viewer(link.from_socket) and _mixes_gloss(socket))
+            and self._comes_from_viewer(link.from_socket, groups)
+            for link in socket.links
+            if not link.is_muted
+        )
+
+    def _comes_from_viewer(self, output: bpy.types.NodeSocket, groups: _Groups) -> bool:
+        key = groups, output.node.name, output.identifier
+        if key in self._visited:
+            return False
+        self._visited.add(key)
+        if not output.node.mute and _is_of_viewer(output):
+            return True
+        return any(self.finds_viewer(socket, around) for socket, around in _feeding_inputs(output, groups))
+
+
+def _feeding_inputs(
+    output: bpy.types.NodeSocket, groups: _Groups
+) -> Iterator[tuple[bpy.types.NodeSocket, _Groups]]:
+    """Yield the inputs that determine an output, each with the group nodes around it."""
+    node = output.node
+    if node.mute:
+        yield from ((link.from_socket, groups) for link in node.internal_links if link.to_socket == output)
+    elif node.bl_idname == "NodeGroupInput":
+        # A tree that is edited alone has no group node around it.
+        outer = groups[-1].inputs if groups else ()
+        yield from ((socket, groups[:-1]) for socket in outer if socket.identifier == output.identifier)
+    elif (tree := getattr(node, "node_tree", None)) is not None:
+        ends = [end for end in tree.nodes if end.bl_idname == "NodeGroupOutput" and end.is_active_output]
+        inner = (*groups, node)
+        yield from (
+            (socket, inner) for end in ends for socket in end.inputs if socket.identifier == output.identifier
+        )
+    else:
+        yield from ((socket, groups) for socket in _lit_inputs(node))
+
+
+def _lit_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
+    """Return the inputs of a node that can change baked light."""
+    if node.bl_idname == MIX:
+        return _mixed_inputs(node)
+    is_closure = any(output.type == "SHADER" for output in node.outputs)
+    if not is_closure or any(socket.type == "SHADER" for socket in node.inputs):
+        return list(node.inputs)
+    if node.bl_idname in DARK:
+        return []
+    names = _LIT_INPUTS | _METAL_INPUTS if _is_metal(node) else _LIT_INPUTS
+    return [socket for socket in node.inputs if socket.name in names and not _is_dark(node, socket)]
+
+
+def _mixed_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
+    """Return the factor of a Mix Shader node, and its shaders without one that no baked ray can hit."""
+    factor, *shaders = node.inputs
+    source = feeding_socket(factor)
+    shares = {ray_value(source, RayKind(shadow)) for shadow in (False, True)} if source.is_output else set()
+    if shares in ({0.0}, {1.0}):
+        return [shaders[int(shares.pop())]]
+    return [factor, *shaders]
+
+
+def _is_metal(node: bpy.types.Node) -> bool:
+    """Return True if a closure reflects as a metal, so that its roughness changes its light."""
+    if node.bl_idname != PRINCIPLED:
+        return node.bl_idname in GLOSSY | {METALLIC}
+    metallic = node.inputs["Metallic"]
+    return metallic.is_linked or metallic.default_value > 0
+
+
+def _is_dark(node: bpy.types.Node, socket: bpy.types.NodeSocket) -> bool:
+    """Return True if a socket is the color of emission without strength."""
+    strength = node.inputs.get("Emission Strength")
+    is_off = strength is not None and not strength.is_linked and strength.default_value == 0
+    return is_off and socket.name in {"Emission", "Emission Color"}
+
+
+def _is_of_viewer(output: bpy.types.NodeSocket) -> bool:
+    if output.node.bl_idname not in _OUTPUTS:
         return False
-    names = _OUTPUTS[node.bl_idname]
+    names = _OUTPUTS[output.node.bl_idname]
     return names is None or output.name in names
 
 
 def _mixes_gloss(socket: bpy.types.NodeSocket) -> bool:
     """Return True if a socket is the factor of a Mix Shader node with a glossy or refracting closure."""
     node = socket.node
-    if node.bl_idname != "ShaderNodeMixShader" or socket != node.inputs[0]:
+    if node.bl_idname != MIX or socket != node.inputs[0]:
         return False
     sources = [link.from_node.bl_idname for shader in node.inputs[1:3] for link in shader.links]
     return not _GLOSS.isdisjoint(sources)

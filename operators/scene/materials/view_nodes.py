@@ -106,12 +106,12 @@ def _lit_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
 
 def _mixed_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
     """Return the factor of a Mix Shader node, and its shaders without one that no baked ray can hit."""
-    factor, *shaders = node.inputs
+    factor, first, second = node.inputs
     source = feeding_socket(factor)
     shares = {ray_value(source, RayKind(shadow)) for shadow in (False, True)} if source.is_output else set()
-    if shares in ({0.0}, {1.0}):
-        return [shaders[int(shares.pop())]]
-    return [factor, *shaders]
+    if shares == {0.0}:
+        return [first]
+    return [second] if shares == {1.0} else [factor, first, second]
 
 
 def _is_metal(node: bpy.types.Node) -> bool:

@@ -18,6 +18,8 @@ class Difference:
     """Relative figures over all channels of the texels that both cover.
 
     rmse, bias:  root of the mean squared error and mean error, relative to the reference's mean
+    local:       rmse with each error relative to the mean, or to the light of its texel if that is brighter:
+                 a few texels beside a lamp cannot outweigh all others
     smooth:      rmse off the edges of light
     noise:       of the reference's mean, taken out of both rmse
     texels:      compared; hidden: left out, since they are inside of something or black
@@ -26,6 +28,7 @@ class Difference:
 
     rmse: float
     bias: float
+    local: float
     smooth: float
     noise: float
     texels: int
@@ -69,6 +72,7 @@ def compare(
         Difference(
             rmse=_root(error, weight, used) / mean,
             bias=float(np.average((ours - truth)[used], weights=weight[used]) / mean),
+            local=_root(error / np.maximum(truth, mean) ** 2, weight, used),
             smooth=_root(error, weight, used & ~edge[..., None]) / mean,
             noise=_root(noise, weight, used) / 2 / mean,
             texels=int(used.any(axis=-1).sum()),

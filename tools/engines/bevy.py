@@ -7,6 +7,7 @@ a quarter of an hour on two cores.
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import shutil
 import subprocess
@@ -15,14 +16,20 @@ from pathlib import Path
 
 import numpy as np
 
-from .exported_maps import glb_json
-from .question import ask
+from .web import Shown
 
 HERE = Path(__file__).parent
 SOURCE = HERE / "bevy_show"
 
 #: Where cargo builds the program.
-BUILT = HERE.parents[1] / "out" / "engines" / "bevy"
+BUILT = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parents[1] / "out" / "engines" / "bevy"))
+
+#: Options of the program: a light group as [name, linear RGB, strength], the settings of the crate, exposure
+#: of the camera, and the manifest of light probes, relative to the folder of the file.
+_ASKED = {
+    "group": None, "shades_normal_maps": True, "prefers_files": False, "bicubic": False, "ev100": 9.7,
+    "probes": "",
+}  # fmt: skip
 
 #: Where the loader of Vulkan looks for drivers: variables that name them, and folders.
 _DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
@@ -61,35 +68,48 @@ def install() -> None:
     subprocess.run(command, env={**os.environ, "CARGO_TARGET_DIR": str(BUILT)}, check=True)
 
 
-def render(
-    path: Path, width: int, height: int, hide: tuple[str, ...] = (), directional: bool = False
-) -> np.ndarray:
-    """Render a file through its camera with Bevy; return (h, w, 3) float32, linear, bottom row first.
+def show(
+    path: Path,
+    width: int,
+    height: int,
+    hide: tuple[str, ...] = (),
+    state: str = "",
+    seconds: float = 0.0,
+    **options: object,
+) -> Shown:
+    """Render a file through its camera with Bevy and the crate bevy_hemibake.
 
-    path:         a .glb file without lightmaps in it, with OpenEXR files and hemibake.json beside it
-    hide:         names of nodes that are not shown
-    directional:  shade normal maps with the maps of the output Directional
+    path:     a .glb file; the maps and hemibake.json are beside it
+    hide:     names of nodes that are not shown
+    state:    light state; empty for the light of all groups
+    seconds:  duration of the fade to it
+    options:  other values for keys of _ASKED
 
     Raises RuntimeError if Bevy shows nothing.
     """
-    with tempfile.TemporaryDirectory(prefix="hemibake-bevy-") as folder:
-        assets = Path(folder)
-        shader = SOURCE / "src" / "directional.wgsl"
-        ask(assets, shader, path, (width, height), hide, directional, **_camera(path))
+    with tempfile.TemporaryDirectory(prefix="hemibake-bevy-") as made:
+        folder = Path(made)
+        asked = {
+            **_ASKED, **options, "assets": str(path.parent.resolve()), "file": path.name,
+            "size": (width, height), "camera": _camera(path), "hidden": hide, "state": state,
+            "seconds": seconds,
+        }  # fmt: skip
+        (folder / "show.json").write_text(json.dumps(asked), encoding="utf-8")
         done = subprocess.run(
-            [str(BUILT / "debug" / "show"), folder], timeout=_PATIENCE, capture_output=True, text=True
+            [str(BUILT / "debug" / "show"), made], timeout=_PATIENCE, capture_output=True, text=True
         )
-        pixels = assets / "pixels.bin"
+        pixels, problems = folder / "pixels.bin", folder / "problems.json"
         if not pixels.is_file():
             raise RuntimeError(f"Bevy has drawn nothing: {(done.stdout + done.stderr)[-2000:]}")
-        return _picture(pixels.read_bytes(), width, height)
+        told = json.loads(problems.read_text(encoding="utf-8")) if problems.is_file() else []
+        return Shown(_picture(pixels.read_bytes(), width, height), told)
 
 
-def _camera(path: Path) -> dict[str, str | float]:
-    """Return the name and the vertical field of view, radians, of a .glb file's first camera."""
-    known = glb_json(path)
-    node = next(node for node in known["nodes"] if "camera" in node)
-    return {"camera": node["name"], "fov": known["cameras"][node["camera"]]["perspective"]["yfov"]}
+def _camera(path: Path) -> str:
+    """Return the name of a .glb file's first node with a camera (glTF 2.0, section 4.4)."""
+    data = path.read_bytes()
+    known = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    return next(node["name"] for node in known["nodes"] if "camera" in node)
 
 
 def _picture(data: bytes, width: int, height: int) -> np.ndarray:

@@ -82,7 +82,7 @@ def compare_bevy(folder: Path, picture: Path) -> None:
         cornell.bake(directional=directional)
         wanted = cornell.preview(_WIDTH, folder)
         path = cornell.export(folder, "NONE")
-        shown = bevy.render(path, _WIDTH, _WIDTH, cornell.HIDDEN, directional is not None)
+        shown = bevy.show(path, _WIDTH, _WIDTH, cornell.HIDDEN).pixels
         print(row(name, shown, wanted))
     write_picture(picture, wanted, shown)
 

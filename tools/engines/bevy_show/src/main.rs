@@ -1,79 +1,72 @@
-//! Shows an exported glTF file with its lightmaps, as docs/engines/bevy.md describes, and writes the pixels to a file.
+//! Shows an exported glTF file with the crate bevy_hemibake, and writes pixels and messages to a folder.
 
-use std::{collections::HashMap, env, fs, path::PathBuf, process, time::Duration};
+use std::{env, fs, path::PathBuf, process, time::Duration};
 
 use bevy::{
     app::ScheduleRunnerPlugin,
     camera::RenderTarget,
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
-    ecs::system::SystemParam,
-    gltf::{GltfMesh, GltfNode},
-    pbr::{ExtendedMaterial, Lightmap, MaterialExtension},
     prelude::*,
     render::{
         RenderPlugin,
         gpu_readback::{Readback, ReadbackComplete},
-        render_resource::{AsBindGroup, TextureFormat, TextureUsages},
+        render_resource::{TextureFormat, TextureUsages},
         view::Hdr,
     },
-    shader::ShaderRef,
+    scene::SceneInstanceReady,
 };
-use serde_json::Value;
+use bevy_hemibake::{
+    HemibakePlugin, HemibakeSettings, LightControl, LightmapProblem, LightmapsReady, ProbeVolumes,
+};
+use serde::Deserialize;
 
-/// Exposure of cameras that say none (`Exposure::EV100_BLENDER`), and frames until everything is drawn.
-const EV100: f32 = 9.7;
+/// Frames until everything is drawn.
 const FRAMES: usize = 40;
 
-/// What to show: a file, the size of the picture, the node of the camera and its field of view, names of hidden
-/// nodes, and maps of each object by their outputs.
-#[derive(Resource)]
+/// What to show.
+#[derive(Resource, Deserialize, Clone)]
 struct Asked {
-    folder: PathBuf,
+    /// Folder of the file.
+    assets: String,
     file: String,
-    size: UVec2,
+    /// Width and height of the picture, pixels.
+    size: [u32; 2],
+    /// Node of the camera.
     camera: String,
-    fov: f32,
+    /// Names of hidden nodes.
     hidden: Vec<String>,
-    directional: bool,
-    maps: HashMap<String, HashMap<String, String>>,
+    /// Light state; empty for none.
+    state: String,
+    /// Duration of the fade to it.
+    seconds: f32,
+    /// Light group, linear RGB and strength.
+    group: Option<(String, [f32; 3], f32)>,
+    shades_normal_maps: bool,
+    prefers_files: bool,
+    bicubic: bool,
+    /// Exposure of camera and settings.
+    ev100: f32,
+    /// Manifest of light probes; empty for none.
+    probes: String,
 }
 
+/// Folder of the answer.
 #[derive(Resource)]
-struct File(Handle<Gltf>);
+struct Answer(PathBuf);
 
 #[derive(Resource)]
 struct Target(Handle<Image>);
 
-/// Images by the names of their files.
-#[derive(Resource)]
-struct Maps(HashMap<String, Handle<Image>>);
-
-/// The maps of Directional.
-#[derive(Asset, AsBindGroup, Reflect, Clone, Debug)]
-struct Directional {
-    #[texture(100)]
-    #[sampler(101)]
-    l0: Handle<Image>,
-    #[texture(102)]
-    l1_x: Handle<Image>,
-    #[texture(103)]
-    l1_y: Handle<Image>,
-    #[texture(104)]
-    l1_z: Handle<Image>,
-}
-
-impl MaterialExtension for Directional {
-    fn fragment_shader() -> ShaderRef {
-        "directional.wgsl".into()
-    }
-}
-
-type DirectionalMaterial = ExtendedMaterial<StandardMaterial, Directional>;
+/// Frames since the light is complete.
+#[derive(Resource, Default)]
+struct Complete(Option<usize>);
 
 fn main() {
-    let folder = PathBuf::from(env::args().nth(1).expect("the folder of the file"));
+    let folder = PathBuf::from(env::args().nth(1).expect("the folder of show.json"));
+    let text = fs::read_to_string(folder.join("show.json")).expect("show.json");
+    let asked: Asked = serde_json::from_str(&text).expect("JSON");
     let assets = AssetPlugin {
-        file_path: folder.to_string_lossy().into(),
+        file_path: asked.assets.clone(),
         ..default()
     };
     let renders = RenderPlugin {
@@ -82,49 +75,28 @@ fn main() {
     };
     App::new()
         .add_plugins(DefaultPlugins.set(assets).set(renders))
-        .add_plugins(MaterialPlugin::<DirectionalMaterial>::default())
         .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::from_millis(1)))
         .insert_resource(ClearColor(Color::BLACK))
         .insert_resource(GlobalAmbientLight {
             brightness: 0.0,
             ..default()
         })
-        .insert_resource(read(folder))
+        .insert_resource(HemibakeSettings {
+            ev100: asked.ev100,
+            bicubic: asked.bicubic,
+            prefers_files: asked.prefers_files,
+            shades_normal_maps: asked.shades_normal_maps,
+            ..default()
+        })
+        .add_plugins(HemibakePlugin)
+        .insert_resource(asked)
+        .insert_resource(Answer(folder))
+        .init_resource::<Complete>()
         .add_systems(Startup, load)
-        .add_systems(Update, (show, read_back))
+        .add_systems(Update, (report, read_back))
+        .add_observer(prepare)
+        .add_observer(change)
         .run();
-}
-
-fn read(folder: PathBuf) -> Asked {
-    let text = fs::read_to_string(folder.join("show.json")).expect("show.json");
-    let known: Value = serde_json::from_str(&text).expect("JSON");
-    let number = |name: &str| known[name].as_u64().expect("a number") as u32;
-    Asked {
-        file: word(&known["file"]),
-        size: UVec2::new(number("width"), number("height")),
-        camera: word(&known["camera"]),
-        fov: known["fov"].as_f64().expect("a number") as f32,
-        hidden: known["hidden"]
-            .as_array()
-            .expect("a list")
-            .iter()
-            .map(word)
-            .collect(),
-        directional: known["directional"].as_bool().expect("true or false"),
-        maps: table(&known["maps"], |maps| table(maps, word)),
-        folder,
-    }
-}
-
-fn word(value: &Value) -> String {
-    value.as_str().expect("a string").into()
-}
-
-fn table<T>(value: &Value, each: impl Fn(&Value) -> T) -> HashMap<String, T> {
-    let pairs = value.as_object().expect("an object").iter();
-    pairs
-        .map(|(name, inner)| (name.clone(), each(inner)))
-        .collect()
 }
 
 fn load(
@@ -133,141 +105,95 @@ fn load(
     assets: Res<AssetServer>,
     mut images: ResMut<Assets<Image>>,
 ) {
-    commands.insert_resource(File(assets.load(asked.file.clone())));
-    let files = asked.maps.values().flat_map(HashMap::values);
-    let loaded = files
-        .map(|file| (file.clone(), assets.load(file.clone())))
-        .collect();
-    commands.insert_resource(Maps(loaded));
-    let mut target =
-        Image::new_target_texture(asked.size.x, asked.size.y, TextureFormat::Rgba16Float, None);
+    let path = bevy::asset::AssetPath::from(PathBuf::from(&asked.file));
+    commands.spawn(SceneRoot(assets.load(path.with_label("Scene0"))));
+    if !asked.probes.is_empty() {
+        commands.spawn(ProbeVolumes(asked.probes.clone()));
+    }
+    let [width, height] = asked.size;
+    let mut target = Image::new_target_texture(width, height, TextureFormat::Rgba16Float, None);
     target.texture_descriptor.usage |= TextureUsages::COPY_SRC;
     commands.insert_resource(Target(images.add(target)));
 }
 
-/// What is in the file, and where new things go.
-#[derive(SystemParam)]
-struct Stage<'w, 's> {
-    commands: Commands<'w, 's>,
-    asked: Res<'w, Asked>,
-    maps: Res<'w, Maps>,
-    target: Res<'w, Target>,
-    files: Res<'w, Assets<Gltf>>,
-    nodes: Res<'w, Assets<GltfNode>>,
-    meshes: Res<'w, Assets<GltfMesh>>,
-    materials: ResMut<'w, Assets<StandardMaterial>>,
-    directional: ResMut<'w, Assets<DirectionalMaterial>>,
+/// Lets the camera of the file draw into the target, and hides nodes.
+fn prepare(
+    _: On<SceneInstanceReady>,
+    mut commands: Commands,
+    asked: Res<Asked>,
+    target: Res<Target>,
+    nodes: Query<(Entity, &Name), Without<Mesh3d>>,
+) {
+    for (entity, name) in &nodes {
+        if name.as_str() == asked.camera {
+            let picture = RenderTarget::Image(target.0.clone().into());
+            let exposure = bevy::camera::Exposure { ev100: asked.ev100 };
+            let untouched = (Hdr, Tonemapping::None, DebandDither::Disabled, Msaa::Off);
+            commands
+                .entity(entity)
+                .insert((picture, exposure, untouched));
+        }
+        if asked.hidden.iter().any(|hidden| hidden == name.as_str()) {
+            commands.entity(entity).insert(Visibility::Hidden);
+        }
+    }
 }
 
-/// Show all nodes once everything is loaded.
-fn show(mut stage: Stage, assets: Res<AssetServer>, file: Res<File>, mut shown: Local<bool>) {
-    let loaded = assets.is_loaded_with_dependencies(&file.0)
-        && stage
-            .maps
-            .0
-            .values()
-            .all(|map| assets.is_loaded_with_dependencies(map));
-    if *shown || !loaded {
+/// Changes the light as asked.
+fn change(
+    ready: On<LightmapsReady>,
+    asked: Res<Asked>,
+    mut scenes: Query<&mut LightControl>,
+    mut complete: ResMut<Complete>,
+) {
+    let Ok(mut light) = scenes.get_mut(ready.event_target()) else {
         return;
+    };
+    let mut told = Vec::new();
+    if !asked.state.is_empty() {
+        told.extend(light.set_state(&asked.state, asked.seconds).err());
     }
-    *shown = true;
-    let all = stage.files.get(&file.0).expect("the file").nodes.clone();
-    let below: Vec<_> = all
-        .iter()
-        .filter_map(|node| stage.nodes.get(node))
-        .flat_map(|node| node.children.clone())
-        .collect();
-    for root in all.iter().filter(|node| !below.contains(node)) {
-        stage.show(root, Transform::IDENTITY);
+    if let Some((group, [r, g, b], strength)) = &asked.group {
+        told.extend(
+            light
+                .set_group(group, LinearRgba::rgb(*r, *g, *b), *strength)
+                .err(),
+        );
+    }
+    for error in told {
+        eprintln!("{error}");
+        process::exit(1);
+    }
+    complete.0 = Some(0);
+}
+
+/// Appends messages to a file.
+fn report(
+    mut problems: MessageReader<LightmapProblem>,
+    answer: Res<Answer>,
+    mut known: Local<Vec<String>>,
+) {
+    for problem in problems.read() {
+        known.push(problem.text.clone());
+        let text = serde_json::to_string(&*known).expect("JSON");
+        fs::write(answer.0.join("problems.json"), text).expect("problems.json");
     }
 }
 
-impl Stage<'_, '_> {
-    fn show(&mut self, handle: &Handle<GltfNode>, above: Transform) {
-        let node = self.nodes.get(handle).expect("a node").clone();
-        let place = above.mul_transform(node.transform);
-        if node.name == self.asked.camera {
-            self.look(place);
-        }
-        if let Some(mesh) = node
-            .mesh
-            .as_ref()
-            .filter(|_| !self.asked.hidden.contains(&node.name))
-        {
-            for primitive in self.meshes.get(mesh).expect("a mesh").primitives.clone() {
-                let material = primitive.material.expect("a material");
-                self.light_up(&node.name, place, primitive.mesh, material);
-            }
-        }
-        for child in &node.children {
-            self.show(child, place);
-        }
-    }
-
-    fn look(&mut self, place: Transform) {
-        let lens = PerspectiveProjection {
-            fov: self.asked.fov,
-            ..default()
-        };
-        let picture = RenderTarget::Image(self.target.0.clone().into());
-        let untouched = (Hdr, Tonemapping::None, DebandDither::Disabled, Msaa::Off);
-        self.commands.spawn((
-            Camera3d::default(),
-            Projection::Perspective(lens),
-            picture,
-            untouched,
-            place,
-        ));
-    }
-
-    /// Show a mesh by the maps of its object.
-    fn light_up(
-        &mut self,
-        name: &str,
-        place: Transform,
-        mesh: Handle<Mesh>,
-        material: Handle<StandardMaterial>,
-    ) {
-        let plain = self.materials.get_mut(&material).expect("a material");
-        let mut shown = self.commands.spawn((Mesh3d(mesh), place));
-        let Some(files) = self.asked.maps.get(name) else {
-            shown.insert(MeshMaterial3d(material));
-            return;
-        };
-        let map = |output: &str| self.maps.0[&files[output]].clone();
-        if self.asked.directional && plain.normal_map_texture.is_some() {
-            let extension = Directional {
-                l0: map("l0"),
-                l1_x: map("l1_x"),
-                l1_y: map("l1_y"),
-                l1_z: map("l1_z"),
-            };
-            let lit = DirectionalMaterial {
-                base: plain.clone(),
-                extension,
-            };
-            shown.insert(MeshMaterial3d(self.directional.add(lit)));
-        } else {
-            plain.lightmap_exposure = 1.2 * f32::exp2(EV100);
-            shown.insert((
-                MeshMaterial3d(material),
-                Lightmap {
-                    image: map("combined"),
-                    ..default()
-                },
-            ));
-        }
-    }
-}
-
-/// Read the picture some frames after the camera is there.
+/// Reads the picture some frames after the light is complete, which includes fades.
 fn read_back(
     mut commands: Commands,
-    cameras: Query<&Camera3d>,
+    scenes: Query<&LightControl>,
     target: Res<Target>,
-    mut frames: Local<usize>,
+    mut complete: ResMut<Complete>,
 ) {
-    *frames += cameras.iter().count();
+    let Some(frames) = &mut complete.0 else {
+        return;
+    };
+    if scenes.iter().any(LightControl::is_fading) {
+        return;
+    }
+    *frames += 1;
     if *frames == FRAMES {
         commands
             .spawn(Readback::texture(target.0.clone()))
@@ -275,7 +201,7 @@ fn read_back(
     }
 }
 
-fn write(picture: On<ReadbackComplete>, asked: Res<Asked>) {
-    fs::write(asked.folder.join("pixels.bin"), &picture.data).expect("pixels.bin");
+fn write(picture: On<ReadbackComplete>, answer: Res<Answer>) {
+    fs::write(answer.0.join("pixels.bin"), &picture.data).expect("pixels.bin");
     process::exit(0);
 }

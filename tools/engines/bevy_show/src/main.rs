@@ -160,7 +160,7 @@ fn change(
                 .err(),
         );
     }
-    for error in told {
+    if let Some(error) = told.first() {
         eprintln!("{error}");
         process::exit(1);
     }

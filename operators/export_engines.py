@@ -61,7 +61,7 @@ ENGINES = {
     ),
     "BEVY": Engine(
         "Bevy", "Write a .glb and OpenEXR lightmaps for Bevy 0.18",
-        "A system adds the component Lightmap", "bevy.md", "bevy",
+        "The crate bevy_hemibake shows the lightmaps", "bevy.md", "bevy",
     ),
     "UNITY": Engine(
         "Unity", "Write a .glb and OpenEXR lightmaps for Unity",

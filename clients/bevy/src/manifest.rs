@@ -484,9 +484,11 @@ mod tests {
             "d.exr": {"atlas": "A", "output": "direct", "format": "exr", "objects": []},
             "c.exr": {"atlas": "A", "output": "combined", "format": "exr", "objects": []},
             "s.exr": {"atlas": "A", "output": "shadow_mask Sun", "format": "exr", "objects": []},
+            "o.exr": {"atlas": "A", "superseded": "light_group Old", "format": "exr", "objects": []},
             "i.exr": {"atlas": "A", "output": "indirect", "format": "exr", "objects": []}}}"#;
         let found = lightmaps_of(&read(json), "room.glb", LightmapUvs::Final);
         assert_eq!(found.atlases[0].light.as_ref().unwrap().file, "c.exr");
+        assert!(found.atlases[0].groups.is_empty());
     }
 
     #[test]

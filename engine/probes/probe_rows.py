@@ -16,6 +16,7 @@ from ..device.time_slicer import sliced
 from ..patches.patch_scene import PatchScene
 from ..progress import run_as_fraction
 from ..scene.tints import tint_palette
+from ..validity.thresholds import LIT_FROM_OPTION
 from ..visibility.rays.ray_tracer import RayTracer
 from ..visibility.rays.receiver_records import RECEIVER
 from ..visibility.sampler import Background
@@ -85,7 +86,7 @@ class ProbeRows:
         self._rotations = upload(compute, random_rotations(self.count, seed))
         self._directions = upload(compute, to_float4(directions))
         self._palette = tint_palette(rays.cutouts) if rays.cutouts.needed else None
-        options = ("-DDITHERED",)
+        options = ("-DDITHERED", LIT_FROM_OPTION)
         self._trace, self._find_way_out = rays.kernels(
             (RECEIVER, "trace_probes.cl"), "trace_probes", "find_way_out", options=options
         )
@@ -95,7 +96,8 @@ class ProbeRows:
         arrays = triangles.uvs, triangles.atlas, sources.texel_to_patch
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
         lookups = (upload_once(compute, array) for array in arrays)
-        self._lightmaps = (*lookups, np.int32(sources.patches.resolution), backs)
+        sizes = None if triangles.backs is None else upload_once(compute, triangles.uv_sizes)
+        self._lightmaps = (*lookups, np.int32(sources.patches.resolution), backs, sizes)
         self._size = int(triangles.mesh.size).bit_length()
         self._rows: cl.Buffer | None = None
         self._tints: cl.Buffer | None = None

@@ -59,6 +59,17 @@ class Triangles:
         return one_sided
 
     @cached_property
+    def uv_sizes(self) -> np.ndarray:
+        """Length in the world per unit of lightmap UV, (t,) float32, m; 0 for triangles without UV area."""
+        first, second = np.moveaxis(self.positions[:, 1:] - self.positions[:, :1], 1, 0)
+        area = np.linalg.norm(np.cross(first, second), axis=1)
+        first, second = np.moveaxis(self.uvs[:, 1:] - self.uvs[:, :1], 1, 0)
+        of_uvs = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+        ratio = np.divide(area, of_uvs, out=np.zeros_like(area), where=of_uvs > 0)
+        sizes: np.ndarray = np.sqrt(ratio).astype(np.float32)
+        return sizes
+
+    @cached_property
     def box(self) -> np.ndarray:
         """Bounding box of all triangles, lower and upper corner, (2, 3) float64, m."""
         return bounding_box(self.positions)

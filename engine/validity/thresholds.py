@@ -63,6 +63,9 @@ MAX_BACKS_INTERPOLATED = 0.1
 #: et al., "Scaling Probe-Based Real-Time Dynamic Global Illumination for Production", JCGT 2021).
 MAX_BACKS_PROBE = 0.25
 
+#: `LIT_FROM` as a build option.
+LIT_FROM_OPTION = f"-DLIT_FROM={LIT_FROM}f"
+
 #: The thresholds as build options of kernels that include probe rays.
 KERNEL_OPTIONS = (
     f"-DMAX_ESCAPES={MAX_ESCAPES}",
@@ -70,5 +73,5 @@ KERNEL_OPTIONS = (
     f"-DMAX_BACKS_OPEN={MAX_BACKS_OPEN}",
     f"-DMAX_OTHERS_BACKLIT={MAX_OTHERS_BACKLIT}",
     f"-DFIRST_PROBES={FIRST_PROBES}",
-    f"-DLIT_FROM={LIT_FROM}f",
+    LIT_FROM_OPTION,
 )

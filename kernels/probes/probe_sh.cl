@@ -4,6 +4,10 @@
 // x; xy, yz, 3z^2 - 1, xz, x^2 - y^2 (engine/probes/spherical_harmonics.py).
 #define BASIS 9
 
+// Bit of a probe's sample: a back face with patches of its own that is nearer than LIT_FROM texels. It counts as dark,
+// since its texels may extend to where light is (engine/validity/thresholds.py).
+#define NEAR_BACK 0x40000000u
+
 typedef struct {
     float3 of[BASIS];  // rgb of each coefficient
 } ProbeLight;

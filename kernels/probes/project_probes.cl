@@ -24,7 +24,7 @@ __kernel void project_probes(__global const uint *rows, __global const uchar *ti
     for (int i = get_local_id(0); i < samples; i += get_local_size(0)) {
         const float3 direction = rotated(rotation, directions[i].xyz);
         const size_t place = (size_t)probe * samples + i;
-        const uint sample = rows[place], entry = sample & ~BACK;
+        const uint sample = rows[place], entry = sample & ~(BACK | NEAR_BACK);
         float3 light;
         bool is_back = false;
         if (sample == SKY) {
@@ -34,7 +34,7 @@ __kernel void project_probes(__global const uint *rows, __global const uchar *ti
             is_back = true;
         } else {
             light = radiance[entry].xyz;
-            is_back = entry >= backs && is_dark(light, dark);
+            is_back = (sample & NEAR_BACK) || (entry >= backs && is_dark(light, dark));
         }
 #ifdef TINTED
         light *= tints[tint_rows[place]].xyz;

@@ -8,11 +8,12 @@
 // Fills one row of samples per probe, one work group per probe. probes: position, metres, and in w the distance by
 // which rays start behind it: a probe in the plane of a surface then hits its back, not what lies beyond. tint_rows:
 // palette index of each sample, with TINTED. distances: from the probe to the hit of each sample, metres; null if they
-// are not needed.
+// are not needed. uv_sizes: metres per unit of UV of each triangle, or null.
 __kernel void trace_probes(RAYS_ARGUMENTS, __global const float2 *uvs, __global const int *atlases,
                            __global const uint *texel_to_patch, const int resolution, __global const int *backs,
-                           __global const float4 *probes, __global const float4 *rotations,
-                           __global const float4 *directions, const int samples, const int start,
+                           __global const float *uv_sizes, __global const float4 *probes,
+                           __global const float4 *rotations, __global const float4 *directions, const int samples,
+                           const int start,
                            __global uint *rows, __global uchar *tint_rows, __global float *distances)
 {
     const int probe = start + get_group_id(0);
@@ -25,7 +26,9 @@ __kernel void trace_probes(RAYS_ARGUMENTS, __global const float2 *uvs, __global 
         const float3 origin = at.xyz - at.w * direction;
         const Hit hit = nearest_hit(&rays, origin, direction, false);
         uint tint;
-        rows[place] = sample_of_hit(&rays, &lightmaps, origin, direction, hit, &tint);
+        const bool is_near = uv_sizes && hit.triangle >= 0 && !hit.front &&
+                             hit.distance < LIT_FROM * uv_sizes[hit.triangle] / resolution;
+        rows[place] = sample_of_hit(&rays, &lightmaps, origin, direction, hit, &tint) | (is_near ? NEAR_BACK : 0u);
         if (distances)
             distances[place] = hit.triangle < 0 ? INFINITY : fmax(hit.distance - at.w, 0.0f);
 #ifdef TINTED

@@ -196,6 +196,17 @@ def test_probes_in_a_wall_move_out_or_take_light_from_neighbours(session):
     assert grid.coefficients == pytest.approx(np.broadcast_to(constant(2.0)[:, None], (8, 9, 3)), abs=1e-3)
 
 
+def test_lit_backs_within_three_texels_count_as_dark(session):
+    """Texels inside a thin body may reach to its lit outside, which must not make a probe there valid."""
+    sheets = rectangle((-0.5, -0.5, 0), X, Y), rectangle((-0.5, -0.5, -1), X, Y)
+    mesh = quads(np.stack(sheets), [(0, 0, 16, 16), (0, 16, 16, 16)], [0, 0], 32, "Roof")
+    probes = volume((0, 0, -0.5), 0.49, (1, 1, 7))
+    scene = scene_of(mesh, black=0.5, world=np.float32([1, 1, 1]), probe_volumes=(probes,))
+    (grid,) = bake(session, scene, resolution=32)
+    below = -probes.points()[:, 2]
+    assert grid.validity.tolist() == [float(depth > 3 / 16) for depth in below]
+
+
 def test_rays_to_lamps_are_traced_again_only_if_emitters_change(session, monkeypatch):
     """Other walls leave the light of a lamp, also at a probe that moved out of a wall."""
     traced = []

@@ -1,4 +1,4 @@
-"""Light of probe grids in three.js against the formula of their coefficients."""
+"""Light of probe grids in three.js: the formula of their coefficients, and Blender's preview on a path."""
 
 import json
 from functools import partial
@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from tests.blender.things import part
-from tools.engines.web import THREE_PROBES
+from tests.export.states import WIDTH
+from tools.engines import cornell, path
+from tools.engines.web import THREE_PATH, THREE_PROBES
 
 #: Probes of the volume along its axes.
 RESOLUTION = (2, 3, 4)
@@ -16,23 +18,32 @@ RESOLUTION = (2, 3, 4)
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
+#: Light states of the volume.
+STATES = {"Night": {"Lamps": [0.25, 0.5, 1.0]}}
+
+
 @pytest.fixture
 def volume(hemibake, engine, tmp_path):
-    """Return the coefficients of random probes, (n, 9, 3), whose file and manifest are in a folder."""
+    """Return random probes whose files and manifest are in a folder: a fifth of their light is of Sky."""
     random = np.random.default_rng(11)
     coefficients = random.uniform(-0.1, 0.1, (24, 9, 3)).astype(np.float32)
     coefficients[:, 0] += 2.0
+    groups = {"Lamps": 0.8 * coefficients, "Sky": 0.2 * coefficients}
     grid = part("engine.bake_result").ProbeGrid(
-        "Volume", RESOLUTION, matrix(), coefficients, np.ones(24, np.float32), np.zeros((24, 3), np.float32)
-    )
+        "Volume", RESOLUTION, matrix(), coefficients, np.ones(24, np.float32), np.zeros((24, 3), np.float32),
+        groups,
+    )  # fmt: skip
     probe_files = part("operators.result.probe_files")
     owner = part("operators.result.destination").Destination(tmp_path, (), "")
     entry = probe_files._entry("box_Probes", grid, np.zeros(3), owner)
-    content = partial(probe_files.probe_atlas, grid)
-    probe_files.ProbeFile("box_Probes.exr", content, entry).write(tmp_path / "box_Probes.exr")
+    for group in (None, *groups):
+        file = next((item["file"] for item in entry["groups"] if item["name"] == group), entry["file"])
+        content = partial(probe_files.probe_atlas, grid, group)
+        probe_files.ProbeFile(file, content, entry).write(tmp_path / file)
     turned = {**entry, "name": "Turned", "matrix": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
     lost = {**entry, "name": "Lost", "file": "lost.exr"}
-    manifest = {"version": 2, "lightmaps": {}, "objects": [], "probes": [entry, turned, lost]}
+    manifest = {"version": 2, "lightmaps": {}, "objects": [], "states": STATES}
+    manifest["probes"] = [entry, turned, lost]
     (tmp_path / "hemibake.json").write_text(json.dumps(manifest))
     return coefficients
 
@@ -44,8 +55,8 @@ def matrix() -> np.ndarray:
     return made
 
 
-def test_three_shows_probe_grids(volume, tmp_path):
-    """On surfaces half a cell below each probe, where three.js reads that probe alone."""
+def places_of_probes(volume):
+    """Return surfaces half a cell below each probe, where three.js reads that probe alone, and their E/pi."""
     normals = np.array([(1, 0, 0), (0, -1, 0), (0, 0, 1), (-0.6, 0.0, 0.8), (0.48, 0.6, -0.64)])
     cell = 2 * np.array([1.0, 1.5, 3.0]) / RESOLUTION
     indices = np.stack(np.unravel_index(np.arange(24), RESOLUTION[::-1])[::-1], axis=1)
@@ -61,9 +72,59 @@ def test_three_shows_probe_grids(volume, tmp_path):
                 0, 0
             ]
         )
-    problems, data = THREE_PROBES.answer(tmp_path, {"surfaces": surfaces})
-    shown = np.frombuffer(data, np.float32).reshape(-1, 4)[:, :3]
-    assert shown == pytest.approx(np.array(wanted), rel=0.01)
+    return surfaces, np.array(wanted)
+
+
+def shown_light(folder, **asked):
+    """Return the pixels that three.js shows, (24, 3), and the problems."""
+    problems, data = THREE_PROBES.answer(folder, asked)
+    return np.frombuffer(data, np.float32).reshape(-1, 4)[:, :3], problems
+
+
+def test_three_shows_probe_grids(volume, tmp_path):
+    surfaces, wanted = places_of_probes(volume)
+    shown, problems = shown_light(tmp_path, surfaces=surfaces)
+    assert shown == pytest.approx(wanted, rel=0.01)
     assert len(problems) == 2
     assert "Probe volume 'Turned': three.js shows no rotated grids" in problems[0]
     assert "Probe volume 'Lost': 'lost.exr' is not readable" in problems[1]
+
+
+@pytest.mark.parametrize(
+    ("asked", "factors"),
+    [
+        ({"state": "Night"}, ([0.25, 0.5, 1.0], [1, 1, 1])),
+        ({"groups": [["Lamps", [0, 0, 0], 1.0], ["Sky", [1, 0.5, 0.25], 3.0]]}, ([0, 0, 0], [3, 1.5, 0.75])),
+        ({"intensity": 0.5}, ([0.5, 0.5, 0.5], [0.5, 0.5, 0.5])),
+    ],
+)
+def test_three_mixes_light_groups_of_probes(volume, tmp_path, asked, factors):
+    surfaces, wanted = places_of_probes(volume)
+    shown, _ = shown_light(tmp_path, surfaces=surfaces, **asked)
+    lamps, sky = factors
+    assert shown == pytest.approx(0.8 * wanted * lamps + 0.2 * wanted * sky, rel=0.01)
+
+
+@pytest.mark.parametrize("state", ["", "Night"])
+def test_three_shows_a_ball_on_a_path_as_the_preview(hemibake, engine, tmp_path, state):
+    """99 % of its pixels are within 2 %, and walls have the light of their lightmaps alone."""
+    import bpy
+
+    path.bake(tmp_path, states=bool(state))
+    if state:
+        bpy.ops.hemibake.light_state_apply(name=state)
+    wanted = path.previews(WIDTH, tmp_path)
+    bpy.ops.hemibake.export_for_engine(filepath=str(tmp_path / "room.glb"))
+    places = [(Y_UP @ place).tolist() for place in path.PLACES]
+    asked = {
+        "file": "room.glb", "width": WIDTH, "hide": cornell.HIDDEN, "moved": path.BALL, "places": places,
+        "state": state,
+    }  # fmt: skip
+    problems, data = THREE_PATH.answer(tmp_path, asked)
+    shown = np.frombuffer(data, np.float32).reshape(len(places), WIDTH, WIDTH, 4)[..., :3]
+    assert problems == []
+    on_ball = path.ball_pixels(WIDTH)
+    for picture, preview, ball in zip(shown, wanted, on_ball, strict=True):
+        assert ball.sum() > 100
+        assert np.percentile(cornell.differences(picture[ball], preview[ball]), 99) < 0.02
+        assert np.percentile(cornell.differences(picture, preview), 98) < 0.02

@@ -36,7 +36,22 @@ def bake(
     file_format: str = "exr",
     folder: Path | None = None,
 ) -> None:
-    """Build the box in an empty file and bake it.
+    """Build the box in an empty file and bake it; see `build`."""
+    import bpy
+
+    build(resolution, quality, directional, states, file_format, folder)
+    bpy.ops.hemibake.bake()
+
+
+def build(
+    resolution: int = 192,
+    quality: str = "high",
+    directional: str | None = None,
+    states: bool = False,
+    file_format: str = "exr",
+    folder: Path | None = None,
+) -> None:
+    """Build the box in an empty file, with settings of the bake.
 
     directional:  output that tells where light comes from; its surfaces then have a normal map
     states:       True to add a blue lamp, a light group for each of both lights, and STATES
@@ -60,7 +75,6 @@ def bake(
     if states:
         _add_states()
         settings.outputs |= {"light_groups"}
-    bpy.ops.hemibake.bake()
 
 
 def _add_states() -> None:

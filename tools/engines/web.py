@@ -137,6 +137,7 @@ class WebEngine:
 
 THREE = WebEngine("three", "show_three.html")
 THREE_PROBES = WebEngine("three", "show_probes.html")
+THREE_PATH = WebEngine("three", "show_path.html")
 THREE_REFLECTIONS = WebEngine("three", "show_reflections.html")
 BABYLON = WebEngine("@babylonjs/loaders", "show_babylon.html")
 PLAYCANVAS = WebEngine("playcanvas", "show_playcanvas.html")

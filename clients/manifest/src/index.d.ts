@@ -85,6 +85,8 @@ export class LightControl {
   readonly states: string[];
   setState(name: string, options?: { seconds?: number }): Promise<void>;
   setGroup(name: string, color: number[] | { r: number; g: number; b: number }, strength?: number): void;
+  /** Lets states and groups change another part too, such as probe grids. */
+  add(part: MixedLightmap): void;
   dispose(): void;
 }
 export function readRadiance(bytes: Uint8Array): { width: number; height: number; data: Float32Array };
@@ -95,6 +97,7 @@ export class LightMix {
   states: States;
   factors: Map<string, Factor>;
   readonly problems: string[];
+  addGroups(names: Iterable<string>): void;
   setGroup(name: string, color: number[] | { r: number; g: number; b: number }, strength?: number): void;
   setState(name: string, seconds?: number, now?: number): void;
   advance(now: number): boolean;

@@ -11,7 +11,7 @@ export class LightControl {
    * problems:   messages, to which those on states are added
    */
   constructor(lightmaps, states, problems) {
-    this.#lightmaps = lightmaps;
+    this.#lightmaps = [...lightmaps];
     this.#mix = new LightMix(new Set(lightmaps.flatMap(lightmap => lightmap.groups)), states);
     this.problems = [...problems, ...this.#mix.problems];
     for (const problem of this.problems) console.warn(problem);
@@ -35,6 +35,13 @@ export class LightControl {
   setGroup(name, color, strength = 1) {
     this.#stop();
     this.#mix.setGroup(name, color, strength);
+    this.#draw();
+  }
+
+  /** Lets states and groups change another part too: an object like the lightmaps, such as probe grids. */
+  add(part) {
+    this.#lightmaps.push(part);
+    this.#mix.addGroups(part.groups);
     this.#draw();
   }
 

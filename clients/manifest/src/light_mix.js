@@ -4,7 +4,7 @@ const WHITE = [1, 1, 1];
 
 /** Linear RGB factor of each light group, changed by states and by single groups. */
 export class LightMix {
-  #fade = null;
+  #fade = null; #state = null;
 
   /**
    * names:   names of the light groups
@@ -22,10 +22,17 @@ export class LightMix {
       .map(group => `State '${state}': no light group '${group}'. Rename it in Blender, or bake it and export again.`));
   }
 
+  /** Adds light groups, with the factors of the present state. */
+  addGroups(names) {
+    for (const name of names) {
+      if (!this.factors.has(name)) this.factors.set(name, this.states[this.#state]?.[name] ?? WHITE);
+    }
+  }
+
   /** Sets color, [r, g, b] or { r, g, b }, linear, and strength of a group; throws an Error that names it. */
   setGroup(name, color, strength = 1) {
     if (!this.factors.has(name)) throw new Error(unknown('Light group', name, [...this.factors.keys()]));
-    this.#fade = null;
+    this.#fade = this.#state = null;
     this.factors.set(name, rgb(color).map(value => value * strength));
   }
 
@@ -36,6 +43,7 @@ export class LightMix {
    */
   setState(name, seconds = 0, now = 0) {
     if (!Object.hasOwn(this.states, name)) throw new Error(unknown('Light state', name, Object.keys(this.states)));
+    this.#state = name;
     const after = new Map([...this.factors.keys()].map(group => [group, this.states[name][group] ?? WHITE]));
     this.#fade = { before: new Map(this.factors), after, start: now, seconds };
     this.advance(seconds > 0 ? now : now + 1);

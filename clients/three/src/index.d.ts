@@ -1,6 +1,5 @@
-import type { CubeTexture, Group, LoadingManager, Matrix4, Object3D, Vector3, WebGLRenderer } from 'three';
-import { LightControl } from 'hemibake-manifest';
-import type { LightProbeGridWebGL } from 'three/addons/lighting/LightProbeGridWebGL.js';
+import type { CubeTexture, Group, Light, LoadingManager, Matrix4, Object3D, Vector3, WebGLRenderer } from 'three';
+import { LightControl, type Factor, type MixedLightmap } from 'hemibake-manifest';
 import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 
 export interface HemibakeLoaderOptions {
@@ -20,8 +19,22 @@ export class LightmappedScene extends LightControl {
   readonly scene: Group;
 }
 
-/** Light probe volumes of a hemibake.json as grids to add to a scene. Rejects if the manifest cannot be read. */
-export function loadProbeGrids(url: string): Promise<{ grids: LightProbeGridWebGL[]; problems: string[] }>;
+/** Light probe volumes as grids to add to a scene; `room.add(probes)` lets a LightmappedScene change their light. */
+export class ProbeGrids extends LightControl implements MixedLightmap {
+  readonly grids: Light[];
+  mix(factors: Map<string, Factor>): void;
+  /** Lets materials look up the grids at their points, as Blender's preview does. For WebGLRenderer. */
+  apply(root: Object3D): void;
+}
+
+/**
+ * Light probe volumes of a hemibake.json. Rejects if the manifest cannot be read.
+ *
+ * Grid: LightProbeGrid of three/addons for WebGPURenderer; LightProbeGridWebGL by default
+ */
+export function loadProbeGrids(
+  url: string, options?: { Grid?: new (...sizes: number[]) => Light },
+): Promise<ProbeGrids>;
 
 /** Box or unit sphere, from world space to the cube from -1 to 1. */
 export interface ReflectionVolume {

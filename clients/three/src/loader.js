@@ -8,6 +8,7 @@ import { LightmappedScene } from './lightmapped_scene.js';
 import { Lightmap } from './lightmap.js';
 import { MapFiles } from './map_files.js';
 import { DIRECTIONAL, shadeNormalMap } from './normal_maps.js';
+import { hideProbes } from './probe_shader.js';
 
 export class HemibakeLoader {
   /**
@@ -92,5 +93,6 @@ function lit(material, lightmap) {
   made.lightMapIntensity = Math.PI;
   const kind = DIRECTIONAL.find(({ names }) => names.every(name => lightmap.directional.has(name)));
   if (made.normalMap && kind) shadeNormalMap(made, kind, lightmap);
+  hideProbes(made);
   return made;
 }

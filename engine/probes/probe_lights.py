@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..device.buffers import download, upload, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.time_slicer import sliced
 from ..direct.emitter_lists import EmitterLists, joined_emitters
+from ..direct.emitters import POINT, SKY_MAP, SUN, TRIANGLE
 from ..direct.light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
 from ..direct.lighting import DirectLighting
 from ..direct.shadow_rays import glow_arguments, sky_arguments
@@ -20,6 +22,10 @@ from ..scene.light_groups import LightGroups
 from ..settings import Settings
 from ..visibility.rays.ray_tracer import RayTracer
 from .probe_rows import COEFFICIENTS, ProbeRows
+
+#: Maximum number of emitter lists whose light is stored separately; more are sampled together by a light tree
+#: (chosen: 3.5 MB of 32^3 probes each).
+_SEPARATE = 8
 
 
 class ProbeLights:
@@ -41,28 +47,23 @@ class ProbeLights:
         left_out = {
             number for number, lamp in enumerate(lamps) if settings.probes_indirect_only and not lamp.of_world
         }
-        self._joined = [
-            joined_emitters(
-                [records for number, records in enumerate(lists) if number not in left_out],
-                settings.light_samples,
-            )
-            for lists in (emitters.lists, *(emitters.by_group(groups) if groups else ()))
-        ]
         self._tables = [upload(compute, array) for array in (emitters.modulations, emitters.profiles)]
         self._glow = glow_arguments(compute, parts, split.bright)
         self._sky = sky_arguments(compute, split.sky.distribution)
         # Shadow rays are traced again only if something that emits light to be sampled has changed.
-        radiance = parts.surfaces.emission, parts.surfaces.emission_of_backs
-        sources = [
-            emitters.modulations,
-            emitters.profiles,
-            *(radiance if len(split.bright.triangles) else ()),
-            split.sky.distribution.pixels,
+        common = _Digests(
+            _digest(repr(settings.light_samples).encode(), emitters.modulations, emitters.profiles),
+            _digest(b"surfaces", *(_radiance(parts) if len(split.bright.triangles) else ())),
+            _digest(b"sky", split.sky.distribution.pixels),
+        )
+        self._parts = [
+            _parts(
+                [records for number, records in enumerate(lists) if number not in left_out],
+                settings.light_samples,
+                common,
+            )
+            for lists in (emitters.lists, *(emitters.by_group(groups) if groups else ()))
         ]
-        common = hashlib.blake2b(repr(settings.light_samples).encode())
-        for array in sources:
-            common.update(array.tobytes())
-        self._digests = [_digest(common, joined) for joined in self._joined]
         self._size = int(parts.triangles.mesh.size).bit_length()
 
     def project(self, probes: ProbeRows) -> Generator[float, None, np.ndarray]:
@@ -70,15 +71,18 @@ class ProbeLights:
 
         SH L2 of radiance. Yields progress 0..1.
         """
-        light = np.zeros((probes.count, len(self._joined), COEFFICIENTS, 3), np.float32)
-        for number, joined in enumerate(self._joined):
-            known, digest = probes.direct.get(number), self._digests[number]
-            if known is not None and known[0] == digest:
-                light[:, number] = known[1]
-            elif joined is not None:
-                span = number / len(self._joined), (number + 1) / len(self._joined)
-                light[:, number] = yield from run_as_fraction(*span, self._projected(probes, *joined))
-                probes.direct[number] = digest, light[:, number].copy()
+        parts = {part.digest: part for of_light in self._parts for part in of_light}
+        new = [digest for digest in parts if digest not in probes.direct]
+        for number, digest in enumerate(new):
+            tracing = self._projected(probes, parts[digest].emitters, parts[digest].rays)
+            span = number / len(new), (number + 1) / len(new)
+            probes.direct[digest] = yield from run_as_fraction(*span, tracing)
+        for digest in probes.direct.keys() - parts.keys():
+            del probes.direct[digest]
+        light = np.zeros((probes.count, len(self._parts), COEFFICIENTS, 3), np.float32)
+        for number, of_light in enumerate(self._parts):
+            for part in of_light:
+                light[:, number] += probes.direct[part.digest] * part.factor
         return light
 
     def _projected(
@@ -110,12 +114,75 @@ class ProbeLights:
         return light
 
 
-def _digest(common: hashlib.blake2b, joined: tuple[np.ndarray, int] | None) -> bytes:
-    """Return a digest of all that determines the direct light of some emitters.
+@dataclass(frozen=True)
+class _Digests:
+    """Digests of what emitters refer to: tables of lights, radiance of surfaces, and pixels of the sky."""
 
-    common:  digest of the tables of all emitters
-    """
-    digest = common.copy()
-    if joined is not None:
-        digest.update(joined[0].tobytes())
+    lights: bytes
+    surfaces: bytes
+    sky: bytes
+
+    def of(self, emitters: np.ndarray) -> bytes:
+        """Return the digest of emitters and of all that they refer to."""
+        surfaces, sky = _of_surfaces(emitters).any(), (emitters["kind"] == SKY_MAP).any()
+        others = self.lights, self.surfaces if surfaces else b"", self.sky if sky else b""
+        return _digest(b"".join(others), emitters)
+
+
+def _digest(start: bytes, *arrays: np.ndarray) -> bytes:
+    """Return the digest of bytes and arrays."""
+    digest = hashlib.blake2b(start)
+    for array in arrays:
+        digest.update(array.tobytes())
     return digest.digest()
+
+
+def _radiance(parts: PatchScene) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radiance of both faces of all patches."""
+    return parts.surfaces.emission, parts.surfaces.emission_of_backs
+
+
+def _of_surfaces(emitters: np.ndarray) -> np.ndarray:
+    """Return a mask of the triangles of surfaces, (k,) bool; area lights have triangles too."""
+    mask: np.ndarray = (emitters["kind"] == TRIANGLE) & (emitters["triangle"] >= 0)
+    return mask
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Emitters whose light is stored together.
+
+    emitters:  (k,) EMITTER, of a light with strength 1
+    rays:      shadow rays of each probe
+    factor:    (3,) float32, by which their light is multiplied
+    digest:    of all that determines their light without the factor
+    """
+
+    emitters: np.ndarray
+    rays: int
+    factor: np.ndarray
+    digest: bytes
+
+
+def _parts(lists: Sequence[np.ndarray], light_samples: int, common: _Digests) -> list[_Part]:
+    """Return the parts of lists of emitters; a change of one light leaves the others."""
+    shining = [emitters for emitters in lists if len(emitters)]
+    if len(shining) > _SEPARATE:
+        joined = joined_emitters(shining, light_samples)
+        return [] if joined is None else [_Part(*joined, np.ones(3, np.float32), common.of(joined[0]))]
+    units = [_unit(emitters, light_samples) for emitters in shining]
+    return [_Part(*unit, common.of(unit[0])) for unit in units]
+
+
+def _unit(emitters: np.ndarray, light_samples: int) -> tuple[np.ndarray, int, np.ndarray]:
+    """Return the emitters of a list, of a light with strength 1; the rays of each probe; and the factor.
+
+    All rays of a probe to a light without a size are equal, so one is enough.
+    """
+    strength = emitters["strength"][0].astype(np.float32)
+    if _of_surfaces(emitters).any() or not strength.any():
+        return emitters, light_samples, np.ones(3, np.float32)
+    unit = emitters.copy()
+    unit["strength"] = unit["luminance"] = 1
+    has_no_size = len(unit) == 1 and unit["kind"][0] in (POINT, SUN) and unit["radius"][0] == 0
+    return unit, 1 if has_no_size else light_samples, strength

@@ -54,7 +54,7 @@ class ProbeRows:
     margin:  (n,) float32, m, distance by which rays start behind a probe
     distances:  (n, 8, 8, 2) float32, mean distance, m, and mean squared distance on octahedral maps; after
                 `trace`, empty without a limit
-    direct:  direct light of the last bake by light group, each with the digest of its emitters
+    direct:  direct light of the last bake, (n, 9, 3) float32 of each part, by the digest of its emitters
     moved:   samples that replace some of these, by the bytes of what they depend on; the last ones
     """
 
@@ -78,7 +78,7 @@ class ProbeRows:
         self._samples = len(directions)
         self.points, self._limit = points, limit
         self.distances = np.zeros((0, MAP_WIDTH, MAP_WIDTH, 2), np.float32)
-        self.direct: dict[int, tuple[bytes, np.ndarray]] = {}
+        self.direct: dict[bytes, np.ndarray] = {}
         self.moved: dict[str, tuple[bytes, ProbeRows]] = {}
         probes = to_float4(points)
         probes[:, 3] = margin

@@ -123,10 +123,21 @@ def test_light_groups_are_parts_of_all_light(session, indirect_only):
     assert (lamps[:, 0] > 0.01).all()
 
 
-def test_an_object_on_a_floor_has_the_light_of_its_lightmap(session):
-    """One wall of a room shines: probes interpolated at the floor differ from its lightmap by less than 5 %.
+def lookup(grid, points):
+    """Return E/pi upwards in the lowest layer of a grid on the unit square, (n, n, 3): rows along y."""
+    width = grid.resolution[0]
+    lowest = irradiance(grid.coefficients[: width**2], Z[None])[:, 0].reshape(width, width, 3)
+    place = np.clip(points * width - 0.5, 0, width - 1)
+    low = np.minimum(place.astype(int), width - 2)
+    part = (place - low)[:, None, None]
+    rows = (lowest[low] * (1 - part) + lowest[low + 1] * part).transpose(1, 0, 2)
+    return (rows[low] * (1 - part) + rows[low + 1] * part).transpose(1, 0, 2)
 
-    Farther from walls than one and a half cells, where SH L2 and the grid resolve the light.
+
+def test_an_object_on_a_floor_has_the_light_of_its_lightmap(session):
+    """One wall of a room emits: probes interpolated at the floor differ from its lightmap by less than 5 %.
+
+    Everywhere with cells of 1/24 of the room, and with cells of 1/8 farther than one and a half from walls.
     """
     charts = [(17 * (number % 3), 17 * (number // 3), 16, 16) for number in range(6)]
     mesh = quads(room_walls(1, 1, 1), charts, range(6), 64, "Room")
@@ -135,21 +146,20 @@ def test_an_object_on_a_floor_has_the_light_of_its_lightmap(session):
     surfaces = [
         material(name, colour, float(name == "Front")) for name, colour in zip(names, colours, strict=True)
     ]
-    scene = Scene((mesh,), tuple(surfaces), probe_volumes=(volume((0.5, 0.5, 0.5), 0.5, (8, 8, 8)),))
+    volumes = [
+        volume((0.5, 0.5, z), (0.5, 0.5, z), (n, n, 1), f"{n}") for n, z in ((24, 1 / 48), (8, 1 / 16))
+    ]
+    scene = Scene((mesh,), tuple(surfaces), probe_volumes=tuple(volumes))
     settings = dataclasses.replace(
-        SETTINGS, resolution=64, samples=256, probe_samples=1200, sample_emission=False, hide_seams=False
-    )
+        SETTINGS, resolution=64, samples=1024, probe_samples=3000, texel_samples=4, sample_emission=False,
+        hide_seams=False,
+    )  # fmt: skip
     result = finished(session.bake(scene, settings))
-    floor = result.display[0, :16, :16]
-    lowest = irradiance(result.probes[0].coefficients[:64], Z[None])[:, 0].reshape(8, 8, 3)
-    place = np.clip((np.arange(16) + 0.5) / 2 - 0.5, 0, 7)
-    low = np.minimum(place.astype(int), 6)
-    part = (place - low)[:, None, None]
-    rows = lowest[low] * (1 - part) + lowest[low + 1] * part
-    rows = rows.transpose(1, 0, 2)
-    found = (rows[low] * (1 - part) + rows[low + 1] * part).transpose(1, 0, 2)
+    floor, points = result.display[0, :16, :16], (np.arange(16) + 0.5) / 16
+    fine, coarse = (lookup(grid, points) for grid in result.probes)
     inner = slice(3, 13)
-    assert found[inner, inner] == pytest.approx(floor[inner, inner], rel=0.05)
+    assert fine == pytest.approx(floor, rel=0.05)
+    assert coarse[inner, inner] == pytest.approx(floor[inner, inner], rel=0.05)
 
 
 def test_half_of_the_sphere(session):
@@ -207,29 +217,71 @@ def test_lit_backs_within_three_texels_count_as_dark(session):
     assert grid.validity.tolist() == [float(depth > 3 / 16) for depth in below]
 
 
-def test_rays_to_lamps_are_traced_again_only_if_emitters_change(session, monkeypatch):
-    """Other walls leave the light of a lamp, also at a probe that moved out of a wall."""
-    traced = []
-    project = ProbeLights._projected
+@pytest.fixture
+def traced(monkeypatch):
+    """Return a list to which each part of the direct light that is traced adds its rays per probe."""
+    rays, project = [], ProbeLights._projected
 
     def counted(lights, probes, emitters, budget):
-        traced.append(probes.count)
+        rays.append(budget)
         return project(lights, probes, emitters, budget)
 
     monkeypatch.setattr(ProbeLights, "_projected", counted)
-    lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.7]), np.eye(3), np.float32([1, 1, 1]))
+    return rays
+
+
+def test_rays_to_lamps_are_traced_again_only_if_emitters_change(session, traced):
+    """Other walls and colors leave the rays to a lamp, also at a probe that moved out of a wall."""
+    lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.7]), np.eye(3), np.float32([1, 1, 1]), radius=0.1)
     probes = volume((31 / 32, 0.5, 0.5), (0.25, 0.1, 0.1), (8, 1, 1))
     room = dataclasses.replace(furnace(0.3, 0.1), lights=(lamp,), probe_volumes=(probes,))
     bright = dataclasses.replace(furnace(0.3, 0.8), lights=(lamp,), probe_volumes=(probes,))
-    settings = {"resolution": 32, "visibility": "rays", "sample_emission": False}
+    settings = {"resolution": 32, "visibility": "rays", "sample_emission": False, "light_samples": 7}
     bake(session, room, **settings)
     found = bake(session, bright, **settings)
-    assert traced == [8]
     blue = dataclasses.replace(lamp, strength=np.float32([0, 0, 3]))
     bake(session, dataclasses.replace(bright, lights=(blue,)), **settings)
-    assert traced == [8, 8]
+    assert traced == [7]
     fresh = bake(session, bright, seed=3, **settings), bake(session, bright, **settings)
     assert (fresh[1][0].coefficients == found[0].coefficients).all()
+
+
+@pytest.mark.parametrize("count", [3, 11])
+def test_only_rays_to_changed_lamps_are_traced_again(session, traced, count):
+    """A moved lamp leaves the others, up to eight; the light is that of a new bake, and has all lamps."""
+    random = np.random.default_rng(5)
+    lamps = [
+        Light(f"Lamp {number}", "point", place, np.eye(3), np.float32(strength), radius=0.05 * (number % 2))
+        for number, (place, strength) in enumerate(
+            zip(
+                random.uniform((0.2, 0.2, 0.8), 0.9, (count, 3)),
+                random.uniform(1, 3, (count, 3)),
+                strict=True,
+            )
+        )
+    ]
+    probes = (volume((0.5, 0.5, 0.2), (0.45, 0.45, 0.1), (3, 2, 1)),)
+    room = dataclasses.replace(furnace(0.3, 0.1), lights=tuple(lamps), probe_volumes=probes)
+    settings = {"resolution": 32, "visibility": "rays", "sample_emission": False, "light_samples": 64}
+    bake(session, room, **settings)
+    assert traced == ([1, 64, 1] if count == 3 else [8 * 64])
+    traced.clear()
+    moved = dataclasses.replace(lamps[0], position=np.array([0.3, 0.6, 0.8]), strength=np.float32([2, 0, 1]))
+    scene = dataclasses.replace(room, lights=(moved, *lamps[1:]))
+    (found,) = bake(session, scene, **settings)
+    assert traced == ([1] if count == 3 else [8 * 64])
+    with_session = Session()
+    (fresh,) = bake(with_session, scene, **settings)
+    with_session.close()
+    assert found.coefficients == pytest.approx(fresh.coefficients, abs=1e-4)
+    direct = sum(
+        (basis(way / np.linalg.norm(way, axis=1)[:, None]) / np.square(way).sum(axis=1)[:, None])[..., None]
+        * lamp.strength
+        for lamp in scene.lights
+        for way in (lamp.position - probes[0].points(),)
+    )
+    indirect = bake(session, scene, probes_indirect_only=True, **settings)[0].coefficients
+    assert found.coefficients - indirect == pytest.approx(direct, abs=0.02 * direct.max())
 
 
 def test_a_second_bake_reuses_the_rays_and_gives_the_same_bits(session):

@@ -154,6 +154,7 @@ TREES = {
     "principled_glass": closure("BsdfPrincipled", Base_Color=COLOR, IOR=1.45, Transmission_Weight=1.0),
     "metal": closure("BsdfPrincipled", Base_Color=COLOR, Metallic=0.7, Roughness=0.9, Alpha=0.8),
     "glossy": mixed(closure("BsdfAnisotropic", Color=COLOR, Roughness=0.4), DIFFUSE, 0.25),
+    "rough": closure("BsdfDiffuse", Color=COLOR, Roughness=0.8),
     "curtain": mixed(DIFFUSE, closure("BsdfTranslucent", Color=OTHER), 0.5),
     "tinted_sheet": mixed(DIFFUSE, TINT, 0.5),
     "glow": added(CLEAR, GLOW),
@@ -217,6 +218,30 @@ def test_constants_stand_for_kinds_of_rays():
     panel = read(shader_material(TREES["one_sided"]))
     assert panel["bounce_back"].tolist() == [1, 1, 1] and not panel["bounce"].any()
     assert panel["emission"] == pytest.approx(np.array(OTHER) * 3) and not panel["back_emission"].any()
+
+
+@pytest.mark.parametrize("kind", ["BsdfDiffuse", "BsdfPrincipled"])
+@pytest.mark.parametrize(
+    ("roughness", "single", "both", "notes"),
+    [(0, 0.5, 0.5, 0), (0.2, 0.47963, 0.48463, 0), (0.8, 0.43002, 0.44620, 1)],
+)
+def test_rough_diffuse_closures_reflect_less(kind, roughness, single, both, notes):
+    """Known means over all directions without and with the energy that Cycles restores since Blender 4.3."""
+    import bpy
+
+    name = "Roughness" if kind == "BsdfDiffuse" else "Diffuse Roughness"
+    surface = shader_material(
+        closure(kind, **{"Color" if kind == "BsdfDiffuse" else "Base Color": (0.5,) * 3})
+    )
+    inputs = next(each for each in surface.node_tree.nodes if each.name != "Material Output").inputs
+    if name not in inputs:
+        pytest.skip("Blender 4.3 introduced Diffuse Roughness")
+    inputs[name].default_value = roughness
+    expected = both if bpy.app.version >= (4, 3) else single
+    assert read(surface)["reflectance"] == pytest.approx([expected] * 3, rel=1e-4)
+    collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
+    collected.add(surface)
+    assert sum("diffuse roughness" in note for note in collected.sentences()) == notes
 
 
 def test_groups_are_evaluated_by_cycles():

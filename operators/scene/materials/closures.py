@@ -12,6 +12,7 @@ import bpy
 
 from ...compat import node_input
 from .gloss import GLOSSY, METALLIC, glossy_nodes, metal_nodes
+from .rough_diffuse import diffuse_roughness, rough_nodes
 from .socket_math import Operand, SocketMath
 
 #: The quantities of a surface that evaluations of its node tree return. "glass" is the part of "through" that
@@ -161,6 +162,12 @@ def _color(math: SocketMath, node: bpy.types.Node) -> Operand:
     return node.inputs["Color"]
 
 
+def _rough(math: SocketMath, node: bpy.types.Node, name: str = "Color") -> Operand:
+    """Return the albedo of a diffuse closure, whose color is the input of a name."""
+    color, roughness = math.positive(node.inputs[name]), diffuse_roughness(node)
+    return color if roughness is None else rough_nodes(math, color, roughness)
+
+
 def _glass(math: SocketMath, node: bpy.types.Node) -> Operand:
     """Return color * (1 - F)."""
     return math.multiply(node.inputs["Color"], math.window(node.inputs["IOR"]))
@@ -175,7 +182,7 @@ def _dielectric(math: SocketMath, node: bpy.types.Node) -> Operand:
 def _diffuse(math: SocketMath, node: bpy.types.Node) -> Operand:
     """Return the diffuse albedo of the Principled BSDF, reflected and transmitted together."""
     opaque = math.complement(math.clamp(_operand(_transmission(node))))
-    return math.multiply(_dielectric(math, node), opaque, math.positive(node.inputs["Base Color"]))
+    return math.multiply(_dielectric(math, node), opaque, _rough(math, node, "Base Color"))
 
 
 def _forward(math: SocketMath, node: bpy.types.Node) -> Operand:
@@ -246,7 +253,7 @@ _FALLING: dict[str, Rule] = {GLASS: _glass, PRINCIPLED: _principled_glass}
 _MIRRORS: dict[str, Rule] = {GLASS: _glass_mirror, PRINCIPLED: _principled_mirror}
 _RULES: dict[str, dict[str, Rule]] = {
     "reflect": {
-        "ShaderNodeBsdfDiffuse": _color,
+        "ShaderNodeBsdfDiffuse": _rough,
         "ShaderNodeBsdfToon": _color,
         "ShaderNodeSubsurfaceScattering": _color,
         **dict.fromkeys(GLOSSY, glossy_nodes),

@@ -20,6 +20,7 @@ from .object_nodes import Dependence, Source, shown, source_of
 from .pixels import PixelCache
 from .ray_kinds import BOUNCE, RayKind, ray_value
 from .rec709_materials import in_rec709
+from .rough_diffuse import diffuse_roughness, rough_albedo
 from .sockets import ComplexError, feeding_socket
 from .textures import read_texture
 from .values import BLACK, HOLE, ZERO, DiffuseSurface, MaterialValue, constant
@@ -85,8 +86,13 @@ class ShaderReader:
         return ZERO if socket is None else self._value(socket, 1)
 
     def reflectance(self, node: bpy.types.Node, *names: str) -> MaterialValue:
-        """Return a reflectance input of a node times the factor of its normal map (`bump_factor`)."""
+        """Return a reflectance input of a node times the factor of its normal map (`bump_factor`).
+
+        The colour of a rough diffuse closure becomes its albedo; a texture then raises ComplexError.
+        """
         colour = self.colour(node, *names)
+        if (roughness := diffuse_roughness(node)) is not None:
+            colour = constant(*rough_albedo(_plain(colour), _fraction(self._value(roughness, 1))))
         return colour if colour.is_zero else colour * bump_factor(node, self._cache, self._owner)
 
     def alpha(self, socket: bpy.types.NodeSocket) -> tuple[MaterialValue, float | None]:

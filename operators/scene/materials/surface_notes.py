@@ -7,6 +7,7 @@ import bpy
 from ....engine.object_message import counted, listing
 from ...compat import node_tree
 from .closures import is_glass, is_unknown
+from .rough_diffuse import is_rough
 from .smooth_metals import is_mirror
 from .sockets import feeding_socket
 from .tree_nodes import used_nodes
@@ -14,7 +15,7 @@ from .view_nodes import depends_on_view
 
 
 class SurfaceNotes:
-    """Collects materials that refract or mirror light, depend on the view, or are not baked in part.
+    """Collects materials that refract or mirror light, depend on the view, are rough, or not baked in part.
 
     glass:  True if refracting closures transmit light without refraction
     """
@@ -28,6 +29,7 @@ class SurfaceNotes:
         self._lengths: set[str] = set()
         self._occlusions: set[str] = set()
         self._views: set[str] = set()
+        self._rough: set[str] = set()
         self._unknown: dict[str, str] = {}
 
     def add(self, material: bpy.types.Material | None) -> None:
@@ -57,6 +59,8 @@ class SurfaceNotes:
             self._lengths.add(material)
         if node.bl_idname == "ShaderNodeAmbientOcclusion":
             self._occlusions.add(material)
+        if is_rough(node):
+            self._rough.add(material)
         if is_unknown(node):
             self._unknown[material] = node.name
 
@@ -91,6 +95,12 @@ class SurfaceNotes:
                 "Replace the Layer Weight, Fresnel, Camera Data or coordinate node."
             )
             notes.append(listing(sentence, sorted(self._views)))
+        if self._rough:
+            sentence = (
+                "Materials {} have diffuse roughness. It darkens the light that they reflect, but not their "
+                "own lightmaps. Set it to 0 for the same light in both."
+            )
+            notes.append(listing(sentence, sorted(self._rough)))
         for material, node in sorted(self._unknown.items()):
             notes.append(
                 f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."

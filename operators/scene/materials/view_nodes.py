@@ -27,10 +27,11 @@ _GLOSS = GLOSSY | {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction", METALLIC}
 _LIT_INPUTS = frozenset({
     "Color", "Base Color", "Alpha", "Metallic", "Transmission Weight", "Transmission", "Subsurface Weight",
     "Subsurface", "Thin Wall", "Emission", "Emission Color", "Emission Strength", "Strength", "IOR",
+    "Diffuse Roughness",
 })  # fmt: skip
 
-#: Further such inputs of metals, of which bakes have the albedo.
-_METAL_INPUTS = frozenset({"Roughness", "Extinction"})
+#: Further such inputs of metals and Diffuse BSDFs, of which bakes have the albedo.
+_ALBEDO_INPUTS = frozenset({"Roughness", "Extinction"})
 
 #: Group nodes around a node, from the outermost one.
 _Groups = tuple[bpy.types.Node, ...]
@@ -100,7 +101,7 @@ def _lit_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
         return list(node.inputs)
     if node.bl_idname in DARK:
         return []
-    names = _LIT_INPUTS | _METAL_INPUTS if _is_metal(node) else _LIT_INPUTS
+    names = _LIT_INPUTS | _ALBEDO_INPUTS if _is_rough(node) else _LIT_INPUTS
     return [socket for socket in node.inputs if socket.name in names and not _is_dark(node, socket)]
 
 
@@ -114,10 +115,10 @@ def _mixed_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
     return [second] if shares == {1.0} else [factor, first, second]
 
 
-def _is_metal(node: bpy.types.Node) -> bool:
-    """Return True if a closure reflects as a metal, so that its roughness changes its light."""
+def _is_rough(node: bpy.types.Node) -> bool:
+    """Return True if the roughness of a closure changes its albedo."""
     if node.bl_idname != PRINCIPLED:
-        return node.bl_idname in GLOSSY | {METALLIC}
+        return node.bl_idname in GLOSSY | {METALLIC, "ShaderNodeBsdfDiffuse"}
     metallic = node.inputs["Metallic"]
     return metallic.is_linked or metallic.default_value > 0
 

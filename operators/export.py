@@ -139,7 +139,7 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
             )
         lightmaps = self.lightmaps if engine.is_custom else engine.lightmaps
         use_files = self.use_files if engine.is_custom else engine.use_files
-        return ExportOptions(_KINDS[lightmaps], use_files, engine.for_godot, pictures)
+        return ExportOptions(_KINDS[lightmaps], use_files, engine.for_godot, pictures, engine.for_unity)
 
 
 CLASSES = (HEMIBAKE_OT_export_for_engine,)

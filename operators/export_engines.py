@@ -20,6 +20,7 @@ class Engine:
     lightmaps:    how the glTF file holds lightmaps: "HDR", "PNG" or "NONE"
     use_files:    True to write OpenEXR files and the manifest
     for_godot:    True to write Godot's own files
+    for_unity:    True to write light probes for Unity and VRChat
     is_unlit:     True to write complete maps, albedo x light + emission, instead of lightmaps
     options:      properties of the operator that are shown
     """
@@ -32,6 +33,7 @@ class Engine:
     lightmaps: str = "NONE"
     use_files: bool = True
     for_godot: bool = False
+    for_unity: bool = False
     is_unlit: bool = False
     options: tuple[str, ...] = ()
 
@@ -65,7 +67,7 @@ ENGINES = {
     ),
     "UNITY": Engine(
         "Unity", "Write a .glb and OpenEXR lightmaps for Unity",
-        "A component assigns the lightmaps", "unity.md", "unity",
+        "Components assign the lightmaps and light probes", "unity.md", "unity", for_unity=True,
     ),
     "UNREAL": Engine(
         "Unreal", "Write a .glb and OpenEXR lightmaps for Unreal Engine",

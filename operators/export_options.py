@@ -26,6 +26,7 @@ class ExportOptions:
     kind:       MIME type of the lightmaps in the glTF file; "" for none
     use_files:  True to write the lightmaps as OpenEXR files with a manifest as well
     for_godot:  True to write the files by which Godot shows them instead
+    for_unity:  True to write the light probes for Unity as well
     pictures:   complete maps instead of lightmaps; None for lightmaps
     """
 
@@ -33,3 +34,4 @@ class ExportOptions:
     use_files: bool = False
     for_godot: bool = False
     pictures: PictureOptions | None = None
+    for_unity: bool = False

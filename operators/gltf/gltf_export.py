@@ -58,6 +58,7 @@ from .godot_files import (
 from .hooks import LightmapHooks, UnlitHooks
 from .materials import LitMaterials, UnlitMaterials
 from .mesh_differences import note_other_meshes
+from .unity_files import unity_file, unity_probes
 
 _NOTHING_BAKED = "No visible object has a lightmap, so there is nothing to export. Bake first."
 _GONE = "UV layers of lightmaps are gone: {}. Bake again."
@@ -141,6 +142,8 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
                 notes += work.write_godot(hooks, context.scene)
             elif options.use_files and usable:
                 work.write_files(hooks.lit, _shown_output(context.scene), manifest_states(context.scene))
+            if options.for_unity:
+                notes += work.write_unity(context.scene)
             files = work.keep()
     except (OSError, RuntimeError) as error:
         changes.undo()
@@ -259,6 +262,18 @@ class _Export:
         for name, text in self._texts.items():
             (self._made / name).write_text(text, encoding="utf-8", errors="replace")
         return [*godot.notes, *kept.values()]
+
+    def write_unity(self, scene: bpy.types.Scene) -> list[str]:
+        """Write the light probes of the last bake for Unity; return notes on what is left out."""
+        folder, name = self._path.parent, unity_file(self._path)
+        kept = kept_texts(folder, [name])
+        volumes = baked_probes(scene)
+        if volumes and not kept:
+            self._texts[name], notes = unity_probes(volumes)
+            (self._made / name).write_text(self._texts[name], encoding="utf-8")
+            return notes
+        self._stale += [] if kept else [folder / name]
+        return list(kept.values())
 
     def _godot_maps(self, scene: bpy.types.Scene, states: Iterable[str]) -> dict[bpy.types.Image, GodotMaps]:
         """Return the maps of each lightmap that Godot can show.

@@ -134,7 +134,7 @@ class BakeRun:
             yield from self._finish_check()
         with self._overlay:
             if self._watched:
-                self._overlay.begin(self._read, self._pictures.uids, self._settings.resolution)
+                self._overlay.begin(self._read, self._settings.resolution)
             lightmap = yield from self._bake_without_overlaps()
             yield self._stages.begin(self._stages.saving)
             yield from self._finish_check()
@@ -296,7 +296,7 @@ class BakeRun:
 
         def shown(progress: Progress | None) -> Progress | None:
             if progress is not None and progress.intermediate is not None:
-                pictures.show(progress.intermediate)
+                self._overlay.show(pictures.show(progress.intermediate))
             return progress
 
         return map_progress(work, shown)

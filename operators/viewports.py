@@ -35,3 +35,11 @@ def restart_renders(manager: bpy.types.WindowManager) -> None:
             if space.shading.type == "RENDERED" and window.scene.render.engine == "CYCLES":
                 space.shading.type = "SOLID"
                 space.shading.type = "RENDERED"
+
+
+def redraw_views() -> None:
+    """Let Blender draw all 3D views again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()

@@ -26,6 +26,8 @@ from ..scene.objects.render_depsgraph import reads_render
 from ..scene.objects.render_differences import hidden_in_viewport
 from ..scene.slice_timer import Slice
 from ..user_files import append_to_log
+from ..viewports import redraw_views
+from .exr import rgba
 from .preview import shows_preview
 
 #: Maximum numbers of triangles and of lightmap texels, so that the window stays responsive: their upload to
@@ -38,8 +40,9 @@ _MEAN_TEXELS = 128
 #: Shading types of 3D views that show no light of the scene.
 _UNLIT = ("SOLID", "MATERIAL")
 
-#: Distance by which the light is drawn in front of the objects, in normalized device coordinates (chosen).
-_LIFT = 2e-5
+#: Distance by which the light is drawn in front of the objects, in normalized device coordinates (chosen),
+#: and a distance that clips all triangles.
+_LIFT, _CLIPPED = 2e-5, 3.0
 
 #: Types of datablocks that Blender updates when objects are added, deleted, shown or hidden.
 _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
@@ -150,7 +153,9 @@ class LightOverlay:
 
     def __init__(self, context: SceneContext) -> None:
         self._context, self._scene_uid = context, context.scene_uid
-        self._images: list[int] = []
+        self._width, self._is_lit = 0, False
+        self._pixels: dict[int, np.ndarray] = {}
+        self._textures: dict[int, Any] = {}
         self._batches: dict[int, Any] = {}
         self._shader: Any = None
         self._drawing: object = None
@@ -168,21 +173,33 @@ class LightOverlay:
     ) -> None:
         self._end()
 
-    def begin(self, read: ReadScene, images: list[int], width: int) -> None:
+    def begin(self, read: ReadScene, width: int) -> None:
         """Start to draw; raises SceneError if the scene was deleted.
 
-        read:    scene of the bake
-        images:  session uids of the images of its lightmaps; may grow later
-        width:   of lightmaps, texels
+        read:   scene of the bake
+        width:  of lightmaps, texels
         """
         scene = find(bpy.data.scenes, self._scene_uid)
         small = read.triangles <= _TRIANGLES and len(read.scene.atlases) * width**2 <= _TEXELS
         if scene is None or not small or not scene.hemibake.show_when_done or shows_preview(scene):
             return
-        self._read, self._images = _without_hidden(read, self._context), images
+        self._read, self._width = _without_hidden(read, self._context), width
         self._shown, self._work = self._find_shown(), lit_corners(self._read)
         self._drawing = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
         self._handlers.begin()
+
+    def show(self, lightmaps: np.ndarray) -> None:
+        """Draw these lightmaps from now on.
+
+        Textures of their own upload in 4 ms at 1024 x 1024 texels. Blender's texture of an image takes 60 to
+        100 ms of a CPU that draws, since it has mip levels.
+
+        lightmaps:  (m, h, w, 3) float32, E/pi, linear Rec.709, bottom row first; maps after the atlases are
+                    ignored
+        """
+        if self._drawing is not None:
+            maps = lightmaps[: len(self._read.atlases)]
+            self._pixels, self._is_lit = {atlas: rgba(pixels) for atlas, pixels in enumerate(maps)}, True
 
     def step(self) -> None:
         """Prepare some of the triangles, or end if objects have changed.
@@ -205,6 +222,7 @@ class LightOverlay:
             next(self._work)
         except StopIteration as end:
             self._work, self._corners = None, end.value
+            redraw_views()
         except Exception:  # noqa: BLE001
             self._work = None
             self._fail()
@@ -227,7 +245,8 @@ class LightOverlay:
             bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
             self._handlers.end()
             self._drawing = self._shader = self._work = self._corners = None
-            self._batches.clear()
+            for made in (self._batches, self._textures, self._pixels):
+                made.clear()
 
     def _note_update(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Let the overlay end if an object has moved, has another mesh, or is shown or hidden."""
@@ -265,14 +284,16 @@ class LightOverlay:
         )
 
     def _draw_lightmaps(self, context: bpy.types.Context, prepared: dict[int, Corners]) -> None:
-        """Draw the lightmaps over a 3D view, with the corners of each."""
-        images = [find(bpy.data.images, uid) for uid in self._images]
+        """Draw the lightmaps over a 3D view, with the corners of each.
+
+        Before there is light, all triangles are clipped: drivers compile the shader at its first use, which
+        would otherwise delay the first light.
+        """
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
         gpu.state.face_culling_set("BACK" if context.space_data.shading.show_backface_culling else "NONE")
         for atlas, batch in self._made_batches(prepared).items():
-            if atlas < len(images) and images[atlas] is not None:
-                self._draw_batch(batch, images[atlas], context)
+            self._draw_batch(batch, self._texture(atlas), context)
 
     def _made_batches(self, prepared: dict[int, Corners]) -> dict[int, Any]:
         """Return a batch for each lightmap, made at the first drawing, which has a GPU."""
@@ -287,14 +308,25 @@ class LightOverlay:
             self._corners = {}
         return self._batches
 
-    def _draw_batch(self, batch: Any, image: bpy.types.Image, context: bpy.types.Context) -> None:
-        """Draw the objects of a lightmap with its image."""
+    def _texture(self, atlas: int) -> Any:
+        """Return the texture of a lightmap with its newest texels; black before there is light."""
+        pixels = self._pixels.pop(atlas, None)
+        if pixels is None and atlas not in self._textures:
+            pixels = np.zeros(self._width**2 * 4, np.float32)
+        if pixels is not None:
+            content = gpu.types.Buffer("FLOAT", pixels.size, pixels)
+            size = (self._width, self._width)
+            self._textures[atlas] = gpu.types.GPUTexture(size, format="RGBA32F", data=content)
+        return self._textures[atlas]
+
+    def _draw_batch(self, batch: Any, texture: Any, context: bpy.types.Context) -> None:
+        """Draw the objects of a lightmap with its texture."""
         view, origin = context.region_data.perspective_matrix, Matrix.Translation(self._read.origin.tolist())
         self._shader.bind()
         self._shader.uniform_float("projection", view @ origin)
         self._shader.uniform_float("exposure", 2.0**context.scene.view_settings.exposure)
-        self._shader.uniform_float("lift", _LIFT)
-        self._shader.uniform_sampler("lightmap", gpu.texture.from_image(image))
+        self._shader.uniform_float("lift", _LIFT if self._is_lit else _CLIPPED)
+        self._shader.uniform_sampler("lightmap", texture)
         batch.draw(self._shader)
 
 

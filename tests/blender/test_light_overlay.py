@@ -245,3 +245,58 @@ def test_an_error_of_drawing_is_logged_once_and_ends_the_light(drawn, monkeypatc
     run.step()
     assert not drawn
     run.cancel()
+
+
+class Gpu:
+    """GPU that records the light and the lift of each drawing."""
+
+    def __init__(self):
+        self.drawn, self.uploads = [], 0
+        self.types = SimpleNamespace(Buffer=lambda kind, size, values: values, GPUTexture=self._texture)
+        names = ("depth_test", "depth_mask", "face_culling")
+        self.state = SimpleNamespace(**{f"{name}_set": lambda value: None for name in names})
+        self._uniforms = {}
+
+    def _texture(self, size, format, data):
+        self.uploads += 1
+        assert data.size == size[0] * size[1] * 4 and format == "RGBA32F"
+        return data
+
+    def bind(self):
+        self._uniforms.clear()
+
+    def uniform_float(self, name, value):
+        self._uniforms[name] = value
+
+    uniform_sampler = uniform_float
+
+    def draw(self, shader):
+        self.drawn.append((self._uniforms["lift"], self._uniforms["lightmap"].copy()))
+
+
+def test_the_shader_is_used_before_there_is_light_and_textures_are_made_once(drawn, monkeypatch):
+    """Drivers compile shaders at the first drawing, and upload mip levels of images in each."""
+    import bpy
+
+    run, module, card = run_of(), part("operators.result.light_overlay"), Gpu()
+    shading = SimpleNamespace(type="SOLID", show_backface_culling=False)
+    module.bpy.context = SimpleNamespace(
+        scene=bpy.context.scene,
+        space_data=SimpleNamespace(shading=shading, local_view=None),
+        region_data=SimpleNamespace(perspective_matrix=module.Matrix()),
+    )
+    monkeypatch.setattr(module, "gpu", card)
+    monkeypatch.setattr(module, "_make_shader", lambda: card)
+    monkeypatch.setattr(module, "batch_for_shader", lambda *_: card)
+    draw = drawn[0]
+    while run._overlay._corners is None:
+        run.step()
+    draw()
+    run._overlay.show(np.full((2, 32, 32, 3), (0.25, 0.5, 7.0), np.float32))
+    for _ in range(3):
+        draw()
+    lifts, lights = zip(*card.drawn, strict=True)
+    assert lifts[0] > 2 > lifts[1] == lifts[3] > 0 and card.uploads == 2
+    assert not lights[0].any() and np.array_equal(lights[3][-4:], np.array([0.25, 0.5, 7, 1], np.float32))
+    run.run_to_end()
+    assert not run._overlay._textures

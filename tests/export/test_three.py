@@ -94,6 +94,26 @@ def test_three_reads_files_of_bakes(hemibake, engine, tmp_path, kind):
     assert np.percentile(cornell.differences(shown.pixels, wanted), 98) < 0.03
 
 
+@pytest.mark.parametrize(("width", "levels", "channel"), [(9, 8, 1), (9, 1, 0), (_WIDTH, 8, 0)])
+def test_three_uses_the_mip_levels_of_ktx2(hemibake, engine, tmp_path, width, levels, channel):
+    """Of a file whose first level is red and all others are green: small pictures are green."""
+    import bpy
+
+    from engine.encoding.ktx2 import ktx2_texture
+
+    cornell.bake(128, "draft", file_format="ktx2", folder=tmp_path)
+    path = tmp_path / "box.glb"
+    bpy.ops.hemibake.export_for_engine(filepath=str(path), lightmaps="NONE", use_files=False)
+    red, green = np.eye(3, dtype=np.float32)[:2]
+    sizes = [128 >> level for level in range(levels)]
+    maps = [np.tile(red if size == 128 else green, (size, size, 1)) for size in sizes]
+    (tmp_path / "Lightmap.ktx2").write_bytes(ktx2_texture(maps))
+    shown = engine.show(path, width, width, (*cornell.HIDDEN, "Light"))
+    assert shown.problems == []
+    light = shown.pixels.sum(axis=(0, 1))
+    assert light[channel] > (9 if channel else 2) * light[1 - channel] and light[2] < 1e-3 * light[channel]
+
+
 def test_three_names_what_is_missing_and_shows_the_rest(stateful, engine, tmp_path):
     """A group that a state names, a file, and the version of a manifest; the lightmaps inside are shown."""
     folder, wanted = stateful

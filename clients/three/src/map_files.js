@@ -16,7 +16,7 @@ export class MapFiles {
     this.problems = problems;
   }
 
-  /** Returns { texture, decode, intensity } of a map; null, and a message, if it cannot be read. */
+  /** Returns { texture, levels, decode, intensity } of a map; null, and a message, if it cannot be read. */
   load(map) {
     if (!this.#loaded.has(map.file)) this.#loaded.set(map.file, this.#read(map));
     return this.#loaded.get(map.file);
@@ -29,7 +29,8 @@ export class MapFiles {
       Object.assign(texture, { channel: 1, colorSpace: NoColorSpace, generateMipmaps: false });
       texture.minFilter = texture.magFilter = LinearFilter;
       texture.needsUpdate = true;
-      return { texture, decode: decoder(entry), intensity: entry.intensity };
+      const levels = Math.max(1, texture.mipmaps.length);
+      return { texture, levels, decode: decoder(entry), intensity: entry.intensity };
     } catch (error) {
       this.problems.push(`${file}: not readable (${error.message ?? error}). Put it beside the glTF file, or export again.`);
       return null;

@@ -71,6 +71,11 @@ _CLEAR = (
     "Transparent, but opaque in an unlit file: {}. Export for an engine with lightmaps to keep transparency."
 )
 
+_TEXTURED = (
+    "Materials with transmission and textures are opaque in Godot: {}. Use constants, or mix with a "
+    "Transparent BSDF."
+)
+
 _EMITS = (
     "Emission of objects with light at vertices is not in the file, where they are unlit: {}. Set Bake To to "
     "Lightmap."
@@ -136,8 +141,8 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
                 notes += [object_message(_CLEAR, unlit.clear)] if unlit.clear else []
                 hooks: LightmapHooks = unlit
             else:
-                hooks = work.write(surfaces, options.kind, _extras(context.scene, groups))
-            notes += [object_message(_EMITS, hooks.emitting)] if hooks.emitting else []
+                hooks = work.write(surfaces, options, _extras(context.scene, groups))
+            notes += _differences(hooks)
             if options.for_godot and usable:
                 notes += work.write_godot(hooks, context.scene)
             elif options.use_files and usable:
@@ -179,14 +184,17 @@ class _Export:
         self._texts: dict[str, str] = {}
         self._stale: list[Path] = []
 
-    def write(self, surfaces: ExportItems, kind: str, extras: Mapping[str, object]) -> LightmapHooks:
+    def write(
+        self, surfaces: ExportItems, options: ExportOptions, extras: Mapping[str, object]
+    ) -> LightmapHooks:
         """Write the glTF file and its images; return the hooks, which list the surfaces with lightmaps.
 
-        extras:  light groups and states for the file
+        options:  kind of the lightmaps, and engine: transmission becomes alpha blending for Godot
+        extras:   light groups and states for the file
         """
-        lightmaps = {image: self._encoded(image, kind) for image in self._maps}
+        lightmaps = {image: self._encoded(image, options.kind) for image in self._maps}
         materials = LitMaterials(gltf_binary_data(), self._uris(lightmaps))
-        return self._written(LightmapHooks(surfaces, lightmaps, materials, extras))
+        return self._written(LightmapHooks(surfaces, lightmaps, materials, extras, options.for_godot))
 
     def write_unlit(
         self,
@@ -483,6 +491,12 @@ def _missing(image: bpy.types.Image, surfaces: ExportItems) -> str:
         f"The lightmap '{image.name}' of {{}} is missing ({image.filepath}). Restore the file, or bake again."
     )
     return object_message(sentence, names)
+
+
+def _differences(hooks: LightmapHooks) -> list[str]:
+    """Return sentences on emission and glass that the file shows in another way than Blender."""
+    named = {_TEXTURED: hooks.textured, _EMITS: hooks.emitting}
+    return [object_message(sentence, names) for sentence, names in named.items() if names]
 
 
 def _unlit(hooks: LightmapHooks) -> Iterator[str]:

@@ -17,6 +17,7 @@ from io_scene_gltf2.io.com import gltf2_io
 from mathutils import Matrix, Quaternion
 
 from ..result.vertex_light import COLORS
+from .clear_materials import blend_clear_materials
 from .encoded import EncodedLightmap
 from .export_items import ExportItem, ExportItems, GltfUvTransform
 from .materials import LitMaterials, UnlitMaterials
@@ -35,6 +36,7 @@ class LightmapHooks:
     emitting:  names of objects among these whose materials emit light
     dark:      names of objects with surfaces that have none
     lost:      names of objects whose mesh lacks the UV layer of their lightmap
+    textured:  names of materials with textured transmission, which stay opaque where glass is blended
     error:     exception of a hook, since the exporter itself would go on
     """
 
@@ -44,7 +46,17 @@ class LightmapHooks:
         lightmaps: Mapping[bpy.types.Image, EncodedLightmap],
         materials: LitMaterials,
         extras: Mapping[str, object],
+        blends: bool = False,
     ) -> None:
+        """Create the hooks.
+
+        surfaces:   surfaces of the scene
+        lightmaps:  encoded lightmap of each image
+        materials:  materials of the file
+        extras:     light groups and states for the asset's extras
+        blends:     True to replace transmission by alpha blending
+        """
+        self._blends, self.textured = blends, list[str]()
         self._surfaces, self._lightmaps, self._materials = surfaces, lightmaps, materials
         self._extras = extras
         self._layers: dict[int, tuple[gltf2_io.Mesh, list[str]]] = {}
@@ -97,6 +109,8 @@ class LightmapHooks:
                 entry = entries.get(id(node))
                 if entry is not None and node.mesh is not None:
                     self._light(node, entry, np.array(_Y_UP.inverted() @ matrix @ _Y_UP))
+            if self._blends:
+                self.textured = blend_clear_materials(_materials(scenes))
         except Exception as error:  # noqa: BLE001
             self.error = error
 
@@ -228,6 +242,13 @@ def _moved(accessor: gltf2_io.Accessor, place: GltfUvTransform) -> gltf2_io.Acce
     made = copy.copy(accessor)
     made.buffer_view = type(accessor.buffer_view)(moved.tobytes(), accessor.buffer_view.bufferViewTarget)
     return made
+
+
+def _materials(scenes: Sequence[gltf2_io.Scene]) -> list[gltf2_io.Material]:
+    """Return each material of the meshes of all scenes once."""
+    meshes = [node.mesh for node, _ in _nodes(scenes) if node.mesh is not None]
+    used = [primitive.material for mesh in meshes for primitive in mesh.primitives]
+    return list({id(material): material for material in used if material is not None}.values())
 
 
 def _nodes(scenes: Sequence[gltf2_io.Scene]) -> Iterator[tuple[gltf2_io.Node, Matrix]]:

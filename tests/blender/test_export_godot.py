@@ -316,3 +316,34 @@ def test_dialog_shows_the_options_of_files_alone():
         assert ("lightmaps" in shown) == (name == "FILES")
         assert any("docs/engines" in text and engine.page in text for text in shown) == (name != "FILES")
         assert (ROOT / "docs" / "engines" / engine.page).exists()
+
+
+def test_transmission_becomes_alpha(tmp_path, capfd):
+    """In Godot's export alone; with a texture it stays, and is named. Nothing in Blender changes."""
+    import bpy
+
+    for number, color in enumerate([(0.25, 0.64, 1.0), None]):
+        surface = material(f"Glass {number}")
+        sockets = surface.node_tree.nodes["Principled BSDF"].inputs
+        sockets["Transmission Weight"].default_value = 0.75
+        if color is None:
+            picture = surface.node_tree.nodes.new("ShaderNodeTexImage")
+            picture.image = bpy.data.images.new("Stained", 4, 4)
+            surface.node_tree.links.new(picture.outputs["Color"], sockets["Base Color"])
+        else:
+            sockets["Base Color"].default_value = (*color, 1)
+        square(f"Pane {number}", surface=surface).location.x = 2 * number
+    bake()
+    before = snapshot()
+    other = {known["name"]: known for known in export(tmp_path / "web.glb").json["materials"]}
+    made = {known["name"]: known for known in export(tmp_path / "room.glb", engine="GODOT").json["materials"]}
+    assert snapshot() == before
+    assert not any("alphaMode" in known for known in other.values()) and "alphaMode" not in made["Glass 1"]
+    assert "transmission and textures are opaque in Godot: 'Glass 1'" in capfd.readouterr().out
+    through = 0.75 * 0.96 * np.sqrt((0.25, 0.64, 1.0))
+    *color, alpha = made["Glass 0"]["pbrMetallicRoughness"]["baseColorFactor"]
+    assert made["Glass 0"]["alphaMode"] == "BLEND" and alpha == pytest.approx(1 - through[0], abs=1e-5)
+    # In front of a surface as bright as its light, glass is as bright as what passes, with its diffuse part.
+    assert 1 - alpha + alpha * np.array(color) == pytest.approx(
+        through + 0.25 * np.array((0.25, 0.64, 1.0)), abs=1e-5
+    )

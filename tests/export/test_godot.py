@@ -7,6 +7,7 @@ import pytest
 
 from engine.encoding.ktx2 import ktx2_texture
 from engine.postprocess.chart_mips import chart_mips
+from engine.scene.color import linear_to_srgb
 from tools.engines import cornell, godot, room
 from tools.headless import ROOT
 
@@ -75,6 +76,41 @@ def test_shadow_mask_of_a_sun(hemibake, engine, tmp_path):
     assert np.median(np.abs(shown[lit] / wanted[lit] - 1)) < 0.15
     path.write_text(path.read_text().replace("shadowmask_mode = 1", "shadowmask_mode = 0"))
     assert (engine.render(path, _WIDTH, _WIDTH, sun=sun).max(axis=-1)[shadow] > 0.1).mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("color", "through"), [((1, 1, 1), (0.96, 0.96, 0.96)), ((0.25, 0.64, 1), (0.48, 0.768, 0.96))]
+)
+def test_glass_is_transparent(hemibake, engine, tmp_path, color, through):
+    """A face transmits sqrt(color) (1 - F) in its darkest channel, and more in the others.
+
+    Compatibility blends after the sRGB curve.
+    """
+    import bpy
+
+    room.build()
+    glass = bpy.data.materials["White"].copy()
+    glass.name = "Glass"
+    sockets = glass.node_tree.nodes["Principled BSDF"].inputs
+    sockets["Base Color"].default_value = (*color, 1)
+    sockets["Transmission Weight"].default_value, sockets["Roughness"].default_value = 1.0, 0.0
+    mesh = bpy.data.meshes.new("Pane")
+    corners = [(-0.7, -0.9, 0.2), (0.1, -0.9, 0.2), (0.1, -0.9, 1.5), (-0.7, -0.9, 1.5)]
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    mesh.materials.append(glass)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Pane", mesh))
+    settings = bpy.context.scene.hemibake
+    settings.quality, settings.resolution = "draft", 64
+    bpy.ops.hemibake.bake()
+    path = export(tmp_path)
+    behind = engine.render(path, _WIDTH, _WIDTH, (*_HIDDEN, "Pane"))
+    shown = engine.render(path, _WIDTH, _WIDTH, _HIDDEN)
+    pane = (shown != behind).any(axis=-1) & (behind.min(axis=-1) > 0.01)
+    assert pane.mean() > 0.05
+    ratio = np.median(linear_to_srgb(shown[pane]) / linear_to_srgb(behind[pane]), axis=0)
+    assert ratio[0] == pytest.approx(through[0], abs=0.02)
+    for part, wanted in zip(ratio[1:], through[1:], strict=True):
+        assert part == pytest.approx(wanted, abs=0.02) if wanted == through[0] else part > ratio[0] + 0.1
 
 
 def test_bicubic_filter_keeps_charts_apart(hemibake, engine, tmp_path):

@@ -28,16 +28,18 @@ if TYPE_CHECKING:
 #: Guessed seconds, until measured, to open devices and to choose a method.
 _OPENING, _CHOOSING = 0.5, 0.5
 
-#: Guessed seconds of the host for each lightmap texel of an image and of the patch list, and of a CPU for
-#: each ray or hemicube texel. On 2 cores the patch list took 9.2 and 13.7 CPU s for 1024 x 1024 texels and
+#: Guessed seconds of the host for each lightmap texel of an image and of the patch list, and cost of a
+#: triangle in the list, in texels. At 1024 x 1024 texels the list took 9.2 and 13.7 CPU s of 2 cores for
 #: 109,000 and 316,000 triangles.
-_TEXEL, _LISTED, _RAY = 1e-7, 4e-6, 2e-7
+_TEXEL, _LISTED, _TRIANGLE = 1e-7, 4e-6, 4
 
-#: Guessed seconds of a CPU to denoise a texel.
-_FILTERED = 1.5e-6
+#: Guessed seconds of a CPU for each ray or hemicube texel, and for each shadow ray. Measured on 2 cores:
+#: 1.5e-7 and 8e-8 s in a level of 316,000 triangles; rooms take a third.
+_RAY, _SHADOW_RAY = 2e-7, 1e-7
 
-#: Cost of a triangle in the patch list, in texels; see `_LISTED`.
-_TRIANGLE = 4
+#: Guessed seconds of a CPU to denoise a texel, with the second gather that measures the noise. 1024 x 1024
+#: texels took 43 to 76 s on two cores that other programs used to two thirds.
+_FILTERED = 1.5e-5
 
 #: Cost of the choice of a method, which contacts and areas precede, relative to `_CHOOSING`: of any, and of a
 #: triangle and a texel. Measured: 0.08 s in a room of 192 x 192 texels, 4 s with 316,000 triangles and 1024 x
@@ -53,8 +55,9 @@ _COVERAGE, _REFLECTANCE = 0.6, 0.6
 #: Assumed fraction of samples that adaptive bakes compute.
 _ADAPTED = 0.5
 
-#: Assumed fraction of patches with supersampled texels.
-_REFINED = 0.15
+#: Assumed fraction of patches with supersampled texels, at 4 samples for each; it grows with the root of
+#: their number (measured for 4 and 16). Levels need half more, rooms with few edges a tenth.
+_REFINED, _REFINED_SAMPLES = 0.1, 4
 
 #: Samples of a texel of a reflection cube: four rays, and filters that take as long (measured).
 _CUBE_SAMPLES = 8
@@ -146,8 +149,8 @@ class BakeStages(Schedule):
         self.starting = self._stage("Starting", 1, _OPENING)
         self.early_preparing, self.preparing = Stage(PREPARING, 0), Stage(PREPARING, 0)
         self.patches = self._stage("Preparing texels", texels + _TRIANGLE * extent.triangles, _LISTED)
-        self.first = self._stage("First light", 0, _RAY)
-        self.direct = self._stage("Direct light", 0, _RAY)
+        self.first = self._stage("First light", 0, _SHADOW_RAY)
+        self.direct = self._stage("Direct light", 0, _SHADOW_RAY)
         choosing = _CHOSEN + _CHOSEN_TRIANGLE * extent.triangles + _CHOSEN_TEXEL * texels
         self.choosing = self._stage("Choosing method", choosing, _CHOOSING)
         self.visibility = self._stage("Visibility", 0, _RAY)
@@ -261,7 +264,7 @@ class BakeStages(Schedule):
         finding, looking = f"Visibility {choice.visibility}", f"Bounces {choice.method} {choice.visibility}"
         again = " again" if choice.found_again else ""
         self._foresee(self.visibility, finding + again, self.visibility.pace, choice.pace)
-        self._foresee(self.final, finding, self.visibility.pace, choice.pace)
+        self._foresee(self.final, f"Final {choice.visibility}", self.visibility.pace)
         self._foresee(self.bounces, looking, self.visibility.pace * (_LOOK_UP if self._kept else 1))
         self.visibility.amount = self._samples_of_sweep * (1 - choice.resumed) if self._finds_first else 0
         self.final.amount = choice.final_samples
@@ -336,7 +339,8 @@ class BakeStages(Schedule):
         )
         self.outputs.amount = patches * rays + _LOOK_UP * self._samples_of_sweep * settings.directional
         if settings.texel_samples > 1 and settings.method != "paper":
-            self.texels.amount = _REFINED * patches * expected_samples(settings)
+            more = math.sqrt(settings.texel_samples / _REFINED_SAMPLES)
+            self.texels.amount = more * _REFINED * patches * expected_samples(settings)
         if settings.by_light_groups:
             self.light_groups.amount = self._light_groups * (_REFINED * patches * expected_samples(settings))
         self._expect_sweeps()

@@ -71,6 +71,13 @@ def test_the_exposure_of_the_camera(stateful, engine):
     close_enough(shown.pixels, wanted["Day"])
 
 
+def test_the_bicubic_filter_smooths_the_light(stateful, engine):
+    folder, wanted = stateful
+    shown = engine.show(folder / "room.glb", WIDTH, WIDTH, cornell.HIDDEN, bicubic=True)
+    off = cornell.differences(shown.pixels, wanted["Day"])
+    assert 0.0005 < np.median(off) < 0.01 and np.percentile(off, 90) < 0.05
+
+
 def test_instances_and_lightmaps_of_two_sizes(hemibake, engine, tmp_path):
     """Two lightmaps of different sizes, two objects of one mesh, instances of a collection, odd names."""
     import bpy
@@ -120,6 +127,20 @@ def test_lightmaps_in_the_file(hemibake, engine, tmp_path):
     assert files.problems == shown.problems == []
     assert shown.pixels.mean() == pytest.approx(wanted.mean(), rel=0.02)
     assert np.median(cornell.differences(shown.pixels, wanted)) < 0.03
+
+
+def test_radiance_hdr_in_the_file(hemibake, engine, tmp_path):
+    """As exported for three.js; Bevy alone refuses the file."""
+    import bpy
+
+    cornell.bake(64, "preview", states=True)
+    bpy.ops.hemibake.light_state_apply(name="Night")
+    wanted = cornell.preview(WIDTH, tmp_path)
+    path = tmp_path / "room.glb"
+    bpy.ops.hemibake.export_for_engine(filepath=str(path), engine="THREE")
+    shown = engine.show(path, WIDTH, WIDTH, cornell.HIDDEN, "Night", hdr_inside=True)
+    assert shown.problems == []
+    close_enough(shown.pixels, wanted)
 
 
 def test_what_is_missing_is_named_and_all_else_is_shown(stateful, engine, tmp_path):

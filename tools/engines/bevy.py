@@ -24,11 +24,11 @@ SOURCE = HERE / "bevy_show"
 #: Where cargo builds the program.
 BUILT = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parents[1] / "out" / "engines" / "bevy"))
 
-#: Options of the program: a light group as [name, linear RGB, strength], the settings of the crate, exposure
-#: of the camera, and the manifest of light probes, relative to the folder of the file.
+#: Options of the program: a light group as [name, linear RGB, strength]; settings of the crate; whether it
+#: reads Radiance HDR in the file; exposure of the camera; manifest of light probes in the folder of the file.
 _ASKED = {
-    "group": None, "shades_normal_maps": True, "prefers_files": False, "bicubic": False, "ev100": 9.7,
-    "probes": "",
+    "group": None, "shades_normal_maps": True, "prefers_files": False, "hdr_inside": False,
+    "bicubic": False, "ev100": 9.7, "probes": "",
 }  # fmt: skip
 
 #: Where the loader of Vulkan looks for drivers: variables that name them, and folders.

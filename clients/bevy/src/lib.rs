@@ -34,6 +34,7 @@
 
 mod directional;
 mod gltf_lightmaps;
+mod hdr_inside;
 mod light_control;
 mod loading;
 pub mod manifest;
@@ -48,9 +49,11 @@ use bevy::{
     app::{App, Plugin, Update},
     ecs::prelude::*,
     gltf::extensions::GltfExtensionHandlers,
+    tasks::block_on,
 };
 
 pub use directional::{DirectionalLight, DirectionalMaterial};
+pub use hdr_inside::HdrInsidePlugin;
 pub use light_control::{LightControl, UnknownName};
 pub use loading::{LightmapProblem, Lightmapped, LightmapsReady};
 pub use manifest::LightmapUvs;
@@ -83,9 +86,7 @@ impl Plugin for HemibakePlugin {
                     .chain(),
             );
         let handlers = app.world().resource::<GltfExtensionHandlers>();
-        handlers
-            .0
-            .write_blocking()
-            .push(Box::new(gltf_lightmaps::GltfLightmaps::default()));
+        // The lock has no blocking method on the web.
+        block_on(handlers.0.write()).push(Box::new(gltf_lightmaps::GltfLightmaps::default()));
     }
 }

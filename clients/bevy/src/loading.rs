@@ -103,10 +103,11 @@ pub(crate) fn start_loading(
             .unwrap_or_default()
             .to_string_lossy();
         let mut plan = Plan::new(scene, &file, &server, &folder, &settings);
-        plan.read(manifest);
+        plan.read(&manifest);
         for (surface, inside, name) in scenes.surfaces(entity) {
             plan.add(surface, inside, name);
         }
+        plan.add_volumes(&manifest);
         commands
             .entity(entity)
             .remove::<LightmappedScene>()
@@ -150,7 +151,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Reads states and problems of the extras and of the manifest. A file without lightmaps needs no manifest.
-    fn read(&mut self, manifest: ManifestFile) {
+    fn read(&mut self, manifest: &ManifestFile) {
         let extras = read_extras(&self.scene.extras, self.file).unwrap_or_else(|problem| {
             self.loading.problems.push(problem);
             Extras::default()
@@ -158,8 +159,8 @@ impl<'a> Plan<'a> {
         let needs_manifest = self.scene.inside.is_empty() && !extras.groups.is_empty();
         self.loading.states = extras.states;
         match manifest {
-            ManifestFile::Read(manifest) => self.read_manifest(&manifest),
-            ManifestFile::Faulty(problem) => self.loading.problems.push(problem),
+            ManifestFile::Read(manifest) => self.read_manifest(manifest),
+            ManifestFile::Faulty(problem) => self.loading.problems.push(problem.clone()),
             ManifestFile::Missing(reason) if needs_manifest => self.loading.problems.push(format!(
                 "{MANIFEST}: not readable ({reason}). Put it beside '{}', or export with lightmaps inside.",
                 self.file
@@ -173,7 +174,14 @@ impl<'a> Plan<'a> {
         if self.loading.states.0.is_empty() {
             self.loading.states = manifest.states.clone();
         }
-        if self.settings.shows_probes {
+    }
+
+    /// Adds the probe volumes, if the file has lightmaps: other files of the folder share the manifest.
+    fn add_volumes(&mut self, manifest: &ManifestFile) {
+        if let ManifestFile::Read(manifest) = manifest
+            && self.settings.shows_probes
+            && !self.loading.lightmaps.is_empty()
+        {
             self.loading.add_volumes(manifest, self.server, self.folder);
         }
     }

@@ -6,6 +6,7 @@ use bevy::{
     app::ScheduleRunnerPlugin,
     camera::RenderTarget,
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    light::IrradianceVolume,
     prelude::*,
     render::{
         RenderPlugin,
@@ -16,7 +17,8 @@ use bevy::{
     scene::SceneInstanceReady,
 };
 use bevy_hemibake::{
-    HemibakePlugin, HemibakeSettings, LightControl, LightmapProblem, LightmapsReady, ProbeVolumes,
+    HdrInsidePlugin, HemibakePlugin, HemibakeSettings, LightControl, LightmapProblem,
+    LightmapsReady, ProbeVolumes,
 };
 use serde::Deserialize;
 
@@ -41,6 +43,8 @@ struct Asked {
     seconds: f32,
     /// Light group, linear RGB and strength.
     group: Option<(String, [f32; 3], f32)>,
+    /// Read Radiance HDR in the file.
+    hdr_inside: bool,
     shades_normal_maps: bool,
     prefers_files: bool,
     bicubic: bool,
@@ -73,8 +77,8 @@ fn main() {
         synchronous_pipeline_compilation: true,
         ..default()
     };
-    App::new()
-        .add_plugins(DefaultPlugins.set(assets).set(renders))
+    let mut app = App::new();
+    app.add_plugins(DefaultPlugins.set(assets).set(renders))
         .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::from_millis(1)))
         .insert_resource(ClearColor(Color::BLACK))
         .insert_resource(GlobalAmbientLight {
@@ -88,8 +92,11 @@ fn main() {
             shades_normal_maps: asked.shades_normal_maps,
             ..default()
         })
-        .add_plugins(HemibakePlugin)
-        .insert_resource(asked)
+        .add_plugins(HemibakePlugin);
+    if asked.hdr_inside {
+        app.add_plugins(HdrInsidePlugin);
+    }
+    app.insert_resource(asked)
         .insert_resource(Answer(folder))
         .init_resource::<Complete>()
         .add_systems(Startup, load)
@@ -183,10 +190,15 @@ fn report(
 /// Reads the picture some frames after the light is complete, which includes fades.
 fn read_back(
     mut commands: Commands,
+    asked: Res<Asked>,
     scenes: Query<&LightControl>,
+    volumes: Query<&IrradianceVolume>,
     target: Res<Target>,
     mut complete: ResMut<Complete>,
 ) {
+    if !asked.probes.is_empty() && !volumes.is_empty() {
+        complete.0.get_or_insert(0);
+    }
     let Some(frames) = &mut complete.0 else {
         return;
     };

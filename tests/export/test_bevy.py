@@ -167,6 +167,10 @@ def test_what_is_missing_is_named_and_all_else_is_shown(stateful, engine, tmp_pa
     newer = engine.show(shown("newer", lambda manifest: manifest.update(version=9)), 8, 8).problems
     assert newer[0].startswith("hemibake.json: version 9 is unknown.")
 
+    probes = [{"name": "Hall", "matrix": np.eye(4).tolist(), "ktx2": "lost.ktx2"}]
+    (problem,) = engine.show(shown("probes", lambda manifest: manifest.update(probes=probes)), 8, 8).problems
+    assert problem.startswith("Probe volume 'Hall': 'lost.ktx2' is not readable")
+
     absent = shown("absent")
     next(absent.parent.glob("*Blue*.exr")).unlink()
     answer = engine.show(absent, WIDTH, WIDTH, cornell.HIDDEN, "Day")

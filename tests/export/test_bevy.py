@@ -17,6 +17,14 @@ def engine():
     return bevy
 
 
+@pytest.mark.parametrize(
+    "check", ["fmt --check", "test", "clippy --all-targets -- -D warnings", "doc --no-deps"]
+)
+def test_the_crate_passes_the_checks_of_cargo(engine, check):
+    """Its unit tests read the golden manifests; those of its documentation compile."""
+    bevy.cargo(bevy.CRATE, *check.split())
+
+
 @pytest.fixture(scope="module")
 def stateful(hemibake, tmp_path_factory):
     """Return a folder with an export of the box with light states for Bevy, and the preview of each state."""

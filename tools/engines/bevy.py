@@ -21,6 +21,9 @@ from .web import Shown
 HERE = Path(__file__).parent
 SOURCE = HERE / "bevy_show"
 
+#: The crate that the program uses.
+CRATE = HERE.parents[1] / "clients" / "bevy"
+
 #: Where cargo builds the program.
 BUILT = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parents[1] / "out" / "engines" / "bevy"))
 
@@ -64,8 +67,13 @@ def _has_driver() -> bool:
 
 def install() -> None:
     """Let cargo build the program; raises CalledProcessError."""
-    command = ["cargo", "build", "--manifest-path", str(SOURCE / "Cargo.toml")]
-    subprocess.run(command, env={**os.environ, "CARGO_TARGET_DIR": str(BUILT)}, check=True)
+    cargo(SOURCE, "build")
+
+
+def cargo(folder: Path, *arguments: str) -> None:
+    """Run cargo on the package in a folder; raises CalledProcessError."""
+    flags = {"CARGO_TARGET_DIR": str(BUILT), "RUSTDOCFLAGS": "-D warnings"}
+    subprocess.run(["cargo", *arguments], cwd=folder, env={**os.environ, **flags}, check=True)
 
 
 def show(

@@ -244,6 +244,15 @@ def test_rough_diffuse_closures_reflect_less(kind, roughness, single, both, note
     assert sum("diffuse roughness" in note for note in collected.sentences()) == notes
 
 
+def test_toon_closures_are_named():
+    collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
+    for build in (closure("BsdfToon", Color=COLOR), closure("BsdfDiffuse", Color=COLOR)):
+        collected.add(shader_material(build))
+    assert collected.sentences() == [
+        "Materials 'Tree' have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
+    ]
+
+
 def test_groups_are_evaluated_by_cycles():
     surface = shader_material(grouped(grouped(TREES["two_sided_portal"])))
     assert surface.node_tree.nodes.get("Group") is not None

@@ -13,6 +13,23 @@ from .sockets import feeding_socket
 from .tree_nodes import used_nodes
 from .view_nodes import depends_on_view
 
+_VOLUMES = "The volumes of materials {} are not baked."
+_COATS = "The tint of the coat of materials {} is not baked."
+_LENGTHS = "Materials {} depend on Ray Length. A bake uses the length 1. Replace that node."
+_OCCLUSIONS = (
+    "Materials {}: bakes evaluate their Ambient Occlusion nodes without other objects. "
+    "Bake the node into an image."
+)
+_VIEWS = (
+    "Materials {} depend on the view. A bake uses the view along the normal. "
+    "Replace the Layer Weight, Fresnel, Camera Data or coordinate node."
+)
+_ROUGH = (
+    "Materials {} have diffuse roughness. It darkens the light that they reflect, but not their own "
+    "lightmaps. Set it to 0 for the same light in both."
+)
+_TOONS = "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
+
 
 class SurfaceNotes:
     """Collects materials that refract or mirror light, depend on the view, are rough, or not baked in part.
@@ -30,6 +47,7 @@ class SurfaceNotes:
         self._occlusions: set[str] = set()
         self._views: set[str] = set()
         self._rough: set[str] = set()
+        self._toons: set[str] = set()
         self._unknown: dict[str, str] = {}
 
     def add(self, material: bpy.types.Material | None) -> None:
@@ -61,6 +79,8 @@ class SurfaceNotes:
             self._occlusions.add(material)
         if is_rough(node):
             self._rough.add(material)
+        if node.bl_idname == "ShaderNodeBsdfToon":
+            self._toons.add(material)
         if is_unknown(node):
             self._unknown[material] = node.name
 
@@ -76,31 +96,12 @@ class SurfaceNotes:
             verb = "reflects" if len(self._mirrors) == 1 else "reflect"
             sentence = f"{count} {verb} light in all directions instead of mirroring it: {{}}."
             notes.append(listing(sentence, sorted(self._mirrors)))
-        if self._volumes:
-            notes.append(listing("The volumes of materials {} are not baked.", sorted(self._volumes)))
-        if self._coats:
-            notes.append(listing("The tint of the coat of materials {} is not baked.", sorted(self._coats)))
-        if self._lengths:
-            sentence = "Materials {} depend on Ray Length. A bake uses the length 1. Replace that node."
-            notes.append(listing(sentence, sorted(self._lengths)))
-        if self._occlusions:
-            sentence = (
-                "Materials {}: bakes evaluate their Ambient Occlusion nodes without other objects. "
-                "Bake the node into an image."
-            )
-            notes.append(listing(sentence, sorted(self._occlusions)))
-        if self._views:
-            sentence = (
-                "Materials {} depend on the view. A bake uses the view along the normal. "
-                "Replace the Layer Weight, Fresnel, Camera Data or coordinate node."
-            )
-            notes.append(listing(sentence, sorted(self._views)))
-        if self._rough:
-            sentence = (
-                "Materials {} have diffuse roughness. It darkens the light that they reflect, but not their "
-                "own lightmaps. Set it to 0 for the same light in both."
-            )
-            notes.append(listing(sentence, sorted(self._rough)))
+        kinds = (
+            (self._volumes, _VOLUMES), (self._coats, _COATS), (self._lengths, _LENGTHS),
+            (self._occlusions, _OCCLUSIONS), (self._views, _VIEWS), (self._rough, _ROUGH),
+            (self._toons, _TOONS),
+        )  # fmt: skip
+        notes += [listing(sentence, sorted(materials)) for materials, sentence in kinds if materials]
         for material, node in sorted(self._unknown.items()):
             notes.append(
                 f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."

@@ -28,10 +28,11 @@ CRATE = HERE.parents[1] / "clients" / "bevy"
 BUILT = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parents[1] / "out" / "engines" / "bevy"))
 
 #: Options of the program: a light group as [name, linear RGB, strength]; settings of the crate; whether it
-#: reads Radiance HDR in the file; exposure of the camera; manifest of light probes in the folder of the file.
+#: reads Radiance HDR in the file; whether it uses features of phones alone; exposure of the camera; manifest
+#: of light probes in the folder of the file.
 _ASKED = {
     "group": None, "shades_normal_maps": True, "prefers_files": False, "hdr_inside": False,
-    "bicubic": False, "ev100": 9.7, "probes": "",
+    "is_limited": False, "bicubic": False, "ev100": 9.7, "probes": "",
 }  # fmt: skip
 
 #: Where the loader of Vulkan looks for drivers: variables that name them, and folders.

@@ -12,6 +12,7 @@ use bevy::{
         RenderPlugin,
         gpu_readback::{Readback, ReadbackComplete},
         render_resource::{TextureFormat, TextureUsages},
+        settings::{RenderCreation, WgpuFeatures, WgpuSettings},
         view::Hdr,
     },
     scene::SceneInstanceReady,
@@ -24,6 +25,11 @@ use serde::Deserialize;
 
 /// Frames until everything is drawn.
 const FRAMES: usize = 40;
+
+/// Features that phones and WebGL 2 do not have: filtered 32-bit floats, 16-bit integers, arrays of textures.
+const FEATURES: WgpuFeatures = WgpuFeatures::FLOAT32_FILTERABLE
+    .union(WgpuFeatures::TEXTURE_FORMAT_16BIT_NORM)
+    .union(WgpuFeatures::TEXTURE_BINDING_ARRAY);
 
 /// What to show.
 #[derive(Resource, Deserialize, Clone)]
@@ -45,6 +51,8 @@ struct Asked {
     group: Option<(String, [f32; 3], f32)>,
     /// Read Radiance HDR in the file.
     hdr_inside: bool,
+    /// Leave out features that phones and WebGL 2 do not have.
+    is_limited: bool,
     shades_normal_maps: bool,
     prefers_files: bool,
     bicubic: bool,
@@ -75,6 +83,10 @@ fn main() {
     };
     let renders = RenderPlugin {
         synchronous_pipeline_compilation: true,
+        render_creation: RenderCreation::Automatic(WgpuSettings {
+            disabled_features: asked.is_limited.then_some(FEATURES),
+            ..default()
+        }),
         ..default()
     };
     let mut app = App::new();

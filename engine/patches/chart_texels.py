@@ -13,7 +13,7 @@ from ..scene.triangles import Triangles
 from ..settings import Settings
 from .border_texels import BorderTexels
 from .edge_patch_points import inset_edge_patches
-from .geometry import patch_geometry
+from .geometry import TexelSteps, patch_geometry
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList
 from .texel_coverage import border_texels, check_overlap, covered_texels, warn_uncovered
@@ -58,11 +58,12 @@ def read_charts(
     compute: ComputeDevice | None,
     scene: Scene,
     triangles: Triangles,
+    steps: TexelSteps,
     settings: Settings,
 ) -> ChartTexels:
     """Rasterize the charts of a scene; raises SceneError, SettingsError or PatchFileError."""
     covered = list_or_load_patches(graphics, scene, triangles, settings)
-    own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered)
+    own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered, steps)
     covered = inset_edge_patches(compute, geometry, covered, own)
     texels = covered_texels(scene, geometry)
     warnings = warn_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)

@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..array_ops import run_counts, take_rows
+from ..array_ops import map_slabs, run_counts, take_rows
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
-#: Patches that are interpolated at once; fits into the CPU caches.
+#: Patches or triangles that are processed at once; their values fit into the CPU caches.
 _BLOCK = 1 << 14
 
 
@@ -131,15 +131,31 @@ class PatchGeometry:
         return values
 
 
-def patch_geometry(triangles: Triangles, patches: PatchList) -> PatchGeometry:
-    """Return the world-space geometry of all patches."""
-    steps = texel_steps(triangles, patches.resolution)
+def patch_geometry(
+    triangles: Triangles, patches: PatchList, steps: TexelSteps | None = None
+) -> PatchGeometry:
+    """Return the world-space geometry of all patches; steps: texel steps, None to compute them."""
+    steps = steps or texel_steps(triangles, patches.resolution)
     return PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
 
 
 def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
     """Return the world-space steps of one texel on each triangle."""
-    corners, uvs = _axes_first(triangles.positions), _axes_first(triangles.uvs)
+    count = len(triangles.positions)
+    vectors = (np.empty((count, 3), np.float32) for _ in range(3))
+    steps = TexelSteps(*vectors, np.empty(count, np.float32), np.empty(count, np.float32))
+
+    def find(rows: slice) -> None:
+        for first in range(rows.start, rows.stop, _BLOCK):
+            _find_steps(triangles, resolution, steps, slice(first, min(first + _BLOCK, rows.stop)))
+
+    map_slabs(count, 120, find)
+    return steps
+
+
+def _find_steps(triangles: Triangles, resolution: int, steps: TexelSteps, block: slice) -> None:
+    """Compute the steps of a block of triangles, whose intermediate values fit into the CPU's cache."""
+    corners, uvs = _axes_first(triangles.positions[block]), _axes_first(triangles.uvs[block])
     first, second = (corners[:, k] - corners[:, 0] for k in (1, 2))
     (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]) * resolution for k in (1, 2))
     determinant = u1 * v2 - u2 * v1
@@ -149,20 +165,17 @@ def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
     normal = _cross(first, second)
     length = _length(normal)
     geometric = np.where(length > 1e-20, normal / np.maximum(length, 1e-20), [[0], [0], [1]])
+    steps.edge_u[block], steps.edge_v[block], steps.geometric[block] = edge_u.T, edge_v.T, geometric.T
     # float32 overflows for the squared area of huge texels, and at last for the area.
-    area = np.minimum(_length(_cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max)
-    vectors = _axes_last(edge_u), _axes_last(edge_v), _axes_last(geometric)
-    return TexelSteps(*vectors, area.astype(np.float32), length / 2)
+    steps.area[block] = np.minimum(
+        _length(_cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max
+    )
+    steps.whole[block] = length / 2
 
 
 def _axes_first(corners: np.ndarray) -> np.ndarray:
     """Return triangle corners, (t, 3, d), as (d, 3, t): NumPy is fastest on long rows."""
     return np.ascontiguousarray(corners.transpose(2, 1, 0))
-
-
-def _axes_last(vectors: np.ndarray) -> np.ndarray:
-    """Return vectors, (3, t), as (t, 3) float32."""
-    return np.ascontiguousarray(vectors.T, np.float32)
 
 
 def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -93,7 +93,7 @@ def make_patch_scene(
     steps = texel_steps(triangles, settings.resolution)
     charts = last.charts if last else None
     if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
-        charts, last = read_charts(graphics, compute, scene, triangles, settings), None
+        charts, last = read_charts(graphics, compute, scene, triangles, steps, settings), None
     where = charts.patches.triangle, charts.patches.barycentric
     covered = PatchGeometry(triangles, steps, *where, charts.on_triangle)
     index = index_map(compute, covered, charts, last.index if last else None)

@@ -20,6 +20,9 @@ from .modulation import MODULATION, is_modulated
 #: Minimum radiance of a sampled triangle, as a multiple of the mean radiance of emissive surfaces.
 _BRIGHT = 10.0
 
+#: Number of triangles whose centroids are looked up at once, so that intermediate arrays stay small.
+_BLOCK = 1 << 18
+
 #: Number of sides of the polygon that replaces an ellipse; the polygon has the ellipse's area.
 _SIDES = 24
 
@@ -97,15 +100,13 @@ class SampledTriangles:
 def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
     """Choose triangles that shadow rays sample: those much brighter than the mean of all emissive ones."""
     geometry, surfaces, cutouts = parts.geometry, parts.surfaces, parts.cutouts
-    glowing, material = surfaces.shining, parts.triangles.material
-    triangle, area = geometry.triangle[glowing], geometry.steps.whole
+    glowing = surfaces.shining
+    sources = _emissive_triangles(parts, glowing)
+    material, area = parts.triangles.material[sources.number], geometry.steps.whole
     sides = [surfaces.emission]
     if surfaces.back_emission is not None:
         sides.append(surfaces.back_emission)
-    means = [
-        _mean_radiance(parts.triangles, geometry, parts.texel_to_patch, side, (triangle, side[glowing]))
-        for side in sides
-    ]
+    means = [_mean_radiance(sources, geometry, side, side[glowing]) for side in sides]
 
     # Only the opaque fraction of a surface emits.
     front, back = (
@@ -114,21 +115,67 @@ def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
     )
 
     # One-sided triangles do not emit from the back: their back faces are separate triangles.
-    back = np.where(parts.triangles.one_sided[:, None], 0, back)
+    back = np.where(parts.triangles.one_sided[sources.number, None], 0, back)
     brightness = np.maximum(luminance(front), luminance(back))
-    mean = float((brightness * area).sum(dtype=np.float64) / max(area.sum(dtype=np.float64), 1e-30))
-    chosen = (brightness > 0) & (brightness >= _BRIGHT * mean)
+    light = np.zeros(len(area))
+    light[sources.number] = brightness * area[sources.number]
+    mean = float(light.sum() / max(area.sum(dtype=np.float64), 1e-30))
+    is_bright = (brightness > 0) & (brightness >= _BRIGHT * mean)
 
     # The gather handles the emission of the other triangles.
-    rest, index = glowing[~chosen[triangle]], np.flatnonzero(chosen)
+    rest, index = glowing[~is_bright[sources.of_patch]], np.flatnonzero(is_bright)
     left = [_only(side, rest) for side in sides]
     uniform = np.all(
-        [_is_uniform(triangle, side[glowing], mean) for side, mean in zip(sides, means, strict=True)], axis=0
+        [_is_uniform(sources.of_patch, side[glowing], mean) for side, mean in zip(sides, means, strict=True)],
+        axis=0,
     )
     if cutouts.needed:
         uniform &= ~cutouts.varies[material]
     radiance = front[index].astype(np.float32), back[index].astype(np.float32)
-    return SampledTriangles(index, *radiance, uniform[index], left[0], left[-1], _shining(parts))
+    return SampledTriangles(
+        sources.number[index], *radiance, uniform[index], left[0], left[-1], _shining(parts)
+    )
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """Emissive triangles.
+
+    number:    (k,) int64, indices of triangles, ascending
+    of_patch:  (m,) int64, index into `number` of the triangle of each emissive patch
+    nearest:   (k,) int64, patch whose texel contains the centroid of a triangle without patches; else -1
+    """
+
+    number: np.ndarray
+    of_patch: np.ndarray
+    nearest: np.ndarray
+
+
+def _emissive_triangles(parts: PatchScene, glowing: np.ndarray) -> _Sources:
+    """Return the triangles that show emissive patches; glowing: (m,) int64, these patches."""
+    nearest = np.full(len(parts.triangles.mesh), -1)
+    if len(glowing):
+        is_glowing = np.zeros(len(parts.surfaces.emission) + 1, bool)
+        is_glowing[glowing + 1] = True
+        alone = np.flatnonzero(parts.geometry.on_triangle == 0)
+        for first in range(0, len(alone), _BLOCK):
+            some = alone[first : first + _BLOCK]
+            entry = _entries_at_centroids(parts, some)
+            nearest[some] = np.where(is_glowing[entry], entry - 1, -1)
+    triangle = parts.geometry.triangle[glowing]
+    is_source = nearest >= 0
+    is_source[triangle] = True
+    number = np.flatnonzero(is_source)
+    return _Sources(number, np.searchsorted(number, triangle), nearest[number])
+
+
+def _entries_at_centroids(parts: PatchScene, triangles: np.ndarray) -> np.ndarray:
+    """Return the entry of the index map at the centroid of triangles, (k,) int64: patch + 1, or 0."""
+    resolution = parts.texel_to_patch.shape[-1]
+    first, second, third = parts.triangles.uvs[triangles].transpose(1, 2, 0)
+    x, y = ((first + second + third) / 3 * resolution).astype(int).clip(0, resolution - 1)
+    entries: np.ndarray = parts.texel_to_patch[parts.triangles.atlas[triangles], y, x].astype(np.int64)
+    return entries
 
 
 def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
@@ -166,28 +213,19 @@ def _is_uniform(triangle: np.ndarray, emission: np.ndarray, mean: np.ndarray) ->
 
 
 def _mean_radiance(
-    triangles: Triangles,
-    geometry: PatchGeometry,
-    texel_to_patch: np.ndarray,
-    emission: np.ndarray,
-    glowing: tuple[np.ndarray, np.ndarray],
+    sources: _Sources, geometry: PatchGeometry, emission: np.ndarray, shining: np.ndarray
 ) -> np.ndarray:
-    """Return the mean emitted radiance of each triangle, (t, 3) float64, W/(m^2 sr).
+    """Return the mean emitted radiance of emissive triangles, (k, 3) float64, W/(m^2 sr).
 
     A triangle without patches takes the radiance of the patch whose texel contains its centroid.
 
-    glowing:  triangles, (k,), and radiance, (k, 3), of the emissive patches
+    shining:  (m, 3), radiance of the emissive patches
     """
-    (triangle, shining), patches = glowing, geometry.on_triangle
-    total = segment_sums(shining, triangle, len(patches))
+    patches = geometry.on_triangle[sources.number]
+    total = segment_sums(shining, sources.of_patch, len(patches))
     mean: np.ndarray = total / np.maximum(patches, 1)[:, None]
-
-    # Look up the patch at the centroid of triangles without patches.
-    alone, resolution = np.flatnonzero(patches == 0), texel_to_patch.shape[-1]
-    first, second, third = triangles.uvs[alone].transpose(1, 2, 0)
-    x, y = ((first + second + third) / 3 * resolution).astype(int).clip(0, resolution - 1)
-    number = texel_to_patch[triangles.atlas[alone], y, x].astype(np.int64)
-    mean[alone[number > 0]] = emission[number[number > 0] - 1]
+    alone = sources.nearest >= 0
+    mean[alone] = emission[sources.nearest[alone]]
     return mean
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from ..array_ops import map_slabs, run_counts, take_rows
+from ..array_ops import map_blocks, run_counts, take_rows
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
-#: Patches or triangles that are processed at once; their values fit into the CPU caches.
+#: Patches that are interpolated at once; fits into the CPU caches.
 _BLOCK = 1 << 14
 
 
@@ -145,11 +145,7 @@ def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
     vectors = (np.empty((count, 3), np.float32) for _ in range(3))
     steps = TexelSteps(*vectors, np.empty(count, np.float32), np.empty(count, np.float32))
 
-    def find(rows: slice) -> None:
-        for first in range(rows.start, rows.stop, _BLOCK):
-            _find_steps(triangles, resolution, steps, slice(first, min(first + _BLOCK, rows.stop)))
-
-    map_slabs(count, 120, find)
+    map_blocks(count, 120, partial(_find_steps, triangles, resolution, steps))
     return steps
 
 

@@ -12,17 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..array_ops import joined_rows, largest_in_rows, map_blocks, order_of, run_numbers, run_starts
 from ..scene.model import NO_LIGHTMAP, Mesh, Scene
-from ..scene.triangles import Triangles
+from ..scene.triangles import Triangles, bounding_box
 
 #: World size of a texel of an occluder, in texels of the lightmaps.
 COARSENESS = 4.0
 
 #: Factor by which texels grow until all blocks fit into the atlases.
 _STEP = 1.25
-
-#: Number of triangles that are processed at once, so that intermediate arrays stay small.
-_SLAB = 1 << 18
 
 #: Number of texels that the atlases have for each cluster of the coarsest clustering, so that finer blocks
 #: fit too.
@@ -56,6 +54,22 @@ class Blocks:
 #: Blocks of back faces waste few texels, since no rays start at points of a texel outside of its triangle. A
 #: centre nearer to the diagonal than 0.02 texels would be moved, see `edge_patch_points`.
 OCCLUDERS, BACKS = Blocks(0.1, 0.05, False), Blocks(0.05, 0.015, True)
+
+
+@dataclass(frozen=True)
+class _Shapes:
+    """What the blocks of triangles depend on, arrays of (t,).
+
+    width   (t,) float64, minimum width of each block, m
+    area    (t,) float64, m^2
+    center  (t, 3) float64, m
+    kind    (t,) int64, one number for mesh, material and axis direction
+    """
+
+    width: np.ndarray
+    area: np.ndarray
+    center: np.ndarray
+    kind: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -97,10 +111,10 @@ def place_meshes(scene: Scene, resolution: int, name: str, texel: float, blocks:
     side = 1 << (resolution.bit_length() - 1)
     coarsest = COARSENESS * texel
     coarsest = coarsest if coarsest > 0 else _largest_extent(meshes) / resolution + 1e-12
-    widths, size = _widths(meshes, blocks), coarsest
+    shapes, size = _shapes(meshes, blocks), coarsest
     if blocks.is_back:
-        size = _fine_size(widths, coarsest, _FINE_BACKS * _chart_texels(scene, resolution))
-    atlas, texels = _pack(_fitting_places(meshes, widths, side * side, size), side, blocks)
+        size = _fine_size(shapes.width, coarsest, _FINE_BACKS * _chart_texels(scene, resolution))
+    atlas, texels = _pack(_fitting_places(shapes, side * side, size), side, blocks)
     atlas += len(scene.atlases)
     ends = np.cumsum([len(mesh.positions) for mesh in meshes])[:-1]
     parts = zip(np.split(atlas, ends), np.split(texels / np.float32(resolution), ends), strict=True)
@@ -124,21 +138,35 @@ def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
 
 def _largest_extent(meshes: list[Mesh]) -> float:
     """Return the largest extent of meshes along an axis, m."""
-    corners = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64).reshape(-1, 3)
-    return float(np.ptp(corners, axis=0).max())
+    boxes = [bounding_box(mesh.positions) for mesh in meshes]
+    low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+    return float((high - low).max())
 
 
-def _widths(meshes: list[Mesh], blocks: Blocks) -> np.ndarray:
-    """Return the minimum width of the block of each triangle, (t,) float64, m.
+def _shapes(meshes: list[Mesh], blocks: Blocks) -> _Shapes:
+    """Return the shapes of all triangles.
 
     A block that is as wide as the root of its triangle's area has as many texels as the triangle has area.
     """
-    positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
-    longest: np.ndarray = np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
-    if not blocks.is_back:
-        return longest
-    widths: np.ndarray = np.maximum(np.sqrt(triangle_areas(positions)), _OF_LONGEST * longest)
-    return widths
+    corners = joined_rows([mesh.positions for mesh in meshes])
+    material = joined_rows([mesh.material for mesh in meshes])
+    kind = np.repeat(np.arange(len(meshes)), [len(mesh.positions) for mesh in meshes])
+    kind *= int(material.max()) + 1
+    count = len(corners)
+    shapes = _Shapes(np.empty(count), np.empty(count), np.empty((count, 3)), kind)
+
+    def find(rows: slice) -> None:
+        positions = corners[rows].astype(np.float64)
+        edges = positions - positions[:, [2, 0, 1]]
+        width, area = largest_in_rows(np.linalg.norm(edges, axis=2)), triangle_areas(positions)
+        if blocks.is_back:
+            width = np.maximum(np.sqrt(area), _OF_LONGEST * width)
+        shapes.width[rows], shapes.area[rows] = width, area
+        shapes.center[rows] = positions.mean(axis=1)
+        kind[rows] = (kind[rows] + material[rows]) * 6 + _dominant_axis(positions)
+
+    map_blocks(count, 112, find)
+    return shapes
 
 
 def _fine_size(widths: np.ndarray, coarsest: float, texels: float) -> float:
@@ -155,19 +183,16 @@ def _levels(widths: np.ndarray, size: float) -> np.ndarray:
     return np.minimum(np.ceil(np.log2(np.maximum(widths / size, 1.0))).astype(np.int64), 13)
 
 
-def _fitting_places(meshes: list[Mesh], widths: np.ndarray, capacity: int, size: float) -> _Places:
+def _fitting_places(shapes: _Shapes, capacity: int, size: float) -> _Places:
     """Return blocks for all triangles; texels grow from `size` metres until all blocks fit.
 
     The number of atlases, of `capacity` texels each, is the smallest that holds _LEAST_TEXELS for each
     cluster of the coarsest clustering.
     """
-    positions = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
-    kinds = _kinds(meshes, positions)
-    least = _LEAST_TEXELS * (int(_unique_rows(list(kinds.T)).max()) + 1)
+    least = _LEAST_TEXELS * len(np.unique(shapes.kind))
     texels = -(-least // capacity) * capacity
-    area = triangle_areas(positions)
     while True:
-        places = _places_at(positions.mean(axis=1), widths, area, kinds, size)
+        places = _places_at(shapes, size)
         if places.texels <= texels and 4 ** int(places.level.max()) <= capacity:
             return places
         size *= _STEP
@@ -199,8 +224,13 @@ def _doubled_charts(scene: Scene) -> float:
 
 def triangle_areas(positions: np.ndarray) -> np.ndarray:
     """Return the area of triangles, (t, 3, 3), as (t,) of the same dtype."""
-    first, second = positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0]
-    areas: np.ndarray = np.linalg.norm(np.cross(first, second), axis=1) / 2
+    areas = np.empty(len(positions), positions.dtype)
+
+    def find(rows: slice) -> None:
+        corner, second, third = positions[rows].transpose(1, 0, 2)
+        areas[rows] = np.linalg.norm(np.cross(second - corner, third - corner), axis=1) / 2
+
+    map_blocks(len(positions), 12 * positions.itemsize, find)
     return areas
 
 
@@ -222,54 +252,55 @@ def clusters(triangles: Triangles, chosen: np.ndarray, size: float) -> np.ndarra
     size:    width of a cell, m
     """
     centers, axis = np.empty((len(chosen), 3), np.float32), np.empty(len(chosen), np.int8)
-    for first in range(0, len(chosen), _SLAB):
-        slab = slice(first, first + _SLAB)
-        positions = triangles.positions[chosen[slab]]
-        centers[slab], axis[slab] = positions.mean(axis=1), _dominant_axis(positions)
+
+    def find(rows: slice) -> None:
+        positions = triangles.positions[chosen[rows]]
+        centers[rows], axis[rows] = positions.mean(axis=1), _dominant_axis(positions)
+
+    map_blocks(len(chosen), 60, find)
     return _unique_rows([triangles.mesh[chosen], triangles.material[chosen], axis, *_cells(centers, size).T])
 
 
-def _kinds(meshes: Sequence[Mesh], positions: np.ndarray) -> np.ndarray:
-    """Return mesh, material and axis direction of each triangle, (t, 3) int."""
-    return np.stack(
-        [
-            np.repeat(np.arange(len(meshes)), [len(mesh.positions) for mesh in meshes]),
-            np.concatenate([mesh.material for mesh in meshes]),
-            _dominant_axis(positions),
-        ],
-        axis=1,
-    )
+def _cells(centers: np.ndarray, size: float, low: np.ndarray | None = None) -> np.ndarray:
+    """Return the grid cell that contains each point, (t, 3), as (t, 3) int64.
 
-
-def _cells(centers: np.ndarray, size: float) -> np.ndarray:
-    """Return the grid cell that contains each point, (t, 3) float64, as (t, 3) int64."""
-    cells: np.ndarray = np.floor((centers - centers.min(axis=0)) / size).astype(np.int64)
+    low:  corner of the grid; None for the corner of the points' bounding box
+    """
+    low = centers.min(axis=0) if low is None else low
+    cells: np.ndarray = np.floor((centers - low) / size).astype(np.int64)
     return cells
 
 
-def _places_at(
-    centers: np.ndarray, width: np.ndarray, area: np.ndarray, kinds: np.ndarray, size: float
-) -> _Places:
-    """Return the blocks of triangles for texels `size` metres wide.
-
-    width:  (t,), minimum width of each block, m
-    area:   (t,), area of each triangle in any unit
-    """
-    level = _levels(width, size)
+def _places_at(shapes: _Shapes, size: float) -> _Places:
+    """Return the blocks of triangles for texels `size` metres wide."""
+    level = _levels(shapes.width, size)
+    is_chosen, block = np.ones(len(level), bool), np.arange(len(level))
 
     # Small triangles of equal kind and grid cell form one cluster.
-    keys = np.column_stack([np.where(level > 0, np.arange(len(level)) + 1, 0), kinds, _cells(centers, size)])
-    keys[level > 0, 1:] = 0
-    block = _unique_rows(list(keys.T))
+    small = np.flatnonzero(level == 0)
+    if len(small):
+        cells = _cells(shapes.center[small], size, shapes.center.min(axis=0))
+        cluster = _unique_rows([shapes.kind[small], *cells.T])
+        block[small] = len(level) + cluster
 
-    # One triangle represents its cluster, drawn with a probability in proportion to its area (Efraimidis and
-    # Spirakis, 2006). The largest triangles would be a biased choice: hair was 14 % too bright.
-    draw = np.random.default_rng(len(level)).exponential(size=len(level))
-    order = np.lexsort((draw / np.maximum(area, 1e-300), block))
-    first = np.r_[True, np.diff(block[order]) > 0]
-    chosen = np.zeros(len(block), bool)
-    chosen[order[first]] = True
-    return _Places(block, chosen, level, int((4 ** level[chosen]).sum()))
+        # One triangle represents its cluster, drawn with a probability in proportion to its area (Efraimidis
+        # and Spirakis, 2006). The largest triangles would be a biased choice: hair was 14 % too bright.
+        draw = np.random.default_rng(len(level)).exponential(size=len(level))[small]
+        is_chosen[small] = _is_least(draw / np.maximum(shapes.area[small], 1e-300), cluster)
+    return _Places(block, is_chosen, level, int((4 ** level[is_chosen]).sum()))
+
+
+def _is_least(values: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Return a mask of the first least value of each group, (k,) bool; group: (k,) int64, number of each."""
+    order = order_of(group)
+    starts = run_starts(group[order])
+    ordered = values[order]
+    least = np.minimum.reduceat(ordered, starts)
+    run = run_numbers(starts, len(order))
+    found = np.flatnonzero(ordered == least[run])
+    is_least = np.zeros(len(values), bool)
+    is_least[order[found[run_starts(run[found])]]] = True
+    return is_least
 
 
 def _unique_rows(columns: Sequence[np.ndarray]) -> np.ndarray:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..array_ops import joined_rows, largest_in_rows, map_slabs, run_numbers, run_starts
+from ..array_ops import joined_rows, largest_in_rows, map_blocks, map_slabs, run_numbers, run_starts
 from .memo import Memo
 from .model import Mesh
 
@@ -23,9 +23,6 @@ _SHIFTS = (0.3819660112501051, 0.8819660112501051)
 #: Multipliers and shifts of the hash: the finalizer of SplitMix64 (Steele, Lea and Flood 2014).
 _MIX = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB))
 _LAST_SHIFT = 31
-
-#: Triangles whose edges are hashed at a time, since their intermediate values then stay in the CPU's cache.
-_BLOCK = 1 << 13
 
 
 class OpenSurfaces:
@@ -85,15 +82,15 @@ def closed_meshes(positions: Sequence[np.ndarray]) -> list[bool]:
     """
     counts = np.array([len(each) for each in positions])
     closed = counts == 0
-    chosen = np.flatnonzero(~closed)
-    if not len(chosen):
-        return list(closed)
-    corners = joined_rows([positions[index] for index in chosen])
-    starts = np.cumsum(counts[chosen]) - counts[chosen]
-    largest = np.maximum.reduceat(_largest_coordinates(corners), starts)
     for shift in _SHIFTS:
+        chosen = np.flatnonzero(~closed)
+        if not len(chosen):
+            break
+        corners = joined_rows([positions[index] for index in chosen])
+        starts = np.cumsum(counts[chosen]) - counts[chosen]
+        largest = np.maximum.reduceat(_largest_coordinates(corners), starts)
         edges = _edge_keys(corners, np.repeat(_cell(largest), counts[chosen]), shift)
-        closed[chosen] |= np.bitwise_xor.reduceat(np.bitwise_xor.reduce(edges, axis=1), starts) == 0
+        closed[chosen] = np.bitwise_xor.reduceat(np.bitwise_xor.reduce(edges, axis=1), starts) == 0
     return list(closed)
 
 
@@ -106,17 +103,19 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
     positions = joined_rows([mesh.positions for mesh in meshes])
     count = len(positions)
     cells = np.full(count, _cell(_largest_coordinates(positions).max(initial=0)))
-    left, joined = np.arange(3 * count), []
+    left, some, joined = np.arange(3 * count), np.arange(count), []
     for shift in _SHIFTS:
         # Edges that the first grid pairs do not change the parity of an edge in the second one.
-        keys = _edge_keys(positions, cells, shift).reshape(-1)[left]
+        keys = _edge_keys(positions if len(some) == count else positions[some], cells[some], shift)
+        keys = keys.ravel() if len(left) == 3 * count else keys[np.searchsorted(some, left // 3), left % 3]
         left, keys = left[keys != 0], keys[keys != 0]
         is_odd, neighbours = _paired(keys)
         joined.append(left[neighbours] // 3)
         left = left[is_odd]
+        some = np.unique(left // 3)
         if not len(left):
             return np.zeros(count, bool)
-    return _components_of(np.unique(left // 3), np.concatenate(joined), count)
+    return _components_of(some, np.concatenate(joined), count)
 
 
 def _largest_coordinates(positions: np.ndarray) -> np.ndarray:
@@ -146,15 +145,13 @@ def _edge_keys(positions: np.ndarray, cells: np.ndarray, shift: float) -> np.nda
     """
     edges = np.empty(positions.shape[:2], np.uint64)
 
-    def find(rows: slice) -> None:
-        for first in range(rows.start, rows.stop, _BLOCK):
-            block = slice(first, min(first + _BLOCK, rows.stop))
-            scaled = np.floor(positions[block] / cells[block, None, None] + shift).astype(np.int64)
-            corners = _mixed((scaled[..., 0] << 42) ^ (scaled[..., 1] << 21) ^ scaled[..., 2])
-            following = corners[:, [1, 2, 0]]
-            edges[block] = np.where(corners == following, np.uint64(0), _mixed(corners + following))
+    def find(block: slice) -> None:
+        scaled = np.floor(positions[block] / cells[block, None, None] + shift).astype(np.int64)
+        corners = _mixed((scaled[..., 0] << 42) ^ (scaled[..., 1] << 21) ^ scaled[..., 2])
+        following = corners[:, [1, 2, 0]]
+        edges[block] = np.where(corners == following, np.uint64(0), _mixed(corners + following))
 
-    map_slabs(len(positions), 400, find)
+    map_blocks(len(positions), 400, find)
     return edges
 
 

@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from ...array_ops import map_blocks
 from ...device.buffers import download_bytes, upload, words_of, zeros
 from ...device.cpu_renderers import draws_on_cpu
 from ...device.opencl import cl
@@ -255,6 +256,12 @@ class _KernelBackRays:
 
 def _texels(triangles: Triangles, resolution: int) -> np.ndarray:
     """Return the area of triangles on their lightmaps, (t,) float64, texels."""
-    first, second = ((triangles.uvs[:, k] - triangles.uvs[:, 0]).astype(np.float64).T for k in (1, 2))
-    texels: np.ndarray = np.abs(first[0] * second[1] - first[1] * second[0]) * (resolution**2 / 2)
+    texels = np.empty(len(triangles.uvs))
+
+    def find(rows: slice) -> None:
+        uvs = triangles.uvs[rows]
+        first, second = ((uvs[:, k] - uvs[:, 0]).astype(np.float64).T for k in (1, 2))
+        texels[rows] = np.abs(first[0] * second[1] - first[1] * second[0]) * (resolution**2 / 2)
+
+    map_blocks(len(texels), 32, find)
     return texels

@@ -142,8 +142,8 @@ def patch_geometry(
 def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
     """Return the world-space steps of one texel on each triangle."""
     count = len(triangles.positions)
-    vectors = (np.empty((count, 3), np.float32) for _ in range(3))
-    steps = TexelSteps(*vectors, np.empty(count, np.float32), np.empty(count, np.float32))
+    edge_u, edge_v, geometric = (np.empty((count, 3), np.float32) for _ in range(3))
+    steps = TexelSteps(edge_u, edge_v, geometric, np.empty(count, np.float32), np.empty(count, np.float32))
 
     map_blocks(count, 120, partial(_find_steps, triangles, resolution, steps))
     return steps

@@ -280,13 +280,19 @@ class _Layers:
         """Return the UVs, (layers, t, 3, 2) float32, 0 where a material has no map; at least one layer."""
         meshes = self._scene.meshes
         layers = max((len(textures) for textures in self._mappings.values()), default=1)
-        parts = [np.zeros((layers, len(mesh.positions), 3, 2), np.float32) for mesh in meshes]
-        for uvs, mesh in zip(parts, meshes, strict=True):
+        count = sum(len(mesh.positions) for mesh in meshes)
+
+        # Pages of zeros that are never written take no memory.
+        joined = np.zeros((layers, count, 3, 2), np.float32)
+        first = 0
+        for mesh in meshes if self._mappings else ():
+            uvs = joined[:, first : first + len(mesh.positions)]
+            first += len(mesh.positions)
             for material in np.flatnonzero(np.bincount(mesh.material)):
                 for layer, texture in enumerate(self._mappings.get(material, ())):
                     chosen = mesh.material == material
                     uvs[layer, chosen] = map_uvs(texture, mesh.texture_uvs[texture.uv_map][chosen])
-        return np.concatenate([np.zeros((layers, 0, 3, 2), np.float32), *parts], axis=1)
+        return joined
 
 
 def _map_entry(texture: Texture, first: int) -> tuple[int, int, int, int]:

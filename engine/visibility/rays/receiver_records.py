@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...device.buffers import upload, upload_once
+from ...device.buffers import upload_once, write
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
 from ...device.opencl import cl
@@ -37,6 +37,9 @@ RECEIVER = DeviceStruct(
     ),
 )
 
+#: Number of triangles whose records are converted at once (chosen).
+_CONVERTED = 1 << 18
+
 #: Texel steps, normal and area that all patches of a triangle share.
 TEXEL_STEP = DeviceStruct(
     "TexelStep",
@@ -55,7 +58,7 @@ def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGe
         upload_once(compute, geometry.barycentric),
         upload_once(compute, triangles.positions),
         upload_once(compute, triangles.normals),
-        compute.shared.of(steps.area, "steps", lambda: upload(compute, _step_records(steps))),
+        compute.shared.of(steps.area, "steps", lambda: _upload_steps(compute, steps)),
     )
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
@@ -70,15 +73,21 @@ def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGe
     return records
 
 
-def _step_records(steps: TexelSteps) -> np.ndarray:
-    """Return the records of triangles, (t,) TEXEL_STEP."""
-    return TEXEL_STEP.array(
-        len(steps.area),
-        edge_u=steps.edge_u,
-        edge_v=steps.edge_v,
-        geometric=steps.geometric,
-        area=steps.area,
-    )
+def _upload_steps(compute: ComputeDevice, steps: TexelSteps) -> cl.Buffer:
+    """Upload the records of triangles, (t,) TEXEL_STEP; converts some at a time to save host memory."""
+    count, size = len(steps.area), TEXEL_STEP.dtype.itemsize
+    buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * max(count, 1))
+    for first in range(0, count, _CONVERTED):
+        some = slice(first, first + _CONVERTED)
+        records = TEXEL_STEP.array(
+            min(_CONVERTED, count - first),
+            edge_u=steps.edge_u[some],
+            edge_v=steps.edge_v[some],
+            geometric=steps.geometric[some],
+            area=steps.area[some],
+        )
+        write(compute, buffer, records, size * first)
+    return buffer
 
 
 def points_of_texels(patches: PatchList) -> int:

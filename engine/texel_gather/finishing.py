@@ -57,10 +57,12 @@ class Finishing:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Messages for the user."""
+        """Messages for the user; warm starts skip an estimate that would delay each of their bakes."""
         scene, parts, known = self._texels.scene, self._job.parts, self.refined.known
         buried = warn_buried(scene, parts, known)
-        turned = warn_lit_back_faces(scene, self._job, self._solution.irradiance, len(known))
+        turned: list[str] = []
+        if not self._job.settings.warm_start:
+            turned = warn_lit_back_faces(scene, self._job, self._solution.irradiance, len(known))
         return *self._lit.warnings, *buried, *turned, *self._denoising.warnings
 
     @property

@@ -553,3 +553,25 @@ def test_other_inputs_of_a_group_are_not_mixed_up():
     assert not depends_on_view(tree)
     tree.links.new(passing.outputs[1], base)
     assert depends_on_view(tree)
+
+
+@pytest.mark.parametrize("quantity", ["reflect", "transmit"])
+def test_clear_texels_beside_opaque_ones_have_their_reflectance(quantity):
+    """The mean over a texel at the rim of a leaf must not count clear parts; half clear texels count half."""
+    passes = part("operators.scene.materials.evaluated_passes")
+    values, through = np.zeros((5, 7, 3), np.float32), np.ones((5, 7, 3), np.float32)
+    values[2, 1], through[2, 1] = 0.6, 0.0
+    values[2, 3], through[2, 3] = 0.3, 0.5
+    pixels = {
+        passes.COVERED: np.ones((5, 7), bool),
+        passes.Pass(quantity): values,
+        passes.Pass("through"): through,
+    }
+    evaluated = part("operators.scene.materials.evaluated_materials").EvaluatedMaterial
+    made = evaluated("Leaf", pixels, 1.0, False, True).material()
+    texture = made.reflectance_map if quantity == "reflect" else made.translucency_map
+    row = np.float32([0.6, 0.6, 0.5, 0.3, 0.3, 0, 0])
+    expected = np.zeros((5, 7), np.float32)
+    expected[1:4] = row
+    assert texture.pixels[..., 1] == pytest.approx(expected)
+    assert (made.transmission.bounce.texture.pixels[..., 0] == through[..., 0]).all()

@@ -10,7 +10,7 @@ from ....engine.scene.model import BackSide, Material
 from ....engine.scene.texture import Texture
 from ....engine.scene.transmission import OPAQUE, Fresnel, Transmission, Transmittance
 from ..objects.meshes import LIGHTMAP_UVS
-from .evaluated_passes import COVERED, Pass, Pixels
+from .evaluated_passes import COVERED, SMALLEST_PART, Pass, Pixels
 from .ray_kinds import BOUNCE, RayKind
 
 #: Difference below which transmittances count as equal, because Cycles rounds the mean of several samples.
@@ -65,9 +65,11 @@ class EvaluatedMaterial:
         values = self.pixels.get(Pass(quantity, rays))
         if values is None or not values.any():
             return np.zeros(3, np.float32), None
-        if self.is_mapped:
-            return np.ones(3, np.float32), self._texture(values)
         through = self.pixels.get(Pass("through", rays))
+        if self.is_mapped:
+            if through is not None and quantity != "emit":
+                values = _spread(values, 1 - through.max(axis=2))
+            return np.ones(3, np.float32), self._texture(values)
         weight = np.ones(values.shape[:2]) if through is None else 1 - through.max(axis=2)
         weight = (weight * self._covered)[..., None]
         total = max(float(weight.sum()), 1e-30)
@@ -118,3 +120,21 @@ class EvaluatedMaterial:
         """Texels that count for means, (h, w) bool."""
         covered = self.pixels[COVERED]
         return covered if covered.any() else np.ones_like(covered)
+
+
+def _spread(values: np.ndarray, opacity: np.ndarray) -> np.ndarray:
+    """Return a quantity, (h, w, 3) float32, that clear texels have from opaque ones around them.
+
+    Else interpolation beside a clear texel would darken the opaque part of a texel, as at the rim of a leaf.
+
+    opacity:  (h, w) float32
+    """
+    width = opacity.shape[1]
+    weighted = np.concatenate([values * opacity[..., None], opacity[..., None]], axis=2)
+    padded = np.pad(weighted, ((1, 1), (1, 1), (0, 0)))
+    rows = padded[:-2] + padded[1:-1] + padded[2:]
+    sums = rows[:, :width] + rows[:, 1 : width + 1] + rows[:, 2:]
+    filled = (opacity <= SMALLEST_PART) & (sums[..., 3] > SMALLEST_PART)
+    spread = values.copy()
+    spread[filled] = sums[filled][:, :3] / sums[filled][:, 3:]
+    return spread

@@ -15,7 +15,7 @@ from .ray_kinds import BOUNCE, RayKind
 from .tree_nodes import used_nodes
 
 #: Opaque fraction below which a texel reflects, transmits and emits nothing.
-_SMALLEST_PART = 1e-3
+SMALLEST_PART = 1e-3
 
 
 class Pass(NamedTuple):
@@ -102,7 +102,7 @@ def _finish_side(side: dict[str, np.ndarray]) -> None:
             np.minimum(through, MAX_SHARED, out=through, where=each.any(axis=2, keepdims=True))
         room = 1 - through
         stopped = room.min(axis=2, keepdims=True)
-        factor = np.where(stopped > _SMALLEST_PART, 1 / np.maximum(stopped, _SMALLEST_PART), 0)
+        factor = np.where(stopped > SMALLEST_PART, 1 / np.maximum(stopped, SMALLEST_PART), 0)
     if scattered:
         total = scattered[0] if len(scattered) == 1 else scattered[0] + scattered[1]
         share = np.minimum(room / np.maximum(total, 1e-30), 1) * factor

@@ -67,7 +67,7 @@ def parse() -> argparse.Namespace:
 
 
 def open_scene(name: str, folder: Path | None) -> None:
-    """Open a scene of a folder, or build the Cornell box."""
+    """Open a scene of a folder without its doubled faces, or build the Cornell box."""
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -78,9 +78,11 @@ def open_scene(name: str, folder: Path | None) -> None:
         cornell_box.build()
         return
     from tools.verification import scenes
+    from tools.verification.doubled_faces import remove_doubled_faces
 
     scenes.register_files(folder)
     scenes.SCENES[name]()
+    remove_doubled_faces()
 
 
 def compare(resolution: int, samples: int) -> tuple[np.ndarray, np.ndarray]:

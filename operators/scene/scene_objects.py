@@ -240,11 +240,16 @@ class ItemReader:
         return near, middle
 
     def _readings(self) -> Iterator[ReadObject]:
-        """Yield all objects with their meshes; those with invalid UVs become occluders."""
+        """Yield all objects with their meshes; those with invalid UVs become occluders.
+
+        Objects that only emit instances have no faces of their own, which is no problem.
+        """
+        instancers = {reading.instancer for _, reading in self._items}
         for key, reading in self._items:
             shape = self._shapes[key]
             if isinstance(shape, str):
-                self._troubles.add(shape, reading.name)
+                if shape != NO_FACES or reading.source not in instancers:
+                    self._troubles.add(shape, reading.name)
                 continue
             trouble = None if reading.atlas is None else self._uv_troubles[key]
             if trouble:

@@ -269,6 +269,11 @@ def test_instances_of_geometry_nodes_have_their_own_random_numbers(tmp_path):
     assert len(mine) == _COUNT and mine == pytest.approx(cycles(tmp_path), rel=0.01, abs=0.003)
 
 
+def test_objects_that_only_emit_instances_are_no_problem():
+    scattered(None)
+    assert not [note for note in read_scene().notes if "no faces" in note]
+
+
 def test_attributes_that_geometry_nodes_give_to_instances_are_named():
     material, tree, emission = glowing()
     node = tree.nodes.new("ShaderNodeAttribute")

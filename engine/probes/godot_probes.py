@@ -16,7 +16,7 @@ Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 class GodotProbes:
     """Entries of `LightmapGIData.probe_data`, in Godot's axes (y up).
 
-    bounds:      (2, 3) float64, corner and size of the box around the points, m
+    bounds:      (2, 3) float64, corner and size of the box around the volume, m
     points:      (n, 3) float32, m
     sh:          (9 n, 3) float32, radiance SH / pi: nine colors for each point
     tetrahedra:  (t, 4) int32, points of each tetrahedron
@@ -36,26 +36,26 @@ def godot_probes(
 ) -> GodotProbes:
     """Return the probes of a volume for Godot 4.
 
-    Cells between probes are split into six tetrahedra each (Kuhn 1960); an axis with one probe gets two.
+    Cells between probes are split into six tetrahedra each (Kuhn 1960). A copy of the outermost probes a cell
+    farther out keeps the light constant up to the border of the volume: Godot extrapolates, and objects
+    outside of the bounds keep the light of their last place.
 
     coefficients:  (n, 9, 3) float32, radiance SH L2 in Blender's axes, x fastest
     matrix:        (4, 4) float64, from the unit cube [-1, 1]^3 to Blender's world space, m
     """
     x, y, z = resolution
-    grid = coefficients.reshape(z, y, x, 9, 3)
-    for axis, count in enumerate((z, y, x)):
-        grid = np.repeat(grid, 2, axis=axis) if count == 1 else grid
+    grid = np.pad(coefficients.reshape(z, y, x, 9, 3), [(1, 1)] * 3 + [(0, 0)] * 2, mode="edge")
     size = np.array(grid.shape[2::-1])
-    axes = Y_UP @ matrix[:3, :3]
-    steps = np.where(np.array(resolution) == 1, 1, 2 / np.maximum(np.array(resolution), 1)) * axes
-    origin = Y_UP @ matrix[:3, 3] - steps @ ((size - 1) / 2)
+    axes, centre = Y_UP @ matrix[:3, :3], Y_UP @ matrix[:3, 3]
+    steps = 2 / np.array(resolution) * axes
+    origin = centre - steps @ ((size - 1) / 2)
     indices = np.stack(np.meshgrid(*map(np.arange, size[::-1]), indexing="ij")[::-1], axis=-1).reshape(-1, 3)
     points = origin + indices @ steps.T
     records, tetrahedra = _tree(size, origin, np.linalg.inv(steps))
     turned = with_axes(grid.reshape(-1, 9, 3), Y_UP) / np.float32(np.pi)
-    low, high = points.min(axis=0), points.max(axis=0)
+    extent = np.abs(axes).sum(axis=1)
     return GodotProbes(
-        np.stack([low, high - low]),
+        np.stack([centre - extent, 2 * extent]),
         points.astype(np.float32),
         turned.reshape(-1, 3),
         tetrahedra,

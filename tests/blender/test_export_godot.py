@@ -244,12 +244,12 @@ def test_light_probes_of_the_last_bake(tmp_path):
         for key in ("points", "sh", "tetrahedra", "bsp")
     }
     points, sh = numbers["points"].reshape(-1, 3), numbers["sh"].reshape(-1, 9, 4)[..., :3]
-    assert len(points) == len(sh) == 2 * 3 * 2 and len(numbers["tetrahedra"]) == 4 * 6 * 2
+    assert len(points) == len(sh) == 4 * 5 * 3 and len(numbers["tetrahedra"]) == 4 * 6 * (3 * 4 * 2)
     assert len(numbers["bsp"]) % 6 == 0 and numbers["tetrahedra"].max() == len(points) - 1
     np.testing.assert_allclose(sh[:, 0], 2 * np.sqrt(4 * np.pi) / np.pi, rtol=0.02)
     assert np.abs(sh[:, 1:]).max() < 0.05
     spread = points.max(axis=0) - points.min(axis=0)
-    np.testing.assert_allclose(spread[[0, 2]], (2 * 0.3 * 2 / 3, 0.4), rtol=1e-3)
+    np.testing.assert_allclose(spread[[0, 2]], (4 * 0.2, 3 * 0.4), rtol=1e-3)
     scene = (folder / "room.tscn").read_text()
     assert '[node name="Probes Vol_1" type="LightmapGI"' in scene
     for path in tmp_path.glob("*_Probes.exr"):

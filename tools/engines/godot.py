@@ -11,7 +11,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -35,7 +35,8 @@ _PATIENCE = 300
 #: Folder of the exported files in the project, and of the add-on.
 _LEVEL, _ADDON = "levels/one", "addons/hemibake"
 
-#: Blender filters lightmaps between four texels, Godot by default between sixteen.
+#: Blender filters lightmaps between four texels, Godot by default between sixteen. Godot by default fades the
+#: light of an object that has moved.
 _PROJECT = """config_version=5
 [application]
 config/name="Show"
@@ -45,6 +46,7 @@ enabled=PackedStringArray({plugins})
 [rendering]
 renderer/rendering_method="gl_compatibility"
 lightmapping/lightmap_gi/use_bicubic_filter={bicubic}
+lightmapping/probe_capture/update_speed=1000000.0
 """
 
 
@@ -77,7 +79,30 @@ def render(
 
     Raises RuntimeError if Godot draws nothing.
     """
-    machine, addon = _machine(), options.pop("addon", None)
+    asked = {"width": width, "height": height, "hidden": hide, **options}
+    if state:
+        asked["data"] = f"{_LEVEL}/{path.stem}.{state}.NODE.tres"
+    return _pictures(path, asked, bicubic)[0]
+
+
+def render_path(
+    path: Path, width: int, moved: str, places: Sequence[Sequence[float]], hide: tuple[str, ...] = ()
+) -> np.ndarray:
+    """Render a scene with a dynamic object at some places; return (n, width, width, 3) float32, as `render`.
+
+    moved:   name of the object's node
+    places:  its positions, y up, m
+    """
+    asked = {"width": width, "height": width, "hidden": hide, "moved": moved, "places": places}
+    return _pictures(path, asked, bicubic=False)
+
+
+def _pictures(path: Path, asked: dict, bicubic: bool) -> np.ndarray:
+    """Return the pictures that show.gd draws of a scene, (n, h, w, 3) float32, bottom row first.
+
+    asked:  question for show.gd; "addon": folder of the add-on
+    """
+    machine, addon = _machine(), asked.pop("addon", None)
     with _project(machine) as project:
         plugins = f'"res://{_ADDON}/plugin.cfg"' if addon else ""
         settings = _PROJECT.format(plugins=plugins, bicubic=str(bicubic).lower())
@@ -86,9 +111,7 @@ def render(
         if addon:
             shutil.copytree(addon, project / _ADDON)
         shutil.copy2(HERE / "show.gd", project)
-        asked = {"file": f"{_LEVEL}/{path.name}", "width": width, "height": height, "hidden": hide, **options}
-        if state:
-            asked["data"] = f"{_LEVEL}/{path.stem}.{state}.NODE.tres"
+        asked = {"file": f"{_LEVEL}/{path.name}", **asked}
         (project / "show.json").write_text(json.dumps(asked), encoding="utf-8")
         inside = str(Path("/") / project.relative_to(machine.root))
         told = _run(machine, project, "godot", "--headless", "--path", inside, "--import")
@@ -100,7 +123,8 @@ def render(
         pixels = project / "pixels.bin"
         if not pixels.is_file():
             raise RuntimeError(f"Godot has drawn nothing: {told[-3000:]}")
-        return np.fromfile(pixels, np.float32).reshape(height, width, 4)[::-1, :, :3].copy()
+        shape = -1, asked["height"], asked["width"], 4
+        return np.fromfile(pixels, np.float32).reshape(shape)[:, ::-1, :, :3].copy()
 
 
 def read_ktx2(data: bytes) -> np.ndarray:

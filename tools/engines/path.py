@@ -8,18 +8,19 @@ import numpy as np
 
 from . import cornell
 
-#: Name of the ball, its radius, and its places: from the light, past both boxes, into the shade, m.
+#: Name of the ball, its radius, and its places: below the light, past both boxes, into the shade, m.
 BALL, RADIUS = "Ball", 0.15
-PLACES = ((0.0, -0.1, 1.6), (-0.72, -0.4, 0.9), (0.7, 0.55, 0.7), (-0.1, -0.72, 0.16), (0.8, -0.8, 0.2))
+PLACES = ((0.0, -0.3, 1.2), (-0.72, -0.4, 0.9), (0.7, 0.55, 0.7), (-0.1, -0.72, 0.16), (0.8, -0.8, 0.2))
 
 #: Probes along each axis of the box.
 _PROBES = 6
 
 
-def bake(folder: Path, states: bool = False) -> None:
+def bake(folder: Path, states: bool = False, radius: float = RADIUS) -> None:
     """Bake the box with probes into a folder; a dynamic ball is in it.
 
     states:  see `cornell.bake`
+    radius:  of the ball, m
     """
     import bpy
 
@@ -29,7 +30,7 @@ def bake(folder: Path, states: bool = False) -> None:
     grid.data.resolution_x = grid.data.resolution_y = grid.data.resolution_z = _PROBES
     grid.location = (0, 0, 1)
     scene.collection.objects.link(grid)
-    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=4, radius=RADIUS)
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=4, radius=radius)
     ball = bpy.context.object
     ball.name, ball.hemibake.role = BALL, "DYNAMIC"
     ball.data.materials.append(bpy.data.materials["White"])
@@ -50,7 +51,7 @@ def previews(width: int, folder: Path) -> np.ndarray:
     return np.stack(pictures)
 
 
-def ball_pixels(width: int) -> np.ndarray:
+def ball_pixels(width: int, radius: float = RADIUS) -> np.ndarray:
     """Return masks of the pixels that the ball fills at each place, (n, width, width) bool.
 
     A fifth of its radius inside its outline, since engines cover pixels on outlines differently.
@@ -68,5 +69,5 @@ def ball_pixels(width: int) -> np.ndarray:
     masks = []
     for place in PLACES:
         centre = np.array(camera.matrix_world.inverted() @ Vector(place))
-        masks.append(np.linalg.norm(np.cross(rays, centre), axis=2) < 0.8 * RADIUS)
+        masks.append(np.linalg.norm(np.cross(rays, centre), axis=2) < 0.8 * radius)
     return np.stack(masks)

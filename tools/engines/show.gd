@@ -4,6 +4,7 @@ extends SceneTree
 const FRAMES := 8
 
 var asked: Dictionary
+var moved: GeometryInstance3D
 
 
 func _init() -> void:
@@ -30,6 +31,19 @@ func show() -> void:
 		viewport.add_child(black())
 	if asked.has("sun"):
 		viewport.add_child(sun(asked.sun))
+	var out := FileAccess.open("res://pixels.bin", FileAccess.WRITE)
+	if moved == null:
+		await draw(viewport, out)
+	else:
+		for place in asked.places:
+			moved.global_position = Vector3(place[0], place[1], place[2])
+			await draw(viewport, out)
+	out.close()
+	quit()
+
+
+# Adds the pixels of a viewport to a file.
+func draw(viewport: SubViewport, out: FileAccess) -> void:
 	for frame in FRAMES:
 		await process_frame
 	var image := viewport.get_texture().get_image()
@@ -37,15 +51,15 @@ func show() -> void:
 	for y in image.get_height():
 		for x in image.get_width():
 			image.set_pixel(x, y, image.get_pixel(x, y).srgb_to_linear())
-	var out := FileAccess.open("res://pixels.bin", FileAccess.WRITE)
 	out.store_buffer(image.get_data())
-	out.close()
-	quit()
 
 
 func set_up(node: Node) -> void:
 	if node is Camera3D:
 		node.current = true
+	if node is GeometryInstance3D and asked.get("moved", "") == String(node.name):
+		node.gi_mode = GeometryInstance3D.GI_MODE_DYNAMIC
+		moved = node
 	if node is Node3D and String(node.name) in asked.hidden:
 		node.visible = false
 	if node is WorldEnvironment and asked.has("background"):

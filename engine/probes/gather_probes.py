@@ -259,7 +259,8 @@ def probe_warnings(what: TexelGatherJob) -> tuple[str, ...]:
     settings = what.job.settings
     if what.job.compute is None:
         return (
-            "Light Probe Volumes: no OpenCL device. Install an OpenCL driver, or switch Light Probes off.",
+            "Light Probe Volumes: no OpenCL device, so only lightmaps are baked. Install an OpenCL driver, "
+            "or switch Light Probes off.",
         )
     warnings = [
         f"Light Probe Volume '{volume.name}': {volume.count:,} probes exceed the {MAX_DISTANCE_PROBES:,} "

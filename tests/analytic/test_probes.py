@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from engine import Light, Scene, Session, Settings, finished
+from engine.device import devices
+from engine.errors import DeviceError
 from engine.probes.probe_lights import ProbeLights
 from engine.probes.sphere_directions import sphere_directions
 from engine.probes.spherical_harmonics import basis, irradiance
@@ -377,3 +379,18 @@ def test_too_many_probes_for_distances_are_a_warning(session):
     assert (
         warning.startswith("Light Probe Volume 'Many': 4 probes exceed") and "Lower its resolution" in warning
     )
+
+
+def test_without_opencl_the_lightmaps_are_baked_and_a_warning_names_the_remedy(monkeypatch):
+    class NoCompute:
+        def __init__(self, *arguments, **options) -> None:
+            raise DeviceError("There is no OpenCL. Install one.")
+
+    monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
+    scene = dataclasses.replace(furnace(0.5, 1.0), probe_volumes=(volume((0.5, 0.5, 0.5), 0.4),))
+    made = Session()
+    result = finished(made.bake(scene, dataclasses.replace(SETTINGS, tolerance=1e-4, samples=64)))
+    made.close()
+    assert result.probes == () and result.display[result.has_patch] == pytest.approx(2, rel=0.05)
+    (warning,) = [text for text in result.report.warnings if text.startswith("Light Probe Volumes")]
+    assert "Install an OpenCL driver" in warning and "lightmaps are baked" in warning

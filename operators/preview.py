@@ -5,19 +5,30 @@ from __future__ import annotations
 import bpy
 
 from .result.moved_charts import warn_changed_uvs
-from .result.preview import has_preview, hide_preview, previewed, show_preview
+from .result.preview import (
+    has_preview,
+    hide_preview,
+    previewed,
+    show_preview,
+    shows_other_scene,
+    switch_preview,
+)
 from .scene import SceneContext
 from .viewports import show_materials, show_solid_again
 
 
 class HEMIBAKE_OT_preview(bpy.types.Operator):
-    """Show baked objects with their lightmaps, or with their original materials again"""
+    """Show baked objects with the lightmaps of this scene, or with their original materials again"""
 
     bl_idname = "hemibake.preview"
     bl_label = "Show Lightmaps"
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        if shows_other_scene(context.scene):
+            switch_preview(context.scene, context.evaluated_depsgraph_get())
+            self.report({"INFO"}, f"Objects show the lightmaps of scene '{context.scene.name}'")
+            return {"FINISHED"}
         shown = list(previewed(context.scene))
         if shown:
             hide_preview(shown)

@@ -8,7 +8,7 @@ from ..engine.settings import shown_in
 from ..operators.denoise_library import denoise_library
 from ..operators.lightmap_size import size_text
 from ..operators.live import is_live
-from ..operators.result.preview import shows_preview
+from ..operators.result.preview import shows_other_scene, shows_preview
 from ..operators.warm_up import warm_up_soon
 from .presets import draw_presets
 from .progress import draw_bake_button, draw_preparation, draw_stage
@@ -39,6 +39,7 @@ class HEMIBAKE_PT_bake(Sidebar, bpy.types.Panel):
         draw_preparation(layout)
         layout.prop(settings, "show_when_done")
         shown, row = shows_preview(context.scene), layout.row(align=True)
+        shown = shown and not shows_other_scene(context.scene)
         text = "Hide Lightmaps" if shown else "Show Lightmaps"
         row.operator("hemibake.preview", text=text, depress=shown, icon="SHADING_TEXTURE")
         row.operator("hemibake.live", depress=is_live(), icon="PLAY")

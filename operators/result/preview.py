@@ -111,6 +111,31 @@ def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Non
     hide_preview([obj for obj in shown if not has_preview(obj)])
 
 
+def shows_other_scene(scene: bpy.types.Scene) -> bool:
+    """Return True if an object that has a lightmap in a scene shows that of another scene.
+
+    Two windows with two scenes that share objects lead to this: Blender has one material for both.
+    """
+    if len(bpy.data.scenes) < 2:
+        return False
+    own = _lightmaps_of([scene])
+    others = _lightmaps_of([other for other in bpy.data.scenes if other != scene]) - own
+    baked = (obj for obj in previewed(scene) if bake_record(obj, scene).image)
+    return any(images & others and not images & own for images in map(_images_shown, baked))
+
+
+def _lightmaps_of(scenes: Sequence[bpy.types.Scene]) -> set[bpy.types.Image]:
+    """Return the images of the lightmaps of scenes, with those of further outputs."""
+    return {entry.image for scene in scenes for entry in scene.hemibake.lightmaps if entry.image}
+
+
+def _images_shown(obj: bpy.types.Object) -> set[bpy.types.Image]:
+    """Return the images of the preview materials of an object."""
+    shown = (slot.material for slot in obj.material_slots if slot.material)
+    nodes = (node for material in shown if PREVIEW_MARK in material for node in material.node_tree.nodes)
+    return {node.image for node in nodes if node.type == "TEX_IMAGE" and node.image}
+
+
 def switch_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
     """Show this scene's lightmaps on objects that show another scene's; return True if any changed.
 

@@ -81,6 +81,25 @@ def test_preview_follows_the_scene_of_the_window(scenes):
     assert floor.material_slots[0].material == bpy.data.materials["Grey"]
 
 
+def test_a_second_window_shows_the_lightmaps_of_its_scene_at_a_click(scenes):
+    """Blender reports no change of the active window; the button of each window belongs to its scene."""
+    import bpy
+
+    first, second, floor = scenes
+    bake(second)
+    bake(first)
+    bpy.ops.hemibake.preview()
+    shows_other = part("operators.result.preview").shows_other_scene
+    for scene, light in ((second, 3), (first, 1), (second, 3)):
+        assert shows_other(scene)
+        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+            bpy.ops.hemibake.preview()
+        assert light_shown(floor) == pytest.approx(light, rel=0.02) and not shows_other(scene)
+    with bpy.context.temp_override(scene=second, view_layer=second.view_layers[0]):
+        bpy.ops.hemibake.preview()
+    assert floor.material_slots[0].material == bpy.data.materials["Grey"]
+
+
 def test_scene_without_a_bake_shows_materials_until_it_is_left(scenes):
     import bpy
 

@@ -40,7 +40,7 @@ def build() -> None:
     """Build the Cornell box in an empty file with two boxes of one mesh, and instances of a third one."""
     import bpy
 
-    cornell_box = _box_module()
+    cornell_box = box_module()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     cornell_box.build()
     short, tall = bpy.data.objects["Short Box"], bpy.data.objects["Tall Box"]
@@ -58,7 +58,7 @@ def _add_instances() -> None:
     """Add a small box, and two empties that show its collection, one of them turned."""
     import bpy
 
-    cornell_box = _box_module()
+    cornell_box = box_module()
     red = bpy.data.materials["Red"]
     source = cornell_box.box("Stool", red, (0.2, 0.2, 0.3), (0.75, 0.5), math.radians(10))
     collection = bpy.data.collections.new("Stools")
@@ -77,7 +77,7 @@ def bake_terrace(outputs: set[str]) -> dict:
     import bpy
     from mathutils import Euler, Vector
 
-    cornell_box = _box_module()
+    cornell_box = box_module()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     grey = cornell_box.material("Grey", (0.5, 0.4, 0.3))
     cornell_box.wall("Floor", grey, (0, 0, 0), (0, 0, 0))
@@ -104,7 +104,7 @@ def bake_two_groups() -> None:
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    _box_module().build()
+    box_module().build()
     bpy.data.objects["Front Wall"].visible_shadow = bpy.data.objects["Front Wall"].visible_diffuse = False
     scene = bpy.context.scene
     for name in ("Lamp", "Sky"):
@@ -122,8 +122,30 @@ def bake_two_groups() -> None:
         group.name, group.color, group.strength = name, color, 1.5
 
 
-def _box_module() -> ModuleType:
+def box_module() -> ModuleType:
     """Return the example that builds the Cornell box."""
     if (examples := str(ROOT / "examples")) not in sys.path:
         sys.path.insert(0, examples)
     return importlib.import_module("cornell_box")
+
+
+def bake_twins() -> None:
+    """Bake the room, in which two boxes share a mesh, with states of its lamp and of a second one."""
+    import bpy
+
+    build()
+    scene = bpy.context.scene
+    lamp = bpy.data.objects.new("Blue", bpy.data.lights.new("Blue", "POINT"))
+    lamp.data.energy, lamp.data.color, lamp.location = 15.0, (0.2, 0.3, 1.0), (0.6, -0.6, 1.2)
+    scene.collection.objects.link(lamp)
+    for name, obj in (("Lamp", bpy.data.objects["Light"]), ("Blue", lamp)):
+        bpy.context.view_layer.lightgroups.add(name=name)
+        obj.lightgroup = name
+    settings = scene.hemibake
+    settings.quality, settings.resolution, settings.outputs = "draft", WIDTHS[0], {"combined", "light_groups"}
+    bpy.ops.hemibake.bake()
+    for name, group in (("Day", "Blue"), ("Night", "Lamp")):
+        state = settings.light_states.add()
+        state.name = name
+        off = state.groups.add()
+        off.name, off.strength = group, 0.0

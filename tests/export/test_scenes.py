@@ -1,0 +1,75 @@
+"""Three scenes with light states in three.js, Babylon.js, PlayCanvas and Godot, against the preview."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tests.export.states import WIDTH, close_enough
+from tools.engines import cornell, godot, house, room
+from tools.engines.web import BABYLON, PLAYCANVAS, THREE
+
+
+class Baked(NamedTuple):
+    """Exports of a scene for engines of the web and for Godot, and the preview of each state."""
+
+    web: Path
+    godot: Path
+    wanted: dict[str, np.ndarray]
+
+
+def bake_demo():
+    cornell.bake(96, "preview", states=True)
+
+
+#: Function that bakes each scene, and two of its states.
+SCENES = {
+    "demo": (bake_demo, ("Day", "Night")),
+    "house": (house.bake, house.TIMES),
+    "twins": (room.bake_twins, ("Day", "Night")),
+}
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def baked(request, hemibake, tmp_path_factory):
+    import bpy
+
+    bake, states = SCENES[request.param]
+    bake()
+    folder, wanted = tmp_path_factory.mktemp(request.param), {}
+    for state in states:
+        bpy.ops.hemibake.light_state_apply(name=state)
+        wanted[state] = cornell.preview(WIDTH, folder)
+    paths = []
+    for engine, name in (("THREE", "web"), ("GODOT", "godot")):
+        (folder / name).mkdir()
+        path = folder / name / "room.glb"
+        assert bpy.ops.hemibake.export_for_engine(filepath=str(path), engine=engine) == {"FINISHED"}
+        paths.append(path)
+    return Baked(paths[0], paths[1].with_suffix(".tscn"), wanted)
+
+
+@pytest.mark.parametrize("engine", [THREE, BABYLON, PLAYCANVAS], ids=lambda engine: engine.page)
+def test_engines_of_the_web_show_each_state(baked, engine):
+    if missing := engine.missing():
+        pytest.skip(f"{missing}: exports are not shown with {engine.package}")
+    engine.install()
+    for state, wanted in baked.wanted.items():
+        shown = engine.show(baked.web, WIDTH, WIDTH, cornell.HIDDEN, state=state)
+        assert shown.problems == []
+        close_enough(shown.pixels, wanted)
+
+
+def test_godot_shows_each_state(baked):
+    """Compatibility clips light above 1, so brighter pixels are left out."""
+    if missing := godot.missing():
+        pytest.skip(f"{missing}: exports are not shown with Godot")
+    for state, wanted in baked.wanted.items():
+        shown = godot.render(
+            baked.godot, WIDTH, WIDTH, (*cornell.HIDDEN, "Light"), state=state.replace(":", "_")
+        )
+        dim = wanted.max(axis=-1, keepdims=True) < 1
+        off = cornell.differences(shown, np.where(dim, wanted, 0))
+        assert len(off) > 0.5 * WIDTH * WIDTH
+        assert np.percentile(off, 99) < 0.02

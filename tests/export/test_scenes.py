@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from engine.scene.color import linear_to_srgb
 from tests.export.states import WIDTH, close_enough
 from tools.engines import cornell, godot, house, room
 from tools.engines.web import BABYLON, PLAYCANVAS, THREE
@@ -62,14 +63,14 @@ def test_engines_of_the_web_show_each_state(baked, engine):
 
 
 def test_godot_shows_each_state(baked):
-    """Compatibility clips light above 1, so brighter pixels are left out."""
+    """Up to two steps of Compatibility's 8 bits of sRGB and 1 %, which is 2 % of light. It clips above 1."""
     if missing := godot.missing():
         pytest.skip(f"{missing}: exports are not shown with Godot")
     for state, wanted in baked.wanted.items():
         shown = godot.render(
             baked.godot, WIDTH, WIDTH, (*cornell.HIDDEN, "Light"), state=state.replace(":", "_")
         )
-        dim = wanted.max(axis=-1, keepdims=True) < 1
-        off = cornell.differences(shown, np.where(dim, wanted, 0))
-        assert len(off) > 0.5 * WIDTH * WIDTH
-        assert np.percentile(off, 99) < 0.02
+        dim = wanted.max(axis=-1) < 1
+        assert dim.mean() > 0.5
+        off, bright = np.abs(linear_to_srgb(shown) - linear_to_srgb(wanted)), linear_to_srgb(wanted)
+        assert (off.max(axis=-1) > 0.01 * bright.max(axis=-1) + 2 / 255)[dim].mean() < 0.01

@@ -136,7 +136,7 @@ def bake_twins() -> None:
     build()
     scene = bpy.context.scene
     lamp = bpy.data.objects.new("Blue", bpy.data.lights.new("Blue", "POINT"))
-    lamp.data.energy, lamp.data.color, lamp.location = 15.0, (0.2, 0.3, 1.0), (0.6, -0.6, 1.2)
+    lamp.data.energy, lamp.data.color, lamp.location = 4.0, (0.6, 0.7, 1.0), (0.6, -0.6, 1.2)
     scene.collection.objects.link(lamp)
     for name, obj in (("Lamp", bpy.data.objects["Light"]), ("Blue", lamp)):
         bpy.context.view_layer.lightgroups.add(name=name)
@@ -144,8 +144,8 @@ def bake_twins() -> None:
     settings = scene.hemibake
     settings.quality, settings.resolution, settings.outputs = "draft", WIDTHS[0], {"combined", "light_groups"}
     bpy.ops.hemibake.bake()
-    for name, group in (("Day", "Blue"), ("Night", "Lamp")):
+    for name, group, strength in (("Day", "Blue", 0.0), ("Night", "Lamp", 0.3)):
         state = settings.light_states.add()
         state.name = name
-        off = state.groups.add()
-        off.name, off.strength = group, 0.0
+        dimmed = state.groups.add()
+        dimmed.name, dimmed.color, dimmed.strength = group, (1.0, 0.6, 0.4), strength

@@ -10,7 +10,7 @@ from distributed import Future
 from ..direct.contact import find_contacts
 from ..direct.emitters import SampledTriangles
 from ..gather.half_radiance import HalfRadiance
-from ..numpy_pickle import portable_bytes
+from ..numpy_pickle import NumpyPickle, portable_bytes
 from ..patches.patch_list import PatchList
 from ..patches.patch_scene import PatchScene
 from ..plan.gathered_samples import GatheredSamples
@@ -18,10 +18,11 @@ from ..plan.memory import shared_width
 from ..plan.solver_choice import SolverChoice
 from ..plan.visibility_trial import untried_visibility
 from ..postprocess.texel_samples import TexelSamples
+from ..probes.gather_probes import ProbePart
 from ..scene.color import colors_of
 from ..settings import ALL_DEVICES, Settings
 from ..visibility.rays.ray_scene import RayScene
-from . import block, final_tasks, shadow_tasks
+from . import block, final_tasks, probe_tasks, shadow_tasks
 from .blocks import Span, cut
 from .distributed_scene import DistributedScene
 from .patch_rows import PatchRows
@@ -34,6 +35,9 @@ _COLORS = 3
 
 #: Minimum number of texel samples per task; a task with fewer takes the same time.
 _FEWEST_POINTS = 2048
+
+#: Minimum number of light probes per task, each with hundreds of rays (chosen).
+_FEWEST_PROBES = 64
 
 
 class ClusterDevices:
@@ -65,6 +69,7 @@ class ClusterDevices:
         table = SceneTable.of_scene(parts, bright, self._back_to_back, folder)
         self._patches = self._solved = ShippedPatches(tasks, parts.patches, table, folder)
         self._blocks: dict[Span, Future] = {}
+        self._probe_light: tuple[NumpyPickle, Future] | None = None
 
     def describe(self) -> str:
         """Return a sentence for the report: number of workers, and the scheduler's dashboard.
@@ -156,6 +161,21 @@ class ClusterDevices:
         tasks = [(*scene, part, *seen, how) for part in parts]
         begun = self._tasks.begin(final_tasks.light_at_samples, tasks)
         lit: dict[Span, GatheredSamples] = {}
+        yield from self._tasks.take(dict(zip(begun, spans, strict=True)), lit.__setitem__)
+        return [lit[span] for span in spans]
+
+    def probes(
+        self, light: NumpyPickle, volume: int, count: int, choice: SolverChoice
+    ) -> Generator[float, None, list[ProbePart]]:
+        """Gather light at the probes of a volume by tasks of the workers; yield progress 0..1."""
+        self._blocks = {}
+        spans, scene = cut(count, _FEWEST_PROBES), (self._shipped.shipment, self._patches.table)
+        if self._probe_light is None or self._probe_light[0] is not light:
+            self._probe_light = light, self._tasks.sent(light, "probe_light")
+        how = self._tasks.sent(choice, "how")
+        tasks = [(*scene, self._probe_light[1], how, volume, span) for span in spans]
+        begun = self._tasks.begin(probe_tasks.light_at_probes, tasks)
+        lit: dict[Span, ProbePart] = {}
         yield from self._tasks.take(dict(zip(begun, spans, strict=True)), lit.__setitem__)
         return [lit[span] for span in spans]
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Protocol
 
+import numpy as np
+
 from ..direct.shadow_rays import ShadowCaster
 from ..gather.half_radiance import HalfRadiance
 from ..gather.remote_gather import RemoteGather
+from ..numpy_pickle import NumpyPickle
 from ..postprocess.texel_samples import TexelSamples
 from ..settings import Settings
 from .gathered_samples import GatheredSamples
@@ -24,4 +27,15 @@ class RemoteDevices(ShadowCaster, RemoteGather, Protocol):
         self, samples: TexelSamples, light: HalfRadiance, choice: SolverChoice, settings: Settings
     ) -> Generator[float, None, list[GatheredSamples]]:
         """Gather light at texel samples on devices of other processes, from the light of all patches."""
+        ...
+
+    def probes(
+        self, light: NumpyPickle, volume: int, count: int, choice: SolverChoice
+    ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]]:
+        """Gather light at the probes of a volume; return the values of consecutive probes in order.
+
+        light:   light of all patches, `probes.sent_light.SentProbeLight`
+        volume:  index into `Scene.probe_volumes`
+        count:   number of its probes
+        """
         ...

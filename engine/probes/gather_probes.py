@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from ..visibility.views.viewpoints import OF_COORDINATE
 from .probe_fill import filled, moved_out
 from .probe_lights import ProbeLights
 from .probe_rows import COEFFICIENTS, ProbeRadiance, ProbeRows
+from .sent_light import SentProbeLight, SentRadiance
 from .sphere_directions import direction_count
 
 #: Maximum number of probes whose samples are in memory at once, and maximum size of these samples, bytes.
@@ -48,6 +49,10 @@ _GATHERING = 0.95
 
 #: Maximum number of probes of a volume with maps of distances; its file has 316 MB (chosen).
 MAX_DISTANCE_PROBES = 1 << 18
+
+#: Values of n probes: coefficients, (n, lights, 9, 3) float32, validity, (n,) float32, positions, (n, 3)
+#: float64, m, and distances, see `ProbeRows`.
+ProbePart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 #: Luminance below which a back face is dark in a scene without light.
 _BLACK = 1e-30
@@ -77,13 +82,67 @@ def gather_probes(
         emission, sky, backs = what.lighting.left_to_hemicubes(number)
         job = replace(what.job, emission=emission, sky=sky, backs=backs, part_of=what.job)
         lights.append(_radiance(what, job, light, hidden))
-    gather = _ProbeGather(what, lights, tuple(groups))
-    made, before = list[ProbeGrid](), 0
-    for volume in volumes:
+    part = _gather_of_volumes(what, lights, bool(groups))
+    made, before, origin = list[ProbeGrid](), 0, what.job.parts.triangles.origin
+    for number, volume in enumerate(volumes):
         done = before / total, (before + volume.count) / total
-        made.append((yield from run_as_fraction(*done, gather.volume(volume))))
+        made.append((yield from run_as_fraction(*done, _grid(volume, part(number), tuple(groups), origin))))
         before += volume.count
     return tuple(made)
+
+
+def _gather_of_volumes(
+    what: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: bool
+) -> Callable[[int], Generator[float, None, ProbePart]]:
+    """Return a function that gathers a volume, by its number: here, or on devices of other processes.
+
+    lights:  radiance of all light, then of each light group
+    groups:  True if there are light groups
+    """
+    volumes, remote = what.scene.probe_volumes, what.job.remote
+    if remote is None:
+        gather = ProbeGather(what, lights, groups)
+        return lambda number: gather.part(volumes[number], 0, volumes[number].count)
+    sent = SentProbeLight([SentRadiance.of(what.job.opencl, light) for light in lights], groups)
+
+    def elsewhere(number: int) -> Generator[float, None, ProbePart]:
+        return joined((yield from remote.probes(sent, number, volumes[number].count, what.choice)))
+
+    return elsewhere
+
+
+def joined(parts: Sequence[ProbePart]) -> ProbePart:
+    """Return the values of consecutive parts of a volume as one part."""
+    coefficients, validity, positions, distances = (
+        np.concatenate(arrays) for arrays in zip(*parts, strict=True)
+    )
+    return coefficients, validity, positions, distances
+
+
+def _grid(
+    volume: ProbeVolume,
+    gathering: Generator[float, None, ProbePart],
+    names: Sequence[str],
+    origin: np.ndarray,
+) -> Generator[float, None, ProbeGrid]:
+    """Return the light of a volume after the repair of invalid probes; yield the fraction done.
+
+    names:   names of the light groups
+    origin:  `Triangles.origin`
+    """
+    coefficients, validity, positions, distances = yield from run_as_fraction(0.0, _GATHERING, gathering)
+    filling = filled(coefficients, validity > 0, volume)
+    coefficients = yield from run_as_fraction(_GATHERING, 1.0, filling)
+    return ProbeGrid(
+        volume.name,
+        volume.resolution,
+        volume.matrix,
+        np.ascontiguousarray(coefficients[:, 0]),
+        validity,
+        (positions + origin).astype(np.float32),
+        {name: np.ascontiguousarray(coefficients[:, number]) for number, name in enumerate(names, 1)},
+        distances,
+    )
 
 
 def _radiance(what: TexelGatherJob, job: SolveJob, light: Values, hidden: np.ndarray | None) -> ProbeRadiance:
@@ -105,58 +164,45 @@ def _batch_size(directions: int) -> int:
     return max(1, min(_BATCH, _BATCH_BYTES // (_SAMPLE_BYTES * directions)))
 
 
-class _ProbeGather:
+class ProbeGather:
     """Gather of volumes from the light of one solution, and of its light groups.
 
     lights:  radiance of all light, then of each light group
-    names:   names of the light groups
+    groups:  True if there are light groups
     """
 
-    def __init__(self, what: TexelGatherJob, lights: Sequence[ProbeRadiance], names: Sequence[str]) -> None:
-        self._what, self._lights, self._names, self._settings = what, lights, names, what.job.settings
+    def __init__(self, what: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: bool) -> None:
+        self._what, self._lights, self._settings = what, lights, what.job.settings
         self._compute, self._rays = what.job.opencl, what.job.rays.rays
-        groups = light_groups(what.scene) if names else None
         self._direct = ProbeLights(
-            self._compute, self._rays, what.job.parts, what.lighting, self._settings, groups
+            self._compute,
+            self._rays,
+            what.job.parts,
+            what.lighting,
+            self._settings,
+            light_groups(what.scene) if groups else None,
         )
         self._origin = what.job.parts.triangles.origin
         self._drop_rows_of_others()
 
-    def volume(self, volume: ProbeVolume) -> Generator[float, None, ProbeGrid]:
-        """Return the light of a volume; yield the fraction done."""
+    def part(self, volume: ProbeVolume, first: int, last: int) -> Generator[float, None, ProbePart]:
+        """Return the probes first <= i < last of a volume; yield the fraction done.
+
+        Invalid probes that did not move have the light inside geometry.
+        """
         points = volume.points() - self._origin
         parts, batch_size = [], _batch_size(direction_count(self._settings.probe_samples))
-        for first in range(0, len(points), batch_size):
-            last = min(first + batch_size, len(points))
-            done = _GATHERING * first / len(points), _GATHERING * last / len(points)
-            batch = self._batch(volume, points[first:last], first)
+        for start in range(first, last, batch_size):
+            end = min(start + batch_size, last)
+            done = (start - first) / (last - first), (end - first) / (last - first)
+            batch = self._batch(volume, points[start:end], start)
             parts.append((yield from run_as_fraction(*done, batch)))
-        coefficients, validity, positions, distances = (
-            np.concatenate(arrays) for arrays in zip(*parts, strict=True)
-        )
-        filling = filled(coefficients, validity > 0, volume)
-        coefficients = yield from run_as_fraction(_GATHERING, 1.0, filling)
-        return ProbeGrid(
-            volume.name,
-            volume.resolution,
-            volume.matrix,
-            np.ascontiguousarray(coefficients[:, 0]),
-            validity,
-            (positions + self._origin).astype(np.float32),
-            {
-                name: np.ascontiguousarray(coefficients[:, number])
-                for number, name in enumerate(self._names, 1)
-            },
-            distances,
-        )
+        return joined(parts)
 
     def _batch(
         self, volume: ProbeVolume, points: np.ndarray, first: int
-    ) -> Generator[float, None, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """Return coefficients, (n, lights, 9, 3), validity, positions and distances of consecutive probes.
-
-        distances:  see `ProbeRows`
-        """
+    ) -> Generator[float, None, ProbePart]:
+        """Return the values of consecutive probes."""
         rows = self._kept_rows(volume, points, first)
         yield from run_as_fraction(0.0, _TRACING, rows.trace())
         coefficients, valid = yield from run_as_fraction(_TRACING, _PROJECTING, self._projected(rows))

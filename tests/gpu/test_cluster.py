@@ -20,6 +20,7 @@ from engine.cluster.blocks import cut
 from engine.errors import DeviceError, OverlapError, SettingsError
 from engine.progress import finished
 from engine.scene.model import BackSide
+from engine.scene.probe_volume import ProbeVolume
 from engine.scene.transmission import Transmittance
 from engine.session import Session
 from tests.analytic.scenes import nine_quad_room
@@ -111,6 +112,51 @@ def test_workers_make_every_output_and_points_of_texels(two):
         assert np.sqrt((difference**2).mean()) < 0.15 * scale
     assert any("more points" in reason for reason in by_two.report.reasons)
     assert by_two.report.energy.emitted == pytest.approx(alone.report.energy.emitted, rel=0.01)
+
+
+def with_probes(scene):
+    """Return a scene with a grid that crosses its walls and one inside, and a light in a group of its own."""
+    wide, small = np.diag([0.6, 0.55, 0.5, 1.0]), np.diag([0.2, 0.3, 0.1, 1.0])
+    wide[:3, 3] = small[:3, 3] = 0.5
+    grids = ProbeVolume("Wide", wide, (7, 6, 5)), ProbeVolume("Small", small, (1, 2, 1))
+    lamp = Light("Lamp", "point", np.array([0.4, 0.5, 0.6]), np.eye(3), np.full(3, 2, np.float32), 0.1)
+    lamps = (replace(lamp, light_group="Lamps"),)
+    return replace(scene, lights=lamps, light_groups=("Lamps",), probe_volumes=grids)
+
+
+def test_workers_gather_light_probes(two):
+    """Their light is that of one device up to noise, and has the same bits with one worker."""
+    scene = with_probes(nine_quad_room())
+    settings = replace(
+        SETTINGS, light_probes=True, probe_distances=True, outputs=("combined", "light_groups"), samples=256
+    )
+    alone = finished(engine.bake(scene, settings))
+    by_two = baked(two, settings, scene)
+    with cluster(1) as one:
+        by_one = baked(one, settings, scene)
+    for grid, same, expected in zip(by_two.probes, by_one.probes, alone.probes, strict=True):
+        assert np.array_equal(grid.coefficients, same.coefficients)
+        assert np.array_equal(grid.distances, same.distances)
+        assert all(np.array_equal(grid.groups[name], same.groups[name]) for name in expected.groups)
+        scale = expected.coefficients[:, 0].mean()
+        assert (grid.validity == expected.validity).mean() > 0.95
+        difference = grid.coefficients - expected.coefficients
+        assert abs(difference[:, 0].mean()) < 0.01 * scale
+        assert np.sqrt((difference**2).mean()) < 0.05 * scale
+        assert grid.distances.mean() == pytest.approx(expected.distances.mean(), rel=0.01)
+        parts = sum(grid.groups.values())
+        assert parts[:, 0] == pytest.approx(grid.coefficients[:, 0], rel=0.05, abs=0.05 * scale)
+
+
+def test_a_cancelled_bake_leaves_no_task_of_probes(two):
+    """The next bake of the same workers has the bits of a bake that was not cancelled."""
+    scene, settings = with_probes(nine_quad_room()), replace(SETTINGS, light_probes=True)
+    whole = baked(two, settings, scene)
+    work = bake(two, settings, scene)
+    assert any(step.stage == "Light probes" for step in work)
+    work.close()
+    again = baked(two, settings, scene)
+    assert np.array_equal(whole.probes[0].coefficients, again.probes[0].coefficients)
 
 
 def test_any_number_of_workers_brings_the_same_bits(by_two):

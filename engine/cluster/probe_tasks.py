@@ -1,0 +1,32 @@
+"""Tasks for light probes: the values of consecutive probes of a volume."""
+
+from __future__ import annotations
+
+from ..plan.solver_choice import SolverChoice
+from ..probes.gather_probes import ProbePart
+from ..probes.sent_light import SentProbeLight
+from ..progress import finished
+from .blocks import Span
+from .patch_table import SceneTable
+from .prepared_scene import prepared
+from .scene_payload import ScenePayload
+
+
+def light_at_probes(
+    shipment: ScenePayload,
+    table: SceneTable,
+    light: SentProbeLight,
+    choice: SolverChoice,
+    volume: int,
+    span: Span,
+) -> ProbePart:
+    """Gather light at consecutive probes of a volume.
+
+    volume:  index into `Scene.probe_volumes`
+    span:    first probe, and the end
+    """
+    scene = prepared(shipment)
+    patches = scene.patches(table)
+    with patches.working():
+        gather = patches.probes(light, choice)
+        return finished(gather.part(scene.scene.probe_volumes[volume], *span))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..plan.solver_choice import SolverChoice
 from ..probes.gather_probes import ProbePart
-from ..probes.sent_light import SentProbeLight
+from ..probes.sent_light import SentRadiance
 from ..progress import finished
 from .blocks import Span
 from .patch_table import SceneTable
@@ -15,7 +15,7 @@ from .scene_payload import ScenePayload
 def light_at_probes(
     shipment: ScenePayload,
     table: SceneTable,
-    light: SentProbeLight,
+    light: SentRadiance,
     choice: SolverChoice,
     volume: int,
     span: Span,

@@ -19,7 +19,7 @@ from ..plan.session_cache import SessionCache
 from ..plan.solve_job import SolveJob
 from ..plan.solver_choice import SolverChoice
 from ..probes.gather_probes import ProbeGather
-from ..probes.sent_light import SentProbeLight
+from ..probes.sent_light import SentRadiance
 from ..scene.model import Scene
 from ..settings import Settings
 from ..texel_gather.texel_sample_points import TexelGatherJob
@@ -101,13 +101,12 @@ class ScenePatches(SourcePatches):
         parts = replace(job.parts, surfaces=surfaces)
         self.lighting = DirectLighting(scene, parts, job.rays, settings, split=EmitterSplit(bright, sky))
         self._scene, self._emitting = scene, replace(job, parts=parts)
-        self._probes: tuple[SentProbeLight, ProbeGather] | None = None
+        self._probes: tuple[SentRadiance, ProbeGather] | None = None
 
-    def probes(self, light: SentProbeLight, choice: SolverChoice) -> ProbeGather:
+    def probes(self, light: SentRadiance, choice: SolverChoice) -> ProbeGather:
         """Return the gather of light probes from the light of all patches; the last one is cached."""
         if self._probes is None or self._probes[0] is not light:
             self._probes, job = None, self._emitting
             what = TexelGatherJob(self._scene, job, job, choice, self.lighting)
-            lights = [radiance.opened(job.opencl) for radiance in light.lights]
-            self._probes = light, ProbeGather(what, lights, light.groups)
+            self._probes = light, ProbeGather(what, [light.opened(job.opencl)], groups=False)
         return self._probes[1]

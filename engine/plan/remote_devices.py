@@ -34,7 +34,7 @@ class RemoteDevices(ShadowCaster, RemoteGather, Protocol):
     ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]]:
         """Gather light at the probes of a volume; return the values of consecutive probes in order.
 
-        light:   light of all patches, `probes.sent_light.SentProbeLight`
+        light:   light of all patches, `probes.sent_light.SentRadiance`
         volume:  index into `Scene.probe_volumes`
         count:   number of its probes
         """

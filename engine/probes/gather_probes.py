@@ -25,7 +25,7 @@ from ..visibility.views.viewpoints import OF_COORDINATE
 from .probe_fill import filled, moved_out
 from .probe_lights import ProbeLights
 from .probe_rows import COEFFICIENTS, ProbeRadiance, ProbeRows
-from .sent_light import SentProbeLight, SentRadiance
+from .sent_light import SentRadiance
 from .sphere_directions import direction_count
 
 #: Maximum number of probes whose samples are in memory at once, and maximum size of these samples, bytes.
@@ -103,7 +103,8 @@ def _gather_of_volumes(
     if remote is None:
         gather = ProbeGather(what, lights, groups)
         return lambda number: gather.part(volumes[number], 0, volumes[number].count)
-    sent = SentProbeLight([SentRadiance.of(what.job.opencl, light) for light in lights], groups)
+    # Bakes by other processes have no light groups.
+    sent = SentRadiance.of(what.job.opencl, lights[0])
 
     def elsewhere(number: int) -> Generator[float, None, ProbePart]:
         return joined((yield from remote.probes(sent, number, volumes[number].count, what.choice)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,15 +55,3 @@ class SentRadiance(NumpyPickle):
             backs, np.uint32(len(self.backs)), sky, *size, None, dark=not self.sky[:, :3].any()
         )
         return ProbeRadiance(upload(compute, self.radiance), background, self.backs_from, self.dark)
-
-
-@dataclass(frozen=True, eq=False)
-class SentProbeLight(NumpyPickle):
-    """Light of all patches that probes receive, and of each light group.
-
-    lights:  radiance of all light, then of each light group
-    groups:  True if there are light groups
-    """
-
-    lights: Sequence[SentRadiance]
-    groups: bool

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 import bpy
@@ -36,7 +37,8 @@ def write_pictures(images: Sequence[bpy.types.Image], folder: Path) -> list[str]
 def _free_name(folder: Path, stem: str) -> str:
     """Return a name for a picture that does not replace a file of another origin."""
     known, blend = read_manifest(folder), blend_from(folder)
-    names = (f"{stem}{number}.png" for number in ("", *(f".{count:03d}" for count in range(1, 10**6))))
+    numbers = chain([""], (f".{count:03d}" for count in range(1, 10**6)))
+    names = (f"{stem}{number}.png" for number in numbers)
     paths = (folder / name for name in names)
     return next(path.name for path in paths if not os.path.lexists(path) or is_ours(known, path, blend))
 

@@ -27,7 +27,7 @@ from .sphere_directions import random_rotations, sphere_directions
 COEFFICIENTS = 9
 _BYTES = 16 * COEFFICIENTS
 
-#: Share of tracing in the time of tracing and maps (measured on a CPU).
+#: Share of tracing in the time of tracing and maps (chosen).
 _TRACED = 0.8
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
@@ -51,43 +50,46 @@ def pack_tiles(
 
 
 class _Skyline:
-    """Skyline of a page: the upper edge of its tiles, as steps (x, y, width) from left to right."""
+    """Skyline of a page: the upper edge of its tiles, as steps from left to right without gaps."""
 
     def __init__(self, box: Box) -> None:
         self._box = box
-        self._steps = [(box.x, box.y, box.width)]
+        self._x, self._y = np.array([box.x]), np.array([box.y])
 
     def place(self, width: int, height: int) -> tuple[int, int] | None:
         """Place a tile and return its lower left corner; None if there is no room."""
         right, top = self._box.x + self._box.width, self._box.y + self._box.height
-        inside = (index for index, (x, _, _) in enumerate(self._steps) if x + width <= right)
-        places = [(self._rest(index, width), self._steps[index][0]) for index in inside]
-        y, x = min(places, default=(top, 0))
+        rests = self._rests(width, right)
+        if not len(rests):
+            return None
+        index = int(rests.argmin())
+        x, y = int(self._x[index]), int(rests[index])
         if y + height > top:
             return None
-        self._raise(x, width, y + height)
+        self._raise(index, x + width, y + height)
         return x, y
 
-    def _rest(self, index: int, width: int) -> int:
-        """Return the lowest y at which a tile of this width can lie with its left edge at a step."""
-        end, lowest = self._steps[index][0] + width, self._box.y
-        for x, y, _ in islice(self._steps, index, None):
-            if x >= end:
-                break
-            lowest = max(lowest, y)
-        return lowest
+    def _rests(self, width: int, right: int) -> np.ndarray:
+        """Return the lowest y of a tile of this width with its left edge at each step, (k,) int64.
 
-    def _raise(self, left: int, width: int, top: int) -> None:
-        """Raise the skyline over a new tile."""
-        right = left + width
-        steps = [(left, top, width)]
-        for x, y, length in self._steps:
-            if x < left:
-                steps.append((x, y, min(length, left - x)))
-            if x + length > right:
-                start = max(x, right)
-                steps.append((start, y, x + length - start))
-        self._steps = sorted(steps)
+        Only the first k steps have enough room to their right.
+        """
+        count = np.searchsorted(self._x, right - width, side="right")
+        ends = np.searchsorted(self._x, self._x[:count] + width)
+        bounds = np.stack([np.arange(count), ends], axis=1).reshape(-1)
+        rests: np.ndarray = np.maximum.reduceat(np.append(self._y, 0), bounds)[::2]
+        return rests
+
+    def _raise(self, first: int, right: int, top: int) -> None:
+        """Raise the skyline over a new tile.
+
+        first: step at the tile's left edge
+        """
+        last = np.searchsorted(self._x, right, side="right") - 1
+        after = [right] if right < self._box.x + self._box.width else []
+        left_of, over = slice(first + 1), slice(last, None if after else last)
+        self._x = np.concatenate([self._x[left_of], after, self._x[last + 1 :]]).astype(np.int64)
+        self._y = np.concatenate([self._y[:first], [top], self._y[over]])
 
 
 def largest_free_box(occupied: np.ndarray) -> Box:

@@ -220,7 +220,7 @@ class Settings:
     light_probes: bool = described(
         False,
         "Light Probes",
-        "Bake Light Probe Volumes, which light moving objects. One file for each volume",
+        "Bake Light Probe Volumes, which light moving objects. Files for each volume",
         Switch(),
         "outputs",
         invalidates=(),

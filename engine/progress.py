@@ -70,8 +70,8 @@ class Stage:
     pace:      expected seconds for each unit
     measured:  True if the pace was measured by earlier work or a trial; False for a guess
     like:      stage of the same kind of work, whose known pace replaces a guess
-    forecast:  remaining seconds as reported by the work itself; NaN if it reports none
-    guess:     the same, also while most of it is a guess
+    forecast:  remaining seconds as the work reports them once reliable, else NaN
+    guess:     the same from the start, reliable or not; NaN if the work reports none
     done:      completed units
     seconds:   seconds spent
     """

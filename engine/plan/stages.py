@@ -33,8 +33,9 @@ _OPENING, _CHOOSING = 0.5, 0.5
 #: 109,000 and 316,000 triangles.
 _TEXEL, _LISTED, _TRIANGLE = 1e-7, 4e-6, 4
 
-#: Guessed seconds of a CPU for each ray or hemicube texel, and for each shadow ray. Measured on 2 cores:
-#: 1.5e-7 and 8e-8 s in a level of 316,000 triangles; rooms take a third.
+#: Guessed seconds of a CPU for each ray or hemicube texel, and for each shadow ray; chosen for a machine that
+#: is less busy than the one of tests/blender/test_paces.py. There, two levels took 4e-7 to 1.6e-6 s a ray and
+#: 3e-7 to 6e-7 s a shadow ray on two cores.
 _RAY, _SHADOW_RAY = 2e-7, 1e-7
 
 #: Guessed seconds of a CPU to denoise a texel, with the second gather that measures the noise. 1024 x 1024
@@ -68,7 +69,7 @@ _FINDING = ("Visibility rays", "Visibility raster")
 #: Duration in seconds below which a stage is too short to predict a longer one.
 _SHORTEST = 0.02
 
-#: Duration in seconds at which a stage weighs as much as all earlier bakes.
+#: Seconds of a stage at which its new pace counts as much as the stored pace (chosen).
 _LONG = 1.0
 
 #: Name of stages that wait for programs to be built, and seconds between two polls.

@@ -229,7 +229,7 @@ def shares_of_run(clock, measured, slow, paces):
 @pytest.mark.parametrize(("slow", "limits"), [(0.3, (0.1, 0.1)), (1.0, (0.3, 0.2))])
 @pytest.mark.parametrize("name", BAKES)
 def test_percentage_is_near_the_share_of_time(clock, name, slow, limits):
-    """On an idle machine, and on a busy one, which takes 3.3 times as long; the second bake has paces."""
+    """With 0.3 of the measured times, an assumed idle machine, and with them; the second bake has paces."""
     paces = {}
     for limit in limits:
         shares = shares_of_run(clock, BAKES[name], slow, paces)

@@ -231,7 +231,7 @@ def _lies_back_to_back(rays: RayScene, settings: Settings) -> bool:
 class ShippedPatches:
     """Patches or patch groups on workers.
 
-    table:  task whose result is the table; workers fetch it from each other
+    table:  task that returns the `PatchTable`, which workers fetch from each other
     count:  number of patches
     """
 

@@ -43,7 +43,7 @@ class KeptWorkSizes:
         self._device = device
 
     def read(self, default: WorkSizes) -> WorkSizes:
-        """Return the sizes of the device, with `default` for missing ones."""
+        """Return the stored work-group sizes of the device; others have the values of `default`."""
         with suppress(AttributeError, TypeError, ValueError):
             return WorkSizes(**asdict(default) | _checked(read_json(self._path).get(self._device, {})))
         return default

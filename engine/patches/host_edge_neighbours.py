@@ -30,7 +30,9 @@ class HostNeighbours:
 def _in_one_cube(
     boxes: EdgeBoxes, size: float, full_size: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield the overlapping pairs of boxes that share a cube, at least one of full size, each pair once.
+    """Yield once each pair of overlapping boxes in the same grid cell.
+
+    At least one box of a pair is wider than half a cell (`full_size`).
 
     boxes:      m boxes, none larger than the cubes
     size:       cube size, m

@@ -88,7 +88,7 @@ class Worker:
         yield from self._run(arguments, ("follow", function))
 
     def update(self, changes: object) -> None:
-        """Send changes to a child in `follow`; they leave with its next step."""
+        """Queue changes for a child in `follow`, whose next step sends them."""
         self._updates.append(messages.Parcel(changes))
 
     def _run(self, arguments: tuple[object, ...], request: tuple[str, ...]) -> Steps:

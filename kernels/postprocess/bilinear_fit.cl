@@ -100,7 +100,8 @@ __kernel void spread_along_links(__global const int *neighbours, __global const 
     }
 }
 
-// Initialises further unknowns without points along seams: by the mean of all unknowns in their seam rows.
+// Initialises, along seams, unknowns that no sample point reaches: each gets the mean of the initialised unknowns in
+// its seam rows.
 __kernel void spread_along_seams(__global const int *starts, __global const int *seams, __global const int *columns,
                                  const uchar round, __global uchar *reached, __global float4 *solution,
                                  const int count)

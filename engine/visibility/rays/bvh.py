@@ -173,7 +173,7 @@ class _Builder:
     def _sorted(self) -> tuple[cl.Buffer, int]:
         """Return sorted Morton keys, with triangle indices in the lowest bits, and the mask of these bits.
 
-        If no triangles are merged, the order does not matter.
+        Scenes of at most `_TOP` triangles need no order; their keys are the indices.
         """
         bits = max(int(self._count - 1).bit_length(), 1)
         if self._count <= _TOP:

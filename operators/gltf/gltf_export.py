@@ -202,9 +202,11 @@ class _Export:
         pictures: Mapping[bpy.types.Image, np.ndarray],
         options: PictureOptions,
     ) -> UnlitHooks:
-        """Write the glTF file with complete maps; return the hooks, which list the surfaces.
+        """Write the glTF file with unlit pictures, albedo x light + emission; return the hooks.
 
-        pictures:  complete map of each lightmap, (h, w, 3) float32, linear, bottom row first
+        The hooks list the surfaces.
+
+        pictures:  picture of each lightmap, (h, w, 3) float32, linear, bottom row first
         """
         encoded = {
             image: encode_picture(image.name, pixels, options.kind, options.exposure, self._staging)

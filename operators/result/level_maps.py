@@ -187,7 +187,10 @@ def _placed(
 
 
 def _uv_density(mesh: UvMesh) -> float:
-    """Return the root of the area of charts for each area of surface, UV units per metre; 0 without area."""
+    """Return the UV density of a mesh, sqrt(chart area / surface area), UV units per metre.
+
+    It is 0 if a surface has no area.
+    """
     uvs = np.zeros((len(mesh.triangles), 3, 3))
     if mesh.uvs is not None:
         uvs[..., :2] = mesh.uvs[mesh.triangles]

@@ -41,7 +41,7 @@ _MEAN_TEXELS = 128
 _UNLIT = ("SOLID", "MATERIAL")
 
 #: Distance by which the light is drawn in front of the objects, in normalized device coordinates (chosen),
-#: and a distance that clips all triangles.
+#: and a distance that moves all triangles out of the view volume, which hides them.
 _LIFT, _CLIPPED = 2e-5, 3.0
 
 #: Types of datablocks that Blender updates when objects are added, deleted, shown or hidden.

@@ -12,8 +12,8 @@ from .panorama import Part, render_world
 #: Rows of the successive renders, up to 8k; each map is twice as wide as high.
 _ROWS = (512, 1024, 2048, 4096)
 
-#: Maximum number of samples per pixel and per render; the first render takes them in a few seconds on four
-#: cores.
+#: Maximum samples of a pixel, and of all pixels of a render; a render with that many takes a few seconds on
+#: four cores.
 _PIXEL_SAMPLES, _PICTURE_SAMPLES = 16, 1 << 23
 
 #: Width of a tile in pixels of the first render, and relative difference from which on a tile is rendered

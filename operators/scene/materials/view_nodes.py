@@ -124,7 +124,7 @@ def _is_rough(node: bpy.types.Node) -> bool:
 
 
 def _is_dark(node: bpy.types.Node, socket: bpy.types.NodeSocket) -> bool:
-    """Return True if a socket is the color of emission without strength."""
+    """Return True if a socket is the color of an emission whose strength is 0."""
     strength = node.inputs.get("Emission Strength")
     is_off = strength is not None and not strength.is_linked and strength.default_value == 0
     return is_off and socket.name in {"Emission", "Emission Color"}

@@ -37,10 +37,9 @@ _EDITED = {"EDIT", "SCULPT"}
 
 
 def uses_render(context: SceneContext) -> bool:
-    """Return True if a bake must read the dependency graph of renders.
+    """Return True if a bake must evaluate the dependency graph of renders.
 
-    Otherwise the viewport has the same objects. It also has the same meshes, if the setting Meshes demands
-    meshes of renders.
+    It must if renders show other objects than the viewport, or if *Meshes* is *Render* and meshes differ.
     """
     if hidden_in_viewport(context):
         return True

@@ -244,6 +244,41 @@ def test_rough_diffuse_closures_reflect_less(kind, roughness, single, both, note
     assert sum("diffuse roughness" in note for note in collected.sentences()) == notes
 
 
+@pytest.mark.parametrize("level", [0.0, 0.5])
+def test_a_muted_color_node_is_read_as_a_number(level):
+    """A muted Gamma node passes its own color to Roughness, Coat Weight and Transmission Weight."""
+    diffuse = shader_material(closure("BsdfDiffuse", Color=COLOR))
+    coated = shader_material(closure("BsdfPrincipled", Coat_Tint=COLOR))
+    for surface, kind, names in (
+        (diffuse, "BsdfDiffuse", ["Roughness"]),
+        (coated, "BsdfPrincipled", ["Coat Weight", "Transmission Weight"]),
+    ):
+        tree = surface.node_tree
+        gamma = node(tree, "Gamma", Color=(level,) * 3)
+        gamma.mute = True
+        shader = next(each for each in tree.nodes if each.bl_idname == f"ShaderNode{kind}")
+        for name in names:
+            tree.links.new(gamma.outputs[0], shader.inputs[name])
+    dull = np.array(read(diffuse)["reflectance"]) < np.array(COLOR) * 0.999
+    assert (dull == (level > 0)).all()
+    collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
+    collected.add(diffuse), collected.add(coated)
+    sentences = collected.sentences()
+    assert any("diffuse roughness" in text for text in sentences) == (level > 0)
+    assert any("coat" in text for text in sentences) == (level > 0)
+
+
+def test_a_muted_number_node_is_read_as_a_color():
+    """A muted Math node passes its own number, a grey, to a color."""
+    surface = shader_material(closure("BsdfRefraction"))
+    tree = surface.node_tree
+    scaled = node(tree, "Math")
+    scaled.mute = True
+    shader = next(each for each in tree.nodes if each.bl_idname == "ShaderNodeBsdfRefraction")
+    tree.links.new(scaled.outputs[0], shader.inputs["Color"])
+    assert not part("operators.scene.materials.tint_nodes").may_tint(surface)
+
+
 def test_toon_closures_are_named():
     collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
     for build in (closure("BsdfToon", Color=COLOR), closure("BsdfDiffuse", Color=COLOR)):

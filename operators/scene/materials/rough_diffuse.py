@@ -13,7 +13,7 @@ import numpy as np
 
 from ...compat import node_input
 from .socket_math import Operand, SocketMath
-from .sockets import feeding_socket
+from .sockets import number_of
 
 #: Hemispherical mean albedo of a white surface without compensation: (1 + _GAIN r) / (1 + _LOSS r).
 _GAIN, _LOSS = (2 - 5.6 / np.pi) / 3, (np.pi / 2 - 2 / 3) / np.pi
@@ -29,17 +29,13 @@ def diffuse_roughness(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
     socket = node_input(node, "Roughness" if is_diffuse else "Diffuse Roughness")
     if socket is None:
         return None
-    source = feeding_socket(socket)
-    return socket if source.is_output or source.default_value > 0 else None
+    return socket if number_of(socket, linked=1.0) > 0 else None
 
 
 def is_rough(node: bpy.types.Node) -> bool:
     """Return True if light that a closure reflects along its normal differs visibly from the mean."""
     socket = diffuse_roughness(node)
-    if socket is None:
-        return False
-    source = feeding_socket(socket)
-    return bool(source.is_output or source.default_value > _RELEVANT)
+    return socket is not None and number_of(socket, linked=1.0) > _RELEVANT
 
 
 def rough_albedo(color: np.ndarray, roughness: float) -> np.ndarray:

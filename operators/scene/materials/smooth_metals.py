@@ -6,7 +6,7 @@ import bpy
 
 from .closures import ADD, MIX, PRINCIPLED
 from .gloss import GLOSSY, METALLIC
-from .sockets import feeding_socket
+from .sockets import feeding_socket, number_of
 
 #: Roughness below which light beside a sunlit metal differs from Cycles by more than 7 % (measured).
 _SMOOTH = 0.7
@@ -69,11 +69,11 @@ def _closure_fraction(node: bpy.types.Node) -> float:
     """Return the brightness of a closure's glossy light if it is smooth; 0 for others."""
     if node.bl_idname not in {PRINCIPLED, METALLIC} | GLOSSY:
         return 0.0
-    if _number(node.inputs["Roughness"], 1.0) >= _SMOOTH:
+    if number_of(node.inputs["Roughness"], 1.0) >= _SMOOTH:
         return 0.0
     color = node.inputs["Color" if node.bl_idname in GLOSSY else "Base Color"]
-    brightness = _number(color, 1.0)
-    weight = _number(node.inputs["Metallic"], 0.0) if node.bl_idname == PRINCIPLED else 1.0
+    brightness = number_of(color, 1.0)
+    weight = number_of(node.inputs["Metallic"], 0.0) if node.bl_idname == PRINCIPLED else 1.0
     return weight * brightness
 
 
@@ -82,16 +82,4 @@ def _factor(socket: bpy.types.NodeSocket) -> float:
     source = feeding_socket(socket)
     if source.is_output:
         return _FRESNEL.get(source.node.bl_idname, _UNKNOWN)
-    return min(max(_number(socket, 0.0), 0.0), 1.0)
-
-
-def _number(socket: bpy.types.NodeSocket, linked: float) -> float:
-    """Return the value of an input, or `linked` if a node computes it; the largest channel of a color.
-
-    A muted node feeds an input of its own, which may have another type.
-    """
-    source = feeding_socket(socket)
-    if source.is_output:
-        return linked
-    value = source.default_value
-    return max(value[:3]) if hasattr(value, "__len__") else value
+    return min(max(number_of(socket, 0.0), 0.0), 1.0)

@@ -37,6 +37,21 @@ def feeding_socket(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     return own
 
 
+def channels(source: bpy.types.NodeSocket) -> list[float]:
+    """Return the own value of an input that `feeding_socket` found: a number, or three of a color or vector.
+
+    A muted node feeds an input of its own, which may have another type than the one it is linked to.
+    """
+    value = source.default_value
+    return list(value[:3]) if hasattr(value, "__len__") else [value]
+
+
+def number_of(socket: bpy.types.NodeSocket, linked: float) -> float:
+    """Return the value of an input, or `linked` if a node computes it; the largest channel of a color."""
+    source = feeding_socket(socket)
+    return linked if source.is_output else max(channels(source))
+
+
 def relink(tree: bpy.types.NodeTree, old: bpy.types.NodeSocket, new: bpy.types.NodeSocket) -> None:
     """Move all links of an output to another output of the tree; muted links stay muted."""
     for link in list(old.links):

@@ -9,7 +9,7 @@ from ...compat import node_tree
 from .closures import is_glass, is_unknown
 from .rough_diffuse import is_rough
 from .smooth_metals import is_mirror
-from .sockets import feeding_socket
+from .sockets import channels, feeding_socket, number_of
 from .tree_nodes import used_nodes
 from .view_nodes import depends_on_view
 
@@ -114,6 +114,5 @@ def _has_tinted_coat(node: bpy.types.Node) -> bool:
     weight, tint = node.inputs.get("Coat Weight"), node.inputs.get("Coat Tint")
     if weight is None or tint is None:
         return False
-    weight, tint = feeding_socket(weight), feeding_socket(tint)
-    is_coated = weight.is_output or weight.default_value > 0
-    return is_coated and (tint.is_output or min(tint.default_value[:3]) < 1)
+    color = feeding_socket(tint)
+    return number_of(weight, linked=1.0) > 0 and (color.is_output or min(channels(color)) < 1)

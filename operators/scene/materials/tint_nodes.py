@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...compat import node_tree
-from .sockets import feeding_socket
+from .sockets import channels, feeding_socket
 from .tree_nodes import used_nodes
 
 #: Input with the color of transmitted light, by the type of the node.
@@ -31,7 +31,7 @@ def _may_tint(node: bpy.types.Node) -> bool:
     if transmission is not None and not _differs(transmission, 0.0):
         return False
     color = feeding_socket(node.inputs[name])
-    return color.is_output or len(set(color.default_value[:3])) > 1
+    return color.is_output or len(set(channels(color))) > 1
 
 
 def _differs(socket: bpy.types.NodeSocket, value: float) -> bool:

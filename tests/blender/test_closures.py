@@ -590,6 +590,18 @@ def test_other_inputs_of_a_group_are_not_mixed_up():
     assert depends_on_view(tree)
 
 
+def test_long_chains_of_reroutes_reach_the_viewer():
+    surface = material("View")
+    tree = surface.node_tree
+    source = node(tree, "LayerWeight").outputs["Facing"]
+    for _ in range(400):
+        bend = tree.nodes.new("NodeReroute")
+        tree.links.new(source, bend.inputs[0])
+        source = bend.outputs[0]
+    tree.links.new(source, tree.nodes["Principled BSDF"].inputs["Base Color"])
+    assert part("operators.scene.materials.view_nodes").depends_on_view(tree)
+
+
 @pytest.mark.parametrize("quantity", ["reflect", "transmit"])
 def test_clear_texels_beside_opaque_ones_have_their_reflectance(quantity):
     """The mean over a texel at the rim of a leaf must not count clear parts; half clear texels count half."""

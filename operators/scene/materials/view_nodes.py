@@ -40,35 +40,30 @@ _Groups = tuple[bpy.types.Node, ...]
 def depends_on_view(tree: bpy.types.NodeTree) -> bool:
     """Return True if a value of the viewer determines baked light, other than by a mix with gloss."""
     output = tree.get_output_node("CYCLES")
-    return output is not None and _Search().finds_viewer(output.inputs["Surface"], ())
+    return output is not None and _is_fed_by_viewer(output.inputs["Surface"])
 
 
-class _Search:
-    """Search for outputs of the viewer, backward from a socket; it visits each output once."""
+def _is_fed_by_viewer(socket: bpy.types.NodeSocket) -> bool:
+    """Return True if an output of the viewer feeds an input; visits each output once, along any chain."""
+    visited: set[tuple[_Groups, str, str]] = set()
+    inputs: list[tuple[bpy.types.NodeSocket, _Groups]] = [(socket, ())]
+    while inputs:
+        socket, groups = inputs.pop()
+        for output in _linked_outputs(socket):
+            key = groups, output.node.name, output.identifier
+            if key in visited:
+                continue
+            visited.add(key)
+            if not output.node.mute and _is_of_viewer(output):
+                return True
+            inputs += _feeding_inputs(output, groups)
+    return False
 
-    def __init__(self) -> None:
-        self._visited: set[tuple[_Groups, str, str]] = set()
 
-    def finds_viewer(self, socket: bpy.types.NodeSocket, groups: _Groups) -> bool:
-        """Return True if an output of the viewer feeds an input.
-
-        groups: the group nodes around the node of the input
-        """
-        return any(
-            not (_is_of_viewer(link.from_socket) and _mixes_gloss(socket))
-            and self._comes_from_viewer(link.from_socket, groups)
-            for link in socket.links
-            if not link.is_muted
-        )
-
-    def _comes_from_viewer(self, output: bpy.types.NodeSocket, groups: _Groups) -> bool:
-        key = groups, output.node.name, output.identifier
-        if key in self._visited:
-            return False
-        self._visited.add(key)
-        if not output.node.mute and _is_of_viewer(output):
-            return True
-        return any(self.finds_viewer(socket, around) for socket, around in _feeding_inputs(output, groups))
+def _linked_outputs(socket: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
+    """Return the outputs that feed an input, without outputs of the viewer that mix gloss."""
+    outputs = [link.from_socket for link in socket.links if not link.is_muted]
+    return [output for output in outputs if not (_is_of_viewer(output) and _mixes_gloss(socket))]
 
 
 def _feeding_inputs(

@@ -243,12 +243,15 @@ class BakeRun:
         atlases, outputs = self._read.scene.atlases, output_names(self._read.scene, self._settings)
         self._names = image_names(atlases, outputs)
         self._destination = self._destination_of(bpy.data.filepath)
-        self._stages.expect(self._read.scene, self._settings, len(self._names))
         partial = self._target != "ALL"
         self._kept = PreservedTexels(self._context, self._read, self._names, self._settings, partial)
-        self._images = ProgressImages(
-            self._context, atlases, self._names, self._settings.resolution, self._kept, self._changes
-        )
+        self._images = self._begin_images()
+
+    def _begin_images(self) -> ProgressImages:
+        """Return the images of the chosen names, and expect to save them."""
+        self._stages.expect(self._read.scene, self._settings, len(self._names))
+        atlases, resolution = self._read.scene.atlases, self._settings.resolution
+        return ProgressImages(self._context, atlases, self._names, resolution, self._kept, self._changes)
 
     def _destination_of(self, blend: str) -> Destination:
         """Return the lightmaps' destination for a path of the .blend; raises EngineError if invalid."""
@@ -405,13 +408,30 @@ class BakeRun:
         reduced = reduce_groups(lightmap, path.names)
         kept = without_sun_positions(self._read.scene, set(path.names) - set(reduced.kept))
         self._read = replace(self._read, scene=kept)
-        shown = self._pictures.uids
-        self._choose_destination()
-        self._pictures.uids = shown
+        outputs = output_names(kept, self._settings)
+        self._keep_outputs(list(lightmap.passes), outputs)
         others = [name for name in light_group_names(kept) if name not in reduced.kept]
         store_sun_states(scene, path, reduced, others)
         reasons = (*lightmap.report.reasons, path_report(path, reduced))
-        return replace(reduced.result, report=replace(lightmap.report, reasons=reasons))
+        passes = {name: reduced.result.passes[name] for name in outputs}
+        return replace(reduced.result, passes=passes, report=replace(lightmap.report, reasons=reasons))
+
+    def _keep_outputs(self, baked: Sequence[str], outputs: Sequence[str]) -> None:
+        """Keep the images and files of some outputs; those of the others are not made.
+
+        The destination stays, since a finished bake must not fail with a folder that was changed meanwhile.
+
+        baked:    outputs of the bake in order
+        outputs:  outputs to keep, in the same order
+        """
+        atlases, shown = self._read.scene.atlases, self._pictures.uids
+        numbers = [
+            baked.index(output) * len(atlases) + atlas for output in outputs for atlas in range(len(atlases))
+        ]
+        self._names = [self._names[number] for number in numbers]
+        self._destination = self._destination.only(numbers)
+        self._images = self._begin_images()
+        self._images.uids = shown
 
     def _show_finished(self, lightmap: BakeResult) -> np.ndarray:
         """Copy finished lightmaps to all images; return their pixels, (images, h, w, 3) float32."""

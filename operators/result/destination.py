@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -42,6 +42,11 @@ class Destination:
         """Name of the file of each lightmap that Blender opens for its preview."""
         pairs = zip(self.stems, self.formats, strict=True)
         return [f"{stem}{format.endings[0]}" for stem, format in pairs]
+
+    def only(self, lightmaps: Sequence[int]) -> Destination:
+        """Return the destination of some of the lightmaps, by their indices."""
+        stems = tuple(self.stems[index] for index in lightmaps)
+        return replace(self, stems=stems, formats=tuple(self.formats[index] for index in lightmaps))
 
     @property
     def paths(self) -> list[Path]:

@@ -159,6 +159,25 @@ def test_states_of_the_last_path_are_replaced_and_others_stay(tmp_path):
     assert files == {"sun_Lightmap light group Sun 15_00.exr"}
 
 
+def test_a_folder_changed_during_the_bake_does_not_lose_it(tmp_path):
+    """The files are in the folder that was chosen first, with masks of the kept positions only."""
+    import bpy
+
+    square()
+    add_sun()
+    settings = prepare(["09:00", "12:00", "15:00"], tmp_path)
+    settings.outputs |= {"shadow_mask"}
+    run = part("operators.bake_run").BakeRun(bpy.context, part("engine").bake)
+    lightmap = run.run_to_end()
+    settings.directory, settings.file_name = "", "{nothing}"
+    done = run.finish(lightmap)
+    (group,) = json.loads(settings.lightmaps["Lightmap"].light_groups)
+    maps = ["Lightmap", f"Lightmap shadow mask {group}", f"Lightmap light group {group}"]
+    assert run.failure is None and sorted(done["images"]) == sorted(maps)
+    written = {path.name for path in (tmp_path / "lightmaps").glob("*.exr")}
+    assert written == {f"sun_{name}.exr".replace(":", "_") for name in maps}
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

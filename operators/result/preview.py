@@ -36,9 +36,9 @@ def has_preview(obj: bpy.types.Object) -> bool:
 
 def previewed(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
     """Yield the objects of a scene that show their lightmaps, and objects that only instances show."""
-    for obj in bpy.data.objects:
-        if has_preview(obj) and (obj.name in scene.objects or not obj.users_scene):
-            yield obj
+    yield from filter(has_preview, scene.objects)
+    in_scenes = {obj for other in bpy.data.scenes for obj in other.objects}
+    yield from (obj for obj in bpy.data.objects if has_preview(obj) and obj not in in_scenes)
 
 
 def is_previewed(scene: bpy.types.Scene) -> bool:
@@ -116,10 +116,10 @@ def shows_other_scene(scene: bpy.types.Scene) -> bool:
 
     Two windows with two scenes that share objects lead to this: Blender has one material for both.
     """
-    if len(bpy.data.scenes) < 2:
-        return False
     own = _lightmaps_of([scene])
     others = _lightmaps_of([other for other in bpy.data.scenes if other != scene]) - own
+    if not others:
+        return False
     baked = (obj for obj in previewed(scene) if bake_record(obj, scene).image)
     return any(images & others and not images & own for images in map(_images_shown, baked))
 

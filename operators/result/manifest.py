@@ -96,12 +96,14 @@ def _supersede_groups(known: Mapping[str, dict], facts: Sequence[dict]) -> None:
     """Mark files of light groups that a new bake or export of their lightmap no longer has.
 
     Their key "output" becomes "superseded", so that they are no longer displayed, and stay files of Hemibake.
+    Old entries without a scene belong to that of the new files.
 
     facts:  entries of all new files
     """
     outputs: dict[tuple, set[str]] = {}
     for fact in facts:
-        outputs.setdefault(_lightmap_key(fact), set()).add(fact.get("output", ""))
+        for key in {_lightmap_key(fact), _lightmap_key({**fact, "scene": None})}:
+            outputs.setdefault(key, set()).add(fact.get("output", ""))
     for entry in known.values():
         output, new = entry.get("output", ""), outputs.get(_lightmap_key(entry), set())
         if output.startswith(LIGHT_GROUP) and "combined" in new and output not in new:

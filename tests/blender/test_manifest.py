@@ -54,6 +54,23 @@ def test_an_object_of_two_scenes_has_the_maps_of_each():
     ]
 
 
+@pytest.mark.parametrize(("scene", "is_stale"), [(None, True), ("Day", True), ("Night", False)])
+def test_a_new_bake_supersedes_old_group_maps_of_its_scene(tmp_path, scene, is_stale):
+    """Entries of an old manifest have no scene."""
+    writer = part("operators.result.manifest")
+    fact = two_scenes()["Day combined.exr"]
+    old = {**fact, "scene": scene, "output": "light_group Lamps"}
+    if scene is None:
+        del old["scene"]
+    for name in ("old.exr", "new.exr"):
+        (tmp_path / name).write_bytes(name.encode())
+    for name, entry in {"old.exr": old, "new.exr": fact}.items():
+        writer.write_manifest(tmp_path / writer.NAME, tmp_path, [tmp_path / name], [name], [entry])
+    made = json.loads((tmp_path / writer.NAME).read_text())
+    assert ("superseded" in made["lightmaps"]["old.exr"]) == is_stale
+    assert ("groups" not in made) == is_stale
+
+
 @pytest.mark.skipif(shutil.which("node") is None, reason="Node.js is not installed")
 def test_a_client_takes_all_maps_of_an_atlas_from_the_scene_written_last():
     """Files without a scene, of an old manifest, are taken too."""

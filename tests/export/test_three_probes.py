@@ -18,13 +18,16 @@ RESOLUTION = (2, 3, 4)
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
-#: Light states of the volume.
-STATES = {"Night": {"Lamps": [0.25, 0.5, 1.0]}}
+#: Light states. Only lightmaps have the light group Moon.
+STATES = {"Night": {"Lamps": [0.25, 0.5, 1.0], "Moon": [1.0, 1.0, 0.5]}}
 
 
 @pytest.fixture
 def volume(hemibake, engine, tmp_path):
-    """Return random probes whose files and manifest are in a folder: a fifth of their light is of Sky."""
+    """Return random probes whose manifest is in a folder: a fifth of their light is of Sky.
+
+    The file of all light is in a folder of its own.
+    """
     random = np.random.default_rng(11)
     coefficients = random.uniform(-0.1, 0.1, (24, 9, 3)).astype(np.float32)
     coefficients[:, 0] += 2.0
@@ -40,9 +43,13 @@ def volume(hemibake, engine, tmp_path):
         file = next((item["file"] for item in entry["groups"] if item["name"] == group), entry["file"])
         content = partial(probe_files.probe_atlas, grid, group)
         probe_files.ProbeFile(file, content, entry).write(tmp_path / file)
+    (tmp_path / "part").mkdir()
+    (tmp_path / entry["file"]).rename(tmp_path / "part" / entry["file"])
+    entry["file"] = f"part/{entry['file']}"
     turned = {**entry, "name": "Turned", "matrix": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
     lost = {**entry, "name": "Lost", "file": "lost.exr"}
     manifest = {"version": 2, "lightmaps": {}, "objects": [], "states": STATES}
+    manifest["groups"] = [{"name": "Moon", "output": "light_group Moon"}]
     manifest["probes"] = [entry, turned, lost]
     (tmp_path / "hemibake.json").write_text(json.dumps(manifest))
     return coefficients
@@ -88,6 +95,13 @@ def test_three_shows_probe_grids(volume, tmp_path):
     assert len(problems) == 2
     assert "Probe volume 'Turned': three.js shows no rotated grids" in problems[0]
     assert "Probe volume 'Lost': 'lost.exr' is not readable" in problems[1]
+
+
+def test_copies_of_materials_look_up_grids_as_the_originals(volume, tmp_path):
+    surfaces, _ = places_of_probes(volume)
+    plain, applied, copied = (shown_light(tmp_path, surfaces=surfaces, copies=count)[0] for count in range(3))
+    assert np.array_equal(copied, applied)
+    assert np.abs(applied - plain).max() > 0.01
 
 
 @pytest.mark.parametrize(

@@ -28,9 +28,14 @@ export async function readMap(base, { file, entry }) {
   if (!['hdr', 'png', 'rgbm', 'rgbd', 'logluv'].includes(entry.format)) {
     throw new Error(`this loader does not read the format ${entry.format}`);
   }
-  const answer = await fetched(base + file.split('/').map(encodeURIComponent).join('/'));
+  const answer = await fetched(base + fileUrl(file));
   const mime = entry.format === 'hdr' ? 'image/vnd.radiance' : 'image/png';
   return { bytes: new Uint8Array(await answer.arrayBuffer()), mime, decode: decoder(entry), intensity: entry.intensity };
+}
+
+/** Returns the path of a file of the manifest as part of a URL. */
+export function fileUrl(file) {
+  return file.split('/').map(encodeURIComponent).join('/');
 }
 
 async function fetched(url) {

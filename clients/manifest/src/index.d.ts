@@ -55,6 +55,8 @@ export interface Beside {
   states: States;
   problems: string[];
 }
+/** Path of a file of the manifest as part of a URL. */
+export function fileUrl(file: string): string;
 export function readBeside(base: string, file: string, isOptional: boolean): Promise<Beside>;
 
 /** Bytes of an image; its texels are decoded to irradiance / pi. */
@@ -78,7 +80,7 @@ export interface MixedLightmap {
 
 /** Light of a loaded scene. */
 export class LightControl {
-  constructor(lightmaps: MixedLightmap[], states: States, problems: string[]);
+  constructor(lightmaps: MixedLightmap[], states: States, problems: string[], others?: Iterable<string>);
   /** Messages on missing files, unknown versions and missing groups; all else is displayed. */
   readonly problems: string[];
   readonly groups: string[];
@@ -93,7 +95,7 @@ export function readRadiance(bytes: Uint8Array): { width: number; height: number
 
 /** Linear RGB factor of each light group, changed by states and by single groups. */
 export class LightMix {
-  constructor(names: Iterable<string>, states?: States);
+  constructor(names: Iterable<string>, states?: States, others?: Iterable<string>);
   states: States;
   factors: Map<string, Factor>;
   readonly problems: string[];

@@ -1,4 +1,4 @@
-export { MANIFEST, readBeside, readMap } from './beside.js';
+export { MANIFEST, fileUrl, readBeside, readMap } from './beside.js';
 export { Glb } from './glb.js';
 export { LightControl } from './light_control.js';
 export { loadLightmaps } from './lightmap_sources.js';

@@ -9,10 +9,11 @@ export class LightControl {
    * lightmaps:  objects with `groups`, names, `mix(factors)` and `dispose()`
    * states:     factors by state and group
    * problems:   messages, to which those on states are added
+   * others:     names of light groups of other files, which states may name too
    */
-  constructor(lightmaps, states, problems) {
+  constructor(lightmaps, states, problems, others = []) {
     this.#lightmaps = [...lightmaps];
-    this.#mix = new LightMix(new Set(lightmaps.flatMap(lightmap => lightmap.groups)), states);
+    this.#mix = new LightMix(new Set(lightmaps.flatMap(lightmap => lightmap.groups)), states, others);
     this.problems = [...problems, ...this.#mix.problems];
     for (const problem of this.problems) console.warn(problem);
   }

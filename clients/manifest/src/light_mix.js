@@ -4,21 +4,23 @@ const WHITE = [1, 1, 1];
 
 /** Linear RGB factor of each light group, changed by states and by single groups. */
 export class LightMix {
-  #fade = null; #state = null;
+  #fade = null; #state = null; #others;
 
   /**
    * names:   names of the light groups
    * states:  factors by state and group; groups that a state leaves out have the factor 1, 1, 1
+   * others:  names of light groups of other files, which states may name too
    */
-  constructor(names, states = {}) {
+  constructor(names, states = {}, others = []) {
     this.states = states;
+    this.#others = new Set(others);
     this.factors = new Map([...names].map(name => [name, WHITE]));
   }
 
-  /** Messages on groups that states name and the file does not have; the other groups are shown. */
+  /** Messages on groups that states name and no file has; the other groups are shown. */
   get problems() {
     return Object.entries(this.states).flatMap(([state, groups]) => Object.keys(groups)
-      .filter(group => !this.factors.has(group))
+      .filter(group => !this.factors.has(group) && !this.#others.has(group))
       .map(group => `State '${state}': no light group '${group}'. Rename it in Blender, or bake it and export again.`));
   }
 

@@ -4,7 +4,7 @@ import { ImageBitmapLoader, LinearFilter, NoColorSpace, Texture } from 'three';
 import { EXRLoader } from 'three/addons/loaders/EXRLoader.js';
 import { HDRLoader } from 'three/addons/loaders/HDRLoader.js';
 import { KTX2Loader } from 'three/addons/loaders/KTX2Loader.js';
-import { decoder } from 'hemibake-manifest';
+import { decoder, fileUrl } from 'hemibake-manifest';
 
 /** Files of a folder, each loaded once. */
 export class MapFiles {
@@ -23,7 +23,7 @@ export class MapFiles {
   }
 
   async #read({ file, entry }) {
-    const url = this.base + file.split('/').map(encodeURIComponent).join('/');
+    const url = this.base + fileUrl(file);
     try {
       const texture = await this.#texture(url, entry.format);
       Object.assign(texture, { channel: 1, colorSpace: NoColorSpace, generateMipmaps: false });

@@ -3,7 +3,7 @@
 import { FloatType, LoaderUtils } from 'three';
 import { EXRLoader } from 'three/addons/loaders/EXRLoader.js';
 import { LightProbeGridWebGL } from 'three/addons/lighting/LightProbeGridWebGL.js';
-import { LightControl, readManifest } from 'hemibake-manifest';
+import { LightControl, fileUrl, readManifest } from 'hemibake-manifest';
 import { ProbeLight } from './probe_light.js';
 import { lookUpAtPoints } from './probe_shader.js';
 
@@ -12,6 +12,9 @@ const COEFFICIENTS = 9, BLOCKS = 10;
 
 /** Layout and coefficients that this file reads. */
 const KIND = 'radiance SH L2';
+
+/** Materials that look up grids at their points. Clones of them do not. */
+const LOOKING = new WeakSet();
 
 /**
  * Loads the probe volumes of the manifest at a URL as ProbeGrids. Rejects if the manifest cannot be read.
@@ -29,15 +32,15 @@ export async function loadProbeGrids(url, { Grid = LightProbeGridWebGL } = {}) {
       problems.push(`Probe volume '${volume.name}': ${error.message ?? error}`);
     }
   }
-  return new ProbeGrids(loaded, manifest.states, problems);
+  return new ProbeGrids(loaded, manifest, problems);
 }
 
 /** Grids to add to a scene, whose light changes between states. They light all materials without lightmaps. */
 export class ProbeGrids extends LightControl {
   #lights;
 
-  constructor(loaded, states, problems) {
-    super(loaded.map(({ light }) => light), states, problems);
+  constructor(loaded, { states, groups }, problems) {
+    super(loaded.map(({ light }) => light), states, problems, groups.map(({ name }) => name));
     this.#lights = loaded.map(({ light }) => light);
     this.grids = loaded.map(({ grid }) => grid);
   }
@@ -54,8 +57,8 @@ export class ProbeGrids extends LightControl {
   apply(root) {
     root.traverse(({ isMesh, material }) => {
       for (const each of isMesh ? [material].flat() : []) {
-        if (each.lightMap || each.userData.hemibakeProbes) continue;
-        each.userData.hemibakeProbes = true;
+        if (each.lightMap || LOOKING.has(each)) continue;
+        LOOKING.add(each);
         lookUpAtPoints(each);
       }
     });
@@ -95,7 +98,7 @@ function passIntensity(grid, light) {
 }
 
 async function readAtlas(base, file, [nx, ny, nz]) {
-  const { image } = await new EXRLoader().setDataType(FloatType).loadAsync(base + encodeURIComponent(file))
+  const { image } = await new EXRLoader().setDataType(FloatType).loadAsync(base + fileUrl(file))
     .catch(() => { throw new Error(`'${file}' is not readable. Put it beside the manifest, or bake again.`); });
   if (image.width !== BLOCKS * nx || image.height !== ny * nz) {
     throw new Error(`'${file}' has ${image.width} x ${image.height} pixels instead of ${BLOCKS * nx} x ${ny * nz}. Bake again.`);

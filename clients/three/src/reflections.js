@@ -7,7 +7,7 @@ import {
 import { EXRLoader } from 'three/addons/loaders/EXRLoader.js';
 import { HDRLoader } from 'three/addons/loaders/HDRLoader.js';
 import { KTX2Loader } from 'three/addons/loaders/KTX2Loader.js';
-import { readManifest } from 'hemibake-manifest';
+import { fileUrl, readManifest } from 'hemibake-manifest';
 import { showReflection } from './reflection_shader.js';
 
 /** Formats of cube files, the preferred one first. */
@@ -84,7 +84,7 @@ async function loadCube(base, entry, renderer, formats) {
   const { name, files, size, roughness, position } = entry;
   const format = formats.find(ending => files.some(file => file.endsWith(`.${ending}`)));
   if (!format || !roughness) throw new Error(`no file of format ${formats.join(', ')}. Bake again.`);
-  const file = files.find(other => other.endsWith(`.${format}`)), url = base + encodeURIComponent(file);
+  const file = files.find(other => other.endsWith(`.${format}`)), url = base + fileUrl(file);
   const read = format === 'ktx2' ? readKtx2(url, renderer) : readStrip(url, format, size, roughness.length);
   const levels = await read.catch(error => {
     throw new Error(`'${file}' is not readable (${error.message ?? error}). Put it beside the manifest, or bake again.`);

@@ -141,7 +141,7 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
                 notes += [object_message(_CLEAR, unlit.clear)] if unlit.clear else []
                 hooks: LightmapHooks = unlit
             else:
-                hooks = work.write(surfaces, options, _extras(context.scene, groups))
+                hooks = work.write(surfaces, options, _extras(context.scene, groups, options))
             notes += _differences(hooks)
             if options.for_godot and usable:
                 notes += work.write_godot(hooks, context.scene)
@@ -452,13 +452,18 @@ def _group_maps(scene: bpy.types.Scene, lightmap: bpy.types.Image) -> dict[str, 
 
 
 def _extras(
-    scene: bpy.types.Scene, groups: Mapping[bpy.types.Image, dict[str, bpy.types.Image]]
+    scene: bpy.types.Scene,
+    groups: Mapping[bpy.types.Image, dict[str, bpy.types.Image]],
+    options: ExportOptions,
 ) -> dict[str, object]:
-    """Return version, light groups and states for a file, as in the manifest; empty without light groups."""
+    """Return version, light groups and states for a file, as in the manifest.
+
+    Without light groups it is the version alone if a manifest is beside the file, else nothing.
+    """
     used = {name for images in groups.values() for name in images}
     names = [name for name in baked_groups(scene) if name in used]
     if not names:
-        return {}
+        return {"version": VERSION} if groups and options.use_files and not options.for_godot else {}
     listed = [{"name": name, "output": f"{LIGHT_GROUP}{name}"} for name in names]
     return {"version": VERSION, "groups": listed, "states": manifest_states(scene)}
 

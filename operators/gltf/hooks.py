@@ -53,7 +53,7 @@ class LightmapHooks:
         surfaces:   surfaces of the scene
         lightmaps:  encoded lightmap of each image
         materials:  materials of the file
-        extras:     light groups and states for the asset's extras
+        extras:     version, light groups and states for the asset's extras
         blends:     True to replace transmission by alpha blending
         """
         self._blends, self.textured = blends, list[str]()
@@ -71,7 +71,7 @@ class LightmapHooks:
         self.error: Exception | None = None
 
     def gather_asset_hook(self, asset: gltf2_io.Asset, *others: object) -> None:
-        """Add light groups and states to the asset's extras, if there are any."""
+        """Add version, light groups and states to the asset's extras, if there are any."""
         if self._extras:
             asset.extras = {**(asset.extras or {}), "hemibake": dict(self._extras)}
 

@@ -249,11 +249,14 @@ def test_an_export_carries_groups_and_states(baked, tmp_path, kind, ending):
         assert all((folder / f"street.Lightmap light group {name}.png").is_file() for name in GROUPS)
 
 
-def test_an_export_without_light_groups_has_no_extras(stage, tmp_path):
+def test_extras_of_an_export_without_light_groups_tell_of_files_beside_it(stage, tmp_path):
     import bpy
 
     stage.hemibake.resolution = 16
     bpy.ops.hemibake.bake()
-    bpy.ops.hemibake.export_for_engine(filepath=str(tmp_path / "plain.glb"))
-    assert "extras" not in GltfFile(tmp_path / "plain.glb").json["asset"]
+    for name, use_files in (("beside", True), ("inside", False)):
+        path = tmp_path / f"{name}.glb"
+        bpy.ops.hemibake.export_for_engine(filepath=str(path), use_files=use_files)
+        extras = GltfFile(path).json["asset"].get("extras")
+        assert extras == ({"hemibake": {"version": 2}} if use_files else None)
     assert "states" not in json.loads((tmp_path / "hemibake.json").read_text())

@@ -20,7 +20,7 @@ use crate::{
     directional::DirectionalMaterial,
     gltf_lightmaps::{LightmapIndex, LightmappedScene},
     light_control::LightControl,
-    manifest::{Extras, Lightmaps, MANIFEST, Manifest, Place, lightmaps_of, read_extras},
+    manifest::{Lightmaps, MANIFEST, Manifest, Place, lightmaps_of, read_extras},
     manifest_cache::{ManifestCache, ManifestFile},
     mixing::{MixedLightmap, MixedLightmaps},
     pending::{Loading, PendingLightmap, ShownLightmap, Surface},
@@ -154,10 +154,10 @@ impl<'a> Plan<'a> {
     fn read(&mut self, manifest: &ManifestFile) {
         let extras = read_extras(&self.scene.extras, self.file).unwrap_or_else(|problem| {
             self.loading.problems.push(problem);
-            Extras::default()
+            None
         });
-        let needs_manifest = self.scene.inside.is_empty() && !extras.groups.is_empty();
-        self.loading.states = extras.states;
+        let needs_manifest = self.scene.inside.is_empty() && extras.is_some();
+        self.loading.states = extras.unwrap_or_default().states;
         match manifest {
             ManifestFile::Read(manifest) => self.read_manifest(manifest),
             ManifestFile::Faulty(problem) => self.loading.problems.push(problem.clone()),

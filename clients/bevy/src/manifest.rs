@@ -228,8 +228,8 @@ pub fn read_manifest(json: &[u8], name: &str) -> Result<Manifest, String> {
         .map_err(|error| format!("{name}: not readable ({error}). Export again."))
 }
 
-/// Reads the JSON of the extras of a glTF asset; empty without Hemibake's.
-pub fn read_extras(json: &str, name: &str) -> Result<Extras, String> {
+/// Reads the JSON of the extras of a glTF asset; `None` without Hemibake's.
+pub fn read_extras(json: &str, name: &str) -> Result<Option<Extras>, String> {
     #[derive(Deserialize)]
     struct AssetExtras {
         hemibake: Option<Keys>,
@@ -250,13 +250,13 @@ pub fn read_extras(json: &str, name: &str) -> Result<Extras, String> {
         hemibake: Some(keys),
     }) = serde_json::from_str(json)
     else {
-        return Ok(Extras::default());
+        return Ok(None);
     };
     check_version(keys.version.as_ref(), name)?;
-    Ok(Extras {
+    Ok(Some(Extras {
         groups: keys.groups.into_iter().map(|group| group.name).collect(),
         states: keys.states,
-    })
+    }))
 }
 
 fn check_version(version: Option<&Value>, name: &str) -> Result<(), String> {
@@ -526,15 +526,16 @@ mod tests {
     fn extras_have_groups_and_states() {
         let json = r#"{"hemibake": {"version": 2, "groups": [{"name": "Sun", "output": "light_group Sun"}],
             "states": {"Night": {"Sun": [0, 0.5, 0]}}}, "other": 1}"#;
-        let extras = read_extras(json, "room.glb").unwrap();
+        let extras = read_extras(json, "room.glb").unwrap().unwrap();
         assert_eq!(extras.groups, ["Sun"]);
         assert_eq!(
             extras.states.get("Night").unwrap().get("Sun"),
             Some(&[0.0, 0.5, 0.0])
         );
+        assert_eq!(read_extras("{\"other\": 1}", "room.glb"), Ok(None));
         assert_eq!(
-            read_extras("{\"other\": 1}", "room.glb"),
-            Ok(Extras::default())
+            read_extras(r#"{"hemibake": {"version": 2}}"#, "room.glb"),
+            Ok(Some(Extras::default()))
         );
         let error = read_extras(r#"{"hemibake": {"version": 3}}"#, "room.glb").unwrap_err();
         assert!(

@@ -186,9 +186,11 @@ class _Handler(BaseHTTPRequestHandler):
     page: Path
 
     def do_GET(self) -> None:
-        head, _, rest = unquote(urlsplit(self.path).path).lstrip("/").partition("/")
+        asked = urlsplit(self.path).path
+        head, _, rest = unquote(asked).lstrip("/").partition("/")
         path = self.places[head] / rest if head in self.places else self.page
-        if not path.is_file():
+        # Many servers refuse encoded slashes.
+        if not path.is_file() or "%2f" in asked.lower():
             self.send_error(404)
             return
         self._answer(path.read_bytes(), _kind(path))

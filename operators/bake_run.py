@@ -54,7 +54,7 @@ from .scene.bake_targets import only_targets, target_uids
 from .scene.overlaps import without_overlaps
 from .scene.probe_volumes import count_probes
 from .scene.reflection_spheres import count_spheres
-from .scene.sun_path import SunPath, place_suns, sun_times
+from .scene.sun_path import SunPath, check_sun_path, place_suns, sun_times
 from .scene.uvs.unwrap import unwrap_missing
 from .scene.uvs.uv_modifier import has_uvs
 from .scene.uvs.uv_snapshot import UvSnapshot
@@ -63,6 +63,11 @@ from .worker_manager import owner
 
 #: Attempts to read the scene in slices while it changes; the next attempt reads it in one piece.
 ATTEMPTS = 3
+
+#: Note for a sun path that is not baked.
+_NO_GROUPS = (
+    "Sun Path: the output Light Groups is off, so the path is not baked. Turn it on, or empty the times."
+)
 
 Bake = Generator[Progress | None, None, BakeResult]
 Steps = Generator[Progress | None, None, None]
@@ -147,6 +152,7 @@ class BakeRun:
         self._settings = self._read_settings()
         self._uv_layer = scene.hemibake.uv_layer
         self._target = self._chosen_target()
+        self._check_suns()
         targets = target_uids(self._context, self._target)
         wanted = {
             obj.session_uid: obj.name for obj in visible_meshes(self._context) if obj.session_uid in targets
@@ -210,11 +216,18 @@ class BakeRun:
         self._settings = replace(self._settings, resolution=size.width)
         self._place_suns()
 
+    def _check_suns(self) -> None:
+        """Raise SceneError or SettingsError if the scene has an invalid sun path."""
+        if self._settings.by_light_groups:
+            check_sun_path(self._context, self._target)
+
     def _place_suns(self) -> None:
         """Replace the sun by its positions if the scene has a sun path; raises SceneError, SettingsError."""
         scene = self._context.scene
-        times = sun_times(scene.hemibake.sun_times) if self._settings.by_light_groups else {}
-        if times:
+        if not self._settings.by_light_groups:
+            notes = [_NO_GROUPS] if scene.hemibake.sun_times.strip() else []
+            self._read = replace(self._read, notes=(*self._read.notes, *notes))
+        elif times := sun_times(scene.hemibake.sun_times):
             self._read, self._sun_path = place_suns(self._read, scene, times, self._target)
 
     def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:

@@ -68,6 +68,9 @@ class LiveRun(BakeRun):
         """Return the settings of the scene without reflection cubes, which Live does not bake."""
         return replace(super()._read_settings(), reflection_cubes=False)
 
+    def _check_suns(self) -> None:
+        """Check nothing: Live bakes no sun path."""
+
     def _place_suns(self) -> None:
         """Leave the sun where it is: Live shows the scene as it is now."""
 

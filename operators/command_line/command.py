@@ -90,6 +90,7 @@ def prepare(options: argparse.Namespace) -> None:
         replace_world(options.world)
     apply_settings(options)
     _apply_sun_path(options)
+    options.states = [_state_name(name) for name in options.states]
     _check_states(options.states)
 
 
@@ -174,13 +175,32 @@ def _apply_sun_path(options: argparse.Namespace) -> None:
                 f"--sun-light is '{options.sun_light}'; choose one of the sun lights: {listed}."
             )
         settings.sun_light = suns[options.sun_light]
-    if options.sun_times is None:
-        return
+    if options.sun_times is not None:
+        try:
+            settings.sun_times = " ".join(sun_times(" ".join(options.sun_times)))
+        except EngineError as error:
+            raise CommandError(str(error)) from error
+        settings.outputs |= {"combined", "light_groups"} if settings.sun_times else set()
+    part = next((name for name in ("collection", "lightmap") if getattr(options, name) is not None), None)
+    if part is not None and settings.sun_times and "light_groups" in settings.outputs:
+        raise CommandError(
+            f"A sun path needs new maps of all objects. Leave out --{part}, or end the path by --sun-path ''."
+        )
+
+
+def _state_name(name: str) -> str:
+    """Return the name of a light state; a time is written as a sun path names it, such as 08:00 for 8:00."""
+    import bpy
+
+    from ...engine.errors import SettingsError
+    from ..scene.sun_path import sun_times
+
+    if name in bpy.context.scene.hemibake.light_states:
+        return name
     try:
-        settings.sun_times = " ".join(sun_times(" ".join(options.sun_times)))
-    except EngineError as error:
-        raise CommandError(str(error)) from error
-    settings.outputs |= {"combined", "light_groups"}
+        return next(iter(sun_times(name)), name)
+    except SettingsError:
+        return name
 
 
 def _check_states(names: Sequence[str]) -> None:

@@ -11,8 +11,15 @@ import numpy as np
 
 from ...engine.errors import SceneError, SettingsError
 from ...engine.scene.sun_path import is_sun, sun_direction, with_sun_positions
+from ..compat import light_nodes
 from .fingerprints import combined
+from .objects.visible import visible_objects
 from .read import ReadScene
+
+_HIDDEN = (
+    "Light '{}': no sun light that renders show, so it has no sun path. Show it in renders, or choose "
+    "another light under Sun Path."
+)
 
 _TIME = re.compile(r"(\d{1,2}):(\d{2})")
 
@@ -46,6 +53,29 @@ def sun_times(text: str) -> dict[str, float]:
     return found
 
 
+def check_sun_path(context: bpy.types.Context, target: str) -> None:
+    """Raise SceneError or SettingsError for faults of a sun path that are certain before the scene is read.
+
+    target:  setting of the objects to bake
+    """
+    scene = context.scene
+    if not sun_times(scene.hemibake.sun_times):
+        return
+    _check_target(scene, target)
+    chosen = scene.hemibake.sun_light
+    if chosen is not None and chosen.hide_render:
+        raise SceneError(_HIDDEN.format(chosen.name))
+    if chosen is None:
+        _check_single(scene, [obj.name for obj in visible_objects(context) if _surely_shines(obj)])
+
+
+def _surely_shines(obj: bpy.types.Object) -> bool:
+    """Return True for a sun light that emits light whatever the evaluation of the scene gives."""
+    if obj.type != "LIGHT" or obj.data.type != "SUN" or light_nodes(obj.data) is not None:
+        return False
+    return obj.visible_diffuse and obj.data.energy > 0 and any(obj.data.color) and all(obj.scale)
+
+
 def place_suns(
     read: ReadScene, scene: bpy.types.Scene, times: Mapping[str, float], target: str
 ) -> tuple[ReadScene, SunPath]:
@@ -56,11 +86,7 @@ def place_suns(
 
     Raises SceneError if the sun is missing or not unique, and for bakes of some objects.
     """
-    if target != "ALL":
-        raise SceneError(
-            f"Scene '{scene.name}': a sun path needs new maps of all objects. Set Objects to All, or empty "
-            "the times of Sun Path."
-        )
+    _check_target(scene, target)
     sun, place = _chosen_sun(read, scene), scene.hemibake
     directions: dict[str, np.ndarray] = {}
     groups: dict[str, str | None] = {}
@@ -86,19 +112,32 @@ def _chosen_sun(read: ReadScene, scene: bpy.types.Scene) -> str:
     names = list(dict.fromkeys(light.name for light in read.scene.lights if is_sun(light)))
     chosen = scene.hemibake.sun_light
     if chosen is not None and chosen.name not in names:
-        raise SceneError(
-            f"Light '{chosen.name}': no sun light that renders show, so it has no sun path. Show it in "
-            "renders, or choose another light under Sun Path."
-        )
+        raise SceneError(_HIDDEN.format(chosen.name))
     if not names:
         raise SceneError(f"Scene '{scene.name}': {_no_sun(read)}")
-    if chosen is None and len(names) > 1:
-        listed = ", ".join(f"'{name}'" for name in names)
+    if chosen is not None:
+        return chosen.name
+    _check_single(scene, names)
+    return names[0]
+
+
+def _check_target(scene: bpy.types.Scene, target: str) -> None:
+    """Raise SceneError for bakes of some objects."""
+    if target != "ALL":
+        raise SceneError(
+            f"Scene '{scene.name}': a sun path needs new maps of all objects. Set Objects to All, or empty "
+            "the times of Sun Path."
+        )
+
+
+def _check_single(scene: bpy.types.Scene, suns: Sequence[str]) -> None:
+    """Raise SceneError for several sun lights."""
+    if len(suns) > 1:
+        listed = ", ".join(f"'{name}'" for name in suns)
         raise SceneError(
             f"Scene '{scene.name}': several sun lights, {listed}. Choose one under Sun Path, or by "
             "--sun-light."
         )
-    return names[0] if chosen is None else chosen.name
 
 
 def _no_sun(read: ReadScene) -> str:

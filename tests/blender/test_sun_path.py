@@ -188,8 +188,12 @@ def test_a_folder_changed_during_the_bake_does_not_lose_it(tmp_path):
         ("some", "a sun path needs new maps of all objects"),
     ],
 )
-def test_errors_name_the_remedy_and_change_nothing(change, words):
+def test_errors_name_the_remedy_and_change_nothing(change, words, monkeypatch):
+    """Faults that are certain before the scene is read are found before it is unwrapped."""
     import bpy
+
+    if change != "none":
+        monkeypatch.setattr(part("operators.bake_run"), "choose_width", None)
 
     square()
     sun = add_sun()
@@ -209,6 +213,16 @@ def test_errors_name_the_remedy_and_change_nothing(change, words):
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.hemibake.bake()
     assert not settings.light_states and not settings.lightmaps
+
+
+def test_a_path_without_light_groups_is_noted():
+    import bpy
+
+    square()
+    add_sun()
+    prepare(["12:00"]).outputs = {"direct"}
+    bpy.ops.hemibake.bake()
+    assert any("the output Light Groups is off" in text for text in report()["warnings"])
 
 
 def test_a_chosen_sun_moves_and_the_other_stays():
@@ -240,7 +254,7 @@ def test_the_command_line_sets_the_path(tmp_path):
     square()
     add_sun(), add_sun("Moon")
     options, command = (part(f"operators.command_line.{name}") for name in ("options", "command"))
-    words = ["--out", str(tmp_path), "--resolution", "16", "--sun-path", "8:00", "12:00", "--state", "12:00"]
+    words = ["--out", str(tmp_path), "--resolution", "16", "--sun-path", "8:00", "9:30", "--state", "9:30"]
     parser = options.parser("bake", "")
     parsed = options.parse(
         parser, [*words, "--sun-light", "Moon", "--sun-latitude", "-35.5", "--sun-day", "9"]
@@ -249,19 +263,25 @@ def test_the_command_line_sets_the_path(tmp_path):
     settings.outputs = {"direct"}
     parsed.scene = None
     command.prepare(parsed)
-    assert (settings.sun_times, settings.sun_light.name) == ("08:00 12:00", "Moon")
+    assert (settings.sun_times, settings.sun_light.name) == ("08:00 09:30", "Moon")
     assert (settings.sun_latitude, settings.sun_day) == (-35.5, 9)
     assert {"combined", "light_groups"} <= settings.outputs
     bpy.ops.hemibake.bake()
     done = command.write_states(parsed, {"files": [], "warnings": []})
     (path,) = done["files"]
-    assert path.endswith("state 12_00.exr")
+    assert path.endswith("state 09_30.exr")
     image = bpy.data.images.load(path)
-    wanted = state_light(settings, "12:00")
+    wanted = state_light(settings, "09:30")
     assert pixels(image)[..., :3] == pytest.approx(wanted, rel=1e-4)
     parsed.sun_light = "Sunny"
     with pytest.raises(options.CommandError, match="'Sunny'; choose one of the sun lights: 'Sun', 'Moon'"):
         command.prepare(parsed)
     parsed.sun_light, parsed.sun_times = None, ["noon"]
     with pytest.raises(options.CommandError, match="'noon' is no time of day"):
+        command.prepare(parsed)
+    parsed.sun_times, parsed.collection = ["9:30"], "Squares"
+    squares = bpy.data.collections.new("Squares")
+    bpy.context.scene.collection.children.link(squares)
+    squares.objects.link(bpy.data.objects["Square"])
+    with pytest.raises(options.CommandError, match="Leave out --collection"):
         command.prepare(parsed)

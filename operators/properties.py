@@ -111,9 +111,9 @@ class HemibakeLightStateProperties(bpy.types.PropertyGroup):
         type=HemibakeStateGroupProperties,
         description="Light groups of the state; others have color white and strength 1",
     )
-    of_sun_path: BoolProperty(
-        name="Of Sun Path",
-        description="True if a bake of a sun path made the state; the next one replaces it",
+    sun_time: StringProperty(
+        name="Sun Time",
+        description="Time of the sun path of which a bake made the state; empty for others",
         options={"HIDDEN"},
     )
 

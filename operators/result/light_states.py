@@ -35,10 +35,11 @@ def baked_groups(scene: bpy.types.Scene) -> list[str]:
 
 
 def find_state(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
-    """Return the light state with a name; raises EngineError."""
-    state = scene.hemibake.light_states.get(name)
+    """Return the light state with a name, or of a time of the sun path; raises EngineError."""
+    states = scene.hemibake.light_states
+    state = states.get(name) or next((other for other in states if name and other.sun_time == name), None)
     if state is None:
-        known = ", ".join(f"'{other.name}'" for other in scene.hemibake.light_states) or "none"
+        known = ", ".join(f"'{other.name}'" for other in states) or "none"
         raise EngineError(f"Scene '{scene.name}': no light state '{name}'. Choose one of: {known}.")
     return state
 

@@ -11,7 +11,7 @@ from ...engine.object_message import counted
 from ...engine.postprocess.reduced_groups import ReducedGroups
 from ..scene.sun_path import SunPath
 from ..working_space import from_rec709
-from .light_states import UNCHANGED, Mix, set_state_mix, state_mix
+from .light_states import Mix, set_state_mix, state_mix
 
 
 def store_sun_states(
@@ -19,20 +19,21 @@ def store_sun_states(
 ) -> None:
     """Store a light state for each time of a sun path, and remove states of earlier paths.
 
-    States of the same times keep the colors and strengths of other light groups.
+    States of the same times keep their names, and the colors and strengths of other light groups.
 
     others:  names of the baked light groups that are not of the path
     """
     states = scene.hemibake.light_states
-    kept = {state.name: state_mix(state) for state in states if state.of_sun_path}
-    for index in reversed([number for number, state in enumerate(states) if state.of_sun_path]):
+    kept = {state.sun_time: (state.name, state_mix(state)) for state in states if state.sun_time}
+    for index in reversed([number for number, state in enumerate(states) if state.sun_time]):
         states.remove(index)
-    for time, group in path.groups.items():
-        mix = {name: kept.get(time, {}).get(name, UNCHANGED) for name in others if name in kept.get(time, {})}
-        factors = reduced.factors[group] if group is not None else {}
-        mix |= {name: _mix(factors.get(name, (0.0, 0.0, 0.0)), len(path.names)) for name in reduced.kept}
+    for time, sun in path.groups.items():
+        name, before = kept.get(time, (time, {}))
+        mix = {group: before[group] for group in others if group in before}
+        factors = reduced.factors[sun] if sun is not None else {}
+        mix |= {each: _mix(factors.get(each, (0.0, 0.0, 0.0)), len(path.names)) for each in reduced.kept}
         state = states.add()
-        state.name, state.of_sun_path = time, True
+        state.name, state.sun_time = name, time
         set_state_mix(state, mix)
     scene.hemibake.active_light_state = max(0, min(scene.hemibake.active_light_state, len(states) - 1))
 

@@ -143,10 +143,17 @@ def test_states_of_the_last_path_are_replaced_and_others_stay(tmp_path):
     states.set_state_mix(morning, states.state_mix(morning) | mix)
     own = settings.light_states.add()
     own.name = "11:00"
+    morning.name = "Morning"
     settings.sun_times = "09:00 11:00 22:00"
     bpy.ops.hemibake.bake()
-    assert settings.light_states.keys() == ["11:00", "09:00", "11:00.001", "22:00"]
-    assert states.state_mix(settings.light_states["09:00"])["Lamps"] == mix["Lamps"]
+    assert settings.light_states.keys() == ["11:00", "Morning", "11:00.001", "22:00"]
+    assert states.find_state(bpy.context.scene, "09:00").name == "Morning"
+    noon = settings.light_states["11:00.001"]
+    states.set_state_mix(noon, states.state_mix(noon) | mix)
+    bpy.ops.hemibake.bake()
+    assert settings.light_states.keys() == ["11:00", "Morning", "11:00.001", "22:00"]
+    for name in ("Morning", "11:00.001"):
+        assert states.state_mix(settings.light_states[name])["Lamps"] == mix["Lamps"]
     assert not any(states.missing_groups(bpy.context.scene, state) for state in settings.light_states)
     dark = states.state_mix(settings.light_states["22:00"])
     assert {group: strength for group, (_, strength) in dark.items()} == {"Sun 09:00": 0, "Sun 11:00": 0}

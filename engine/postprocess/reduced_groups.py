@@ -38,8 +38,7 @@ def reduce_groups(result: BakeResult, groups: Sequence[str]) -> ReducedGroups:
     """
     if not groups:
         return ReducedGroups(result, (), {}, 0.0)
-    maps = np.stack([result.passes[f"{LIGHT_GROUP}{name}"] for name in groups])
-    basis = choose_maps([maps[:, result.has_patch], *_probe_blocks(result.probes, groups)], TOLERANCE)
+    basis = choose_maps([_map_block(result, groups), *_probe_blocks(result.probes, groups)], TOLERANCE)
     # The scale of a chosen map is at least its own weight, 1; that of one without light may be 0.
     scales = basis.weights.sum(axis=0)
     kept = tuple(groups[number] for number in basis.chosen)
@@ -53,6 +52,11 @@ def reduce_groups(result: BakeResult, groups: Sequence[str]) -> ReducedGroups:
     if len(kept) < len(groups):
         result = _kept_only(result, groups, basis, scales.astype(np.float32))
     return ReducedGroups(result, kept, factors, float(basis.errors.max()))
+
+
+def _map_block(result: BakeResult, groups: Sequence[str]) -> np.ndarray:
+    """Return the texels of charts in the maps of the light groups, (groups, n, 3) float32."""
+    return np.stack([result.passes[f"{LIGHT_GROUP}{name}"][result.has_patch] for name in groups])
 
 
 def _probe_blocks(probes: Sequence[ProbeGrid], groups: Sequence[str]) -> list[np.ndarray]:
@@ -71,8 +75,11 @@ def _kept_only(result: BakeResult, groups: Sequence[str], basis: MapBasis, scale
         if not is_of_light_group(name) or name.removeprefix(LIGHT_GROUP) not in dropped
     }
     first = next(iter(passes))
-    light = [image for name, image in passes.items() if is_of_light_group(name)]
-    passes["combined"] = np.sum(light, axis=0, dtype=np.float32)
+    combined = np.zeros_like(result.display)
+    for name, image in passes.items():
+        if is_of_light_group(name):
+            combined += image
+    passes["combined"] = combined
     probes = tuple(
         replace(
             grid,

@@ -14,6 +14,7 @@ import numpy as np
 from ..engine.bake_result import BakeResult
 from ..engine.errors import EngineError, OverlapError, SceneError
 from ..engine.object_message import object_message
+from ..engine.outputs import LIGHT_GROUP
 from ..engine.plan.stages import Extent
 from ..engine.postprocess.output_names import output_names
 from ..engine.postprocess.reduced_groups import reduce_groups
@@ -45,6 +46,7 @@ from .result.probe_files import probe_files
 from .result.probe_images import keep_probes
 from .result.progress_images import ProgressImages, image_names
 from .result.reflection_files import reflection_files
+from .result.sun_maps import mark_sun_maps
 from .result.sun_states import path_report, store_sun_states
 from .result.vertex_light import store_vertex_light
 from .rollback import Rollback
@@ -365,6 +367,7 @@ class BakeRun:
         self._pictures.keep()
         entries = self._context.scene.hemibake.lightmaps
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
+        self._mark_sun_maps()
         # A bake that could not make probes, such as one without OpenCL, leaves those of the last one.
         if self._settings.light_probes and (lightmap.probes or not self._read.scene.probe_volumes):
             keep_probes(self._context.scene, lightmap.probes, self._read.scene.origin)
@@ -428,6 +431,15 @@ class BakeRun:
         reasons = (*lightmap.report.reasons, path_report(path, reduced))
         passes = {name: reduced.result.passes[name] for name in outputs}
         return replace(reduced.result, passes=passes, report=replace(lightmap.report, reasons=reasons))
+
+    def _mark_sun_maps(self) -> None:
+        """Record the maps of the sun path, which replace those of earlier paths."""
+        if self._target != "ALL" or not self._settings.by_light_groups:
+            return
+        atlases, path = self._read.scene.atlases, self._sun_path
+        groups = () if path is None else path.names
+        maps = {images.map_name(atlas, f"{LIGHT_GROUP}{group}") for group in groups for atlas in atlases}
+        mark_sun_maps(self._context.scene, atlases, self._names, maps)
 
     def _keep_outputs(self, baked: Sequence[str], outputs: Sequence[str]) -> None:
         """Keep the images and files of some outputs; those of the others are not made.

@@ -59,6 +59,11 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         description="Light groups whose maps the last bake of the lightmap wrote, as a JSON list",
         options={"HIDDEN"},
     )
+    of_sun_path: BoolProperty(
+        name="Of Sun Path",
+        description="True for the map of a position of a sun path",
+        options={"HIDDEN"},
+    )
     companion_of: StringProperty(
         name="Companion Of",
         description="Lightmap to which this map of another output belongs; empty for lightmaps",

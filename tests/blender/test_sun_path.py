@@ -166,6 +166,33 @@ def test_states_of_the_last_path_are_replaced_and_others_stay(tmp_path):
     assert files == {"sun_Lightmap light group Sun 15_00.exr"}
 
 
+@pytest.mark.parametrize("next_times", ["15:00", ""])
+def test_maps_of_the_last_path_are_removed_and_images_of_the_user_stay(next_times, tmp_path):
+    """The last path's map that something else uses stays in the .blend, too."""
+    import bpy
+
+    square()
+    sun, maps = add_sun(), []
+    settings = prepare(["09:00"], tmp_path)
+    for used in (False, True):
+        settings.sun_times = "11:00" if used else "09:00"
+        bpy.ops.hemibake.bake()
+        (name,) = (entry.name for entry in settings.lightmaps if entry.companion_of)
+        maps.append(name)
+    bpy.data.images[name].use_fake_user = True
+    bpy.data.images.new("Lightmap light group Sun 10:00", 4, 4)
+    settings.sun_times = next_times
+    if not next_times:
+        sun.lightgroup = bpy.context.view_layer.lightgroups.add(name="Sun 11:00").name
+    bpy.ops.hemibake.bake()
+    assert maps == [f"Lightmap light group Sun {time}" for time in ("09:00", "11:00")]
+    assert [entry.name for entry in settings.lightmaps if entry.companion_of] == [
+        f"Lightmap light group Sun {next_times or '11:00'}"
+    ]
+    found = {image.name for image in bpy.data.images}
+    assert maps[0] not in found and {maps[1], "Lightmap light group Sun 10:00"} <= found
+
+
 def test_a_folder_changed_during_the_bake_does_not_lose_it(tmp_path):
     """The files are in the folder that was chosen first, with masks of the kept positions only."""
     import bpy

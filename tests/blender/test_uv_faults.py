@@ -29,6 +29,18 @@ def test_neighbours_do_not_overlap_and_copies_do(n, move):
     assert faults.overlap(np.concatenate([uvs, uvs[:, ::-1]]))
 
 
+@pytest.mark.parametrize("extent", [0.02, 0.2, 1])
+@pytest.mark.parametrize("count", [1, 3, 61])
+def test_sorted_spans_cover_the_same_cells(monkeypatch, count, extent):
+    faults = part("operators.scene.uvs.uv_faults")
+    rng = np.random.default_rng(count)
+    corners = (rng.random((count, 1, 2)) + rng.random((count, 3, 2)) * extent) / (1 + extent) * faults._GRID
+    covered = faults._covered_cells(corners)
+    assert covered[0] > 0
+    monkeypatch.setattr(faults, "_FEW", -1)
+    assert covered == faults._covered_cells(corners)
+
+
 def test_slivers_points_and_nothing_do_not_overlap():
     faults = part("operators.scene.uvs.uv_faults")
     fan = np.array([[(0, 0), (1, y), (1, y + 1e-4)] for y in np.arange(0, 1, 1e-4)], np.float32)

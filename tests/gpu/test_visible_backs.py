@@ -17,6 +17,7 @@ from engine.scene.cutouts import read_cutouts
 from engine.scene.model import NO_LIGHTMAP
 from engine.scene.triangles import join_meshes
 from engine.visibility.rays import visible_backs
+from engine.visibility.rays.back_rays import BackRays
 from engine.visibility.rays.ray_scene import make_tracer
 from engine.visibility.rays.visible_backs import VisibleBacks
 from tests.analytic.rooms import Atlas, block, room
@@ -267,3 +268,11 @@ def test_later_rounds_need_only_rays_that_start_inside_something(tracer, monkeyp
 
     monkeypatch.setattr(visible_backs, "_caster", lambda *arguments: partial(AllRays, make(*arguments)))
     assert np.array_equal(visible(), found) and 0 == rounds[0] < rounds[1] < found.sum()
+
+
+def test_many_rays_are_shared_evenly():
+    """Also by weights in float32, which cannot hold the sums."""
+    count, triangles = 1 << 30, 1009
+    ends = BackRays.of(np.ones(triangles, np.float32), count, 1.0, 0.0).ends.astype(np.int64)
+    assert ends[-1] == count
+    assert np.abs(np.diff(ends, prepend=0) - count / triangles).max() <= 1

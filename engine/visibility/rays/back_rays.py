@@ -30,15 +30,15 @@ class BackRays:
     @property
     def words(self) -> int:
         """Number of 32-bit words with one bit for each ray."""
-        return self.count // 32 + 1
+        return max(-(-self.count // 32), 1)
 
     @classmethod
     def of(cls, weight: np.ndarray, count: int, side: float, height: float) -> BackRays:
-        """Create rays, whose number per triangle is proportional to its weight, (t,) float64.
+        """Create rays, whose number per triangle is proportional to its weight, (t,) float.
 
         Not all weights may be 0.
         """
-        total = np.cumsum(weight)
+        total = np.cumsum(weight, dtype=np.float64)
         ends = np.floor(total * (count / max(total[-1], 1e-300))).clip(max=count).astype(np.uint32)
         return cls(ends, side, height, count)
 

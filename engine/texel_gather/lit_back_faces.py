@@ -31,6 +31,9 @@ _POINTS, _RAYS = 32, 32
 #: Maximum number of dark objects that are examined, so that the time is bounded.
 _OBJECTS = 64
 
+#: Maximum number of lamps whose shadows are traced for an object: the brightest ones without shadows.
+_LAMPS = 8
+
 #: Height of ray origins above the surface as a fraction of the scene's diagonal.
 _HEIGHT = 1e-4
 
@@ -123,7 +126,9 @@ class _BackLight:
     def mean_of(self, mesh: int) -> float:
         """Return the mean luminance of E/pi at points of the back faces of a mesh."""
         points, normals = self._points_of(mesh)
-        lamps = sum(self._of_lamp(lamp, points, normals) for lamp in self._lamps)
+        lights = [self._unshadowed(lamp, points, normals) for lamp in self._lamps]
+        lights.sort(key=lambda found: -float(found[0].sum()))
+        lamps = sum(self._shadowed(points, *found) for found in lights[:_LAMPS] if found[0].any())
         return self._gathered(points, normals) + float(np.mean(lamps))
 
     def _points_of(self, mesh: int) -> tuple[np.ndarray, np.ndarray]:
@@ -154,8 +159,10 @@ class _BackLight:
         hit, front, _ = self._tracer.cast(np.tile(points, (_RAYS, 1)), directions)
         return float(np.where(hit < 0, self._sky, np.where(front, self._radiance[hit], 0)).mean())
 
-    def _of_lamp(self, lamp: Light, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Return the luminance of E/pi from the centre of a lamp, (p,)."""
+    def _unshadowed(
+        self, lamp: Light, points: np.ndarray, normals: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the luminance of E/pi from the centre of a lamp without shadows, (p,), and vectors to it."""
         away, strength = (
             np.asarray(lamp.axes[2], np.float64),
             float(luminance(lamp.strength[None])[0]) / np.pi,
@@ -173,6 +180,10 @@ class _BackLight:
             if lamp.kind == "area":
                 scale = scale * np.maximum(forward, 0) * float(np.prod(lamp.size))
         cosine = (ways * normals).sum(axis=1) / np.linalg.norm(ways, axis=1)
+        return scale * np.maximum(cosine, 0), ways
+
+    def _shadowed(self, points: np.ndarray, light: np.ndarray, ways: np.ndarray) -> np.ndarray:
+        """Return the light of a lamp at the points that no surface shadows, (p,); 0 at others."""
         hit, _, distance = self._tracer.cast(points, ways, kind=SHADOW)
         is_free = (hit < 0) | (distance > 1)
-        return np.where(is_free, scale * np.maximum(cosine, 0), 0)
+        return np.where(is_free, light, 0)

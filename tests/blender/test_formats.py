@@ -287,8 +287,9 @@ def test_every_key_of_manifests_is_documented(settings, tmp_path):
     part("operators.result.pictures").write_pictures([bpy.data.images["Lightmap instances"]], folder)
     assert bpy.ops.hemibake.export_for_engine(filepath=str(folder / "room.glb")) == {"FINISHED"}
     found |= keys(manifest(tmp_path))
-    # Of linked objects: test_destination.py. Of light groups, states and probes: test_manifest.py.
-    others = {"library", "groups", "states", "probes", "reflections"}
+    # Of linked objects: test_destination.py. Of light groups, also removed ones, states and probes:
+    # test_manifest.py.
+    others = {"library", "groups", "states", "probes", "reflections", "superseded"}
     assert found | others == documented_keys()
 
 

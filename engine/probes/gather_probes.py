@@ -31,8 +31,8 @@ from .sphere_directions import direction_count
 #: Maximum number of probes whose samples are in memory at once, and maximum size of these samples, bytes.
 _BATCH, _BATCH_BYTES = 1 << 16, 1 << 28
 
-#: Size of a sample, bytes: the patch ID and its tint.
-_SAMPLE_BYTES = 5
+#: Maximum size of a sample, bytes: the patch ID, its tint, and the distance.
+_SAMPLE_BYTES = 9
 
 #: Maximum size of the samples that a session keeps for the next bake, bytes.
 _KEPT = 1 << 28

@@ -23,8 +23,8 @@ from ..settings import Settings
 from ..visibility.rays.ray_tracer import RayTracer
 from .probe_rows import COEFFICIENTS, ProbeRows
 
-#: Maximum number of emitter lists whose light is stored separately; more are sampled together by a light tree
-#: (chosen: 3.5 MB of 32^3 probes each).
+#: Maximum number of emitter lists of a scene whose light is stored separately; more are sampled together, or
+#: together by light group, by a light tree (chosen: 3.5 MB of 32^3 probes each).
 _SEPARATE = 8
 
 
@@ -50,20 +50,19 @@ class ProbeLights:
         self._tables = [upload(compute, array) for array in (emitters.modulations, emitters.profiles)]
         self._glow = glow_arguments(compute, parts, split.bright)
         self._sky = sky_arguments(compute, split.sky.distribution)
+        sky = split.sky.distribution
         # Shadow rays are traced again only if something that emits light to be sampled has changed.
         common = _Digests(
             _digest(repr(settings.light_samples).encode(), emitters.modulations, emitters.profiles),
             _digest(b"surfaces", *(_radiance(parts) if len(split.bright.triangles) else ())),
-            _digest(b"sky", split.sky.distribution.pixels),
+            _digest(repr(sky.size).encode(), sky.listed, sky.pixels),
         )
-        self._parts = [
-            _parts(
-                [records for number, records in enumerate(lists) if number not in left_out],
-                settings.light_samples,
-                common,
-            )
+        lists_of_lights = [
+            [records for number, records in enumerate(lists) if number not in left_out and len(records)]
             for lists in (emitters.lists, *(emitters.by_group(groups) if groups else ()))
         ]
+        make = _separate_parts if len(lists_of_lights[0]) <= _SEPARATE else _joined_part
+        self._parts = [make(lists, settings.light_samples, common) for lists in lists_of_lights]
         self._size = int(parts.triangles.mesh.size).bit_length()
 
     def project(self, probes: ProbeRows) -> Generator[float, None, np.ndarray]:
@@ -164,13 +163,15 @@ class _Part:
     digest: bytes
 
 
-def _parts(lists: Sequence[np.ndarray], light_samples: int, common: _Digests) -> list[_Part]:
-    """Return the parts of lists of emitters; a change of one light leaves the others."""
-    shining = [emitters for emitters in lists if len(emitters)]
-    if len(shining) > _SEPARATE:
-        joined = joined_emitters(shining, light_samples)
-        return [] if joined is None else [_Part(*joined, np.ones(3, np.float32), common.of(joined[0]))]
-    units = [_unit(emitters, light_samples) for emitters in shining]
+def _joined_part(lists: Sequence[np.ndarray], light_samples: int, common: _Digests) -> list[_Part]:
+    """Return lists of emitters as one part, or none without emitters."""
+    joined = joined_emitters(lists, light_samples)
+    return [] if joined is None else [_Part(*joined, np.ones(3, np.float32), common.of(joined[0]))]
+
+
+def _separate_parts(lists: Sequence[np.ndarray], light_samples: int, common: _Digests) -> list[_Part]:
+    """Return lists of emitters as one part each, so that a change of one light leaves the others."""
+    units = [_unit(emitters, light_samples) for emitters in lists]
     return [_Part(*unit, common.of(unit[0])) for unit in units]
 
 

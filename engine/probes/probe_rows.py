@@ -104,8 +104,11 @@ class ProbeRows:
 
     @property
     def bytes(self) -> int:
-        """Device memory of the samples."""
-        return self.count * self._samples * (4 if self._palette is None else 5)
+        """Memory of the samples, and of all that is kept with them."""
+        samples = self.count * self._samples * (4 if self._palette is None else 5)
+        arrays = self.distances, *self.direct.values()
+        moved = (rows.bytes for _, rows in self.moved.values())
+        return samples + sum(array.nbytes for array in arrays) + sum(moved)
 
     def trace(self) -> Generator[float, None, None]:
         """Find the samples of all probes, unless they are known; yield progress 0..1."""

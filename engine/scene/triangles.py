@@ -12,6 +12,10 @@ from .model import Scene
 #: Approximate number of triangles from which the median corner is computed.
 _SAMPLE = 1 << 12
 
+#: Maximum texel size of a triangle as a multiple of the mean (chosen); charts of nearly no
+#: area would have huge texels.
+_COARSEST = 4.0
+
 #: Maximum ratio of two boxes' diagonals up to which they count as similar in size.
 _ALIKE = 1.5
 
@@ -60,13 +64,19 @@ class Triangles:
 
     @cached_property
     def uv_sizes(self) -> np.ndarray:
-        """Length in the world per unit of lightmap UV, (t,) float32, m; 0 for triangles without UV area."""
+        """Length in the world per unit of lightmap UV, (t,) float32, m.
+
+        It is the mean over all triangles where the UV area is 0, and at most `_COARSEST` times the mean.
+        """
         first, second = np.moveaxis(self.positions[:, 1:] - self.positions[:, :1], 1, 0)
         area = np.linalg.norm(np.cross(first, second), axis=1)
         first, second = np.moveaxis(self.uvs[:, 1:] - self.uvs[:, :1], 1, 0)
         of_uvs = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-        ratio = np.divide(area, of_uvs, out=np.zeros_like(area), where=of_uvs > 0)
-        sizes: np.ndarray = np.sqrt(ratio).astype(np.float32)
+        has_uvs = of_uvs > 0
+        total = of_uvs.sum(dtype=np.float64)
+        mean = area[has_uvs].sum(dtype=np.float64) / total if total else 0.0
+        ratio = np.divide(area, of_uvs, out=np.full_like(area, mean), where=has_uvs)
+        sizes: np.ndarray = np.sqrt(np.minimum(ratio, _COARSEST**2 * mean)).astype(np.float32)
         return sizes
 
     @cached_property

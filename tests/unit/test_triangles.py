@@ -46,3 +46,15 @@ def test_lights_move_with_the_triangles():
     lamp = Light("Lamp", "point", np.array([1e8 + 0.3, 0, 0]), np.eye(3), np.ones(3, np.float32))
     moved = lamp.relative_to(np.array([1e8, 0, -2]))
     assert moved.position == pytest.approx([0.3, 0, 2], abs=1e-7)
+
+
+def test_charts_of_nearly_no_area_have_no_huge_texels():
+    """Of three squares: one with a chart, one whose chart is nearly a line, and one without UV area."""
+    squares = np.stack([rectangle((7 * k, 0, 0), (3, 0, 0), (0, 3, 0)) for k in range(3)])
+    sizes = join_meshes(
+        Scene(
+            (quads(squares, [(0, 0, 1, 1), (0, 0, 1, 1e-6), (0, 0, 0, 0)], [0] * 3, 7, "Squares"),), (GREY,)
+        )
+    ).uv_sizes
+    mean = np.sqrt(18 / (1 + 1e-6)) * 7
+    assert sizes == pytest.approx(np.repeat([21, 4 * mean, mean], 2), rel=1e-4)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.blender.things import furnace, part
+from tests.clock import Clock
 
 pytestmark = pytest.mark.one_version
 
@@ -83,15 +84,6 @@ def test_time_of_a_bake_is_foreseen_before_the_scene_is_read():
         known.append(run._stages.baking.pace)
         run.cancel()
     assert foreseen[1] > 2 * foreseen[0] and foreseen == pytest.approx(known, rel=0.3)
-
-
-class Clock:
-    """A time that a test sets."""
-
-    now = 100.0
-
-    def perf_counter(self):
-        return self.now
 
 
 @pytest.fixture

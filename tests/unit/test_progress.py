@@ -9,15 +9,7 @@ from engine.plan.stages import BakeStages, Extent
 from engine.progress import Schedule, Stage, finished, format_seconds_left
 from engine.settings import Settings
 from tests.analytic.scenes import furnace
-
-
-class Clock:
-    """A time that tests set."""
-
-    now = 100.0
-
-    def perf_counter(self):
-        return self.now
+from tests.clock import Clock
 
 
 @pytest.fixture

@@ -58,7 +58,7 @@ OCCLUDERS, BACKS = Blocks(0.1, 0.05, False), Blocks(0.05, 0.015, True)
 
 @dataclass(frozen=True)
 class _Shapes:
-    """What the blocks of triangles depend on, arrays of (t,).
+    """Inputs of the block layout, one row for each triangle.
 
     width   (t,) float64, minimum width of each block, m
     area    (t,) float64, m^2
@@ -144,9 +144,9 @@ def _largest_extent(meshes: list[Mesh]) -> float:
 
 
 def _shapes(meshes: list[Mesh], blocks: Blocks) -> _Shapes:
-    """Return the shapes of all triangles.
+    """Return the inputs of the block layout for all triangles.
 
-    A block that is as wide as the root of its triangle's area has as many texels as the triangle has area.
+    A block is at least as wide as the root of its triangle's area, so that its texels match that area.
     """
     corners = joined_rows([mesh.positions for mesh in meshes])
     material = joined_rows([mesh.material for mesh in meshes])

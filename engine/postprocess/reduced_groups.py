@@ -1,4 +1,4 @@
-"""Reduces the maps of light groups with scaled and similar light, such as those of a sun path."""
+"""Keeps few maps of similar light groups, such as those of a sun path; the others become weighted sums."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def reduce_groups(result: BakeResult, groups: Sequence[str]) -> ReducedGroups:
     if not groups:
         return ReducedGroups(result, (), {}, 0.0)
     basis = choose_maps([_map_block(result, groups), *_probe_blocks(result.probes, groups)], TOLERANCE)
-    # The scale of a chosen map is at least its own weight, 1; that of one without light may be 0.
+    # A chosen map has weight 1 for itself, so its scale is at least 1; a map without light may have scale 0.
     scales = basis.weights.sum(axis=0)
     kept = tuple(groups[number] for number in basis.chosen)
     factors = {

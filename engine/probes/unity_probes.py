@@ -8,8 +8,8 @@ import numpy as np
 
 from .spherical_harmonics import BASIS_FACTORS, IRRADIANCE_FACTORS, with_axes
 
-#: Axes of Unity, as rows in Blender's axes, after an import by glTFast or UnityGLTF: those of glTF,
-#: (x, z, -y), with x reversed.
+#: Axes of Unity, as rows in Blender's axes. Importers such as glTFast reverse the x axis of glTF, whose axes
+#: are Blender's (x, z, -y).
 UNITY = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 #: Factor of L1 in the textures of VRC Light Volumes: packing multiplies it by 0.5 * 1.13 where the result is

@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks import baking
 from benchmarks.apart import run_apart
 from benchmarks.configurations import settings
+from benchmarks.driver_caches import driver_caches
 from benchmarks.halls import hall
 from benchmarks.interiors import furnished_room, sealed_rooms
 from benchmarks.machine import has_bpy
@@ -41,9 +42,6 @@ _SCENES: dict[str, Callable[[int], Scene]] = {
 
 #: Warm bakes, and bakes after a change of light; an odd number, since the median counts.
 _WARM = 5
-
-#: Environment variables of drivers' program caches, in folders of their own for first bakes.
-_CACHES = ("CUDA_CACHE_PATH", "POCL_CACHE_DIR", "XDG_CACHE_HOME")
 
 #: Width of the lightmap of the first bake of a process, texels.
 _COLD = 120
@@ -116,18 +114,12 @@ def cold(resolution: int, folder: str) -> dict[str, float]:
 def _cold_records() -> list[dict[str, Any]]:
     """Return the first bakes of three processes, whose caches become fuller."""
     with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:
-        before = {name: os.environ.get(name) for name in _CACHES}
-        os.environ.update({name: os.path.join(folder, name) for name in _CACHES})
         arguments = {"resolution": _COLD, "folder": os.path.join(folder, "ours")}
-        try:
+        with driver_caches(folder):
             outcomes = [
                 (cached, run_apart("benchmarks.suites.waiting:cold", arguments))
                 for cached in ("nothing cached", "kernels cached")
             ]
-        finally:
-            for name, value in before.items():
-                os.environ.pop(name)
-                os.environ.update({name: value} if value is not None else {})
     return [
         {
             "kind": "cold",

@@ -1,7 +1,10 @@
+import os
+
 import numpy as np
 import pytest
 
 from benchmarks.curves import Point, envelope, reach, reach_by_sampling
+from benchmarks.driver_caches import driver_caches
 from benchmarks.halls import hall
 from benchmarks.rooms import cornell_box, dark_box, hilly_room
 from engine.scene.checks import check_scene
@@ -72,3 +75,12 @@ def test_the_hall_has_windows_smooth_columns_and_a_chart_for_each_surface():
     (u1, v1), (u2, v2) = ((mesh.uvs[:, corner] - mesh.uvs[:, 0]).T for corner in (1, 2))
     area = (u1 * v2 - u2 * v1) / 2
     assert (area > 0).all() and 0.5 < area.sum() < 1
+
+
+def test_drivers_have_caches_of_their_own_only_meanwhile(tmp_path, monkeypatch):
+    monkeypatch.setenv("POCL_CACHE_DIR", "/kept")
+    monkeypatch.delenv("CUDA_CACHE_PATH", raising=False)
+    with driver_caches(str(tmp_path)):
+        assert os.environ["POCL_CACHE_DIR"] == str(tmp_path / "POCL_CACHE_DIR")
+        assert os.path.isdir(os.environ["CUDA_CACHE_PATH"])
+    assert os.environ["POCL_CACHE_DIR"] == "/kept" and "CUDA_CACHE_PATH" not in os.environ

@@ -10,6 +10,7 @@ from ..engine.errors import EngineError
 from ..engine.object_message import counted, object_message
 from .lightmap_list import active_lightmap, chosen_name, members, unlisted
 from .report_message import report_message
+from .scene.uvs.known_charts import has_chosen_uvs
 from .scene.uvs.unwrap import UnwrapSummary, UvAction
 from .unwrap import UnwrapOperator, Unwrapping
 from .worker_manager import poll_idle
@@ -117,7 +118,7 @@ class _PackOperator(_OfActiveLightmap, UnwrapOperator):
         objects = [obj for obj in objects if obj.is_editable]
         if not objects:
             raise EngineError(f"{self._name}: the lightmap has no objects. Assign some to it.")
-        chosen = [obj.name for obj in objects if obj.hemibake.own_uv_layer]
+        chosen = [obj.name for obj in objects if has_chosen_uvs(obj)]
         if chosen:
             sentence = (
                 "{}: a UV layer of their own is chosen. Clear UV Layer under Active Object to repack them."

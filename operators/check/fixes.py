@@ -17,6 +17,7 @@ from ..result.preview import hide_preview
 from ..rollback import Rollback
 from ..scene import SceneContext, visible_meshes
 from ..scene.objects.render_settings import show_as_rendered
+from ..scene.uvs.known_charts import has_chosen_uvs
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.unwrap import UvAction, unwrap_missing
 from ..scene.uvs.uv_modifier import remove_uv_modifiers
@@ -108,7 +109,7 @@ def cut_along_walls(
     floors = objects_on_walls(
         visible_meshes(where), objects, where.evaluated_depsgraph_get(), settings.uv_layer
     )
-    kept = [obj.name for obj in floors if obj.hemibake.own_uv_layer]
+    kept = [obj.name for obj in floors if has_chosen_uvs(obj)]
     if kept:
         sentence = (
             "{}: UV layer of your choice, which this fix does not change. Clear the object's UV Layer to let "

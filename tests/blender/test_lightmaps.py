@@ -403,6 +403,27 @@ def test_repacking_leaves_everything_if_an_object_has_no_room():
     assert snapshot() == after
 
 
+@pytest.mark.parametrize("name", ["repack", "unwrap"])
+def test_layer_of_the_fix_of_check_is_packed_and_unwrapped_like_others(name):
+    import bpy
+
+    obj = square("Folded", [(0, 0), (0.5, 0), (0, 0), (0.5, 0.5)])
+    assert bpy.ops.hemibake.fix(fix="unwrap_anew", names='["Folded"]') == {"FINISHED"}
+    assert obj.hemibake.own_uv_layer == "Lightmap.001"
+    call("add")
+    settings().active_lightmap = 0
+    bpy.context.scene.hemibake.resolution = 61
+    folded = loop_uvs(obj, "Lightmap")
+    assert call(name) == {"FINISHED"}
+    np.testing.assert_array_equal(loop_uvs(obj, "Lightmap"), folded)
+    uvs = obj.data.uv_layers["Lightmap.001"].uv
+    uvs[0].vector.x += 0.01
+    edited = snapshot()
+    with pytest.raises(RuntimeError, match="'Folded': a UV layer of their own"):
+        call(name)
+    assert snapshot() == edited
+
+
 def test_lightmaps_stay_as_they_are_while_a_bake_runs(monkeypatch):
     square()
     call("add")

@@ -120,6 +120,7 @@ def test_layer_that_was_chosen_stays():
     wall((1.0, -0.1, 0), (1.02, 3.1, 2))
     bpy.ops.hemibake.unwrap()
     obj.hemibake.own_uv_layer = "Lightmap"
+    obj.data.uv_layers["Lightmap"].uv[0].vector.x += 0.01
     before = snapshot()
     with pytest.raises(RuntimeError, match="'Floor': UV layer of your choice"):
         cut()

@@ -26,6 +26,12 @@ def is_made(objects: Sequence[bpy.types.Object], layer: str) -> bool:
     return all(obj.hemibake.generated_uvs == digest for obj in objects)
 
 
+def has_chosen_uvs(obj: bpy.types.Object) -> bool:
+    """Return True if an object has a UV layer of its own whose UVs are not as Hemibake made them."""
+    layer = obj.hemibake.own_uv_layer
+    return layer in obj.data.uv_layers and not is_made([obj], layer)
+
+
 def known_charts(mesh: PolygonMesh, uvs: np.ndarray) -> MeshCharts | None:
     """Return the charts of a UV layer, (l, 2) float32; None if a chart has no UV area, or UVs are not finite.
 

@@ -8,7 +8,7 @@ import bpy
 
 from ..engine.errors import EngineError
 from .bake_settings import machine_defaults
-from .window_bake import redraw
+from .window_bake import PROGRESS, redraw
 from .worker_manager import owner
 
 #: Delay in seconds from the first drawing of the panel to the start of the worker, so that drawing is not
@@ -40,7 +40,7 @@ def _follow() -> float | None:
     before = owner.preparation
     goes_on = owner.poll_preparation()
     if owner.preparation != before:
-        redraw(bpy.context.window_manager, {"UI"})
+        redraw(bpy.context.window_manager, PROGRESS)
     return _INTERVAL if goes_on else None
 
 

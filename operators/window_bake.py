@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection, Mapping
 from typing import Generic, Protocol, TypeVar
 
 import bpy
@@ -18,6 +19,10 @@ INTERVAL, QUICK = 0.05, 0.02
 #: duration. Without a GPU a redraw of a large window takes longer than all other work in it.
 _PERIODS = 0.2, 2.0
 _RARITY = 10
+
+#: Types of regions, by type of editor, that show the progress, and those that show lightmaps as well.
+PROGRESS = {"VIEW_3D": ("UI",)}
+_LIGHTMAPS = {"VIEW_3D": ("UI", "WINDOW"), "IMAGE_EDITOR": ("WINDOW",)}
 
 
 class SlicedRun(Protocol):
@@ -76,7 +81,7 @@ class WindowBake(Generic[Run]):
             self._shown = work
             self._tell_status(context)
             self._manager.progress_update(100 * progress.overall)
-            redraw(self._manager, None if self._has_new_pixels else {"UI"})
+            redraw(self._manager, _LIGHTMAPS if self._has_new_pixels else PROGRESS)
             self._redrawn, self._is_drawing, self._has_new_pixels = time.perf_counter(), True, False
 
     def leave(self) -> None:
@@ -128,15 +133,16 @@ def _editor_below(context: bpy.types.Context, event: bpy.types.Event) -> str | N
     return None
 
 
-def redraw(manager: bpy.types.WindowManager, regions: set[str] | None = None) -> None:
+def redraw(manager: bpy.types.WindowManager, regions: Mapping[str, Collection[str]] | None = None) -> None:
     """Redraw the editors of all windows.
 
-    regions:  types of regions of 3D views to redraw; None for all editors
+    regions:  types of regions to redraw, by type of editor; None for all editors
     """
     for window in manager.windows:
         for area in window.screen.areas:
             if regions is None:
                 area.tag_redraw()
-            elif area.type == "VIEW_3D":
-                for region in [region for region in area.regions if region.type in regions]:
+                continue
+            for region in area.regions:
+                if region.type in regions.get(area.type, ()):
                     region.tag_redraw()

@@ -10,6 +10,7 @@ import shutil
 import time
 from types import FunctionType, SimpleNamespace
 
+import numpy as np
 import pytest
 
 from tests.blender.test_panels import Layout
@@ -291,12 +292,42 @@ def test_window_that_draws_slowly_is_redrawn_seldom(operator, context, window, m
         bake.leave()
 
 
-@pytest.mark.parametrize("regions", [None, {"UI"}])
+@pytest.mark.parametrize("regions", [None, {"VIEW_3D": ("UI",), "IMAGE_EDITOR": ("WINDOW",)}])
 def test_redraw_reaches_the_editors_of_a_real_screen(regions):
     import bpy
 
     assert any(area.type == "VIEW_3D" for area in bpy.context.window_manager.windows[0].screen.areas)
     part("operators.window_bake").redraw(bpy.context.window_manager, regions)
+
+
+class Tagged:
+    """Area or region of a screen that counts how often it is redrawn."""
+
+    def __init__(self, kind, *regions):
+        self.type, self.regions, self.tags = kind, regions, 0
+
+    def tag_redraw(self):
+        self.tags += 1
+
+
+def test_lightmaps_redraw_only_the_regions_that_show_them(context, window):
+    window_bake, progress = part("operators.window_bake"), part("engine.progress").Progress
+    names = ("HEADER", "TOOLS", "UI", "WINDOW")
+    areas = [Tagged(kind, *map(Tagged, names)) for kind in ("VIEW_3D", "OUTLINER", "IMAGE_EDITOR")]
+    manager = SimpleNamespace(windows=[SimpleNamespace(screen=SimpleNamespace(areas=areas))])
+    bake = window_bake.WindowBake(context, SimpleNamespace(cancel=lambda keep_images: False))
+    manager.progress_update = lambda value: None
+    counts, bake._manager, before = [], manager, bake._manager
+    try:
+        for stage, image in (("Visibility", None), ("Bounce 1", np.zeros((1, 2, 2, 3), np.float32))):
+            bake.show(context, progress(stage, 0.5, 0.5, intermediate=image))
+            counts.append([[region.tags for region in area.regions] for area in areas])
+    finally:
+        bake._manager = before
+        bake.leave()
+    assert counts[0] == [[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
+    assert counts[1] == [[0, 0, 2, 1], [0, 0, 0, 0], [0, 0, 0, 1]]
+    assert not any(area.tags for area in areas)
 
 
 def test_escape_over_another_editor_is_for_that_editor(operator, context, window):

@@ -15,6 +15,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
+
 from .docs_picture import BUILD_ROOM
 from .machines import find_machine
 from .pictures import write_picture
@@ -75,13 +77,13 @@ except TypeError:
     answer = False
 """
 
-#: Notes images that the bake shows, the time of the first, and the longest stall of the window during a bake,
-#: in wall time, CPU time of its thread and CPU time of all threads, with the stage.
+#: Notes images that the bake shows, the time of the first, and all times between two timer events during a
+#: bake: wall time, CPU time of the window's thread and CPU time of all threads, with the stage.
 _NOTE = """
 import sys, time
 shown = sys.modules[f"{MODULE}.operators.result.progress_images"].ProgressImages
 owner = sys.modules[f"{MODULE}.operators.worker_manager"].owner
-shown.count, shown.stall, shown.last, shown.first, shown.begin = 0, [0.0, 0.0, 0.0, ""], None, 0.0, 0.0
+shown.count, shown.stalls, shown.last, shown.first, shown.begin = 0, [], None, 0.0, 0.0
 def noted(self, lightmaps, show=shown.show, shown=shown, time=time):
     merged = show(self, lightmaps)
     shown.count += 1
@@ -92,8 +94,7 @@ def watch(shown=shown, time=time, owner=owner):
     if owner.running and not shown.begin:
         shown.begin = time.time()
     if shown.last and owner.running:
-        stall = [b - c for b, c in zip(now, shown.last)]
-        shown.stall = max(shown.stall, [*stall, owner.running.progress.stage])
+        shown.stalls.append([*(b - c for b, c in zip(now, shown.last)), owner.running.progress.stage])
     shown.last = now
     return 0.02
 shown.show = noted
@@ -107,11 +108,18 @@ shown = sys.modules[f"{MODULE}.operators.result.progress_images"].ProgressImages
 running = owner.running
 progress = running.progress if running else owner.preparation
 answer = {
-    "runs": running is not None, "images": shown.count, "first": shown.first, "stall": shown.stall,
+    "runs": running is not None, "images": shown.count, "first": shown.first,
     "stage": progress.stage.rstrip(": 0123456789 of") if progress else "",
     "report": bpy.context.scene.hemibake.report,
     "overall": progress.overall if running else 0.0,
 }
+"""
+
+#: The longest stalls.
+_STALLS = """
+import sys
+shown = sys.modules[f"{MODULE}.operators.result.progress_images"].ProgressImages
+answer = sorted(shown.stalls, reverse=True)[:5]
 """
 
 #: Middle of the Bake button, found as a change of its looks.
@@ -131,12 +139,16 @@ with bpy.context.temp_override(**view3d()):
 
 
 class _Record:
-    """Pictures in a folder, and a row of the table for each."""
+    """Pictures in a folder, and a row of the table for each.
+
+    `write` compresses the pictures, which would take .7 s of a core beside the bake.
+    """
 
     def __init__(self, window: Window, folder: Path) -> None:
         self._window, self._folder = window, folder
         self._rows: list[str] = []
         self._notes: list[str] = []
+        self._pictures: list[tuple[np.ndarray, Path]] = []
         self._begin: tuple[float, float] | None = None
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -155,7 +167,8 @@ class _Record:
         used = self._window.cpu_seconds - self._begin[1] if self._begin else 0.0
         number = len(self._rows) + 1
         safe = "".join(letter if letter.isalnum() else " " for letter in name).split()
-        write_picture(self._window.screen(), self._folder / f"{number:02} {' '.join(safe).lower()}.png")
+        path = self._folder / f"{number:02} {' '.join(safe).lower()}.png"
+        self._pictures.append((self._window.screen().copy(), path))
         self._rows.append(f"| {number} | {name} | {seconds:.1f} | {used:.1f} | {load:.1f} | {note} |")
         print(self._rows[-1], flush=True)
 
@@ -165,7 +178,9 @@ class _Record:
         print(sentence, flush=True)
 
     def write(self, title: str) -> None:
-        """Write the table and the notes."""
+        """Write the pictures, the table and the notes."""
+        for pixels, path in self._pictures:
+            write_picture(pixels, path)
         head = f"{title}\n\n| | moment | s | CPU s | load | |\n|---|---|---|---|---|---|\n"
         rows, notes = "\n".join(self._rows), "\n".join(self._notes)
         (self._folder / "times.md").write_text(f"{head}{rows}\n\n{notes}\n")
@@ -184,10 +199,12 @@ def main() -> None:
     drivers = {} if options.opencl == "all" else {"OCL_ICD_VENDORS": str(vendors)}
     with Window(machine, options.package, is_new=True, environment=drivers) as window:
         record = _Record(window, options.folder)
-        _install(window, record)
-        _bake(window, record)
         version = window.ask("bpy.app.version_string")
-        record.write(f"Blender {version}, OpenCL drivers: {options.opencl}")
+        try:
+            _install(window, record)
+            _bake(window, record)
+        finally:
+            record.write(f"Blender {version}, OpenCL drivers: {options.opencl}")
 
 
 def _install(window: Window, record: _Record) -> None:
@@ -219,8 +236,6 @@ def _bake(window: Window, record: _Record) -> None:
     """Click Bake and follow it to its end."""
     button = _find_button(window)
     time.sleep(max(0.0, _READING - record.seconds))
-    window.run("shown = __import__('sys').modules[f'{MODULE}.operators.result.progress_images']\n"
-               "shown.ProgressImages.stall = [0.0, 0.0, 0.0, '']")  # fmt: skip
     record.keep("Before the click", window.run(_STATE)["stage"])
     window.click(*button)
     time.sleep(_REACTION)
@@ -245,11 +260,11 @@ def _bake(window: Window, record: _Record) -> None:
     record.keep("Final preview")
     record.note(f"After the click: first light {state['first']:.1f} s, done {seconds['total']:.1f} s.")
     record.note(", ".join(f"{name} {value:.1f}" for name, value in seconds.items()) + " s.")
-    wall, thread, process, stage = state["stall"]
-    record.note(
-        f"Longest stall of the window: {wall:.2f} s in {stage}, {thread:.2f} s of CPU time of its thread, "
-        f"{process:.2f} s of all threads."
-    )
+    for wall, thread, process, stage in window.run(_STALLS):
+        record.note(
+            f"Stall of the window: {wall:.2f} s in {stage}, {thread:.2f} s of CPU time of its thread, "
+            f"{process:.2f} s of all threads.\n"
+        )
 
 
 if __name__ == "__main__":

@@ -150,7 +150,7 @@ class Settings:
         OneOf(_METHODS),
     )
     visibility: str = described(
-        "auto", "Visibility", "How visibility is computed. Visibility Data: Paper always uses Raster",
+        "auto", "Visibility Tests", "How visibility is computed. Visibility Data: Paper always uses Raster",
         OneOf(_VISIBILITIES),
     )  # fmt: skip
     directions: str = described(
@@ -202,7 +202,7 @@ class Settings:
         Switch(),
         invalidates=(),
     )
-    seed: int = described(0, "Seed", "Seed of the random rotation of hemicubes", Span(0, (1 << 32) - 1))
+    seed: int = described(0, "Seed", "Seed of the random directions of rays", Span(0, (1 << 32) - 1))
     hide_seams: bool = described(
         True,
         "Hide Seams",
@@ -268,7 +268,7 @@ class Settings:
     denoise: bool = described(
         False,
         "Denoise",
-        "Denoise with Open Image Denoise. Removes detail smaller than the noise",
+        "Denoise with Open Image Denoise, if Blender contains it. Removes detail smaller than the noise",
         Switch(),
         "quality",
         invalidates=(),

@@ -34,7 +34,7 @@ class LevelFinder:
     def first_level(self, obj: bpy.types.Object) -> bpy.types.Object | None:
         """Return the first level of a level of detail; None for all other objects.
 
-        The setting Level Of names it. Without the setting, the first level of TREE_LOD2 is TREE_LOD0, or
+        The setting LOD Of names it. Without the setting, the first level of TREE_LOD2 is TREE_LOD0, or
         TREE. If this object is itself a level, its first level counts; objects in longer chains or cycles
         are no levels.
         """
@@ -43,7 +43,7 @@ class LevelFinder:
         return None if first is None or self._level_above(first) is not None else first
 
     def _level_above(self, obj: bpy.types.Object) -> bpy.types.Object | None:
-        """Return the object that the setting Level Of or the name of an object names; None without one."""
+        """Return the object that the setting LOD Of or the name of an object names; None without one."""
         if obj.type != "MESH" or obj.hemibake.role != "BAKED":
             return None
         if obj.hemibake.level_of is not None:

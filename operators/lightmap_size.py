@@ -178,7 +178,7 @@ def settle_width(
 
 
 def size_text(settings: bpy.types.PropertyGroup) -> str:
-    """Return the width of lightmaps and, once a bake has measured it, the texel size: "1024, 4 cm"."""
+    """Return the width of lightmaps and, once a bake has measured it, the texel size: "1024, 4 cm/texel"."""
     width = settings.planned_width if settings.size_mode == "DENSITY" else _known_width(settings)
     if not width:
         return "Chosen at the first bake"
@@ -186,7 +186,7 @@ def size_text(settings: bpy.types.PropertyGroup) -> str:
         return f"{width:,} texels"
     system = settings.id_data.unit_settings.system
     texel = bpy.utils.units.to_string(system, "LENGTH", settings.lightmap_side / width, precision=2)
-    return f"{width:,}, {texel.strip()}"
+    return f"{width:,}, {texel.strip()}/texel"
 
 
 def _known_width(settings: bpy.types.PropertyGroup) -> int:

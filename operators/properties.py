@@ -420,7 +420,7 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
     )
     level_of: PointerProperty(
         type=bpy.types.Object,
-        name="Level Of",
+        name="LOD Of",
         description="First level of detail, whose lightmap the object shows; bakes leave the object out",
         poll=_may_be_first_level,
         override=_OVERRIDABLE,

@@ -59,7 +59,7 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
     row = layout.split(factor=_LABEL)
     label = row.row()
     label.alignment = "RIGHT"
-    label.label(text="Width, Texel" if settings.lightmap_side else "Width")
+    label.label(text="Width")
     values = row.row(align=True)
     values.label(text=size_text(settings))
     if settings.size_mode == "AUTOMATIC" and settings.automatic_width:

@@ -13,6 +13,10 @@ from .wrapped_text import draw_text, line_width
 #: Fraction of a row that the name of a light group takes.
 _NAME = 0.4
 
+#: Meaning of an empty sun path, and of the list of light states while it is empty.
+_SUN_PATH = "Times of day: a bake makes a light state of the sun at each"
+_STATES = "A light state is a named mix of the groups. + adds the present mix"
+
 
 class HEMIBAKE_UL_light_states(bpy.types.UIList):
     """List of light states, with editable names."""
@@ -56,15 +60,17 @@ class HEMIBAKE_PT_light_groups(SubPanel, bpy.types.Panel):
             column = layout.column()
             split_properties(column)
             column.prop_search(world, "lightgroup", view_layer, "lightgroups", text="World")
-        _draw_sun_path(layout.column(), context.scene.hemibake)
+        _draw_sun_path(layout.column(), context.scene.hemibake, line_width(context))
         _draw_maps(layout, context)
 
 
-def _draw_sun_path(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """Draw the times of the sun path, and its place once there are times."""
+def _draw_sun_path(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, width: float) -> None:
+    """Draw the times of the sun path, and their meaning, or its place once there are times."""
     split_properties(layout)
-    layout.prop(settings, "sun_times")
-    if settings.sun_times:
+    layout.prop(settings, "sun_times", placeholder="08:00 12:30")
+    if not settings.sun_times:
+        draw_text(layout, _SUN_PATH, width, "INFO")
+    else:
         for name in ("sun_light", "sun_latitude", "sun_day", "sun_north"):
             layout.prop(settings, name)
 
@@ -110,11 +116,12 @@ def _draw_states(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     buttons.operator("hemibake.light_state_add", text="", icon="ADD")
     buttons.operator("hemibake.light_state_remove", text="", icon="REMOVE")
     if state is None:
+        draw_text(layout, _STATES, line_width(context), "INFO")
         return
     row = layout.row(align=True)
     row.operator("hemibake.light_state_apply", text="Apply").seconds = kept.light_fade
-    row.operator("hemibake.light_state_store", text="Store")
-    row.operator("hemibake.light_state_write", text="Write")
+    row.operator("hemibake.light_state_store", text="Store Mix")
+    row.operator("hemibake.light_state_write", text="Write Files")
     layout.prop(kept, "light_fade")
     known = baked_groups(context.scene)
     for group in state.groups:

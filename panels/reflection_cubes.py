@@ -5,6 +5,10 @@ from __future__ import annotations
 import bpy
 
 from .sidebar import SubPanel, split_properties
+from .wrapped_text import draw_text, line_width
+
+#: Where cubes are baked, and how to add them.
+_SPHERES = "One cube for each Light Probe Sphere: Add > Light Probe > Sphere"
 
 
 class HEMIBAKE_PT_reflection_cubes(SubPanel, bpy.types.Panel):
@@ -22,6 +26,7 @@ class HEMIBAKE_PT_reflection_cubes(SubPanel, bpy.types.Panel):
         column = layout.column()
         column.active = settings.reflection_cubes
         column.prop(settings, "reflection_size")
+        draw_text(column, _SPHERES, line_width(context), "INFO")
 
 
 CLASSES = (HEMIBAKE_PT_reflection_cubes,)

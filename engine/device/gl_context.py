@@ -70,7 +70,7 @@ class GraphicsContext:
         if error != "GL_NO_ERROR":
             raise DeviceError(
                 f"OpenGL of '{self.name}' reports {error}: {task} failed. Update the graphics driver, or "
-                "set Visibility to Rays, which draws the least."
+                "set Visibility Tests to Rays, which draws the least."
             )
 
     def program(self, name: str, stages: Sequence[str], features: Sequence[str] = ()) -> moderngl.Program:

@@ -208,7 +208,7 @@ def test_the_first_bake_chooses_a_width_and_shows_the_size_of_a_texel(automatic)
     assert "Chosen at the first bake" in draw("HEMIBAKE_PT_bake")
     assert bake() == {"Lightmap": 128} and automatic.automatic_width == 128
     (shown,) = [text for text in draw("HEMIBAKE_PT_bake") if text.startswith("128, ")]
-    assert shown.endswith((" mm", " cm")) and 0.0005 < automatic.lightmap_side / 128 < 0.02
+    assert shown.endswith((" mm/texel", " cm/texel")) and 0.0005 < automatic.lightmap_side / 128 < 0.02
 
 
 def test_a_width_is_kept_until_the_need_has_doubled(automatic):

@@ -410,6 +410,7 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     assert shown.count("name") == 1 and shown.count("lightgroup") == 1 and "Mixer" not in shown
     assert "lightgroup" in draw("HEMIBAKE_PT_object")
     assert any("Choose a group" in text for text in shown)
+    assert "makes a light state of the sun" in " ".join(shown)
     part("operators.result.light_mixer").light_mixer(scene, ["Day", "Ungrouped"])
     scene.hemibake.lightmaps.add().light_groups = '["Day", "Ungrouped"]'
     scene.world, scene.hemibake.outputs = None, {"combined"}
@@ -419,12 +420,17 @@ def test_light_groups_are_assigned_and_mixed_in_their_panel():
     mixer = ["Mixer", "Day", "default_value", "default_value", "Ungrouped", *["default_value"] * 2]
     hint = shown.index("Show Lightmaps to see the mix")
     assert shown[hint - 7 : hint] == mixer
-    assert shown[hint + 1 :] == ["Light States", "hemibake.light_state_add", "hemibake.light_state_remove"]
+    buttons = ["Light States", "hemibake.light_state_add", "hemibake.light_state_remove"]
+    assert shown[hint + 1 : hint + 4] == buttons
+    assert "named mix of the groups" in " ".join(shown[hint + 4 :])
     bpy.ops.hemibake.light_state_add(name="Night")
     scene.hemibake.light_states[0].groups["Day"].name = "Dawn"
     shown = draw("HEMIBAKE_PT_light_groups")
     assert shown.count("light_fade") == 1 and {"hemibake.light_state_apply", "Dawn"} <= {*shown}
     assert "No maps of Dawn: bake the group or store again" in " ".join(shown)
+    scene.hemibake.sun_times = "8:00"
+    shown = draw("HEMIBAKE_PT_light_groups")
+    assert "sun_latitude" in shown and "makes a light state of the sun" not in " ".join(shown)
     scene.hemibake.lightmaps[0].light_groups = "[]"
     assert draw("HEMIBAKE_PT_light_groups") is None
 

@@ -40,9 +40,8 @@ _MEAN_TEXELS = 128
 #: Shading types of 3D views that show no light of the scene.
 _UNLIT = ("SOLID", "MATERIAL")
 
-#: Distance by which the light is drawn in front of the objects, in normalized device coordinates (chosen),
-#: and a distance that moves all triangles out of the view volume, which hides them.
-_LIFT, _CLIPPED = 2e-5, 3.0
+#: Distance by which the light is drawn in front of the objects, in normalized device coordinates (chosen).
+_LIFT = 2e-5
 
 #: Types of datablocks that Blender updates when objects are added, deleted, shown or hidden.
 _HOLDERS = (bpy.types.Scene, bpy.types.Collection)
@@ -153,7 +152,7 @@ class LightOverlay:
 
     def __init__(self, context: SceneContext) -> None:
         self._context, self._scene_uid = context, context.scene_uid
-        self._width, self._is_lit = 0, False
+        self._width = 0
         self._pixels: dict[int, np.ndarray] = {}
         self._textures: dict[int, Any] = {}
         self._batches: dict[int, Any] = {}
@@ -199,7 +198,7 @@ class LightOverlay:
         """
         if self._drawing is not None:
             maps = lightmaps[: len(self._read.atlases)]
-            self._pixels, self._is_lit = {atlas: rgba(pixels) for atlas, pixels in enumerate(maps)}, True
+            self._pixels = {atlas: rgba(pixels) for atlas, pixels in enumerate(maps)}
 
     def step(self) -> None:
         """Prepare some of the triangles, or end if objects have changed.
@@ -222,7 +221,8 @@ class LightOverlay:
             next(self._work)
         except StopIteration as end:
             self._work, self._corners = None, end.value
-            redraw_views()
+            if self._pixels:
+                redraw_views()
         except Exception:  # noqa: BLE001
             self._work = None
             self._fail()
@@ -263,7 +263,8 @@ class LightOverlay:
     def _draw(self) -> None:
         """Draw the lightmaps over a 3D view; an error ends the overlay."""
         context = bpy.context
-        if self._is_over or self._corners is None or not self._is_drawn_in(context):
+        has_light = bool(self._pixels or self._textures)
+        if self._is_over or self._corners is None or not has_light or not self._is_drawn_in(context):
             return
         try:
             self._draw_lightmaps(context, self._corners)
@@ -286,8 +287,9 @@ class LightOverlay:
     def _draw_lightmaps(self, context: bpy.types.Context, prepared: dict[int, Corners]) -> None:
         """Draw the lightmaps over a 3D view, with the corners of each.
 
-        Before there is light, all triangles are clipped: drivers compile the shader at its first use, which
-        would otherwise delay the first light.
+        Nothing is drawn before there is light, although drivers compile the shader at its first use, 0.03 to
+        0.06 s: a redraw of a view costs more, since Blender repeats it eight times for anti-aliasing. With
+        llvmpipe that took 2 s of CPU while the kernels of the first bake were built.
         """
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
@@ -309,10 +311,8 @@ class LightOverlay:
         return self._batches
 
     def _texture(self, atlas: int) -> Any:
-        """Return the texture of a lightmap with its newest texels; black before there is light."""
+        """Return the texture of a lightmap with its newest texels."""
         pixels = self._pixels.pop(atlas, None)
-        if pixels is None and atlas not in self._textures:
-            pixels = np.zeros(self._width**2 * 4, np.float32)
         if pixels is not None:
             content = gpu.types.Buffer("FLOAT", pixels.size, pixels)
             size = (self._width, self._width)
@@ -325,7 +325,7 @@ class LightOverlay:
         self._shader.bind()
         self._shader.uniform_float("projection", view @ origin)
         self._shader.uniform_float("exposure", 2.0**context.scene.view_settings.exposure)
-        self._shader.uniform_float("lift", _LIFT if self._is_lit else _CLIPPED)
+        self._shader.uniform_float("lift", _LIFT)
         self._shader.uniform_sampler("lightmap", texture)
         batch.draw(self._shader)
 

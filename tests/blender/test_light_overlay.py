@@ -236,6 +236,7 @@ def test_an_error_of_drawing_is_logged_once_and_ends_the_light(drawn, monkeypatc
     monkeypatch.setattr(module, "append_to_log", logged.append)
     monkeypatch.setattr(module, "gpu", SimpleNamespace(state=state))
     monkeypatch.setattr(module, "_make_shader", lambda: 1 / 0)
+    run._overlay.show(np.ones((1, 32, 32, 3), np.float32))
     draw = drawn[0]
     draw()
     assert dict(calls) == {"depth_test": "NONE", "depth_mask": False, "face_culling": "NONE"}
@@ -248,7 +249,7 @@ def test_an_error_of_drawing_is_logged_once_and_ends_the_light(drawn, monkeypatc
 
 
 class Gpu:
-    """GPU that records the light and the lift of each drawing."""
+    """GPU that records the light of each drawing."""
 
     def __init__(self):
         self.drawn, self.uploads = [], 0
@@ -271,11 +272,11 @@ class Gpu:
     uniform_sampler = uniform_float
 
     def draw(self, shader):
-        self.drawn.append((self._uniforms["lift"], self._uniforms["lightmap"].copy()))
+        self.drawn.append(self._uniforms["lightmap"].copy())
 
 
-def test_the_shader_is_used_before_there_is_light_and_textures_are_made_once(drawn, monkeypatch):
-    """Drivers compile shaders at the first drawing, and upload mip levels of images in each."""
+def test_nothing_is_drawn_before_there_is_light_and_textures_are_made_once(drawn, monkeypatch):
+    """Each redraw of a view costs time of the bake, and so do mip levels of an image's texture."""
     import bpy
 
     run, module, card = run_of(), part("operators.result.light_overlay"), Gpu()
@@ -288,15 +289,28 @@ def test_the_shader_is_used_before_there_is_light_and_textures_are_made_once(dra
     monkeypatch.setattr(module, "gpu", card)
     monkeypatch.setattr(module, "_make_shader", lambda: card)
     monkeypatch.setattr(module, "batch_for_shader", lambda *_: card)
-    draw = drawn[0]
+    redraws, draw = [], drawn[0]
+    monkeypatch.setattr(module, "redraw_views", lambda: redraws.append(1))
     while run._overlay._corners is None:
         run.step()
     draw()
+    assert not card.drawn and not redraws
     run._overlay.show(np.full((2, 32, 32, 3), (0.25, 0.5, 7.0), np.float32))
     for _ in range(3):
         draw()
-    lifts, lights = zip(*card.drawn, strict=True)
-    assert lifts[0] > 2 > lifts[1] == lifts[3] > 0 and card.uploads == 2
-    assert not lights[0].any() and np.array_equal(lights[3][-4:], np.array([0.25, 0.5, 7, 1], np.float32))
+    assert len(card.drawn) == 3 and card.uploads == 1
+    assert np.array_equal(card.drawn[2][-4:], np.array([0.25, 0.5, 7, 1], np.float32))
     run.run_to_end()
     assert not run._overlay._textures
+
+
+def test_light_that_comes_before_the_triangles_is_drawn_with_them(drawn, monkeypatch):
+    module, redraws = part("operators.result.light_overlay"), []
+    monkeypatch.setattr(module, "redraw_views", lambda: redraws.append(1))
+    run = run_of()
+    overlay, read = run._overlay, run._read
+    overlay._corners, overlay._work = None, module.lit_corners(read.scene)
+    overlay.show(np.ones((1, 32, 32, 3), np.float32))
+    overlay.step()
+    assert overlay._corners is not None and redraws == [1]
+    run.cancel()

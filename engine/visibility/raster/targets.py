@@ -11,10 +11,11 @@ import numpy as np
 from ...device.gl_context import GraphicsContext
 from .tiles import Tiles
 
-#: Width of the radiosity texture in patches, and maximum number of patches. Fronts and backs have 8192 rows
-#: each.
-_ROW = 4096
-MAX_PATCHES = _ROW * 8192 - 1
+#: Width of the radiosity texture in patches. Fronts and backs have up to 8192 rows each, so its height is at
+#: most 16384, which OpenGL 4.3 guarantees. Maximum number of patches: with entries for none and for the
+#: background it also fits into the 26 bits of samples with a tint.
+_ROW = 8192
+MAX_PATCHES = _ROW * 8192 - 2
 
 #: Item-buffer code of a texel that shows only background.
 _SKY = 0x7FFFFFFF

@@ -35,6 +35,7 @@ SUITES = {
     "relit": "bakes after a change of light over the part of the visibility that is kept",
     "probes": "light probes: first bake, and after a change of light",
     "large": "time and memory of millions of triangles, texels and instances",
+    "levels": "bakes of large levels from Blender: CPU time and memory of each stage, with unwrapping",
 }
 
 
@@ -89,7 +90,11 @@ def _parse() -> argparse.Namespace:
     parser.add_argument("--full", action="store_true", help="all sizes and scenes; may take hours")
     parser.add_argument("--scenes", type=Path, default=Path(Options.scenes), help="folder of scene files")
     parser.add_argument(
-        "--scene", nargs="+", default=[], metavar="NAME", help="scenes that equal_error compares, all without"
+        "--scene",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="scenes of equal_error, or cases of large such as 13M-64M; all without",
     )
     parser.add_argument("--out", type=Path, default=Path(Options.results), help="folder for the figures")
     return parser.parse_args()

@@ -33,17 +33,22 @@ _WARM_UP = 192
 
 
 def run(options: Options) -> list[dict[str, Any]]:
-    """Bake each number of triangles with each number of texels, then a room with instances."""
+    """Bake each number of triangles with each number of texels, then a room with instances.
+
+    `Options.only` selects cases by name, such as 13M-64M for 13 M triangles and 64 M texels, or instances.
+    """
     texels = _TEXELS if options.gpu else (_SMALL_TEXELS,)
     triangles = _TRIANGLES if options.gpu or options.full else _SMALL_TRIANGLES
-    cases = [
-        {"triangles": count, "resolution": ceil(sqrt(size)), "instances": 0}
+    cases = {
+        f"{_millions(count)}-{_millions(size)}": {
+            "triangles": count, "resolution": ceil(sqrt(size)), "instances": 0,
+        }
         for size in texels
         for count in triangles
-    ]
+    }  # fmt: skip
     instances = _INSTANCES if options.gpu or options.full else _FEW_INSTANCES
-    cases.append({"triangles": 12, "resolution": ceil(sqrt(texels[0])), "instances": instances})
-    return [_measured(arguments) for arguments in cases]
+    cases["instances"] = {"triangles": 12, "resolution": ceil(sqrt(texels[0])), "instances": instances}
+    return [_measured(case) for name, case in cases.items() if not options.only or name in options.only]
 
 
 def tables(records: list[dict[str, Any]], options: Options) -> str:
@@ -66,6 +71,10 @@ def case(triangles: int, resolution: int, instances: int) -> dict[str, Any]:
     return {
         "seconds": seconds, "counted": counted, "scene_bytes": _bytes(scene), **baking.facts(lightmap),
     }  # fmt: skip
+
+
+def _millions(count: int) -> str:
+    return f"{count / 1e6:.2g}M"
 
 
 def _measured(arguments: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,110 @@
+"""Measures CPU time and peak memory by stage of large levels that the add-on unwraps, reads and bakes."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from math import ceil, sqrt
+from typing import Any
+
+import numpy as np
+
+from benchmarks.apart import run_apart
+from benchmarks.machine import has_bpy
+from benchmarks.options import Options
+from benchmarks.tables import mebibytes, table
+
+#: Triangles and texels of the cases; those on a processor unless all is wanted.
+_TRIANGLES, _TEXELS = (400_000, 3_000_000, 13_000_000), (1_000_000, 16_000_000, 64_000_000)
+_SMALL_TRIANGLES, _SMALL_TEXELS = (400_000,), (65_536,)
+
+#: Number of spheres, and of instances in a level of its own.
+_OBJECTS, _INSTANCES = 200, 50_000
+
+
+def run(options: Options) -> list[dict[str, Any]]:
+    """Bake each number of triangles with each number of texels, then a level with instances.
+
+    `Options.only` selects cases by name, such as 13M-1M for 13 M triangles and 1 M texels, or instances.
+    """
+    if not has_bpy():
+        return [{"skipped": "Blender is not there as a Python module (bpy)"}]
+    texels = _TEXELS if options.gpu else _SMALL_TEXELS
+    triangles = _TRIANGLES if options.gpu or options.full else _SMALL_TRIANGLES
+    cases = {
+        f"{count / 1e6:.2g}M-{size / 1e6:.2g}M": {"triangles": count, "texels": size, "instances": 0}
+        for size in texels
+        for count in triangles
+    }
+    cases["instances"] = {"triangles": 0, "texels": 1_000_000, "instances": _INSTANCES}
+    chosen = {name: case for name, case in cases.items() if not options.only or name in options.only}
+    return [_measured(name, arguments) for name, arguments in chosen.items()]
+
+
+def tables(records: list[dict[str, Any]], options: Options) -> str:
+    """Return a table for each level: CPU time and peak memory of each stage."""
+    return "\n\n".join(map(_table, records))
+
+
+def case(triangles: int, texels: int, instances: int) -> dict[str, Any]:
+    """Build a level, unwrap, read and bake it by a worker; return the use of each stage."""
+    from tools.headless import MODULE, blender
+
+    with blender():
+        import bpy
+
+        from benchmarks.blender_level import build_level
+        from benchmarks.process_memory import ProcessMemory
+
+        build_level(_OBJECTS if triangles else 0, triangles, instances)
+        settings = bpy.context.scene.hemibake
+        settings.resolution, settings.quality = ceil(sqrt(texels)), "preview"
+        bake_run = import_module(f"{MODULE}.operators.bake_run")
+        owner = import_module(f"{MODULE}.operators.worker_manager").owner
+        bpy.context.evaluated_depsgraph_get()
+        facts: dict[str, int] = {}
+
+        def bake(scene: Any, settings: Any) -> Any:
+            """Bake in the worker, and note the size of the scene."""
+            arrays = [value for mesh in scene.meshes for value in vars(mesh).values()]
+            facts["counted"] = sum(len(mesh.positions) for mesh in scene.meshes)
+            facts["scene_bytes"] = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+            return owner.bake_in_worker()(scene, settings)
+
+        with ProcessMemory() as memory:
+            run = bake_run.BakeRun(bpy.context, bake, watched=False)
+            try:
+                result = run.run_to_end(lambda progress: memory.begin(progress.stage))
+                memory.begin("Saving")
+                run.finish(result)
+            except BaseException:
+                run.cancel()
+                raise
+        stages = {name: vars(use) for name, use in memory.stages.items()}
+        return {**facts, "stages": stages, "patches": int(result.report.patches)}
+
+
+def _measured(name: str, arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of a case in a process of its own, or why there are none."""
+    outcome = run_apart("benchmarks.suites.levels:case", arguments)
+    return {"name": name, **arguments, **(outcome.value or {"failed": outcome.error})}
+
+
+def _table(record: dict[str, Any]) -> str:
+    """Return the stages of a level with the peak of all, or why there are none."""
+    if "stages" not in record:
+        return f"{record.get('name', 'levels')}: {record.get('skipped') or record.get('failed')}"
+    size = record["scene_bytes"]
+    title = (
+        f"{record['name']}: {record['counted']:,} triangles, {record['patches']:,} texels, "
+        f"arrays of the scene {mebibytes(size)}, {os.cpu_count()} cores"
+    )
+    rows = [
+        (stage, use["cpu"], mebibytes(use["peak"]), use["peak"] / size)
+        for stage, use in record["stages"].items()
+        if use["cpu"] >= 0.05 or use["peak"]
+    ]
+    total = sum(use["cpu"] for use in record["stages"].values())
+    peak = max(use["peak"] for use in record["stages"].values())
+    rows.append(("all", total, mebibytes(peak), peak / size))
+    return f"{title}\n\n{table(('stage', 'CPU, s', 'peak memory', 'peak / arrays'), rows)}"

@@ -5,8 +5,9 @@ The parent owns one block of shared memory for each bake; parent and worker take
     parent                            worker
                                   <-  ready
     bake BLOCK (its arguments)    ->
-                                  <-  grow SIZE                   the next object is too large
-    turn BLOCK (a larger one)     ->
+                                  <-  grow SIZE                   a large block has been read: a small one,
+                                                                  or the next object is too large
+    turn BLOCK (of that size)     ->
                                   <-  progress (in the block)     the newest
     turn BLOCK (taken)            ->
                                   <-  lightmap or error (in the block); the bake is over
@@ -47,6 +48,10 @@ from .shared_block import BorrowedBlock
 #: of nice value 0, 5 and 10 (medians of 32 on two cores with other load).
 _NICENESS = 10
 
+#: A block larger than _LARGE_BLOCK is replaced by one of _SMALL_BLOCK bytes once the arguments have been read,
+#: since it may hold as much as the scene.
+_LARGE_BLOCK, _SMALL_BLOCK = 1 << 24, 1 << 16
+
 #: Idle time in seconds after which the process returns its free memory.
 _IDLE = 20.0
 
@@ -63,16 +68,20 @@ class _CancelError(Exception):
 
 
 class _Outbox:
-    """Worker's side of the protocol during a bake.
+    """Worker's side of the protocol during a bake, after the arguments have been read.
 
     taken:  number of changes that the bake has received
     """
 
-    def __init__(self, connection: Connection[Any, Any], block: str) -> None:
+    def __init__(self, connection: Connection[Any, Any], block: str, size: int) -> None:
+        """Use the block of the arguments, or let the parent replace it if its size, bytes, is large."""
         self._connection = connection
         self._block: str | None = block
         self._changes: list[Any] = []
         self.taken = 0
+        if size > _LARGE_BLOCK:
+            connection.send(("grow", _SMALL_BLOCK))
+            self._block = None
 
     def offer(self, kind: str, value: object, *facts: int) -> bool:
         """Send an object if the worker has the turn and the block is large enough; return True if sent."""
@@ -168,8 +177,8 @@ def _prepare(connection: Connection[Any, Any], function: str, *arguments: object
 def _answer(connection: Connection[Any, Any], bake: Bake, name: str) -> None:
     """Run one bake and send its outcome."""
     with BorrowedBlock(name) as block:
-        arguments = block.read()
-    outbox = _Outbox(connection, name)
+        arguments, size = block.read(), block.size
+    outbox = _Outbox(connection, name, size)
     try:
         outbox.send(*_outcome(bake, arguments, outbox))
     except _CancelError:

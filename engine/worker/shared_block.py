@@ -38,7 +38,10 @@ class SharedBlock:
         return messages.read(_view(self._memory))
 
     def grow(self, size: int) -> None:
-        """Replace the block by an empty one of `size` bytes; raise WorkerError if memory is short."""
+        """Replace the block by an empty one of `size` bytes, larger or smaller.
+
+        Raises WorkerError if memory is short.
+        """
         larger = _create(size)
         _remove(self._memory)
         self._memory = larger
@@ -56,6 +59,11 @@ class BorrowedBlock:
 
     def __exit__(self, *_: object) -> None:
         self._memory.close()
+
+    @property
+    def size(self) -> int:
+        """Size of the block, bytes."""
+        return self._memory.size
 
     def read(self) -> Any:
         """Return a copy of the object in the block."""

@@ -220,6 +220,18 @@ def test_an_intermediate_lightmap_is_never_torn(start):
     job.close()
 
 
+def test_memory_of_the_scene_is_given_back_once_the_child_has_read_it(start):
+    mesh = _mesh("large", 250_000, 2)
+    scene = replace(_scene(atlases=(os.devnull,)), meshes=(mesh,))
+    job = start("endless").bake(scene, SETTINGS)
+    _first(job)
+    there = [SharedMemory(name) for name in RecordedMemory.names if _exists(name)]
+    assert sum(memory.size for memory in there) < mesh.positions.nbytes / 4
+    for memory in there:
+        memory.close()
+    job.close()
+
+
 def test_talkative_child_is_not_held_up(start):
     job = start("chatter").bake(_scene(), SETTINGS)
     next(job)

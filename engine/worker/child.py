@@ -48,8 +48,8 @@ from .shared_block import BorrowedBlock
 #: of nice value 0, 5 and 10 (medians of 32 on two cores with other load).
 _NICENESS = 10
 
-#: A block larger than _LARGE_BLOCK is replaced by one of _SMALL_BLOCK bytes once the arguments have been read,
-#: since it may hold as much as the scene.
+#: A block larger than _LARGE_BLOCK, bytes, is replaced by one of _SMALL_BLOCK bytes once the arguments have been
+#: read, since it may hold as much as the scene.
 _LARGE_BLOCK, _SMALL_BLOCK = 1 << 24, 1 << 16
 
 #: Idle time in seconds after which the process returns its free memory.

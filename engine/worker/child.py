@@ -48,7 +48,7 @@ from .shared_block import BorrowedBlock
 #: of nice value 0, 5 and 10 (medians of 32 on two cores with other load).
 _NICENESS = 10
 
-#: A block larger than _LARGE_BLOCK, bytes, is replaced by one of _SMALL_BLOCK bytes once the arguments have been
+#: A block larger than _LARGE_BLOCK, bytes, is replaced by one of _SMALL_BLOCK bytes once its content has been
 #: read, since it may hold as much as the scene.
 _LARGE_BLOCK, _SMALL_BLOCK = 1 << 24, 1 << 16
 

@@ -13,6 +13,8 @@ from ...engine.errors import SceneError, SettingsError
 from ...engine.scene.sun_path import is_sun, sun_direction, with_sun_positions
 from ..compat import light_nodes
 from .fingerprints import combined
+from .light.light_node_reader import LightNodeReader
+from .materials.sockets import ComplexError
 from .objects.visible import visible_objects
 from .read import ReadScene
 
@@ -71,9 +73,21 @@ def check_sun_path(context: bpy.types.Context, target: str) -> None:
 
 def _surely_shines(obj: bpy.types.Object) -> bool:
     """Return True for a sun light that emits light whatever the evaluation of the scene gives."""
-    if obj.type != "LIGHT" or obj.data.type != "SUN" or light_nodes(obj.data) is not None:
+    if obj.type != "LIGHT" or obj.data.type != "SUN":
+        return False
+    tree = light_nodes(obj.data)
+    if tree is not None and not _surely_emits(tree, obj.name):
         return False
     return obj.visible_diffuse and obj.data.energy > 0 and any(obj.data.color) and all(obj.scale)
+
+
+def _surely_emits(tree: bpy.types.NodeTree, name: str) -> bool:
+    """Return True if the nodes of a light have a constant color other than black."""
+    try:
+        nodes = LightNodeReader([]).read(tree, name)
+    except ComplexError:
+        return False
+    return nodes.profile is None and bool(nodes.colour.any())
 
 
 def place_suns(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,8 @@ from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
 from ....engine.scene.transmission import Fresnel
 from ...compat import node_input, node_tree
-from .closures import DARK, EMITTERS, GLASS, LEAST_MIRROR, PRINCIPLED, REFRACTION
+from .chains import inputs_first
+from .closures import ADD, DARK, EMITTERS, GLASS, LEAST_MIRROR, MIX, PRINCIPLED, REFRACTION
 from .engine_materials import Sides, to_material
 from .gloss import GLOSSY, METALLIC, conductor_color, glossy_albedo, is_conductor, keeps_energy, metal_albedo
 from .normal_map_reflectance import bump_factor
@@ -29,6 +31,14 @@ from .values import BLACK, HOLE, ZERO, DiffuseSurface, MaterialValue, constant
 _DEFAULT_GREY = np.full(3, 0.8, np.float32)
 
 _CONSTANT_NODES = {"RGBA": "ShaderNodeRGB", "VALUE": "ShaderNodeValue"}
+
+_MIXES = frozenset({"ShaderNodeMix", "ShaderNodeMixRGB"})
+
+#: Shader inputs of nodes that combine shaders.
+_MIXED = {ADD: slice(0, 2), MIX: slice(1, 3)}
+
+#: Input and number of channels in which its value is read.
+_Wanted = tuple[bpy.types.NodeSocket, int]
 
 #: Math node operations that are computed on constants.
 _MATH: dict[str, np.ufunc] = {
@@ -59,9 +69,22 @@ class ShaderReader:
     ) -> None:
         self._owner, self._notes, self._cache, self._values = owner, notes, cache, values or {}
         self._rays, self.glass = rays, glass
+        self._surfaces: dict[int, DiffuseSurface] = {}
+        self._numbers: dict[tuple[int, int], MaterialValue] = {}
 
     def surface(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
-        """Return the surface of a socket's shader; raises ComplexError if only Cycles can evaluate it."""
+        """Return the surface of a socket's shader; black for links in a circle.
+
+        Raises ComplexError if only Cycles can evaluate it; the reader is then useless.
+        """
+        if socket.as_pointer() not in self._surfaces:
+            for each in inputs_first(socket, _mixed_shaders, bpy.types.NodeSocket.as_pointer):
+                self._surfaces[each.as_pointer()] = BLACK
+                self._surfaces[each.as_pointer()] = self._surface_of(each)
+        return self._surfaces[socket.as_pointer()]
+
+    def _surface_of(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
+        """Return the surface of a socket whose mixed shaders are known."""
         output = feeding_socket(socket)
         if not output.is_output:
             return BLACK
@@ -110,6 +133,15 @@ class ShaderReader:
 
     def _value(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
         """Return the value of an input: its own one, or the output of the node linked to it."""
+        wanted = socket, channels
+        if _key(wanted) not in self._numbers:
+            for each in inputs_first(wanted, _computed_inputs, _key):
+                self._numbers[_key(each)] = ZERO
+                self._numbers[_key(each)] = self._value_of(*each)
+        return self._numbers[_key(wanted)]
+
+    def _value_of(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
+        """Return the value of an input of which the inputs of Math and Mix nodes are known."""
         output = feeding_socket(socket)
         node = output.node
         if not output.is_output or node.bl_idname == _CONSTANT_NODES.get(output.type):
@@ -124,7 +156,7 @@ class ShaderReader:
             return self._ramp(output, channels)
         if node.bl_idname == "ShaderNodeTexImage" and self._cache is not None:
             return MaterialValue(np.ones(3), read_texture(output, self._cache, self._owner, channels))
-        if node.bl_idname in {"ShaderNodeMix", "ShaderNodeMixRGB"}:
+        if node.bl_idname in _MIXES:
             return self._product(node, channels)
         if node.bl_idname == "ShaderNodeMath" and node.operation in _MATH:
             first, second = (self._value(factor, 1).number for factor in node.inputs[:2])
@@ -140,13 +172,47 @@ class ShaderReader:
 
     def _product(self, node: bpy.types.Node, channels: int) -> MaterialValue:
         """Return the product of a Mix node in mode Multiply at factor 1; raises ComplexError for others."""
-        mixes = node.bl_idname == "ShaderNodeMix"
-        if node.blend_type != "MULTIPLY" or (mixes and node.data_type != "RGBA"):
+        factor, *colours = _product_inputs(node)
+        if factor is None or self._value(factor, 1).number != 1:
             raise ComplexError
-        inputs = [socket for socket in node.inputs if socket.enabled]
-        if len(inputs) != 3 or self._value(inputs[0], 1).number != 1:
-            raise ComplexError
-        return self._value(inputs[1], channels) * self._value(inputs[2], channels)
+        first, second = colours
+        return self._value(first, channels) * self._value(second, channels)
+
+
+def _mixed_shaders(socket: bpy.types.NodeSocket) -> Sequence[bpy.types.NodeSocket]:
+    """Return the shader inputs of a Mix or Add Shader node that feeds a socket."""
+    output = feeding_socket(socket)
+    shaders = _MIXED.get(output.node.bl_idname) if output.is_output else None
+    return () if shaders is None else list(output.node.inputs[shaders])
+
+
+def _computed_inputs(wanted: _Wanted) -> Sequence[_Wanted]:
+    """Return the inputs from which a Math, Color Ramp or Multiply node computes the value of a socket."""
+    socket, channels = wanted
+    output = feeding_socket(socket)
+    node = output.node
+    if not output.is_output:
+        return ()
+    if node.bl_idname == "ShaderNodeMath" and node.operation in _MATH:
+        return [(factor, 1) for factor in node.inputs[:2]]
+    if node.bl_idname == "ShaderNodeValToRGB":
+        return [(node.inputs["Fac"], 1)]
+    factor, *colours = _product_inputs(node) if node.bl_idname in _MIXES else [None]
+    if factor is None or not (factor.is_linked or factor.default_value == 1):
+        return ()
+    return [(factor, 1), *((colour, channels) for colour in colours)]
+
+
+def _product_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket | None]:
+    """Return the factor and both colours of a Mix node in mode Multiply; [None] for other nodes."""
+    is_color = node.bl_idname == "ShaderNodeMixRGB" or node.data_type == "RGBA"
+    inputs = [socket for socket in node.inputs if socket.enabled]
+    return inputs if node.blend_type == "MULTIPLY" and is_color and len(inputs) == 3 else [None]
+
+
+def _key(wanted: _Wanted) -> tuple[int, int]:
+    socket, channels = wanted
+    return socket.as_pointer(), channels
 
 
 def _constant(socket: bpy.types.NodeSocket) -> MaterialValue:
@@ -318,8 +384,8 @@ _SHADERS = {
     "ShaderNodeBsdfTransparent": _transparent,
     GLASS: _glass,
     REFRACTION: _refraction,
-    "ShaderNodeAddShader": _add,
-    "ShaderNodeMixShader": _mix,
+    ADD: _add,
+    MIX: _mix,
 }
 
 

@@ -24,10 +24,10 @@ _GREY = 0.8
 class _MeanReader(ShaderReader):
     """A reader that uses the mean of images, and the unlinked value of inputs that nodes compute."""
 
-    def surface(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
+    def _surface_of(self, socket: bpy.types.NodeSocket) -> DiffuseSurface:
         """Return the surface of the shader linked to a socket; grey if it cannot be read."""
         try:
-            return super().surface(socket)
+            return super()._surface_of(socket)
         except ComplexError:
             return self._mean_surface(feeding_socket(socket).node)
 
@@ -40,9 +40,9 @@ class _MeanReader(ShaderReader):
         part = 0.5 if node.bl_idname == MIX else 1.0
         return first.scaled(part) + second.scaled(part)
 
-    def _value(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
+    def _value_of(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
         try:
-            value = super()._value(socket, channels)
+            value = super()._value_of(socket, channels)
         except ComplexError:
             own = socket.default_value
             return constant(*list(own)[:3]) if hasattr(own, "__len__") else constant(own)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 
+from .chains import inputs_first
 from .closures import ADD, MIX, PRINCIPLED
 from .gloss import GLOSSY, METALLIC
 from .sockets import feeding_socket, number_of
@@ -29,24 +32,24 @@ def is_mirror(tree: bpy.types.NodeTree) -> bool:
 
 
 class _Fractions:
-    """Fractions of light that the smooth closures of one material reflect; each output is computed once."""
+    """Fractions of light that the smooth closures of one material reflect; each input is computed once."""
 
     def __init__(self) -> None:
         self._known: dict[int, float] = {}
 
     def fraction(self, socket: bpy.types.NodeSocket) -> float:
         """Return the fraction for a shader input; 0 for links in a circle."""
+        if socket.as_pointer() not in self._known:
+            for each in inputs_first(socket, _mixed_shaders, bpy.types.NodeSocket.as_pointer):
+                self._known[each.as_pointer()] = 0.0
+                self._known[each.as_pointer()] = self._of_input(each)
+        return self._known[socket.as_pointer()]
+
+    def _of_input(self, socket: bpy.types.NodeSocket) -> float:
+        """Return the fraction for an input whose mixed shaders are known."""
         output = feeding_socket(socket)
         if not output.is_output:
             return 0.0
-        key = output.as_pointer()
-        if key not in self._known:
-            self._known[key] = 0.0
-            self._known[key] = self._of_output(output)
-        return self._known[key]
-
-    def _of_output(self, output: bpy.types.NodeSocket) -> float:
-        """Return the fraction for an output of a node."""
         node = output.node
         if node.bl_idname == MIX:
             factor = _factor(node.inputs[0])
@@ -56,6 +59,17 @@ class _Fractions:
         if getattr(node, "node_tree", None) is not None:
             return max(map(self.fraction, _group_outputs(output)), default=0.0)
         return _closure_fraction(node)
+
+
+def _mixed_shaders(socket: bpy.types.NodeSocket) -> Sequence[bpy.types.NodeSocket]:
+    """Return the shader inputs that determine an input through a Mix or Add Shader node or a group."""
+    output = feeding_socket(socket)
+    node = output.node
+    if not output.is_output:
+        return ()
+    if node.bl_idname in {MIX, ADD}:
+        return list(node.inputs[-2:])
+    return [] if getattr(node, "node_tree", None) is None else _group_outputs(output)
 
 
 def _group_outputs(output: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:

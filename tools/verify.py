@@ -1,18 +1,24 @@
 """Compares Hemibake with Cycles in a suite of scenes.
 
-    python tools/verify.py [--only NAME ...] [--samples N] [--scenes FOLDER] [--table docs/design/accuracy.md]
+    python tools/verify.py [--only NAME ...] [--samples N] [--jobs N] [--table docs/design/accuracy.md]
 
-Prints relative RMSE and mean bias of each scene; ends with status 1 if one misses its limit. With
---table the rows of these scenes replace those of the table between the two marks of that file.
+Prints relative RMSE and mean bias of each scene as soon as it is done; ends with status 1 if one misses its
+limit. With --table each row replaces that of its scene in the table between the two marks of that file, so
+that an interrupted run goes on with --only and the remaining scenes. With --jobs scenes run in several
+processes, each on its share of the CPU cores.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import os
+import queue
+import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -31,6 +37,9 @@ _TITLES = (
     "hidden", "width", "spp", "in limits",
 )  # fmt: skip
 
+#: Last cell of a row within its limits.
+_GOOD = "yes"
+
 
 def main() -> None:
     """Run the scenes and print a line for each."""
@@ -39,7 +48,6 @@ def main() -> None:
         import bpy
 
         from tools.verification import hair_scenes, material_scenes, object_scenes, render_scenes, scenes  # noqa: F401
-        from tools.verification.run import verify, write_difference
 
         scenes.register_files(options.scenes)
         names = options.only or list(scenes.SCENES)
@@ -47,37 +55,79 @@ def main() -> None:
         if unknown:
             raise SystemExit(f"There is no scene {', '.join(sorted(unknown))}: {', '.join(scenes.SCENES)}.")
         options.out.mkdir(parents=True, exist_ok=True)
-        rows, failed = [], []
-        for name in names:
-            if name in scenes.WORKING_SPACES and not hasattr(bpy.data, "colorspace"):
-                print(f"{name}: Blender has working spaces since 5.0.", flush=True)
-                continue
-            resolution, samples = scenes.ROOMS.get(name, (64, options.samples))
-            with quiet_stdout():
-                build(scenes, name)
-            set_up(
-                bpy.context.scene.hemibake, resolution, options.texel_samples, scenes.SETTINGS.get(name, {})
-            )
-            started = time.perf_counter()
-            try:
-                found = verify(bpy.context, samples, scenes.ORIGINALS.get(name), scenes.GROUPS.get(name))
-            except error_type() as error:
-                failed.append(name)
-                rows.append(f"| {name} | not baked: {error} |" + " |" * (len(_TITLES) - 2))
-                print(rows[-1], flush=True)
-                continue
-            with quiet_stdout():
-                write_difference(found.difference, options.out / f"{name}.png")
-                write_difference(found.area_difference, options.out / f"{name}_areas.png")
-            limits = scenes.BY_DESIGN.get(name, (SMOOTH, BIAS))
-            good = passes(found, name in scenes.ROOMS, limits) and has_note(found, scenes.NOTES.get(name, ""))
-            failed += [] if good else [name]
-            rows.append(row(name, found, samples, good))
-            print(rows[-1], f"{time.perf_counter() - started:.0f} s", flush=True)
-        if options.table:
-            write_table(options.table, rows, list(scenes.SCENES), bpy.app.version_string)
+        rows: list[str] = []
+        found = in_processes(names, options) if options.jobs > 1 else in_turn(scenes, names, options)
+        for line in found:
+            print(line, flush=True)
+            if line.startswith("| "):
+                rows.append(line[: line.rindex("|") + 1])
+            if options.table:
+                write_table(options.table, rows, list(scenes.SCENES), bpy.app.version_string)
+    failed = [_cells(row)[0] for row in rows if _cells(row)[-1] != _GOOD]
     if failed:
         raise SystemExit(f"Above the limits: {', '.join(failed)}.")
+
+
+def in_turn(scenes, names: Iterable[str], options: argparse.Namespace) -> Iterator[str]:
+    """Run scenes one after the other; yield the row of each, followed by its wall time in s."""
+    import bpy
+
+    from tools.verification.run import verify, write_difference
+
+    for name in names:
+        if name in scenes.WORKING_SPACES and not hasattr(bpy.data, "colorspace"):
+            yield f"{name}: Blender has working spaces since 5.0."
+            continue
+        resolution, samples = scenes.ROOMS.get(name, (64, options.samples))
+        with quiet_stdout():
+            build(scenes, name)
+        changes = scenes.SETTINGS.get(name, {})
+        set_up(bpy.context.scene.hemibake, resolution, options.texel_samples, changes)
+        started = time.perf_counter()
+        try:
+            found = verify(bpy.context, samples, scenes.ORIGINALS.get(name), scenes.GROUPS.get(name))
+        except error_type() as error:
+            yield f"| {name} | not baked: {error} |" + " |" * (len(_TITLES) - 2)
+            continue
+        with quiet_stdout():
+            write_difference(found.difference, options.out / f"{name}.png")
+            write_difference(found.area_difference, options.out / f"{name}_areas.png")
+        limits = scenes.BY_DESIGN.get(name, (SMOOTH, BIAS))
+        good = passes(found, name in scenes.ROOMS, limits) and has_note(found, scenes.NOTES.get(name, ""))
+        yield f"{row(name, found, samples, good)} {time.perf_counter() - started:.0f} s"
+
+
+def in_processes(names: Iterable[str], options: argparse.Namespace) -> Iterator[str]:
+    """Run each scene in a process of its own, `jobs` at once; yield the lines that they print."""
+    cores, jobs = sorted(os.sched_getaffinity(0)), options.jobs
+    shares: queue.SimpleQueue[set[int]] = queue.SimpleQueue()
+    for job in range(jobs):
+        shares.put(set(cores[job::jobs]) or set(cores))
+    same = [f"--{name}={getattr(options, name)}" for name in ("samples", "scenes", "out")]
+    if options.texel_samples:
+        same.append(f"--texel-samples={options.texel_samples}")
+
+    def run(name: str) -> str:
+        share = shares.get()
+        try:
+            command = (
+                "taskset",
+                "-c",
+                ",".join(map(str, share)),
+                sys.executable,
+                __file__,
+                *same,
+                "--only",
+                name,
+            )
+            printed = subprocess.run(command, stdout=subprocess.PIPE, text=True).stdout.strip()
+        finally:
+            shares.put(share)
+        return printed or f"| {name} | not baked: the process has ended |" + " |" * (len(_TITLES) - 2)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        for ended in as_completed([pool.submit(run, name) for name in names]):
+            yield ended.result()
 
 
 def parse() -> argparse.Namespace:
@@ -92,6 +142,7 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "verify", help="folder for the pictures")
     parser.add_argument("--table", type=Path, help="Markdown file whose table is replaced")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, which share the cores")
     return parser.parse_args()
 
 
@@ -152,7 +203,7 @@ def row(name: str, found, samples: int, good: bool) -> str:
     cells = (
         name, f"{figures.rmse:.2%}", f"{figures.smooth:.2%}", f"{figures.bias:+.2%}", f"{figures.noise:.2%}",
         f"{areas.rmse:.2%}", f"{areas.smooth:.2%}", original, f"{figures.edges:.0%}", str(figures.texels),
-        str(figures.hidden), str(found.difference.shape[2]), str(samples), "yes" if good else "**no**",
+        str(figures.hidden), str(found.difference.shape[2]), str(samples), _GOOD if good else "**no**",
     )  # fmt: skip
     return f"| {' | '.join(cells)} |"
 
@@ -162,11 +213,16 @@ def write_table(path: Path, rows: list[str], order: list[str], version: str) -> 
     text = path.read_text(encoding="utf-8")
     head, _, rest = text.partition(_MARKS[0])
     old, _, tail = rest.partition(_MARKS[1])
-    known = {line.split("|")[1].strip(): line for line in (*old.splitlines()[5:], *rows)}
+    known = {_cells(line)[0]: line for line in (*old.splitlines()[5:], *rows)}
     rows = [known[name] for name in order if name in known]
     head_row, rule = f"| {' | '.join(_TITLES)} |", "|---" * len(_TITLES) + "|"
     lines = [_MARKS[0], f"Blender {version}.", "", head_row, rule, *rows, _MARKS[1]]
     path.write_text(head + "\n".join(lines) + tail, encoding="utf-8")
+
+
+def _cells(row: str) -> list[str]:
+    """Return the cells of a row of a table."""
+    return [cell.strip() for cell in row.strip().strip("|").split("|")]
 
 
 if __name__ == "__main__":

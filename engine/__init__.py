@@ -2,7 +2,7 @@
 
 Conventions of all modules:
   space       world space, right-handed, metres
-  color       scene-linear Rec.709, float32
+  color       scene-linear RGB, float32; primaries of the caller
   radiance    L, W/(m^2 sr)
   irradiance  E, W/m^2; lightmaps and arrays named irradiance store E/pi, which has the unit of radiance
   reflectance rho, dimensionless; exitant radiance is L = emission + rho * E/pi

@@ -28,7 +28,7 @@ class Texel:
 
 
 def trace_texel(state: BakeState, texel: Texel) -> Iterator[str]:
-    """Yield one line for each result of a bake at a texel; light is E/pi, scene-linear Rec.709.
+    """Yield one line for each result of a bake at a texel; light is E/pi, scene-linear.
 
     Raises IndexError if the lightmaps have no such texel.
     """

@@ -45,6 +45,7 @@ from .result.preview import renew_preview, show_preview, shows_preview
 from .result.probe_files import probe_files
 from .result.probe_images import keep_probes
 from .result.progress_images import ProgressImages, image_names
+from .result.rec709_result import in_rec709
 from .result.reflection_files import reflection_files
 from .result.sun_maps import mark_sun_maps
 from .result.sun_states import path_report, store_sun_states
@@ -62,6 +63,7 @@ from .scene.uvs.uv_modifier import has_uvs
 from .scene.uvs.uv_snapshot import UvSnapshot
 from .user_files import keep_paces
 from .worker_manager import owner
+from .working_space import to_rec709
 
 #: Attempts to read the scene in slices while it changes; the next attempt reads it in one piece.
 ATTEMPTS = 3
@@ -122,7 +124,8 @@ class BakeRun:
     def step(self) -> Progress | None:
         """Do a slice of work, return the progress of the run; raises StopIteration(BakeResult) at the end.
 
-        None means that the run waits for the window to be drawn, or for the worker.
+        Colors of the result are in the working space. None means that the run waits for the window to be
+        drawn, or for the worker.
         """
         progress = next(self._work)
         self._overlay.step()
@@ -314,7 +317,7 @@ class BakeRun:
 
         def shown(progress: Progress | None) -> Progress | None:
             if progress is not None and progress.intermediate is not None:
-                self._overlay.show(pictures.show(progress.intermediate))
+                self._overlay.show(pictures.show(to_rec709(progress.intermediate)))
             return progress
 
         return map_progress(work, shown)
@@ -357,7 +360,7 @@ class BakeRun:
         If the files cannot be written, `failure` is set, and the lightmaps are packed into the .blend.
         """
         start = time.perf_counter()
-        lightmap = self._reduce_sun_path(lightmap)
+        lightmap = in_rec709(self._reduce_sun_path(lightmap))
         pixels = self._show_finished(lightmap)
         targets = self._pictures.found()
         lost = self._uvs.lost()

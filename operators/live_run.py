@@ -25,11 +25,13 @@ from .result.images import pack_for_bake
 from .result.preview import refresh_preview
 from .result.probe_images import update_probes
 from .result.progress_images import image_names
+from .result.rec709_result import in_rec709
 from .scene import SceneChangedError, read_lamps, read_moved, read_scene, store_edits, visible_meshes
 from .scene.objects.render_differences import uses_render
 from .scene.units import texels_per_unit
 from .scene.uvs.uv_modifier import has_uvs
 from .worker_manager import owner
+from .working_space import to_rec709
 
 #: Progress that the window shows while the worker is idle.
 RESTING = Progress("Live", 1.0, 1.0)
@@ -121,7 +123,8 @@ class LiveRun(BakeRun):
                 self._paths = {image.session_uid: image.filepath_raw for image in targets}
                 if path and path != bpy.data.filepath:
                     self._destination = self._destination_of(path)
-                self._store(targets, self._show_finished(self.lightmap), self.lightmap)
+                lightmap = in_rec709(self.lightmap)
+                self._store(targets, self._show_finished(lightmap), lightmap)
         finally:
             self._read = last_read
 
@@ -152,12 +155,13 @@ class LiveRun(BakeRun):
             step = next(self._followed)
             if isinstance(step, BakeResult):
                 self._take(step)
-                self._show_finished(step)
-                update_probes(self._context.scene, step.probes)
+                lightmap = in_rec709(step)
+                self._show_finished(lightmap)
+                update_probes(self._context.scene, lightmap.probes)
                 yield RESTING
             elif step is not None:
                 if step.intermediate is not None:
-                    self._pictures.show(step.intermediate)
+                    self._pictures.show(to_rec709(step.intermediate))
                     self._shown = True
                 yield step
             else:
@@ -227,7 +231,7 @@ class LiveRun(BakeRun):
             # An undo may have restored older pixels.
             self._of_lightmap = self._read
             assert self.lightmap is not None
-            self._show_finished(self.lightmap)
+            self._show_finished(in_rec709(self.lightmap))
         self._sent = scene
 
     def _settled_reading(self, read: Callable[[bool], Steps]) -> Generator[Progress | None, None, bool]:

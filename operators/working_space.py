@@ -6,6 +6,8 @@ import bpy
 import mathutils
 import numpy as np
 
+from ..engine.scene.color import luminance
+
 REC709 = "Linear Rec.709"
 
 
@@ -16,7 +18,7 @@ def working_space() -> str:
 
 
 def is_rec709() -> bool:
-    """Return True if the working space is Rec.709, as in the engine."""
+    """Return True if the working space is Rec.709, as in files."""
     return working_space() == REC709
 
 
@@ -37,3 +39,8 @@ def to_rec709(colours: np.ndarray) -> np.ndarray:
 def from_rec709(colours: np.ndarray) -> np.ndarray:
     """Convert linear Rec.709 colours (..., 3) to scene-linear ones; may return the input array."""
     return colours if is_rec709() else (colours @ np.linalg.inv(_matrix()).T).astype(colours.dtype)
+
+
+def luminance_of(colours: np.ndarray) -> np.ndarray:
+    """Return the luminance of scene-linear colours, (..., 3) float -> (...)."""
+    return luminance(to_rec709(colours))

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...engine.encoding.clipping import find_clipping
 from ...engine.encoding.encoding import Limits
+from ...engine.encoding.signed_norm import SignedNorm
 from ...engine.encoding.srgb import Srgb
 from ...engine.object_message import ObjectMessage, object_message
 from ..file_format import RANGED
@@ -15,7 +16,8 @@ from ..scene import ReadScene
 from ..scene.uvs.uv_faults import covered_texels
 from .lightmap_files import LightmapFile
 
-#: Fraction of a lightmap's texels that may become black without a warning, as the far falloff of lights does.
+#: Fraction of a lightmap's texels that may become black without a warning, as the far falloff of lights does,
+#: or lose negative channels.
 _DARK = 0.01
 
 
@@ -38,9 +40,9 @@ def clipping_notes(
 def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Yield each warning about a file, with {} for the objects, and its clipped texels, (h, w) bool."""
     clipping, all_texels = find_clipping(file.light, limits, counted), max(int(counted.sum()), 1)
-    bright, dark = (
+    bright, dark, negative = (
         max(texels.sum() / all_texels, 0.001) if texels.any() else 0.0
-        for texels in (clipping.bright, clipping.dark)
+        for texels in (clipping.bright, clipping.dark, clipping.negative)
     )
     if bright:
         yield _too_bright(file, limits, clipping.bright, bright), clipping.bright
@@ -49,6 +51,14 @@ def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Itera
             f"{dark:.1%} of its texels, of {{}}, are darker than {limits.smallest:.2g} and became black"
         )
         yield f"'{file.name}': {sentence}. {_remedy_for_dark(file)}.", clipping.dark
+    if negative > _DARK and _is_unsigned(file):
+        sentence = f"{negative:.1%} of its texels, of {{}}, have colors outside Rec.709, which became duller"
+        yield f"'{file.name}': {sentence}. Choose OpenEXR, which keeps negative channels.", clipping.negative
+
+
+def _is_unsigned(file: LightmapFile) -> bool:
+    """Return True if a file stores no negative values."""
+    return file.encoding is not None and not isinstance(file.encoding, SignedNorm)
 
 
 def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, fraction: float) -> str:

@@ -27,6 +27,7 @@ from ..scene.objects.render_differences import hidden_in_viewport
 from ..scene.slice_timer import Slice
 from ..user_files import append_to_log
 from ..viewports import redraw_views
+from ..working_space import to_rec709
 from .exr import rgba
 from .preview import shows_preview
 
@@ -101,7 +102,7 @@ def lit_corners(scene: Scene) -> Generator[None, None, dict[int, Corners]]:
 
 
 def _constants(scene: Scene, quantity: str) -> Generator[None, None, np.ndarray]:
-    """Return the means of a quantity of all materials, (m, 3) float32; yield after each texture."""
+    """Return the means of a quantity of all materials, (m, 3) float32 Rec.709; yield after each texture."""
     means: dict[tuple[int, bool], np.ndarray] = {}
     constants = []
     for material in scene.materials:
@@ -113,7 +114,7 @@ def _constants(scene: Scene, quantity: str) -> Generator[None, None, np.ndarray]
                 yield
             constant = (constant * means[key]).astype(np.float32)
         constants.append(constant)
-    return np.array(constants)
+    return to_rec709(np.array(constants))
 
 
 def _mean(texture: Texture) -> np.ndarray:

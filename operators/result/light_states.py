@@ -72,17 +72,23 @@ def missing_groups(scene: bpy.types.Scene, state: bpy.types.PropertyGroup) -> li
 
 
 def factors(state: bpy.types.PropertyGroup) -> dict[str, list[float]]:
-    """Return strength x color of each group of a state, linear Rec.709, not negative, 7 digits."""
-    found = {}
-    for group in state.groups:
-        values = to_rec709(np.array(group.color, np.float64) * group.strength)
-        found[group.name] = [float(f"{max(0.0, value):.7g}") for value in values]
-    return found
+    """Return strength x color of each group of a state, scene-linear, 7 digits."""
+    return {group.name: _digits(np.array(group.color, np.float64) * group.strength) for group in state.groups}
+
+
+def _digits(values: np.ndarray) -> list[float]:
+    return [float(f"{max(0.0, value):.7g}") for value in values]
 
 
 def manifest_states(scene: bpy.types.Scene) -> dict[str, dict[str, list[float]]]:
-    """Return the factors of all states of a scene by name, for the manifest."""
-    return {state.name: factors(state) for state in scene.hemibake.light_states}
+    """Return the factors of all states of a scene by name, linear Rec.709, not negative, for the manifest.
+
+    In another working space, a factor with color has the right product only for white light.
+    """
+    return {
+        state.name: {name: _digits(to_rec709(np.array(values))) for name, values in factors(state).items()}
+        for state in scene.hemibake.light_states
+    }
 
 
 def states_section(states: Mapping[str, dict], destination: Destination) -> dict[str, dict]:
@@ -96,7 +102,7 @@ def states_section(states: Mapping[str, dict], destination: Destination) -> dict
 
 
 def mixed_light(maps: Mapping[str, np.ndarray], weights: Mapping[str, Iterable[float]]) -> np.ndarray:
-    """Return the sum of factor x map of light groups, (h, w, 3) float32, E/pi, linear Rec.709.
+    """Return the sum of factor x map of light groups, (h, w, 3) float32, E/pi.
 
     maps:     map of each group, (h, w, 3) float32
     weights:  linear RGB factor of each group; groups without one have 1, and others are ignored

@@ -116,7 +116,7 @@ def _pixels(grid: ProbeGrid, lights: Sequence[np.ndarray]) -> np.ndarray:
     x, y, z = grid.resolution
     pixels = np.ones((len(lights), z * y, 9 * x, 4), np.float32)
     for layer, light in zip(pixels, lights, strict=True):
-        values = windowed(light) * (BASIS_FACTORS * IRRADIANCE_FACTORS)[:, None]
+        values = windowed(from_rec709(light)) * (BASIS_FACTORS * IRRADIANCE_FACTORS)[:, None]
         blocks = values.reshape(z * y, x, 9, 3).swapaxes(1, 2).reshape(z * y, 9 * x, 3)
-        layer[..., :3] = from_rec709(blocks)
+        layer[..., :3] = blocks
     return pixels.reshape(-1, 9 * x, 4)

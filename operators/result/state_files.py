@@ -11,13 +11,15 @@ import numpy as np
 from ...engine.errors import EngineError
 from ..file_format import chosen_format
 from ..rollback import Rollback
+from ..working_space import to_rec709
 from .destination import Destination, choose_destination, is_of_another_scene
 from .files import reason
-from .images import rec709_pixels, write_all
+from .images import write_all
 from .light_mixer import group_images
 from .light_states import factors, manifest_states, mixed_light
 from .lightmap_files import lightmap_files
 from .manifest import read_manifest
+from .pictures import read_pixels
 
 #: Prefix of the output of a state's lightmaps.
 STATE = "state "
@@ -48,14 +50,17 @@ def write_state(scene: bpy.types.Scene, state: bpy.types.PropertyGroup) -> list[
 
 
 def _mixed(scene: bpy.types.Scene, weights: dict[str, list[float]]) -> dict[str, np.ndarray]:
-    """Return the mix of the light groups of each lightmap that has their maps, by atlas."""
+    """Return the mix of the light groups of each lightmap that has their maps, linear Rec.709, by atlas.
+
+    weights:  scene-linear factor of each group
+    """
     found = {}
     for entry in scene.hemibake.lightmaps:
         if entry.image is not None and not entry.companion_of:
             images = group_images(scene, [entry.image])
             if images:
-                maps = {name: rec709_pixels(image) for name, (image,) in images.items()}
-                found[entry.name] = mixed_light(maps, weights)
+                maps = {name: read_pixels(image) for name, (image,) in images.items()}
+                found[entry.name] = to_rec709(mixed_light(maps, weights))
     return found
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from ...engine.object_message import counted
 from ...engine.postprocess.reduced_groups import ReducedGroups
 from ..scene.sun_path import SunPath
-from ..working_space import from_rec709
 from .light_states import Mix, set_state_mix, state_mix
 
 
@@ -47,8 +46,8 @@ def path_report(path: SunPath, reduced: ReducedGroups) -> str:
 
 
 def _mix(factor: tuple[float, float, float], count: int) -> Mix:
-    """Return color and strength of a group: a linear Rec.709 factor times the number of positions."""
-    values = from_rec709(np.array(factor, np.float64)) * count
+    """Return color and strength of a group: a scene-linear factor times the number of positions."""
+    values = np.array(factor, np.float64) * count
     strength = float(values.max())
     red, green, blue = (float(value) / strength for value in values) if strength > 0 else (1.0, 1.0, 1.0)
     return (red, green, blue), strength

@@ -1,4 +1,4 @@
-"""Working spaces of Blender 5: engine and files have linear Rec.709, images in Blender are scene-linear."""
+"""Working spaces of Blender 5: the engine and Blender's images use them, files have linear Rec.709."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from engine.scene.color import srgb_to_linear
 from tests.blender.test_alpha_modes import emitted
 from tests.blender.test_world import world
-from tests.blender.things import bpy_link, material, part, pixels, read_scene, square
+from tests.blender.things import bpy_link, furnace, material, part, pixels, read_scene, report, square
 
 COLOUR = (0.2, 0.5, 0.7)
 
@@ -35,7 +35,7 @@ def texture(colour, is_float, space):
     return image
 
 
-def test_constants_lights_and_worlds_are_read_in_rec709(matrix, monkeypatch):
+def test_constants_lights_and_worlds_are_read_in_the_working_space(matrix, monkeypatch):
     import bpy
 
     square(surface=material(colour=COLOUR))
@@ -45,20 +45,19 @@ def test_constants_lights_and_worlds_are_read_in_rec709(matrix, monkeypatch):
     tree, background = world()
     background.inputs["Color"].default_value = (*COLOUR, 1)
     scene = read_scene().scene
-    right = np.maximum(matrix @ COLOUR, 0)
-    assert scene.materials[0].reflectance == pytest.approx(right, abs=1e-5)
-    assert scene.lights[0].strength == pytest.approx(3 * right, abs=1e-5)
-    assert scene.world == pytest.approx(right, abs=1e-5)
+    assert scene.materials[0].reflectance == pytest.approx(COLOUR, abs=1e-5)
+    assert scene.lights[0].strength == pytest.approx(3 * np.array(COLOUR), abs=1e-5)
+    assert scene.world == pytest.approx(COLOUR, abs=1e-5)
 
     # The same world where only Cycles can evaluate it.
     monkeypatch.setattr(part("operators.scene.light.refined_panorama"), "_ROWS", (32, 64))
     mix = tree.nodes.new("ShaderNodeHueSaturation")
     mix.inputs["Color"].default_value = (*COLOUR, 1)
     tree.links.new(mix.outputs[0], background.inputs["Color"])
-    assert read_scene().scene.world[5, 7] == pytest.approx(right, abs=1e-3)
+    assert read_scene().scene.world[5, 7] == pytest.approx(COLOUR, abs=1e-3)
 
 
-def test_materials_that_cycles_evaluates_are_in_rec709(matrix):
+def test_materials_that_cycles_evaluates_are_in_the_working_space(matrix):
     obj = square(surface=material(colour=COLOUR))
     tree = obj.active_material.node_tree
     node = tree.nodes.new("ShaderNodeHueSaturation")
@@ -67,7 +66,7 @@ def test_materials_that_cycles_evaluates_are_in_rec709(matrix):
     tree.links.new(node.outputs[0], shader.inputs[0])
     read = read_scene().scene.materials[0]
     middle = read.reflectance_map.pixels[256, 256] * read.reflectance
-    assert middle == pytest.approx(np.maximum(matrix @ COLOUR, 0), abs=5e-3)
+    assert middle == pytest.approx(COLOUR, abs=5e-3)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +91,7 @@ def test_textures_are_what_cycles_shows(matrix, is_float, space, factor):
     tree.links.new(node.outputs["Color"], mix.inputs[2])
     tree.links.new(mix.outputs[0], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
-    right = np.maximum(matrix @ emitted(obj)[0], 0)
+    right = emitted(obj)[0]
     read = read_scene().scene.materials[0]
     shown = read.emission_map.pixels[0, 0]
     shown = srgb_to_linear(shown) if read.emission_map.srgb else shown
@@ -127,15 +126,14 @@ def test_lightmaps_do_not_drift(matrix, has_folder, tmp_path):
     lamp.color, lamp.energy, lamp.use_shadow = COLOUR, np.pi, False
     bpy_link(bpy.data.objects.new("Lamp", lamp))
     folder = str(tmp_path) if has_folder else "//lightmaps/"
-    image, right = bake_selected(folder), np.maximum(matrix @ COLOUR, 0)
-    scene_linear = np.linalg.inv(matrix) @ right
+    image, right = bake_selected(folder), matrix @ COLOUR
     for _ in range(2):
         image = bake_selected(folder)
         image.reload()
         shown = pixels(image)[..., :3]
         lit = shown.reshape(-1, 3)[shown.reshape(-1, 3).sum(axis=1) > 0.5]
         assert len(lit) > 100
-        assert np.abs(lit - scene_linear).max() < 2e-3
+        assert np.abs(lit - COLOUR).max() < 2e-3
     if has_folder:
         (path,) = tmp_path.rglob("*.exr")
         loaded = bpy.data.images.load(str(path), check_existing=False)
@@ -161,7 +159,7 @@ def test_exports_hold_rec709(matrix, tmp_path):
     loaded = bpy.data.images.load(str(file), check_existing=False)
     loaded.colorspace_settings.name = "Non-Color"
     stored = pixels(loaded)[..., :3].reshape(-1, 3)
-    right = np.maximum(matrix @ COLOUR, 0)
+    right = matrix @ COLOUR
     assert np.abs(stored[stored.sum(axis=1) > 0.5] - right).max() < 2e-3
 
 
@@ -177,3 +175,62 @@ def test_probe_images_are_scene_linear(matrix):
     part("operators.result.probe_images").keep_probes(scene, [volume], np.zeros(3))
     mean = pixels(scene.hemibake.probe_volumes[0].image)[:, :3, :3]
     assert mean @ matrix.T == pytest.approx(np.broadcast_to(right, mean.shape), rel=1e-4)
+
+
+def test_bounces_multiply_in_the_working_space(matrix, tmp_path):
+    """In a closed room that emits e and reflects r everywhere, E/pi is e / (1 - r) in each channel."""
+    import bpy
+
+    emission, reflectance = np.array((0.1, 0.3, 0.2)), np.array((0.85, 0.1, 0.4))
+    room, settings = furnace(), bpy.context.scene.hemibake
+    shader = room.active_material.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (*reflectance, 1)
+    shader.inputs["Emission Color"].default_value = (*emission, 1)
+    settings.directory = str(tmp_path)
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    right = emission / (1 - reflectance)
+    shown = pixels(room.hemibake.image)[..., :3].reshape(-1, 3)
+    assert shown[shown.sum(axis=1) > 0].mean(axis=0) == pytest.approx(right, rel=0.01)
+    (path,) = tmp_path.rglob("*.exr")
+    loaded = bpy.data.images.load(str(path), check_existing=False)
+    loaded.colorspace_settings.name = "Non-Color"
+    stored = pixels(loaded)[..., :3].reshape(-1, 3)
+    stored = stored[np.abs(stored).sum(axis=1) > 0]
+    assert stored.mean(axis=0) == pytest.approx(matrix @ right, rel=0.01, abs=1e-3)
+
+
+def test_directional_maps_give_the_same_light(matrix):
+    """Maps of ratios are converted with the light that they multiply; fractions stay."""
+    random = np.random.default_rng(3)
+    l0 = random.uniform(0.6, 1, (1, 5, 3, 3)).astype(np.float32)
+    axes = {f"SH L1 {axis}": random.uniform(-0.1, 0.1, l0.shape).astype(np.float32) for axis in "xyz"}
+    maps = {"ambient_occlusion": l0, "SH L0": l0, **axes, "dominant_direction": l0}
+    engine = part("engine.bake_result")
+    known = np.ones(l0.shape[:3], bool)
+    result = engine.BakeResult(("Room",), l0[:0], l0, known, known, None, maps)
+    converted = part("operators.result.rec709_result").in_rec709(result).passes
+    normal = np.float32((0.6, 0, -0.8))
+
+    def light(maps):
+        along = sum(component * maps[f"SH L1 {axis}"] for axis, component in zip("xyz", normal, strict=True))
+        return maps["SH L0"] * (1 + 2 * along)
+
+    assert light(converted) == pytest.approx(light(maps) @ matrix.T, abs=1e-5)
+    for name in ("ambient_occlusion", "dominant_direction"):
+        assert converted[name] is l0
+
+
+@pytest.mark.parametrize(("file_format", "warned"), [("rgbm", True), ("exr", False)])
+def test_files_without_negative_channels_are_reported(matrix, tmp_path, file_format, warned):
+    import bpy
+
+    square("Square", surface=material())
+    settings = bpy.context.scene.hemibake
+    lamp = bpy.data.lights.new("Lamp", "SUN")
+    lamp.color, lamp.energy, lamp.use_shadow = (0, 1, 0), np.pi, False
+    bpy_link(bpy.data.objects.new("Lamp", lamp))
+    settings.directory, settings.file_format = str(tmp_path), file_format
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    found = [note for note in report()["warnings"] if "colors outside Rec.709" in note]
+    assert len(found) == warned
+    assert all("Square" in note and "OpenEXR" in note for note in found)

@@ -65,7 +65,6 @@ class RealisedScene:
         self._copies_by_name: dict[str, tuple[bpy.types.Object, int]] = {}
         self._materials: dict[tuple, bpy.types.Material] = {}
         self._made: list = []
-        self._to_rec709 = importlib.import_module(f"{MODULE}.operators.working_space").to_rec709
         self.seconds = 0.0
         places = dict(read.objects)
         places |= {(uid, number): place for uid, _, number, place in read.instances}
@@ -270,9 +269,7 @@ class RealisedScene:
         self.seconds += time.perf_counter() - started
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
-        baked = pixels.reshape(*reversed(image.size), 4)
-        baked[..., :3] = self._to_rec709(baked[..., :3])
-        return baked
+        return pixels.reshape(*reversed(image.size), 4)
 
 
 def _ignored(item) -> bool:

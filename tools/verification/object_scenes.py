@@ -141,6 +141,41 @@ def working_space():
 WORKING_SPACES["working_space"] = "ACEScg"
 
 
+def _colored_room() -> None:
+    """A room with walls of strong colors, open at the top, so that most light is reflected several times."""
+    walls = {
+        "Floor": (0.9, 0.8, 0.1),
+        "Left": (0.9, 0.05, 0.02),
+        "Right": (0.03, 0.85, 0.1),
+        "Back": (0.1, 0.2, 0.9),
+    }
+    places = {
+        "Floor": ((0, 0, 0), (0, 0, 0)),
+        "Left": ((-1, 0, 1), (0, math.pi / 2, 0)),
+        "Right": ((1, 0, 1), (0, -math.pi / 2, 0)),
+        "Back": ((0, 1, 1), (math.pi / 2, 0, 0)),
+    }
+    for name, (location, turn) in places.items():
+        options = {"size": 2, "location": location, "rotation": turn}
+        add(name, bpy.ops.mesh.primitive_plane_add, material(name, walls[name]), **options)
+    lamp("AREA", energy=60, size=0.5, color=(0.9, 0.7, 0.6))
+
+
+@scene
+def strong_colors():
+    """Bounces between walls of strong colors, in ACEScg."""
+    _colored_room()
+
+
+@scene
+def strong_colors_rec2020():
+    """Bounces between walls of strong colors, in Rec.2020."""
+    _colored_room()
+
+
+WORKING_SPACES |= {"strong_colors": "ACEScg", "strong_colors_rec2020": "Linear Rec.2020"}
+
+
 @scene
 def light_group():
     """The map of a dim lamp's group, beside a bright sun, a sky and a second lamp."""

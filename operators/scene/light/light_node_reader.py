@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 
 from ....engine.errors import SceneError
-from ....engine.scene.color import luminance
 from ....engine.scene.profile import Profile, read_ies
 from ...compat import blackbody
+from ...working_space import luminance_of
 from ..materials.sockets import ComplexError, feeding_socket
 
 #: Strength that Cycles uses for an IES file that it cannot read (kernel/util/ies.h).
@@ -43,7 +43,7 @@ class LightNodes:
 
     def grey(self) -> LightNodes:
         """Return the factors with the colour replaced by its luminance, as number inputs convert colours."""
-        grey = np.full(3, luminance(self.colour)) if np.ptp(self.colour) else self.colour
+        grey = np.full(3, luminance_of(self.colour)) if np.ptp(self.colour) else self.colour
         return LightNodes(grey, self.profile, self.falloff)
 
 

@@ -10,10 +10,8 @@ import numpy as np
 
 from ....engine.object_message import object_message
 from ....engine.scene.model import Light
-from ....engine.scene.profile import Profile
 from ...compat import light_nodes, light_power, light_temperature
 from ...lookup import find
-from ...working_space import is_rec709, to_rec709
 from ..materials.sockets import ComplexError
 from ..objects.items import SceneItem, hidden_from
 from ..scene_watch import SceneWatch
@@ -122,19 +120,10 @@ class SceneLights:
 def _with_nodes(light: Light, nodes: LightNodes) -> Light:
     """Return the light with its strength, profile and falloff multiplied by the factors of its nodes."""
     power, smooth = nodes.falloff or (0, 0.0)
-    strength, profile = _in_rec709(light.strength * nodes.colour, nodes.profile)
-    strength = strength.astype(np.float32)
-    return replace(light, strength=strength, profile=profile, falloff_power=power, falloff_smooth=smooth)
-
-
-def _in_rec709(strength: np.ndarray, profile: Profile | None) -> tuple[np.ndarray, Profile | None]:
-    """Convert a scene-linear strength, (3,), and the profile that multiplies it, to linear Rec.709."""
-    if is_rec709():
-        return strength, profile
-    if profile is None or not np.ptp(profile.factors, axis=2).any():
-        return np.maximum(to_rec709(strength), 0), profile
-    factors = np.maximum(to_rec709(strength * profile.factors), 0).astype(np.float32)
-    return np.ones(3), replace(profile, factors=factors)
+    strength = (light.strength * nodes.colour).astype(np.float32)
+    return replace(
+        light, strength=strength, profile=nodes.profile, falloff_power=power, falloff_smooth=smooth
+    )
 
 
 def _along_axis(nodes: LightNodes) -> LightNodes:

@@ -12,7 +12,6 @@ import numpy as np
 from mathutils import Quaternion, Vector
 
 from ...compat import set_panorama
-from ...working_space import to_rec709
 
 #: Samples per pixel of a perspective view.
 _ZOOM_SAMPLES = 16
@@ -154,12 +153,12 @@ def _set_up(scene: bpy.types.Scene) -> None:
 
 
 def _read(path: Path) -> np.ndarray:
-    """Read the pixels of an image file, (h, w, 3) float32 in linear Rec.709."""
+    """Read the pixels of an image file, (h, w, 3) float32, scene-linear."""
     image = bpy.data.images.load(str(path), check_existing=False)
     try:
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         width, height = image.size
-        return to_rec709(pixels.reshape(height, width, -1)[..., :3]).copy()
+        return pixels.reshape(height, width, -1)[..., :3].copy()
     finally:
         bpy.data.images.remove(image)

@@ -12,7 +12,6 @@ import numpy as np
 from ....engine.scene.color import srgb_to_linear
 from ....engine.scene.sky_maps import shrink_sky_in_slices
 from ...compat import node_input, node_tree
-from ...working_space import to_rec709
 from ..materials.evaluation_digest import world_digest
 from ..materials.materials import ShaderReader
 from ..materials.pixels import PixelCache, PixelsNeededError, is_plain, is_srgb
@@ -56,7 +55,7 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
         return np.zeros(3, np.float32)
     tree = node_tree(world)
     if tree is None:
-        return np.maximum(to_rec709(np.array(world.color, np.float32)[:3]), 0)
+        return np.array(world.color, np.float32)[:3]
     output = tree.get_output_node("CYCLES")
     if output is None:
         return np.zeros(3, np.float32)
@@ -69,7 +68,7 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
             strength = reader.number(shader.node, "Strength").number
             return _environment(colour.node, owner, cache, max(strength, 0.0))
     emission = reader.surface(output.inputs["Surface"]).solid().emit
-    return np.maximum(to_rec709(emission.constant), 0).astype(np.float32)
+    return np.maximum(emission.constant, 0).astype(np.float32)
 
 
 def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:

@@ -14,7 +14,6 @@ from ....engine.object_message import listing
 from ....engine.scene.model import Material
 from ...compat import node_tree
 from ...lookup import find, find_all
-from ...working_space import to_rec709
 from ..objects.evaluation import Evaluation
 from ..objects.items import Hidden, ItemKey, SceneItem, hidden_from
 from ..objects.meshes import LIGHTMAP_UVS
@@ -157,7 +156,7 @@ class MaterialTable:
         except ComplexError:
             assert material is not None
             self._hair_materials.append(material.name)
-            color = np.maximum(to_rec709(np.array(material.diffuse_color[:3], np.float32)), 0)
+            color = np.array(material.diffuse_color[:3], np.float32)
             return Material(material.name, color, np.zeros(3, np.float32))
         return without_textures(entry)
 

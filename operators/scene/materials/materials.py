@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ....engine.scene.color import luminance
 from ....engine.scene.model import Material
 from ....engine.scene.transmission import Fresnel
 from ...compat import node_input, node_tree
+from ...working_space import luminance_of
 from .chains import inputs_first
 from .closures import ADD, DARK, EMITTERS, GLASS, LEAST_MIRROR, MIX, PRINCIPLED, REFRACTION
 from .engine_materials import Sides, to_material
@@ -21,7 +21,6 @@ from .normal_map_reflectance import bump_factor
 from .object_nodes import Dependence, Source, shown, source_of
 from .pixels import PixelCache
 from .ray_kinds import BOUNCE, RayKind, ray_value
-from .rec709_materials import in_rec709
 from .rough_diffuse import diffuse_roughness, rough_albedo
 from .sockets import ComplexError, feeding_socket
 from .textures import read_texture
@@ -225,7 +224,7 @@ def _fitting(value: MaterialValue, output: bpy.types.NodeSocket, channels: int) 
     """Convert a constant to the type of the reading socket: luminance of a colour, mean of a vector."""
     if channels == 3 or output.type not in {"RGBA", "VECTOR"}:
         return value
-    grey = luminance(value.constant) if output.type == "RGBA" else value.constant.mean()
+    grey = luminance_of(value.constant) if output.type == "RGBA" else value.constant.mean()
     return constant(float(grey))
 
 
@@ -392,7 +391,6 @@ _SHADERS = {
 _INDEPENDENT = Dependence()
 
 
-@in_rec709
 def read_material(
     material: bpy.types.Material | None,
     notes: list[str],

@@ -8,12 +8,10 @@ import numpy as np
 from ....engine.scene.color import srgb_to_linear
 from ....engine.scene.model import Material
 from ...compat import node_tree
-from ...working_space import from_rec709
 from .closures import ADD, MIX
 from .engine_materials import Sides, to_material
 from .materials import ShaderReader
 from .pixels import PixelCache
-from .rec709_materials import in_rec709
 from .sockets import ComplexError, feeding_socket
 from .values import DiffuseSurface, MaterialValue, constant
 
@@ -51,10 +49,9 @@ class _MeanReader(ShaderReader):
         pixels = value.texture.pixels
         linear = srgb_to_linear(pixels) if value.texture.srgb else pixels
         mean = linear.mean(axis=(0, 1), dtype=np.float64)
-        return MaterialValue(value.constant * (from_rec709(mean) if len(mean) == 3 else mean))
+        return MaterialValue(value.constant * mean)
 
 
-@in_rec709
 def mean_color(material: bpy.types.Material, notes: list[str], cache: PixelCache, glass: bool) -> Material:
     """Approximate a material by constants and the means of its images, without textures.
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ....engine.scene.color import luminance, srgb_to_linear
+from ....engine.scene.color import linear_to_srgb, luminance, srgb_to_linear
 from ...lookup import find
-from ...working_space import is_rec709, to_rec709
+from ...working_space import from_rec709, is_rec709, luminance_of
 from ..slice_timer import Slices, row_slices
 from .alpha_modes import DATA, AlphaMeaning, channels_of
 from .normal_map_tilts import CLASSES, count_tilts, image_state, kept_tilts
 
-#: Colour spaces whose pixels are used unchanged as linear Rec.709, and the encoded one that is converted.
+#: Colour spaces of linear pixels, and the encoded one.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
 _SRGB = "sRGB"
 
@@ -51,12 +51,13 @@ class PixelCache:
     def read_part(self, image: bpy.types.Image | None, owner: str, part: str) -> np.ndarray:
         """Return one part of an image: "colour", (h, w, 3) float32, or "alpha" or "grey", (h, w, 1) float32.
 
-        Grey is the linear luminance. "colour * alpha" and "grey * alpha" are the values that Cycles uses if
-        the Alpha output is not linked, see `alpha_modes`. Each request for the same part returns the same
-        array. Raises PixelsNeededError if the image must be read first.
+        Colours are in the working space, sRGB-encoded if `is_srgb`. Grey is the linear luminance.
+        "colour * alpha" and "grey * alpha" are the values that Cycles uses if the Alpha output is not linked,
+        see `alpha_modes`. Each request for the same part returns the same array. Raises PixelsNeededError if
+        the image must be read first.
         """
         if image is None:
-            return _part(self.read(image, owner), part, False, AlphaMeaning(False, False), False)
+            return _part(self.read(image, owner), part, False, AlphaMeaning(False, False), True)
         key = (image.session_uid, part)
         if key not in self._parts:
             meaning = AlphaMeaning.of(image)
@@ -161,22 +162,22 @@ class PixelCache:
 def _part(pixels: np.ndarray, part: str, srgb: bool, meaning: AlphaMeaning, scene_linear: bool) -> np.ndarray:
     """Return one part of pixels, (h, w, 4) float32; see `PixelCache.read_part`.
 
-    scene_linear:  True if colours are in the working space; otherwise they are Rec.709. Colours outside of
-                   Rec.709 get negative channels.
+    scene_linear:  True if the pixels are in the working space; otherwise they are Rec.709
     """
     if part == "alpha":
         return pixels[..., 3:]
     colours = meaning.multiplied(pixels) if part.endswith("* alpha") else meaning.straight(pixels)
-    if scene_linear:
-        colours = to_rec709(colours)
     if part.startswith("grey"):
-        return luminance(srgb_to_linear(colours) if srgb else colours)[..., None]
-    return colours
+        linear = srgb_to_linear(colours) if srgb else colours
+        return (luminance_of(linear) if scene_linear else luminance(linear))[..., None]
+    if scene_linear or is_rec709():
+        return colours
+    return linear_to_srgb(from_rec709(srgb_to_linear(colours))) if srgb else from_rec709(colours)
 
 
 def _is_scene_linear(image: bpy.types.Image) -> bool:
-    """Return True if pixels are in a working space that is not Rec.709: float images, data as colour."""
-    return not is_rec709() and (bool(image.is_float) or image.colorspace_settings.name in DATA)
+    """Return True if pixels are in the working space, not in Rec.709: float images, data as colour."""
+    return bool(image.is_float) or image.colorspace_settings.name in DATA
 
 
 def is_plain(image: bpy.types.Image | None) -> bool:

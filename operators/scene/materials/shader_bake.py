@@ -11,7 +11,6 @@ import numpy as np
 from mathutils import Matrix
 
 from ...compat import new_node_tree
-from ...working_space import to_rec709
 from ..objects.meshes import LIGHTMAP_UVS, read_uvs
 from ..uvs.uv_layers import MOST_LAYERS
 from .evaluated_passes import Pass
@@ -139,7 +138,7 @@ class _Stage:
             pixels = np.empty(size * size * 4, np.float32)
             image.pixels.foreach_get(pixels)
             pixels = pixels.reshape(size, size, 4)
-            return to_rec709(pixels[..., :3]).copy(), pixels[..., 3] > 0
+            return pixels[..., :3].copy(), pixels[..., 3] > 0
         finally:
             tree.nodes.remove(node)
             bpy.data.images.remove(image)

@@ -53,7 +53,7 @@ class _OfState(_WithGroups):
     name: StringProperty(name="State", description="Name of the light state; empty for the chosen one")
 
     def _state(self, context: bpy.types.Context) -> bpy.types.PropertyGroup:
-        """Return the named light state, or the active one; raises EngineError if there is none."""
+        """Return the light state of a name, or the active state; raises EngineError if there is none."""
         state = active_state(context.scene) if not self.name else find_state(context.scene, self.name)
         if state is None:
             raise EngineError(f"Scene '{context.scene.name}': the list has no light state. Add one.")

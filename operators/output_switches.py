@@ -16,7 +16,7 @@ from ..engine.settings import descriptions, with_output, without_output
 
 
 def output_switches() -> dict[str, Any]:
-    """Return the annotations of a property group that has the setting `outputs`, by name of the switch."""
+    """Return the property annotations of one switch for each output, by name of the property."""
     values = descriptions()["outputs"].values
     assert isinstance(values, SomeOf)
     options = values.options

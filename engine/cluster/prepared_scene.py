@@ -50,7 +50,7 @@ class PreparedScene:
         self._display: TexelGatherJob | None = None
 
     def patches(self, table: SceneTable) -> ScenePatches:
-        """Return the patches of a table on the device; those of the last table are cached."""
+        """Return the patches of a table on the device; the patches of the last table are cached."""
         if self._patches is None or self._patches.name != table.name:
             self._patches = ScenePatches(*self._common, table, self.scene)
         return self._patches
@@ -58,7 +58,7 @@ class PreparedScene:
     def sources(self, table: PatchTable) -> SourcePatches:
         """Return the sources of light of a table, patches or patch groups.
 
-        Those of the last table are cached.
+        The job of the last table is cached.
         """
         if isinstance(table, SceneTable):
             return self.patches(table)

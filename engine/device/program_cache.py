@@ -1,7 +1,7 @@
 """File cache of built OpenCL programs: each source is built once for each device.
 
-PyOpenCL leaves caching to NVIDIA's driver and its own settings. PoCL caches kernels in its own files; beside
-them, an empty file records that the kernels of a program were compiled for its launches.
+PyOpenCL leaves caching to NVIDIA's driver and its own settings. PoCL caches kernels in its own
+files; in addition, an empty file records that the kernels of a program were compiled for its launches.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-#: Number of texels that are encoded at a time.
+#: Number of texels that are encoded at once, which limits memory.
 _BAND = 1 << 18
 
 

@@ -98,12 +98,12 @@ class DeviceRows:
 
 
 class SharedCachedGather(CachedGather):
-    """`CachedGather` of several devices of one model; its light has the same bits as that of one device.
+    """`CachedGather` of several devices of one model; its light has the same bits as the light of one device.
 
     Each device computes visibility samples of a part of the patches and keeps them. In each iteration it
     receives the radiance of all patches and returns the light of its own.
 
-    own:     rows of this device, whose cache also knows the other caches
+    own:     rows of this device, whose cache also refers to the other caches
     others:  rows of the other devices
     static:  background light on this device
     """

@@ -41,7 +41,7 @@ class ChartTexels:
     def suit(self, scene: Scene, triangles: Triangles, before: Triangles) -> bool:
         """Return True if a scene has the same charts as the one that these texels were made from.
 
-        before:  triangles of the latter
+        before:  triangles of these chart texels
         """
         return (
             self.names == tuple(mesh.name for mesh in scene.meshes)

@@ -91,5 +91,5 @@ def _reflecting_twice(material: Material, loss: Fresnel) -> Material:
 
 
 def _side(face: Transmittance, body: int) -> Transmittance:
-    """Return the transmittance of a side of a body; light that does not pass glass keeps that of the face."""
+    """Return the transmittance of a side of a body; without glass it equals the face."""
     return face if face.fresnel is None else replace(face, fresnel=replace(face.fresnel, body=body))

@@ -64,7 +64,7 @@ def pair_sides(triangles: Triangles, patches: PatchList, own: np.ndarray) -> Sid
     with_back = np.flatnonzero(triangles.backs >= 0)
     front[triangles.backs[with_back]] = with_back
 
-    # The atlas of back faces mirrors that of their fronts texel by texel.
+    # The atlas of back faces mirrors the atlas of their fronts texel by texel.
     texels = patches.resolution**2
     key = triangles.atlas[front[patches.triangle[behind]]].astype(np.int64) * texels + patches.texel[behind]
     before = np.searchsorted(patches.key, key).clip(max=len(patches) - 1)

@@ -26,7 +26,7 @@ _TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
 #: long.
 _SHORT = 0.5
 
-#: Speed ratio of rays to the fastest possible raster on this device; above it raster is not tried.
+#: Raster is not tried if rays are this many times as fast as the fastest possible raster on this device.
 _CLEARLY = 4
 
 

@@ -13,7 +13,7 @@ _NEIGHBORS = ((0, 1), (0, -1), (1, 1), (1, -1))
 def chart_mips(light: np.ndarray, has_patch: np.ndarray) -> list[np.ndarray]:
     """Return the mip levels of a lightmap, the lightmap first, down to one texel; each (h, w, 3) float32.
 
-    A texel is the mean of those of the four texels below it that belong to one chart, the one with most of
+    A texel is the mean of the texels among the four below it that belong to one chart, the one with most of
     them. Texels next to a chart repeat its light.
 
     light:      (h, w, 3) float32

@@ -26,7 +26,7 @@ _STEPS, _FEWER, _LOOK = 20, 6, 4
 #: Work items of a group in the kernels that sum, and of the group that adds the groups' partial sums.
 _GROUP, _ADDING = 64, 256
 
-#: Results that kernel `add_up` derives from sums, as in kernels/postprocess/bilinear_fit.cl.
+#: Results that kernel `add_up` computes from sums; numbers as in kernels/postprocess/bilinear_fit.cl.
 _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..array_ops import segment_sums
 from .texel_charts import TexelCharts
 
-#: Highest class of chart size. The upper limit of each class is four times that of the class below.
+#: Highest class of chart size. The upper limit of each class is four times the limit of the class below.
 _LARGEST_CLASS = 5
 
 #: Relative change up to which texels are in the lowest class, and number of classes above. Each class holds

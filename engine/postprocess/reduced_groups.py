@@ -1,4 +1,4 @@
-"""Keeps few maps of similar light groups, such as those of a sun path; the others become weighted sums."""
+"""Keeps few of many similar light group maps, as of a sun path; the others become weighted sums."""
 
 from __future__ import annotations
 

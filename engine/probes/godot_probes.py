@@ -108,7 +108,7 @@ def _splits(size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nd
     """Return the nodes that halve boxes of cells along their widest axis, until each is one cell.
 
     Returns directions, (s, 3), distances along them, (s,), children, (s, 2), and the cells, (c, 3); distances
-    and cells in steps of the grid. Nodes of the cells follow those of the boxes.
+    and cells in steps of the grid. Nodes of the cells follow the nodes of the boxes.
 
     size:  number of cells along each axis
     """

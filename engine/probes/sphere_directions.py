@@ -95,7 +95,7 @@ def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
 def _fundamental() -> np.ndarray:
     """Return the corners of a spherical triangle that the rotations repeat over the sphere, (3, 3).
 
-    It joins an edge of the icosahedron with the middle of a face beside it.
+    It joins an edge of the icosahedron with the middle of an adjacent face.
     """
     vertex, other = _axes()
     third = _turn(vertex, 2 * np.pi / 5) @ other

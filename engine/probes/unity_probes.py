@@ -43,7 +43,7 @@ class UnityVolume:
 def unity_volume(
     coefficients: np.ndarray, resolution: tuple[int, int, int], matrix: np.ndarray
 ) -> UnityVolume:
-    """Return a volume for Unity. Its local axes are those of Blender, changed as the world's.
+    """Return a volume for Unity. Its local axes are Blender's, changed in the same way as the world's.
 
     Unity evaluates c0 - c6 + c1 y + c2 z + c3 x + c4 xy + c5 yz + 3 c6 z^2 + c7 xz + c8 (x^2 - y^2) for a
     normal (SphericalHarmonics.cs of the High Definition Render Pipeline) and shows albedo times that, so the

@@ -76,7 +76,7 @@ def _bordered_texels(size: int) -> np.ndarray:
 
 
 def with_border(faces: np.ndarray) -> np.ndarray:
-    """Return faces, (6, s, s, 3), with a border of one texel from the faces beside: (6, s + 2, s + 2, 3).
+    """Return faces, (6, s, s, 3), with a border of one texel from the adjacent faces: (6, s + 2, s + 2, 3).
 
     Bilinear interpolation then is continuous across edges.
     """

@@ -92,7 +92,7 @@ class CheckpointFolder:
 
 
 def _age(entry: Path) -> float:
-    """Return the time of the last write to a folder, as from `time.time`; 0 if it is gone."""
+    """Return the time of the last write to a folder, as from `time.time`; 0 if the folder does not exist."""
     with suppress(OSError):
         return entry.stat().st_mtime
     return 0.0

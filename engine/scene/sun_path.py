@@ -39,8 +39,8 @@ def sun_direction(hour: float, latitude: float, day: int, north: float) -> np.nd
 def with_sun_positions(scene: Scene, sun: str, directions: Mapping[str, np.ndarray]) -> Scene:
     """Return the scene with copies of a sun light in place of it, each in a light group of its own.
 
-    The strength of each copy is that of the sun divided by their number, so that together they give the mean
-    light of all positions.
+    The strength of each copy is the sun's strength divided by their number, so that together they give the
+    mean light of all positions.
 
     sun:         name of the light; instances with this name are copied, too
     directions:  (3,) float64 unit vector towards the sun, world space, for each light group

@@ -82,7 +82,7 @@ class Transmission:
 def fresnel_reflectance(cosine: np.ndarray | float, ior: float) -> np.ndarray:
     """Return the unpolarised Fresnel reflectance of a dielectric surface; 1 under total reflection.
 
-    The formula is that of Cycles (kernel/closure/bsdf_util.h, `fresnel_dielectric_cos`).
+    The formula is the same as in Cycles (kernel/closure/bsdf_util.h, `fresnel_dielectric_cos`).
 
     cosine:  cosines of the angles of incidence, 0..1
     """
@@ -110,7 +110,7 @@ def angular_factor(fresnel: Fresnel, cosine: np.ndarray | float) -> np.ndarray:
 
 
 def body_transmittance(passed: np.ndarray, body: int) -> np.ndarray:
-    """Return the transmittance of a side of a closed body, from that of a face, T.
+    """Return the transmittance of a side of a closed body, from the transmittance T of a face.
 
     The front transmits (1 + T^2) / 2 and the back 2 T^2 / (1 + T^2): together T^2, as two faces. The opaque
     part of the front, (1 - T^2) / 2, is then half of what a slab reflects at each angle.

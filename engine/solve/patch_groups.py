@@ -2,7 +2,7 @@
 
 Light after several bounces is smooth, and only the sources of a final gather are averaged, so lightmaps keep
 their detail. Patches that emit much more than their neighbours form groups of their own. An example is a
-ceiling behind a panel: it is bright but hidden, and would replace the visible ceiling beside the panel.
+ceiling behind a panel: it is bright but hidden, and would replace the visible ceiling next to the panel.
 Patches inside geometry stay separate too: they are dark, and would darken the floor around a sunken box.
 """
 

@@ -280,7 +280,7 @@ class Solver:
     def residual(self) -> float:
         """Estimated remaining error of E, relative to E of each patch, mean over all; NaN while unknown.
 
-        The error is relative per patch, because a mean over a dark room beside a sunlit square has no
+        The error is relative per patch, because a mean over a dark room next to a sunlit square has no
         meaning. With acceleration the size of the step estimates the missing light. Plain steps are
         extrapolated as a geometric series with the larger of the last two reduction factors, since early
         bounces may meet dark surfaces. The first full step after sparse ones measures noise, not missing

@@ -213,7 +213,7 @@ class WorkerProcess:
 
 
 def _is_crash(code: int) -> bool:
-    """Return True if the exit status of a process is that of a crash: a fault, not a kill from outside."""
+    """Return True if the exit status of a process reports a crash: a fault, not a kill from outside."""
     if sys.platform == "win32":
         return code & 0xFFFFFFFF >= _WINDOWS_FAULT
     return -code in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGILL, signal.SIGFPE)

@@ -4,7 +4,7 @@
 
 #define INLINED __attribute__((overloadable, always_inline)) inline
 
-// PAIRED defines min, max and clamp for values of type T, PAIRED_WITH for a vector T and a scalar ONE.
+// PAIRED defines min, max and clamp for type T; PAIRED_WITH defines them for a vector type T with a scalar ONE.
 #define PAIRED(T) \
     INLINED T inlined_min(const T a, const T b) { return b < a ? b : a; } \
     INLINED T inlined_max(const T a, const T b) { return a < b ? b : a; } \

@@ -52,8 +52,7 @@ __kernel void find_edges(__global const uint *entries, __global const float *lig
     marks[texel] |= edge ? ON_EDGE : 0;
 }
 
-// Estimates the noise of each block of BLOCK x BLOCK texels: ABOVE_NOISE times the EVEN quantile of `off`, over the
-// patches among every second texel per axis. 0 for blocks without patches.
+// Estimates the noise of each block of BLOCK x BLOCK texels: ABOVE_NOISE times the EVEN quantile of `off`, over the patches at every second texel of both axes. 0 for blocks without patches.
 __kernel void noise_of_blocks(__global const uint *entries, __global const float *off, const int side,
                               __global float *noise, const int width, const int height)
 {

@@ -55,7 +55,7 @@ __kernel void light_probes(RAYS_ARGUMENTS, __global const float4 *probes, __glob
                 break;
             run = (Run){0.0f, (Fraction)(0.0f), (Fraction)(1.0f), (Fraction)(0.0f)};
         }
-        // A sample of an emitter's own does not advance the common sequence.
+        // Samples that belong to one emitter do not advance the sequence that all emitters share.
         step = index < budget && !(index + offset >= span.x);
         if (emitter < 0)
             continue;

@@ -63,8 +63,8 @@ _TOO_MANY = (
     "of lightmaps, and bake again."
 )
 _NARROW = (
-    f"Godot's filter reads {_FILTER} texels beside a chart, and Margin is {{}}. Set it to {_FILTER} or more, "
-    "and bake again."
+    f"Godot's filter reads {_FILTER} texels next to a chart, and Margin is {{}}. Set it to {_FILTER} or "
+    "more, and bake again."
 )
 _KEPT = "'{}' was changed since the last export, so it is kept. Delete it and export again for a new one."
 

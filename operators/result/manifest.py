@@ -116,7 +116,7 @@ def _lightmap_key(entry: Mapping[str, object]) -> tuple:
 
 
 def manifest(known: Mapping[str, dict], sections: Mapping[str, dict | list] | None = None) -> dict:
-    """Return the contents of a manifest from the entries of its files and its nonempty sections."""
+    """Return the contents of a manifest from its file entries and its nonempty sections."""
     optional = {"groups": light_groups(known), **(sections or {})}
     return {
         "version": VERSION,

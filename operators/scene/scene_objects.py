@@ -97,7 +97,7 @@ _THINNED = (
 )
 
 _DISPLACED = (
-    "{}: true displacement is not baked, so the light is that of the undisplaced surface. Use a Displace "
+    "{}: true displacement is not baked, so the lightmap shows the undisplaced surface. Use a Displace "
     "modifier, or set Displacement of the material to Bump Only."
 )
 

@@ -53,8 +53,8 @@ class CastRays(Protocol):
         result depends on the known back faces. Triangles that a call returns must be known in the next one,
         or of no interest.
 
-        known:  (t,) bool, back faces that earlier rounds found; no ray looks for them, and probes that meet
-                them are not enclosed
+        known:  (t,) bool, back faces that earlier rounds found; no ray searches for them, and probes that
+                meet them are not enclosed
         """
 
 

@@ -91,7 +91,7 @@ def _upload_steps(compute: ComputeDevice, steps: TexelSteps) -> cl.Buffer:
 
 
 def points_of_texels(patches: PatchList) -> int:
-    """Return the number of patches per texel: 1, or more for sample points of texels."""
+    """Return the maximum number of points in a texel: 1 for patches, more for texel samples."""
     # A run of equal texels ends where the lightmap changes too: the last texel of one lightmap and the first
     # of the next may have the same index.
     starts = (patches.texel[1:] != patches.texel[:-1]) | (patches.atlas[1:] != patches.atlas[:-1])

@@ -65,7 +65,7 @@ _CLUSTER = 4.0
 
 
 class VisibleBacks:
-    """Visible back faces of successive scenes; the choice is cached while the geometry stays."""
+    """Visible back faces of successive scenes; the choice is cached while the geometry is unchanged."""
 
     def __init__(self) -> None:
         self.clear()

@@ -214,7 +214,7 @@ class _Unwrapping:
         self._troubles.add(trouble, obj.name)
 
     def _pack(self, targets: Sequence[UnwrapMesh]) -> Generator[Progress | None, None, list[PackedPage]]:
-        """Cut and pack the charts of each atlas and of each shared mesh; return the pages."""
+        """Cut charts and pack them for each atlas and each shared mesh; return the pages."""
         if not targets:
             return []
         targets = yield from with_areas(targets)

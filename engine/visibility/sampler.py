@@ -38,7 +38,7 @@ class VisibilityBuffers:
     patches_seen:  float of each patch: fraction of its hemisphere covered by other patches
     backs_seen:    uint8 by source + 1: set to 1 if a sample hits its back face
     back_l1:       3 float4 of each patch, axes x, y and z: L1 of the light from back faces, see
-                   kernels/gather/irradiance_l1.cl; None without directional maps
+                   kernels/visibility/irradiance_l1.cl; None without directional maps
     """
 
     cache: cl.Buffer

@@ -1,4 +1,4 @@
-"""The polynomials of kernels/gather/irradiance_l1.cl are the least-squares fit that they stand for."""
+"""The polynomials of kernels/visibility/irradiance_l1.cl are the least-squares fit that they stand for."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ __kernel void probe(__global const float4 *directions, __global const float4 *no
 
 
 def tilts(compute, directions, normals, monkeypatch):
-    """Return `l1_of_direction` of kernels/gather/irradiance_l1.cl, (n, 3)."""
+    """Return `l1_of_direction` of kernels/visibility/irradiance_l1.cl, (n, 3)."""
     from engine.device import cl_device as module
 
     real = module.program_source

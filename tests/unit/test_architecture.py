@@ -3,9 +3,13 @@
 import ast
 import re
 import sys
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
+
+Node = TypeVar("Node")
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -62,11 +66,11 @@ def imports(package: str) -> set[tuple[str, str]]:
     found = set()
     for name, path in known.items():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.level:
-                source = name.split(".")[: -node.level] + (node.module.split(".") if node.module else [])
-                found |= {
-                    (name, target) for alias in node.names if (target := module(known, source, alias.name))
-                }
+            if isinstance(node, ast.ImportFrom):
+                base = name.split(".")[: -node.level] if node.level else []
+                source = base + (node.module.split(".") if node.module else [])
+                targets = (module(known, source, alias.name) for alias in node.names)
+                found |= {(name, target) for target in targets if target and target != name}
     return found
 
 
@@ -81,6 +85,16 @@ def room(package: str, module: str) -> str:
     return module.split(".")[len(package.split("/"))]
 
 
+def reachable(start: Node, follows: Mapping[Node, Collection[Node]]) -> set[Node]:
+    """Return all that follows a start directly or by way of others."""
+    reached, open_ends = set(), [start]
+    while open_ends:
+        new = set(follows.get(open_ends.pop(), ())) - reached
+        reached |= new
+        open_ends += new
+    return reached
+
+
 @pytest.mark.parametrize("package", ORDERS)
 def test_imports_point_down(package):
     order = ORDERS[package]
@@ -93,18 +107,36 @@ def test_imports_point_down(package):
     assert not upward
 
 
+@pytest.mark.parametrize("package", ["engine", "operators", "panels", "tools", "benchmarks"])
+def test_neither_modules_nor_sub_rooms_import_each_other_in_circles(package):
+    """At each depth of folders: depth 1 has rooms, the next one their sub-rooms, the last one modules."""
+    pairs = imports(package)
+    for depth in range(1, max(name.count(".") for name in modules(package)) + 1):
+        follows: dict[tuple[str, ...], set[tuple[str, ...]]] = {}
+        for names in pairs:
+            here, there = (tuple(name.split(".")[: depth + 1]) for name in names)
+            if here != there and here[:depth] == there[:depth]:
+                follows.setdefault(here, set()).add(there)
+        for start in follows:
+            assert start not in reachable(start, follows)
+
+
 @pytest.mark.parametrize("package", ["engine", "operators", "panels"])
-def test_no_module_imports_itself_by_way_of_others(package):
+def test_product_imports_nothing_that_is_not_shipped(package):
+    pattern = re.compile(r"^\s*(from|import) (tools|tests|benchmarks|examples|extras)\b", re.MULTILINE)
+    assert not [name for name, path in modules(package).items() if pattern.search(path.read_text("utf-8"))]
+
+
+@pytest.mark.parametrize("folder", ["kernels", "shaders"])
+def test_includes_of_kernels_and_shaders_have_no_circles_between_folders(folder):
+    found = {path.name: path for path in (ROOT / folder).rglob("*") if path.is_file()}
     follows: dict[str, set[str]] = {}
-    for name, target in imports(package):
-        follows.setdefault(name, set()).add(target)
+    for path in found.values():
+        for name in re.findall(r'^#include "(.+)"', path.read_text("utf-8"), re.MULTILINE):
+            if found[name].parent != path.parent:
+                follows.setdefault(path.parent.name, set()).add(found[name].parent.name)
     for start in follows:
-        reached, open_ends = set(), [start]
-        while open_ends:
-            new = follows.get(open_ends.pop(), set()) - reached
-            reached |= new
-            open_ends += new
-        assert start not in reached
+        assert start not in reachable(start, follows)
 
 
 def test_layers_know_only_what_is_below_them():

@@ -1,6 +1,6 @@
 #pragma once
 // L1 of irradiance: a vector l1 per channel with E(n')/pi = E(n)/pi + l1 . (n' - n) for normals n' near n (normal
-// maps). kernels/gather/irradiance_l1.cl explains the polynomials.
+// maps). kernels/visibility/irradiance_l1.cl explains the polynomials.
 
 // L1 of a patch: rgb for each world axis; stays 0 without DIRECTIONAL.
 struct L1 {

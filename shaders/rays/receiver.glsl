@@ -1,6 +1,6 @@
 #pragma once
 // Receivers of light: the geometry of a patch, the origins of its rays, and sample directions around its normal. The
-// same as kernels/visibility/receiver.cl.
+// same as kernels/rays/receiver.cl.
 
 #define TO_VEC3(a) vec3((a)[0], (a)[1], (a)[2])
 
@@ -120,7 +120,7 @@ void basis(const vec3 z, out vec3 x, out vec3 y)
 }
 
 // Maps the unit square to the unit disk, uniform in area. Sine and cosine are the polynomials of
-// kernels/visibility/receiver.cl, so that both place samples alike.
+// kernels/rays/receiver.cl, so that both place samples alike.
 vec2 disk(const vec2 u)
 {
     float quarters = 4.0 * u.y, quarter = roundEven(quarters), x = quarters - quarter, z = x * x;

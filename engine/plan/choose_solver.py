@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..device.device_array import colors_on_host
+from ..direct.contact import Contacts
 from ..gather.cached_gather import CachedGather
 from ..gather.glsl_cached import fits_glsl_cache
 from ..gather.hemicube_gather import GlslGather, PaperGather
@@ -28,8 +29,9 @@ from ..solve.patch_groups import PatchGroups, SinglePatches, group_representativ
 from ..solve.radiosity_state import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
-from ..solve.solver import ChooseSubstitutes, Solver
-from ..validity.invalid import patches_near_backs
+from ..solve.solver import ChooseSubstitutes, Seen, Solver
+from ..validity.invalid import is_invalid, patches_near_backs
+from ..validity.substitutes import substitute_patches
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
 from ..visibility.rays.near_openness import openness
 from ..visibility.rays.shaders.shader_scene import ShaderScene
@@ -39,7 +41,6 @@ from .memory import MORE_RAYS, group_width, is_adaptive, is_smoothed
 from .receivers import Receivers, make_final_gather, separates_direct
 from .solve_job import SolveJob
 from .solver_choice import SolverChoice
-from .substitute_patches import substitute_patches
 
 #: Tolerance of interpolation between patch groups. An irradiance plane is fitted to neighbouring groups; its
 #: residual, relative to the irradiance, may be at most this value divided by the square root of the samples
@@ -90,9 +91,7 @@ def _solver(
 ) -> tuple[Solver, SolverChoice]:
     """Return a solver with one unknown for each patch; see `Solver`."""
     if choose_substitutes is None and job.contacts is not None:
-        choose_substitutes = partial(
-            substitute_patches, job.parts, job.contacts, find_pairs=job.kept.find_substitutes
-        )
+        choose_substitutes = partial(_substitutes, job, job.contacts)
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
@@ -101,6 +100,12 @@ def _solver(
         job.front,
     )  # fmt: skip
     return solver, replace(choice, patches=job.count)
+
+
+def _substitutes(job: SolveJob, contacts: Contacts, gathered: Seen) -> np.ndarray | None:
+    """Return the substitute of each patch, (n,) int64, from the first iteration; None if all are valid."""
+    hidden = is_invalid(gathered.front, contacts)
+    return substitute_patches(job.parts, hidden, gathered.light_of, job.kept.find_substitutes)
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:

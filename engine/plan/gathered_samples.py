@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..numpy_pickle import NumpyPickle
-from ..postprocess.push_off import PushOffs
 from ..postprocess.texel_samples import TexelSamples
+from ..validity.push_off import PushOffs
 
 
 @dataclass(frozen=True)

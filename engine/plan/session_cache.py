@@ -26,6 +26,7 @@ from ..scene.open_surfaces import OpenSurfaces
 from ..setting_types import VISIBILITY
 from ..settings import Settings, descriptions
 from ..validity.invalid import patches_inside
+from ..validity.substitutes import PatchPairs, find_substitutes
 from ..visibility.rays.bvh import Bvh
 from ..visibility.rays.ray_scene import RayScene, make_tracer
 from ..visibility.rays.shaders.host_bvh import HostBvh
@@ -34,7 +35,6 @@ from ..visibility.rays.upper_levels import UpperLevels
 from ..visibility.rays.visible_backs import VisibleBacks
 from ..visibility.sampler import directional_options
 from .previous_solution import PreviousSolution
-from .substitute_patches import PatchPairs, find_substitutes
 
 #: Divisor of the device memory for the default budget of the cache.
 _PART = 4
@@ -156,7 +156,7 @@ class SessionCache:
         return self._rays
 
     def find_substitutes(self, patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
-        """Return the candidates for substitutes; see `substitute_patches.find_substitutes`."""
+        """Return the candidates for substitutes; see `validity.substitutes.find_substitutes`."""
         return self._substitutes.get(
             (patch_scene.patches, hidden), lambda: find_substitutes(patch_scene, hidden)
         )

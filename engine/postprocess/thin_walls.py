@@ -8,7 +8,7 @@ from ..array_ops import run_starts
 from ..object_message import object_message
 from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
-from .push_off import PushOffs
+from ..validity.push_off import PushOffs
 from .texel_samples import TexelSamples
 
 #: Relative difference between both sides above which light leaks visibly (chosen).
@@ -57,7 +57,7 @@ def warn_thin_walls(
     density = units * float((_PARTING / np.maximum(push_offs.thickness[inside], 1e-6)).max())
     now = units / float(_texel(patch_scene, samples, inside).max())
     sentence = (
-        "{}: wall thinner than two texels, so light leaks beside it. "
+        "{}: wall thinner than two texels, so light leaks next to it. "
         f"Use {_rounded(density)} texels per metre (now {_rounded(now)}) "
         "or cut the lightmap UVs along the wall."
     )

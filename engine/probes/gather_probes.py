@@ -16,13 +16,12 @@ from ..scene.light_groups import light_groups
 from ..scene.probe_volume import ProbeVolume
 from ..settings import Settings
 from ..solve.solution import Solution
-from ..texel_gather.invalid_texel_fill import InvalidTexelFill
 from ..texel_gather.texel_sample_points import TexelGatherJob
-from ..texel_gather.valid_patches import invalid_patches, radiance_of
+from ..texel_gather.valid_patches import invalid_patches, radiance_of, substitutes_of
 from ..validity.lit_backs import mean_luminance
+from ..validity.probe_repair import filled, moved_out
 from ..validity.thresholds import DARK_BACK, MAX_BACKS_PROBE
 from ..visibility.views.viewpoints import OF_COORDINATE
-from .probe_fill import filled, moved_out
 from .probe_lights import ProbeLights
 from .probe_rows import COEFFICIENTS, ProbeRadiance, ProbeRows
 from .sent_light import SentRadiance
@@ -76,12 +75,15 @@ def gather_probes(
     # Patches emit their final light, also where groups of them were solved.
     what, volumes = replace(what, solved=what.job), what.scene.probe_volumes
     total = sum(volume.count for volume in volumes)
-    hidden = None if what.choice.method == "none" else invalid_patches(what, front, near)
-    lights = [_radiance(what, what.job, solution.light, hidden)]
+    substitute = None
+    if what.choice.method != "none":
+        hidden = invalid_patches(what, front, near)
+        substitute = substitutes_of(what, hidden, solution.light, solution.substitute)
+    lights = [_radiance(what.job, solution.light, substitute)]
     for number, light in enumerate(groups.values()):
         emission, sky, backs = what.lighting.left_to_hemicubes(number)
         job = replace(what.job, emission=emission, sky=sky, backs=backs, part_of=what.job)
-        lights.append(_radiance(what, job, light, hidden))
+        lights.append(_radiance(job, light, substitute))
     part = _gather_of_volumes(what, lights, bool(groups))
     made, before, origin = list[ProbeGrid](), 0, what.job.parts.triangles.origin
     for number, volume in enumerate(volumes):
@@ -146,16 +148,14 @@ def _grid(
     )
 
 
-def _radiance(what: TexelGatherJob, job: SolveJob, light: Values, hidden: np.ndarray | None) -> ProbeRadiance:
+def _radiance(job: SolveJob, light: Values, substitute: np.ndarray | None) -> ProbeRadiance:
     """Return the radiance that probes receive from patches and background.
 
-    job:     patches with all light, or with that of a light group
-    light:   (n, 3) float32, E/pi of the patches
-    hidden:  (n,) bool, invalid patches; None if nothing is gathered
+    job:         patches with all light, or with the light of one group
+    light:       (n, 3) float32, E/pi of the patches
+    substitute:  (n,) int64, substitute patches; None if all are valid
     """
-    radiance = radiance_of(job, light)
-    if hidden is not None:
-        InvalidTexelFill(replace(what, job=job, solved=job), hidden).replace(radiance, light)
+    radiance = radiance_of(job, light, substitute)
     mean = mean_luminance(job.opencl, radiance, job.count)
     return ProbeRadiance(radiance, job.background, job.fronts + 1, max(DARK_BACK * mean, _BLACK))
 
@@ -251,7 +251,7 @@ class ProbeGather:
     def _moved_rows(
         self, rows: ProbeRows, key: str, volume: ProbeVolume, points: np.ndarray, first: int
     ) -> ProbeRows:
-        """Return samples for other points than those of `rows`; the last ones if the points are equal."""
+        """Return samples at other points than `rows`; the last samples if the points have not changed."""
         place = points.tobytes()
         known = rows.moved.get(key)
         if known is None or known[0] != place:

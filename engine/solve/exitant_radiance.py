@@ -9,8 +9,6 @@ from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, float4_once, rows_on_device
 from ..device.opencl import cl
 
-_SOURCE = "exitant_radiance.cl"
-
 
 def exitant_radiance(
     compute: ComputeDevice,
@@ -28,23 +26,10 @@ def exitant_radiance(
     irradiance:   (n, 3) float32, E/pi
     substitute:   (n,) int64, patch whose reflected light replaces each patch's own; None if none
     """
-    (kernel,) = compute.kernels(_SOURCE, "exitant_radiance")
+    (kernel,) = compute.kernels("exitant_radiance.cl", "exitant_radiance")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
     surfaces = upload_float4_once(compute, emission, first=1), float4_once(compute, reflectance)
     light, stride = rows_on_device(compute, irradiance)
     others = None if substitute is None else upload(compute, substitute.astype(np.uint32))
     compute.run(kernel, count, *surfaces, light, np.int32(stride), others, radiance, np.int32(count))
     return radiance
-
-
-def replace_radiance(
-    compute: ComputeDevice, radiance: cl.Buffer, patches: np.ndarray, values: np.ndarray
-) -> None:
-    """Replace the radiance of some patches, (k,) int64, by values, (k, 3) float32.
-
-    radiance: buffer from `exitant_radiance`
-    """
-    if len(patches):
-        (kernel,) = compute.kernels(_SOURCE, "replace_radiance")
-        inputs = upload(compute, values.astype(np.float32)), upload(compute, patches.astype(np.uint32))
-        compute.run(kernel, len(patches), *inputs, radiance, np.int32(len(patches)))

@@ -23,7 +23,6 @@ from ..postprocess.blended_light import BlendedLight
 from ..postprocess.device_images import DeviceTexels
 from ..postprocess.irradiance_edges import PatchLight
 from ..postprocess.output_maps import Outputs
-from ..postprocess.push_off import joined_push_offs
 from ..postprocess.texel_means import TexelMeans
 from ..postprocess.texel_samples import (
     TexelSamples,
@@ -38,12 +37,12 @@ from ..scene.color import channel_sum
 from ..settings import Settings
 from ..solve.solution import Solution
 from ..validity.invalid import is_invalid
+from ..validity.push_off import joined_push_offs
 from ..visibility.sample_counts import ray_count
-from .invalid_texel_fill import InvalidTexelFill
 from .light_group_final_gather import gather_light_groups, of_all_light
 from .light_group_solver import LightGroupSolution
 from .texel_sample_points import TexelGatherJob, TexelSamplePoints, with_other_sides
-from .valid_patches import invalid_patches, lit_backs_of, radiance_of
+from .valid_patches import invalid_patches, lit_backs_of, radiance_of, substitutes_of
 
 #: Minimum rays of a sample, and minimum shadow rays to each light.
 _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
@@ -64,6 +63,7 @@ class TexelSampleLight:
     inside:    (k,) int64, samples inside walls thinner than two texels
     values:    (s, 3) or (s,) float32, value of each output, by name; empty without samples
     hidden:    (n,) bool, invalid patches
+    substitute: (m,) int64, substitute of each sender of light; None if all are valid
     count:     samples of each texel
     reasons:   sentences for the report
     warnings:  messages for the user
@@ -77,6 +77,7 @@ class TexelSampleLight:
     inside: np.ndarray
     values: dict[str, np.ndarray]
     hidden: np.ndarray
+    substitute: np.ndarray | None
     count: int
     reasons: tuple[str, ...]
     warnings: tuple[str, ...] = ()
@@ -119,11 +120,11 @@ def gather_texel_samples(
     if not len(samples):
         return _nothing("No texel needs more than one sample.")
     settings = _settings_of_samples(texel_job.job.settings, count)
-    radiance, remote = radiance_of(texel_job.solved, solution.settled), texel_job.job.remote
+    substitute = substitutes_of(texel_job, known.hidden, solution.settled, solution.substitute)
+    radiance, remote = radiance_of(texel_job.solved, solution.settled, substitute), texel_job.job.remote
     if texel_job.job.parts.sides is not None:
         # Remote devices do not store the weights of both sides of a surface, so this device gathers.
         texel_job, remote = replace(texel_job, solved=replace(texel_job.solved, remote=None)), None
-    InvalidTexelFill(texel_job, known.hidden).replace(radiance, solution.settled)
     if remote is not None:
         sent = HalfRadiance.of(compute, radiance, texel_job.solved.count)
         lit = yield from remote.gather_at(samples, sent, texel_job.choice, settings)
@@ -131,7 +132,7 @@ def gather_texel_samples(
         lit = []
         for batch, done in _batches(samples):
             lit.append((yield from run_as_fraction(*done, gather_at(texel_job, radiance, batch, settings))))
-    return _joined(texel_job, lit, known, count)
+    return _joined(texel_job, lit, known, substitute, count)
 
 
 def light_groups_in_texels(
@@ -144,31 +145,32 @@ def light_groups_in_texels(
     if not len(lit.samples):
         return []
     settings = of_all_light(_settings_of_samples(texel_job.job.settings, lit.count))
-    side_by_side = np.concatenate([group.settled for group in groups], axis=1)
-    hidden = InvalidTexelFill(texel_job, lit.hidden)
-    seen = hidden.seen(side_by_side).reshape(len(side_by_side), len(groups), 3)
-    solved = [hidden.on_surfaces(group.solved) for group in groups]
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
         both, sides = with_other_sides(batch, texel_job.job.parts)
         points = TexelSamplePoints(texel_job, both, settings)
-        found = yield from run_as_fraction(*done, _gather_groups(texel_job, solved, seen, points))
+        found = yield from run_as_fraction(*done, _gather_groups(texel_job, groups, lit.substitute, points))
         light.append(np.stack([both_sides(sides, group)[: len(batch)] for group in found]))
     return list(np.concatenate(light, axis=1))
 
 
 def _gather_groups(
-    texel_job: TexelGatherJob, solved: list[SolveJob], seen: np.ndarray, points: TexelSamplePoints
+    texel_job: TexelGatherJob,
+    groups: list[LightGroupSolution],
+    substitute: np.ndarray | None,
+    points: TexelSamplePoints,
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups at texel samples, (g, s, 3) float32.
 
-    solved:  job of each group, with the filled reflectance of invalid patches
+    substitute:  (m,) int64, substitute of each sender of light; None if all are valid
     """
     lighting = texel_job.lighting.of(points.rays, points.settings)
     sampled = yield from run_as_fraction(0.0, 0.3, lighting.gather_by_group())
-    settled = list(seen.transpose(1, 0, 2))
+    solved, settled = [group.solved for group in groups], [group.settled for group in groups]
     receivers = Receivers(points.parts, points.rays, sampled[0])
-    gathering = gather_light_groups(solved, settled, texel_job.choice, receivers, sampled, points.settings)
+    gathering = gather_light_groups(
+        solved, settled, texel_job.choice, receivers, sampled, points.settings, substitute
+    )
     return (yield from run_as_fraction(0.3, 1.0, gathering))
 
 
@@ -201,6 +203,7 @@ def _nothing(*reasons: str) -> TexelSampleLight:
         inside=np.zeros(0, np.int64),
         values={},
         hidden=none,
+        substitute=None,
         count=1,
         reasons=reasons,
     )
@@ -238,7 +241,11 @@ def gather_at(
 
 
 def _joined(
-    texel_job: TexelGatherJob, lit: list[GatheredSamples], known: PatchLight, count: int
+    texel_job: TexelGatherJob,
+    lit: list[GatheredSamples],
+    known: PatchLight,
+    substitute: np.ndarray | None,
+    count: int,
 ) -> TexelSampleLight:
     """Join the light of all batches; add the report's sentence and the warnings."""
     samples = joined_samples([batch.samples for batch in lit])
@@ -265,6 +272,7 @@ def _joined(
         inside=inside,
         values=values,
         hidden=known.hidden,
+        substitute=substitute,
         count=count,
         reasons=(reason,),
         warnings=tuple(warnings),

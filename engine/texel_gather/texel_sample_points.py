@@ -16,10 +16,10 @@ from ..patches.patch_scene import PatchScene
 from ..patches.sides import Sides, own_sides
 from ..plan.solve_job import SolveJob
 from ..plan.solver_choice import SolverChoice
-from ..postprocess.push_off import PushOffs, push_off_points, pushed_barycentrics
 from ..postprocess.texel_samples import TexelSamples, joined_samples, on_lightmap
 from ..scene.model import Scene
 from ..settings import Settings
+from ..validity.push_off import PushOffs, push_off_points, pushed_barycentrics
 
 #: Weight of a sample after push-off. It is small, so that such samples count only in texels without other
 #: valid ones.

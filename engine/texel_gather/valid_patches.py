@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..device.buffers import upload_float4
-from ..device.device_array import Values, colors_on_host
+from ..device.device_array import Values, colors_on_host, values_at
 from ..device.opencl import cl
 from ..direct.contact import Contacts
 from ..plan.solve_job import SolveJob
-from ..postprocess.push_off import push_off_points
 from ..solve.exitant_radiance import exitant_radiance
 from ..solve.solution import Solution
 from ..validity.invalid import is_doubtful, is_invalid
 from ..validity.lit_backs import lit_backs, lit_backs_on_host
+from ..validity.push_off import push_off_points
+from ..validity.substitutes import substitute_patches
 from .texel_sample_points import TexelGatherJob
 
 
@@ -26,6 +29,22 @@ def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
     reflectance = solved.parts.surfaces.reflectance
     return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, substitute)
+
+
+def substitutes_of(
+    texel_job: TexelGatherJob, hidden: np.ndarray, settled: Values, of_groups: np.ndarray | None
+) -> np.ndarray | None:
+    """Return the substitute of each sender of light, (m,) int64, for a final gather; None if all are valid.
+
+    Patch groups keep the substitutes of the iterations, which are of groups too.
+
+    hidden:     (n,) bool, invalid patches, see `invalid_patches`
+    settled:    (m, 3) float32, E/pi of the senders
+    of_groups:  (m,) int64, substitutes of the iterations, see `Solution.substitute`
+    """
+    if texel_job.solved is not texel_job.job:
+        return of_groups
+    return substitute_patches(texel_job.job.parts, hidden, partial(values_at, settled))
 
 
 def lit_backs_of(texel_job: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:

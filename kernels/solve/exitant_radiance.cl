@@ -11,12 +11,3 @@ __kernel void exitant_radiance(__global const float4 *emission, __global const f
     const size_t from = stand_in ? stand_in[i] : i;
     radiance[i + 1] = emission[i + 1] + reflectance[from] * (float4)(vload3(0, light + stride * from), 0.0f);
 }
-
-// Overwrites the radiance of some patches. values: (n, 3) float.
-__kernel void replace_radiance(__global const float *values, __global const uint *patches, __global float4 *radiance,
-                               const int count)
-{
-    const int i = get_global_id(0);
-    if (i < count)
-        radiance[patches[i] + 1] = (float4)(vload3(i, values), 0.0f);
-}

@@ -10,8 +10,8 @@ from engine.device import devices
 from engine.direct import contact
 from engine.direct.contact import find_contacts, patches_lit_by_backs
 from engine.patches.patch_scene import make_patch_scene
-from engine.postprocess.push_off import push_off_points
 from engine.session import Session
+from engine.validity.push_off import push_off_points
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.shaders.shader_scene import ShaderScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls

@@ -10,8 +10,8 @@ from engine.patches.patch_list import PatchList
 from engine.patches.texel_fragments import TexelClipper
 from engine.postprocess import texel_samples as module
 from engine.postprocess.irradiance_edges import PatchLight, find_edges
-from engine.postprocess.push_off import pushed_barycentrics
 from engine.postprocess.texel_means import TexelMeans
+from engine.validity.push_off import pushed_barycentrics
 from tests.gpu.test_texel_fragments import nasty_uvs, triangles_of
 
 RESOLUTION = 13

@@ -5,8 +5,6 @@ import pytest
 
 from engine import finished
 from engine.errors import SceneError
-from engine.probes import probe_fill
-from engine.probes.probe_fill import filled, moved_out
 from engine.probes.sphere_directions import direction_count, random_rotations, sphere_directions
 from engine.probes.spherical_harmonics import (
     ambient_cube,
@@ -17,6 +15,8 @@ from engine.probes.spherical_harmonics import (
 )
 from engine.scene.checks import check_probe_volumes
 from engine.scene.probe_volume import ProbeVolume, volume_issue
+from engine.validity import probe_repair
+from engine.validity.probe_repair import filled, moved_out
 
 RANDOM = np.random.default_rng(5)
 
@@ -102,7 +102,7 @@ def test_a_fill_reaches_all_probes_and_keeps_valid_ones():
 
 def test_a_fill_is_the_mean_of_nearest_neighbours_ring_by_ring(monkeypatch):
     """Against a plain loop over all probes, with a few filled at once, which progress is reported after."""
-    monkeypatch.setattr(probe_fill, "_AT_ONCE", 7)
+    monkeypatch.setattr(probe_repair, "_AT_ONCE", 7)
     volume = ProbeVolume("Volume", np.diag([3.0, 2.0, 1.0, 1.0]), (5, 7, 3))
     light = RANDOM.random((105, 9, 3)).astype(np.float32)
     valid = np.zeros(105, bool)

@@ -1,6 +1,7 @@
-"""Substitute patches: a valid neighbour whose reflected light replaces that of an invalid patch.
+"""Substitute patches: valid neighbours whose reflected light replaces the light of invalid patches.
 
-Part of an invalid patch's texel may be visible; rays that hit it need plausible light.
+Part of an invalid patch's texel may be visible; rays that hit it need plausible light. Iterations, final
+gathers and probes take it from the same substitutes.
 """
 
 from __future__ import annotations
@@ -10,12 +11,9 @@ from collections.abc import Callable
 import numpy as np
 
 from ..array_ops import nonzero_entries, taken
-from ..direct.contact import Contacts
 from ..patches.patch_scene import PatchScene
 from ..patches.texels_around import beside_any, entries_around
 from ..scene.color import channel_sum
-from ..solve.solver import Seen
-from ..validity.invalid import is_invalid
 
 #: Texels that are processed at once.
 _TEXELS = 1 << 18
@@ -24,6 +22,8 @@ _TEXELS = 1 << 18
 #: planes, texels.
 _ALIKE, _NEAR = 0.9, 0.5
 
+#: Fraction of the brightest light below which light counts as that bright in harmonic means.
+_FAINTEST = 1e-4
 
 #: Pairs of an invalid patch and a valid neighbour, two (p,) int64 arrays.
 PatchPairs = tuple[np.ndarray, np.ndarray]
@@ -47,31 +47,45 @@ def find_substitutes(patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
 
 def substitute_patches(
     patch_scene: PatchScene,
-    contacts: Contacts,
-    gathered: Seen,
+    hidden: np.ndarray,
+    light_of: Callable[[np.ndarray], np.ndarray],
     find_pairs: Callable[[PatchScene, np.ndarray], PatchPairs] = find_substitutes,
 ) -> np.ndarray | None:
     """Return the substitute of each patch, (n,) int64, valid patches themselves; None if all are valid.
 
-    The substitute is the darkest of the candidates, so that under a thin wall the dark side takes no light of
-    the lit side. A patch without candidates is its own substitute.
+    The substitute is the candidate whose light is closest to the harmonic mean of all candidates. Under a
+    thin wall with light on one side that mean is dark, so the dark side takes no light of the lit side.
+    Elsewhere it has less bias than the darkest candidate. A patch without candidates is its own substitute.
 
-    patch_scene:  patches of the scene
-    contacts:     contacts of the patches
-    gathered:     gathered light of the patches
+    patch_scene:  patches of the scene, or patch groups
+    hidden:       (n,) bool, invalid patches
+    light_of:     returns E/pi, (k, 3), of some patches, (k,) int64
     find_pairs:   `find_substitutes`, or a version that caches its last result
     """
-    hidden = is_invalid(gathered.front, contacts)
     if not hidden.any():
         return None
     patch, seen = find_pairs(patch_scene, hidden)
 
-    # The first pair of each patch is the darkest.
-    order = np.lexsort((channel_sum(gathered.light_of(seen)), patch))
+    light = channel_sum(light_of(seen)).astype(np.float64)
+
+    # The first pair of each patch is the closest to the mean.
+    order = np.lexsort((np.abs(light - _harmonic_mean(light, patch)[patch]), patch))
     patch, first = np.unique(patch[order], return_index=True)
     result = np.arange(len(hidden))
     result[patch] = seen[order[first]]
     return result
+
+
+def _harmonic_mean(light: np.ndarray, patch: np.ndarray) -> np.ndarray:
+    """Return the harmonic mean of the light of each patch's candidates, float64, by patch.
+
+    light:  (p,) float64, light of the candidates
+    patch:  (p,) int64, patch of each candidate
+    """
+    faintest = max(_FAINTEST * float(light.max(initial=0)), 1e-30)
+    inverse = np.bincount(patch, 1 / np.maximum(light, faintest))
+    mean: np.ndarray = np.bincount(patch) / np.maximum(inverse, 1e-30)
+    return mean
 
 
 def _valid_neighbours(patch_scene: PatchScene, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:

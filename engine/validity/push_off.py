@@ -15,11 +15,11 @@ from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..patches.geometry import PatchGeometry
-from ..validity.shader_probes import push_offs
-from ..validity.thresholds import KERNEL_OPTIONS
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
 from ..visibility.rays.shaders.shader_scene import ShaderScene
+from .shader_probes import push_offs
+from .thresholds import KERNEL_OPTIONS
 
 #: Maximum cosine between the normals of two opposite sides of a wall; the sides of a corner exceed it.
 _APART = -0.9

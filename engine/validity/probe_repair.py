@@ -1,4 +1,4 @@
-"""Repair of probes inside geometry: their way out, and the fill from valid neighbours."""
+"""Repair of probes inside geometry: push-off to the outside, and fill of the others from valid neighbours."""
 
 from __future__ import annotations
 
@@ -35,10 +35,11 @@ def moved_out(volume: ProbeVolume, ways: np.ndarray, distances: np.ndarray) -> t
 def filled(
     coefficients: np.ndarray, valid: np.ndarray, volume: ProbeVolume
 ) -> Generator[float, None, np.ndarray]:
-    """Return coefficients, (n, 9, 3) float32, with those of invalid probes from valid neighbours.
+    """Return coefficients, (n, 9, 3) float32, in which invalid probes are filled.
 
-    Each is the mean of its valid neighbours, weighted by the inverse square of their distance; neighbours of
-    filled probes follow. Without any valid probe nothing changes. Yields the fraction that is filled.
+    Each invalid probe gets the mean of its valid neighbours, weighted by the inverse square of their
+    distance; neighbours of filled probes follow. Without any valid probe nothing changes. Yields the fraction
+    that is filled.
 
     valid:  (n,) bool
     """

@@ -20,11 +20,11 @@ import moderngl
 import numpy as np
 
 from engine.device.cl_device import ComputeDevice
-from engine.device.cl_library import ClLibrary
 from engine.device.gl_context import GraphicsContext
 from engine.device.opencl import cl
-from engine.device.raw_gl import TEXTURE_2D_ARRAY
+from engine.device.raw_gl import FLOAT, TEXTURE_2D_ARRAY, UNSIGNED_INT, RawGL, Signatures
 from engine.errors import DeviceError
+from tools.cl_library import ClLibrary
 
 #: OpenCL and OpenGL extensions that each way requires, from the best way to the simplest.
 RUNGS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -48,6 +48,43 @@ _CGL_SHARE_GROUP = 0x10000000
 _CL_OPAQUE_FD, _GL_OPAQUE_FD = 0x2060, 0x9586
 
 _READ_ONLY = 1 << 2
+
+_PIXEL_PACK_BUFFER, _RGBA, _RED_INTEGER = 0x88EB, 0x1908, 0x8D94
+
+_UINT, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
+_SIGNATURES: Signatures = {
+    "glBindTexture": (None, (_UINT, _UINT)),
+    "glBindBuffer": (None, (_UINT, _UINT)),
+    "glGetTexImage": (None, (_UINT, _INT, _UINT, _UINT, _POINTER)),
+    "glCreateBuffers": (None, (_INT, ctypes.POINTER(_UINT))),
+    "glCreateMemoryObjectsEXT": (None, (_INT, ctypes.POINTER(_UINT))),
+    "glImportMemoryFdEXT": (None, (_UINT, ctypes.c_uint64, _UINT, _INT)),
+    "glNamedBufferStorageMemEXT": (None, (_UINT, ctypes.c_ssize_t, _UINT, ctypes.c_uint64)),
+}
+
+
+class SharingGL(RawGL):
+    """OpenGL functions that copy a texture array into memory of another API."""
+
+    def __init__(self) -> None:
+        super().__init__(_SIGNATURES)
+
+    def imported_buffer(self, descriptor: int, size: int, kind: int) -> int:
+        """Return a buffer in memory imported by a file descriptor (GL_EXT_memory_object_fd)."""
+        memory, buffer = _UINT(), _UINT()
+        self("glCreateMemoryObjectsEXT", 1, ctypes.byref(memory))
+        self("glImportMemoryFdEXT", memory.value, size, kind, descriptor)
+        self("glCreateBuffers", 1, ctypes.byref(buffer))
+        self("glNamedBufferStorageMemEXT", buffer.value, size, memory.value, 0)
+        return buffer.value
+
+    def read_texture_array(self, texture: int, integers: bool, buffer: int) -> None:
+        """Copy a texture array of 4 floats or one unsigned integer into a buffer."""
+        self("glBindTexture", TEXTURE_2D_ARRAY, texture)
+        self("glBindBuffer", _PIXEL_PACK_BUFFER, buffer)
+        kind = (_RED_INTEGER, UNSIGNED_INT) if integers else (_RGBA, FLOAT)
+        self("glGetTexImage", TEXTURE_2D_ARRAY, 0, *kind, None)
+        self("glBindBuffer", _PIXEL_PACK_BUFFER, 0)
 
 
 def missing_extensions(rung: str, opencl: Collection[str], opengl: Collection[str]) -> tuple[str, ...]:
@@ -277,9 +314,9 @@ class ExternalShare:
         texture: moderngl.TextureArray,
         export: Callable[[int], tuple[int, int, int]],
     ) -> None:
-        self._raw, self._texture = graphics.raw, texture
+        self._raw, self._texture = SharingGL(), texture
         for_opengl, for_opencl, size = export(texture_bytes(texture))
-        self._pixels = graphics.raw.imported_buffer(for_opengl, size, _GL_OPAQUE_FD)
+        self._pixels = self._raw.imported_buffer(for_opengl, size, _GL_OPAQUE_FD)
         graphics.check("importing external memory")
         keys = (ctypes.c_uint64 * 3)(_CL_OPAQUE_FD, for_opencl, 0)
         memory = library.make(

@@ -27,7 +27,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.tables import table
 from engine import Settings
 from engine.device.cl_device import ComputeDevice, device_name, found_devices
-from engine.device.cl_library import ClLibrary
 from engine.device.gl_context import GraphicsContext
 from engine.device.host_copy import HostCopy
 from engine.errors import EngineError
@@ -39,6 +38,7 @@ from engine.visibility.raster.targets import RadianceTarget
 from engine.visibility.raster.tiles import COPIED_RADIANCE_BYTES, plan_tiles
 from tests.analytic.scenes import nine_quad_room
 from tools import gl_interop
+from tools.cl_library import ClLibrary
 from tools.vulkan_memory import VulkanMemory
 
 ROOT = Path(__file__).resolve().parents[1]

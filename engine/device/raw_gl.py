@@ -26,12 +26,14 @@ FLOAT = 0x1406
 LOWER_LEFT = 0x8CA1
 ZERO_TO_ONE = 0x935F
 DEPTH_CLAMP = 0x864F
-PIXEL_PACK_BUFFER = 0x88EB
-RGBA, RED_INTEGER = 0x1908, 0x8D94
 SYNC_GPU_COMMANDS_COMPLETE = 0x9117
 
 _UINT, _INT, _FLOAT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_float, ctypes.c_void_p
-_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+
+#: Result and argument types of functions by name.
+Signatures = dict[str, tuple[Any, tuple[Any, ...]]]
+
+_SIGNATURES: Signatures = {
     "glGenTextures": (None, (_INT, ctypes.POINTER(_UINT))),
     "glDeleteTextures": (None, (_INT, ctypes.POINTER(_UINT))),
     "glBindTexture": (None, (_UINT, _UINT)),
@@ -49,25 +51,20 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glClipControl": (None, (_UINT, _UINT)),
     "glFenceSync": (_POINTER, (_UINT, _UINT)),
     "glFlush": (None, ()),
-    "glGetTexImage": (None, (_UINT, _INT, _UINT, _UINT, _POINTER)),
-    "glCreateBuffers": (None, (_INT, ctypes.POINTER(_UINT))),
-    "glCreateMemoryObjectsEXT": (None, (_INT, ctypes.POINTER(_UINT))),
-    "glImportMemoryFdEXT": (None, (_UINT, ctypes.c_uint64, _UINT, _INT)),
-    "glNamedBufferStorageMemEXT": (None, (_UINT, ctypes.c_ssize_t, _UINT, ctypes.c_uint64)),
 }
 
 
 class RawGL:
     """OpenGL functions by name, valid for the lifetime of the context in which they were found."""
 
-    def __init__(self) -> None:
+    def __init__(self, signatures: Signatures = _SIGNATURES) -> None:
         address_of = _address_finder()
         prototype = ctypes.CFUNCTYPE
         if sys.platform == "win32":
             prototype = ctypes.WINFUNCTYPE
         self._functions: dict[str, Callable[..., Any]] = {}
         self._unused: list[int] = []
-        for name, (result, arguments) in _SIGNATURES.items():
+        for name, (result, arguments) in signatures.items():
             address = address_of(name)
             if address:
                 self._functions[name] = prototype(result, *arguments)(address)
@@ -122,23 +119,6 @@ class RawGL:
         fence = self("glFenceSync", SYNC_GPU_COMMANDS_COMPLETE, 0)
         self("glFlush")
         return int(fence)
-
-    def imported_buffer(self, descriptor: int, size: int, kind: int) -> int:
-        """Return a buffer in memory imported by a file descriptor (GL_EXT_memory_object_fd)."""
-        memory, buffer = _UINT(), _UINT()
-        self("glCreateMemoryObjectsEXT", 1, ctypes.byref(memory))
-        self("glImportMemoryFdEXT", memory.value, size, kind, descriptor)
-        self("glCreateBuffers", 1, ctypes.byref(buffer))
-        self("glNamedBufferStorageMemEXT", buffer.value, size, memory.value, 0)
-        return buffer.value
-
-    def read_texture_array(self, texture: int, integers: bool, buffer: int) -> None:
-        """Copy a texture array of 4 floats or one unsigned integer into a buffer."""
-        self("glBindTexture", TEXTURE_2D_ARRAY, texture)
-        self("glBindBuffer", PIXEL_PACK_BUFFER, buffer)
-        kind = (RED_INTEGER, UNSIGNED_INT) if integers else (RGBA, FLOAT)
-        self("glGetTexImage", TEXTURE_2D_ARRAY, 0, *kind, None)
-        self("glBindBuffer", PIXEL_PACK_BUFFER, 0)
 
     def attach_layered_depth(self, depth: DepthArray) -> bool:
         """Attach a depth array to the bound framebuffer; return True if it is complete."""

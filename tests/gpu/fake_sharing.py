@@ -5,7 +5,8 @@ import ctypes
 import numpy as np
 import pyopencl as cl
 
-from engine.device import cl_library
+from engine.device.cl_library import loaded_library
+from tools.cl_library import SIGNATURES
 from tools.gl_interop import texture_bytes
 
 
@@ -20,10 +21,10 @@ class FakeLibrary:
     """
 
     def __init__(self, compute, texture=None, fails=(), imported=None):
-        self._compute, self._real, self._texture = compute, ctypes.CDLL(cl_library._loaded()), texture
+        self._compute, self._real, self._texture = compute, ctypes.CDLL(loaded_library()), texture
         self._fails, self._made, self._events = set(fails), {}, []
         self.imported, self.calls, self.properties = imported, [], []
-        for name, (result, arguments) in cl_library.SIGNATURES.items():
+        for name, (result, arguments) in SIGNATURES.items():
             setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(self._logged(name)))
 
     @property

@@ -5,10 +5,10 @@ import pyopencl as cl
 import pytest
 
 from engine.device.cl_device import ComputeDevice
-from engine.device.cl_library import ClLibrary
 from engine.errors import DeviceError
 from tests.gpu.fake_sharing import FakeLibrary
 from tools import gl_interop, probe_sharing
+from tools.cl_library import ClLibrary
 
 ACQUIRE, RELEASE = "clEnqueueAcquireGLObjects", "clEnqueueReleaseGLObjects"
 
@@ -78,11 +78,11 @@ def test_external_memory_is_imported_by_both(graphics, processor, texture, monke
     """This driver has no memory to export: a buffer of OpenGL's own stands in for what it imports."""
     own, imported = graphics.context.buffer(reserve=gl_interop.texture_bytes(texture)), []
 
-    def imported_buffer(*arguments):
+    def imported_buffer(_, *arguments):
         imported.append(arguments)
         return own.glo
 
-    monkeypatch.setattr(graphics.raw, "imported_buffer", imported_buffer)
+    monkeypatch.setattr(gl_interop.SharingGL, "imported_buffer", imported_buffer)
     fake, library = faked(processor, texture, imported=own.glo)
     handover = gl_interop.Finish(graphics, processor)
     size = gl_interop.texture_bytes(texture)

@@ -18,9 +18,6 @@ PREFERENCES = "preferences"
 #: Kind of cached data that a setting can invalidate: patches and their visibility samples.
 VISIBILITY = "visibility"
 
-#: Panels of the interface that contain settings, in order.
-PANELS = ("bake", "quality", "outputs", "advanced", "memory", "paper", PREFERENCES)
-
 
 class Option(NamedTuple):
     """Choice of an enumeration: its label and tool-tip."""

@@ -6,9 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Shapes of a volume in its unit cube [-1, 1]^3: the cube itself, or the unit sphere.
-SHAPES = ("box", "sphere")
-
 #: Minimum width of a volume relative to the largest coordinate: float32 resolves no smaller ones.
 _THIN = 1e-6
 
@@ -17,7 +14,7 @@ _THIN = 1e-6
 class ReflectionVolume:
     """Box or ellipsoid around a reflection sphere.
 
-    shape:   one of SHAPES
+    shape:   "box" for the unit cube, or "sphere" for the unit sphere
     matrix:  (4, 4) float64, from the unit cube [-1, 1]^3 to world axes, m, relative to `Scene.origin`
     """
 

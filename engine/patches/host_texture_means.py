@@ -10,8 +10,7 @@ import numpy as np
 from ..scene.color import srgb_to_linear
 from ..scene.model import Mesh
 from ..scene.resampling import shrink
-from ..scene.texture import Texture
-from ..scene.textures import sample
+from ..scene.texture import Texture, sample
 from .geometry import PatchGeometry
 from .textured import SAMPLES, TexturedPatches, averaged_size
 

@@ -7,7 +7,7 @@ import pytest
 
 from engine import Material, Scene, Settings, Texture
 from engine.scene.cutouts import EXTENSIONS, map_uvs
-from engine.scene.textures import sample
+from engine.scene.texture import sample
 from tests.analytic.drive import drive, irradiance
 from tests.analytic.scenes import quads, rectangle
 from tests.transparency import CLEAR_BACK, transparent
@@ -146,7 +146,7 @@ UVS = np.float32(
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_alpha_maps_go_on_beyond_their_borders(extension, smooth, visibility):
-    """Canopies of one texture coordinate each, 40 m apart, with the pixels of engine/scene/textures.py."""
+    """Canopies of one texture coordinate each, 40 m apart, with the pixels of engine/scene/texture.py."""
     pixels = np.random.default_rng(7).choice(np.float32([0, 0.25, 0.5, 0.75, 1]), (5, 7, 1))
     texture = Texture("Holes", pixels, "Map", extension=extension, smooth=smooth)
     meshes = []

@@ -7,7 +7,7 @@ from engine.patches import patch_materials as surfaces_module
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_materials import KnownSurfaces, patch_surfaces
 from engine.scene.model import Material, Mesh, Scene, Texture
-from engine.scene.textures import sample
+from engine.scene.texture import sample
 from engine.scene.triangles import join_meshes
 from tests.reference.cpu_patches import list_patches
 

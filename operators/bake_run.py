@@ -47,8 +47,7 @@ from .result.probe_images import keep_probes
 from .result.progress_images import ProgressImages, image_names
 from .result.rec709_result import in_rec709
 from .result.reflection_files import reflection_files
-from .result.sun_maps import mark_sun_maps
-from .result.sun_states import path_report, store_sun_states
+from .result.sun_states import mark_sun_maps, path_report, store_sun_states
 from .result.vertex_light import store_vertex_light
 from .rollback import Rollback
 from .run_stages import RunStages

@@ -1,8 +1,8 @@
-"""Light states of a sun path: one for each time of day."""
+"""Light states and maps of a sun path: a state for each time of day."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import bpy
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ...engine.object_message import counted
 from ...engine.postprocess.reduced_groups import ReducedGroups
 from ..scene.sun_path import SunPath
+from .images import MARK
 from .light_states import Mix, set_state_mix, state_mix
 
 
@@ -35,6 +36,31 @@ def store_sun_states(
         state.name, state.sun_time = name, time
         set_state_mix(state, mix)
     scene.hemibake.active_light_state = max(0, min(scene.hemibake.active_light_state, len(states) - 1))
+
+
+def mark_sun_maps(
+    scene: bpy.types.Scene, atlases: Sequence[str], written: Collection[str], maps: Collection[str]
+) -> None:
+    """Mark the maps of the sun path of a bake, and remove maps of earlier paths of the same lightmaps.
+
+    Images that the user has put in their place, and images that something else uses, stay in the .blend.
+
+    written:  names of all maps of this bake
+    maps:     names of the maps of its path; empty without a path
+    """
+    settings = scene.hemibake
+    entries, active = settings.lightmaps, settings.active_lightmap
+    chosen = entries[active].name if 0 <= active < len(entries) else ""
+    for index in reversed(range(len(entries))):
+        entry = entries[index]
+        if entry.name in written:
+            entry.of_sun_path = entry.name in maps
+        elif entry.of_sun_path and entry.companion_of in atlases:
+            name, image = entry.name, entry.image
+            entries.remove(index)
+            if image is not None and image.users == 0 and image.get(MARK) == name:
+                bpy.data.images.remove(image)
+    settings.active_lightmap = max(entries.find(chosen), 0)
 
 
 def path_report(path: SunPath, reduced: ReducedGroups) -> str:

@@ -12,8 +12,8 @@ from ...engine.object_message import object_message
 from ..levels import LevelFinder
 from ..object_properties import is_left_out
 from ..original_slots import own_slots, shown_materials
-from .materials.displacement import displaces
 from .materials.material_table import MaterialTable
+from .materials.tree_nodes import displaces
 from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
 from .objects.coordinate_limits import coordinate_issue, middle_of
 from .objects.items import ItemKey, SceneItem

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 import bpy
 
+from ...compat import node_tree
+
 
 def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
     """Yield the unmuted nodes that are connected to a tree's output, including nodes of groups.
@@ -33,3 +35,12 @@ def _outputs(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     ends = [node for node in tree.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output]
     output = None if ends else tree.get_output_node("CYCLES")
     return ends if output is None else [output]
+
+
+def displaces(material: bpy.types.Material | None) -> bool:
+    """Return True if Cycles displaces the surface of a material, and not only its normals."""
+    if material is None or material.displacement_method == "BUMP":
+        return False
+    tree = node_tree(material)
+    output = None if tree is None else tree.get_output_node("CYCLES")
+    return output is not None and any(not link.is_muted for link in output.inputs["Displacement"].links)

@@ -33,8 +33,7 @@ __kernel void scatter_colours(__global const float *colors, __global const uint 
 }
 
 // Scatters (n, 3) float values to rows places[i] of another (m, 3) float array.
-__kernel void put_rows(__global const float *values, __global const uint *places, __global float *rows,
-                       const int count)
+__kernel void put_rows(__global const float *values, __global const uint *places, __global float *rows, const int count)
 {
     const int i = get_global_id(0);
     if (i < count)
@@ -99,8 +98,8 @@ __kernel void take_fourth(__global const float4 *wide, __global float *taken, co
 }
 
 // Gathers the first `channels` floats of the chosen rows, `stride` apart, into a packed array.
-__kernel void take_colors(__global const float *rows, const int stride, const int channels,
-                          __global const uint *chosen, __global float *taken, const int count)
+__kernel void take_colors(__global const float *rows, const int stride, const int channels, __global const uint *chosen,
+                          __global float *taken, const int count)
 {
     const int i = get_global_id(0);
     for (int channel = 0; i < count && channel < channels; ++channel)
@@ -109,8 +108,8 @@ __kernel void take_colors(__global const float *rows, const int stride, const in
 
 // Adds two colour arrays, the second times `sign`, with rows `stride` and `apart` floats apart. Stores max(sum, 0) as
 // float4.
-__kernel void add_colors(__global const float *rows, const int stride, __global const float *others,
-                         const int apart, const float sign, __global float4 *total, const int count)
+__kernel void add_colors(__global const float *rows, const int stride, __global const float *others, const int apart,
+                         const float sign, __global float4 *total, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)

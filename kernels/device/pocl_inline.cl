@@ -2,6 +2,8 @@
 // newer CPUs LLVM does not inline it, and each `min` becomes a call that saves all vector registers. Results agree
 // except for rounding. engine/device/cl_device.py prepends this file to programs.
 
+// The one-line functions below read as a table.
+// clang-format off
 #define INLINED __attribute__((overloadable, always_inline)) inline
 
 // PAIRED defines min, max and clamp for type T; PAIRED_WITH defines them for a vector type T with a scalar ONE.
@@ -74,7 +76,10 @@ MEASURED(float2)
 MEASURED(float3)
 
 INLINED float inlined_sqrt(const float a) { return __builtin_sqrtf(a); }
-INLINED float3 inlined_sqrt(const float3 a) { return (float3)(__builtin_sqrtf(a.x), __builtin_sqrtf(a.y), __builtin_sqrtf(a.z)); }
+INLINED float3 inlined_sqrt(const float3 a)
+{
+    return (float3)(__builtin_sqrtf(a.x), __builtin_sqrtf(a.y), __builtin_sqrtf(a.z));
+}
 INLINED float inlined_rsqrt(const float a) { return 1.0f / __builtin_sqrtf(a); }
 INLINED float inlined_rint(const float a) { return __builtin_rintf(a); }
 INLINED float inlined_floor(const float a) { return __builtin_floorf(a); }
@@ -90,7 +95,10 @@ ABSOLUTE(float8, int8)
 
 // Minimax polynomials with relative errors below float32 rounding: sine and cosine of pi x on |x| <= 1/4, and arc
 // tangent on [0, 1].
-INLINED float sine_near_0(const float z) { return 3.14159274f + z * (-5.16770792f + z * (2.54976106f - z * 0.589012206f)); }
+INLINED float sine_near_0(const float z)
+{
+    return 3.14159274f + z * (-5.16770792f + z * (2.54976106f - z * 0.589012206f));
+}
 INLINED float cosine_near_0(const float z)
 {
     return 1.0f + z * (-4.93480206f + z * (4.05870676f + z * (-1.33503592f + z * 0.231260926f)));
@@ -199,3 +207,4 @@ LOADED(__private, int)
 #define vload2 inlined_vload2
 #undef vload3
 #define vload3 inlined_vload3
+// clang-format on

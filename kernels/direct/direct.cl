@@ -63,12 +63,12 @@ typedef struct {
     Fraction shadowed;
     float unshadowed;
 #ifdef TINTED
-    L1 tilted;             // sum of L1 times visible luminance
+    L1 tilted;  // sum of L1 times visible luminance
 #else
-    float3 tilted;         // sum of l1_of_direction times visible luminance
+    float3 tilted;  // sum of l1_of_direction times visible luminance
 #endif
-    float3 open;           // unoccluded irradiance, mean over the texel
-    Sum sum;               // used for non-uniform emitters
+    float3 open;  // unoccluded irradiance, mean over the texel
+    Sum sum;      // used for non-uniform emitters
 } Run;
 
 // Points per axis of a grid in the texel, at which irradiance without shadow is averaged if it varies over the texel.

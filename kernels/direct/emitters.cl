@@ -43,8 +43,8 @@ uint reversed_bits(uint x)
 // (Roberts 2018) in xy, van der Corput and golden ratio in zw.
 float4 sample_point(const uint index, const uint seed)
 {
-    const uint4 shift = (uint4)(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u),
-                                hash(seed + 0xdaa66d2bu));
+    const uint4 shift =
+        (uint4)(hash(seed), hash(seed + 0x9e3779b9u), hash(seed + 0x3c6ef372u), hash(seed + 0xdaa66d2bu));
     const uint i = index + 1u;
     const uint4 point = (uint4)(i * 3242174889u, i * 2447445414u, reversed_bits(i), i * 2654435769u);
     return convert_float4((point + shift) >> 8) * (1.0f / 16777216.0f);
@@ -59,7 +59,7 @@ typedef struct {
     float3 light;
     bool back;  // True if it is on a back face
 #ifdef TRANSMISSION
-    int surface;     // emissive triangle + 1, or 0 for lights and sky
+    int surface;  // emissive triangle + 1, or 0 for lights and sky
     bool shines_front;
     float steepness;  // cosine of the angle at which light leaves the surface
     float2 weights;
@@ -180,8 +180,8 @@ float linear_sample(const float u, const float a, const float b, float *density)
 typedef struct {
     __global const float4 *radiance;       // of front faces, by patch + 1
     __global const float4 *back_radiance;  // of back faces
-    __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
-    __global const float2 *uvs;       // of each corner of each triangle
+    __global const uint *texel_to_patch;   // patch + 1 of each texel of each lightmap, or 0
+    __global const float2 *uvs;            // of each corner of each triangle
     int resolution;
 } Glow;
 
@@ -265,9 +265,9 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
 }
 
 typedef struct {
-    __global const float4 *pixels;      // radiance
-    __global const float *cumulative;   // distribution of luminance times solid angle, up to 1
-    __global const int *listed;         // indices of the bright pixels
+    __global const float4 *pixels;     // radiance
+    __global const float *cumulative;  // distribution of luminance times solid angle, up to 1
+    __global const int *listed;        // indices of the bright pixels
     int width, height, count;
     float total;
 } Bright;
@@ -297,14 +297,15 @@ Sample sample_sky(const Bright *sky, const float2 u)
 
 // Not inlined, like `open_light` and `weight_of`: inlining at several places makes kernels large, which costs seconds
 // to compile and is no faster (measured).
-__attribute__((noinline))
-Sample sample_emitter(__global const Emitter *e, const Glow *glow, const Bright *sky, const Modulations *modulations,
-                      const Receiver *r, const float3 p, const float2 u)
+__attribute__((noinline)) Sample sample_emitter(__global const Emitter *e, const Glow *glow, const Bright *sky,
+                                                const Modulations *modulations, const Receiver *r, const float3 p,
+                                                const float2 u)
 {
     const int kind = e->kind;
     Sample s = kind == POINT ? sample_point_light(e, p, r->normal, u)
-        : kind == SUN ? sample_sun(e, u)
-        : kind == TRIANGLE ? sample_triangle(e, glow, r, p, u) : sample_sky(sky, u);
+        : kind == SUN        ? sample_sun(e, u)
+        : kind == TRIANGLE   ? sample_triangle(e, glow, r, p, u)
+                             : sample_sky(sky, u);
     if (e->modulation > 0)
         s.light *= modulation(modulations, e->modulation, -s.direction, s.distance);
     return s;
@@ -351,8 +352,7 @@ float form_factor(const float3 a, const float3 b, const float3 c, const float3 n
 
 // Returns the unoccluded irradiance (E/pi) at a point from a uniform triangle: the analytic form factor of the part
 // above both horizons, of the smooth and the geometric normal (Lambert 1760; Arvo 1995).
-__attribute__((noinline))
-float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
+__attribute__((noinline)) float3 open_light(__global const Emitter *e, const float3 p, const Receiver *r)
 {
     const float3 a = vload3(0, e->position) - p, edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2);
     const float3 facing = cross(edge1, edge2);
@@ -425,7 +425,8 @@ float emitter_weight(__global const Emitter *e, const Receiver *r, const Modulat
         // The spot's cone is widened by the angle that the texel spans.
         const float widest = e->cos_half_angle - 0.05f - r->size / fmax(d, 1e-20f);
         const float spot = e->cos_half_angle >= -1.0f && e->radius == 0.0f && widest > -1.0f
-            ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f : 1.0f;
+            ? in_cone(e, -to / fmax(d, 1e-20f), widest, 1.0f) + 1e-4f
+            : 1.0f;
         const float cosine = d < reach ? 1.0f : COSINE(dot(r->normal, to) / fmax(d, 1e-20f), 0.05f);
         const float near = fmax(e->radius, SPREAD * r->size);
         const float towards = own_strength(e, modulations, -to / fmax(d, 1e-20f), d);

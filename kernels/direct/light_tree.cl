@@ -57,12 +57,11 @@ float node_weight(__global const LightNode *node, const Receiver *r, bool *open)
 }
 
 // Estimates the irradiance from an inner node (code >= 0) or an emitter (~code).
-__attribute__((noinline))
-float weight_of(const Lights *lights, const int code, const Receiver *r, bool *open)
+__attribute__((noinline)) float weight_of(const Lights *lights, const int code, const Receiver *r, bool *open)
 {
     *open = false;
     return code < 0 ? emitter_weight(lights->emitters + ~code, r, &lights->modulations, lights->sky_total)
-        : node_weight(lights->nodes + code, r, open);
+                    : node_weight(lights->nodes + code, r, open);
 }
 
 // Number of weights cached by the first traversal for the second, which visits the same nodes in the same order. A
@@ -102,7 +101,7 @@ typedef struct {
     float passed;  // end of the last interval so far
     int visits;    // weights requested so far
     float kept[WEIGHTS_KEPT];
-    int own;       // remaining emitters with a sample of their own
+    int own;  // remaining emitters with a sample of their own
 } Walk;
 
 // Starts the descent at the root with a budget of samples. Returns the total weight.

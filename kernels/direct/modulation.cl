@@ -45,8 +45,8 @@ float3 profile_factor(__global const float *profile, const float3 direction)
     float3 sum = (float3)(0.0f);
     for (int i = 0; i < 4; ++i) {
         __global const float *f = factors + 3 * ((column + i) * (polars + 2) + row);
-        sum += weights[i] * (along.x * vload3(0, f) + along.y * vload3(1, f) + along.z * vload3(2, f)
-                             + along.w * vload3(3, f));
+        sum += weights[i]
+            * (along.x * vload3(0, f) + along.y * vload3(1, f) + along.z * vload3(2, f) + along.w * vload3(3, f));
     }
     return fmax(sum, 0.0f);
 }

@@ -52,8 +52,8 @@ __kernel void mark_stale_shadows(__global const ReceiverRecord *before, __global
             marked = is_between(centre, moved.w, reach, distance * at, reach + distance * light->radius);
         } else if (light->kind == NEAR) {
             const float3 to = at - r.at;
-            marked = dot(to, r.normal) > -(reach + light->radius)
-                && is_between(centre, moved.w, reach, to, light->radius);
+            marked =
+                dot(to, r.normal) > -(reach + light->radius) && is_between(centre, moved.w, reach, to, light->radius);
         } else {
             marked = dot(centre, r.normal) > -(reach + moved.w);
         }

@@ -10,10 +10,9 @@
 __kernel void add_background(__global const Front *cache, const int cached_from,
                              __global const ReceiverRecord *receivers, SAMPLES, const int samples, const int n,
                              const uint salt, const int rotate, __global const float4 *tints, const int start,
-                             const uint outside,
-                             SKY_ARGUMENTS, __global const float4 *back_light,
-                             __global const float4 *back_l1,
-                             __global float4 *static_light, __global float4 *static_l1, __local float4 *partial)
+                             const uint outside, SKY_ARGUMENTS, __global const float4 *back_light,
+                             __global const float4 *back_l1, __global float4 *static_light, __global float4 *static_l1,
+                             __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     __global const Front *row = cache + (size_t)(patch - cached_from) * samples;

@@ -4,17 +4,18 @@
 // LIGHT_GROUPS light groups are gathered at once (1 without groups); their radiance is interleaved per patch, so that
 // each entry is read once.
 
-#define LIGHT_ARGUMENTS __global const float4 *static_light, __global const float4 *direct, \
-    __global const float4 *irradiance, __global float4 *gathered, __global float4 *defects, \
-    const int column, const int count
+#define LIGHT_ARGUMENTS \
+    __global const float4 *static_light, __global const float4 *direct, __global const float4 *irradiance, \
+        __global float4 *gathered, __global float4 *defects, const int column, const int count
 
 // Stores a patch's irradiance, the sum of gathered, background and direct light, and its defect, the change since the
 // last iteration.
-#define STORE(light, patch) do { \
-    const float4 all = light + static_light[patch] + direct[patch]; \
-    gathered[(size_t)column * count + patch] = all; \
-    defects[(size_t)column * count + patch] = all - irradiance[patch]; \
-} while (0)
+#define STORE(light, patch) \
+    do { \
+        const float4 all = light + static_light[patch] + direct[patch]; \
+        gathered[(size_t)column * count + patch] = all; \
+        defects[(size_t)column * count + patch] = all - irradiance[patch]; \
+    } while (0)
 
 // Returns the weighted radiance of four samples. EVEN: samples have equal weights, and the caller divides by their
 // number.
@@ -36,9 +37,9 @@ float4 light_of(__global const float4 *radiance, const Front4 seen, __global con
 
 // Gathers one patch per work group, from patch `first` on. Rows are read in quads of samples, of which one in `stride`
 // is used; neighbouring patches start at different quads. `stride` is 1 without EVEN.
-__kernel void gather(__global const Front4 *cache, __global const float4 *multiplier,
-                     __global const float4 *radiance, LIGHT_ARGUMENTS, const int quads, const int stride,
-                     const int first, __global const float4 *tints, __local float4 *partial)
+__kernel void gather(__global const Front4 *cache, __global const float4 *multiplier, __global const float4 *radiance,
+                     LIGHT_ARGUMENTS, const int quads, const int stride, const int first, __global const float4 *tints,
+                     __local float4 *partial)
 {
     const int slot = get_group_id(0), begin = (first + slot) % stride;
     __global const Front4 *row = cache + (size_t)slot * quads;

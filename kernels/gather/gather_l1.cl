@@ -28,10 +28,9 @@ float3 tilt_of_sample(PATTERN, const int i, const int samples, const int n, cons
 #endif
 
 // Processes one patch per work group. static_l1: L1 of the background light, three float4 per patch.
-__kernel void gather_l1(__global const Front *cache, const int cached_from,
-                        __global const ReceiverRecord *receivers, PATTERN, const int samples, const int n,
-                        const uint salt, const int rotate, __global const float4 *tints, const int start,
-                        __global const float4 *radiance,
+__kernel void gather_l1(__global const Front *cache, const int cached_from, __global const ReceiverRecord *receivers,
+                        PATTERN, const int samples, const int n, const uint salt, const int rotate,
+                        __global const float4 *tints, const int start, __global const float4 *radiance,
                         __global const float4 *static_l1, __global float4 *l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);

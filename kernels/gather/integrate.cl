@@ -6,10 +6,9 @@
 
 // Multiplies each texel by the multiplier map. workspace: layers stacked vertically to one tall image. Texels below the
 // geometric horizon, where a smooth normal leans over its surface, become 0.
-__kernel void multiply(__global const float4 *hemicubes, __global const float *multiplier,
-                       __global const Frame *frames, __global float4 *workspace,
-                       __global const float4 *sky, const int sky_width, const int sky_height,
-                       const int width, const int height, const int layers, const int n)
+__kernel void multiply(__global const float4 *hemicubes, __global const float *multiplier, __global const Frame *frames,
+                       __global float4 *workspace, __global const float4 *sky, const int sky_width,
+                       const int sky_height, const int width, const int height, const int layers, const int n)
 {
     const int x = get_global_id(0), y = get_global_id(1), layer = get_global_id(2);
     if (x >= width || y >= height || layer >= layers)

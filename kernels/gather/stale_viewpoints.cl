@@ -14,7 +14,6 @@ __kernel void mark_stale_views(__global const ReceiverRecord *before, __global c
     __global const ReceiverRecord *a = before + patch, *b = now + patch;
     if (!same(a->at, b->at) || !same(a->normal, b->normal) || !same(a->geometric, b->geometric)
         || !same(a->edge_u, b->edge_u) || !same(a->edge_v, b->edge_v) || !same(a->corner, b->corner)
-        || !same(a->edge1, b->edge1) || !same(a->edge2, b->edge2)
-        || a->height != b->height || a->rank != b->rank)
+        || !same(a->edge1, b->edge1) || !same(a->edge2, b->edge2) || a->height != b->height || a->rank != b->rank)
         moved[patch] = 1;
 }

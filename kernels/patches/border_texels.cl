@@ -18,7 +18,8 @@ float3 nearest_point(const float2 *corners, bool *inside)
             shortest = length(offset);
             *inside = fmax(fabs(offset.x), fabs(offset.y)) < WITHIN;
             nearest = i == 0 ? (float3)(1.0f - t, t, 0.0f)
-                    : i == 1 ? (float3)(0.0f, 1.0f - t, t) : (float3)(t, 0.0f, 1.0f - t);
+                : i == 1     ? (float3)(0.0f, 1.0f - t, t)
+                             : (float3)(t, 0.0f, 1.0f - t);
         }
     }
     return nearest;
@@ -26,8 +27,8 @@ float3 nearest_point(const float2 *corners, bool *inside)
 
 float3 in_world(__global const float *positions, const int triangle, const float3 weights)
 {
-    return weights.x * vload3(3 * triangle, positions) + weights.y * vload3(3 * triangle + 1, positions) +
-           weights.z * vload3(3 * triangle + 2, positions);
+    return weights.x * vload3(3 * triangle, positions) + weights.y * vload3(3 * triangle + 1, positions)
+        + weights.z * vload3(3 * triangle + 2, positions);
 }
 
 // Finds the nearest patch (+ 1, or 0) on the same surface for each border texel. Same surface: same mesh, and a world
@@ -35,13 +36,12 @@ float3 in_world(__global const float *positions, const int triangle, const float
 // inside: 1 if the triangle passes within WITHIN of the texel's centre.
 // texels: flat indices over all lightmaps. sizes: texel size of each triangle along the longer side, metres. offsets:
 //     neighbour offsets, nearest first.
-__kernel void nearest_patches(__global const long *texels, __global const int *triangles,
-                              __global const float *uvs, __global const float *positions,
-                              __global const int *meshes, __global const float *sizes,
+__kernel void nearest_patches(__global const long *texels, __global const int *triangles, __global const float *uvs,
+                              __global const float *positions, __global const int *meshes, __global const float *sizes,
                               __global const int2 *offsets, const int neighbours, const int resolution,
                               __global const uint *texel_to_patch, __global const int *patch_triangles,
-                              __global const float *barycentrics, __global uint *nearest,
-                              __global uchar *inside, const int count)
+                              __global const float *barycentrics, __global uint *nearest, __global uchar *inside,
+                              const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -73,9 +73,8 @@ __kernel void nearest_patches(__global const long *texels, __global const int *t
 
 // Stores the centroid of the covered part of each texel, as barycentrics of its triangle. For areas of about 0 it
 // stores the mean of the fan's centroids.
-__kernel void covered_middles(__global const long *texels, __global const int *triangles,
-                              __global const float *uvs, const int resolution, __global float *middles,
-                              const int count)
+__kernel void covered_middles(__global const long *texels, __global const int *triangles, __global const float *uvs,
+                              const int resolution, __global float *middles, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)

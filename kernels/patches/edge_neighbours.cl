@@ -4,10 +4,7 @@
 #define AXES 6  // three of position, then three of the normal
 
 // Returns the integer coordinate of a hash grid cube along one axis.
-long cube_at(const float place, const float inverse)
-{
-    return (long)floor(place * inverse);
-}
+long cube_at(const float place, const float inverse) { return (long)floor(place * inverse); }
 
 // Returns the index of the first of ascending keys that is at least `key`.
 int lower_bound(__global const long *keys, const int count, const long key)
@@ -27,10 +24,11 @@ int lower_bound(__global const long *keys, const int count, const long key)
 // boxes: 6 low, then 6 high bounds each. inverses: 1 / cube size, powers of two, so that products are exact.
 // ranks: size class of each box. keys, owners: cubes of all boxes, ascending, and the box in each.
 // listed: number of pairs found, which may exceed the capacity `most`.
-__kernel void find_edge_neighbours(__global const float *boxes, __global const int *ranks, __global const float *inverses,
-                                   __global const long *keys, __global const int *owners, const int entries,
-                                   const long4 factors, const int count, const long start, const long end,
-                                   __global int2 *pairs, __global uint *listed, const uint most)
+__kernel void find_edge_neighbours(__global const float *boxes, __global const int *ranks,
+                                   __global const float *inverses, __global const long *keys,
+                                   __global const int *owners, const int entries, const long4 factors, const int count,
+                                   const long start, const long end, __global int2 *pairs, __global uint *listed,
+                                   const uint most)
 {
     const long item = start + get_global_id(0);
     if (item >= end)
@@ -66,8 +64,8 @@ __kernel void find_edge_neighbours(__global const float *boxes, __global const i
             const int other = owners[entry];
             bool found = ranks[other] == rank && (ranks[box] < rank || box < other);
             for (int axis = 0; axis < AXES && found; ++axis)
-                found = low[axis] <= boxes[2 * AXES * other + AXES + axis]
-                    && boxes[2 * AXES * other + axis] <= high[axis];
+                found =
+                    low[axis] <= boxes[2 * AXES * other + AXES + axis] && boxes[2 * AXES * other + axis] <= high[axis];
 
             // Report a pair only in the lowest cube that both boxes share.
             for (int axis = 0; axis < 3 && found; ++axis) {

@@ -7,9 +7,9 @@
 
 // Marks texels whose patch lies on an edge of its triangle with no patch in the texels beyond. own: patch + 1 of each
 // texel of all lightmaps, or 0.
-__kernel void find_edge_patches(__global const float *uvs, __global const uint *own, __global const int *patch_triangles,
-                                __global const float *barycentrics, const int resolution, __global uchar *marks,
-                                const int count)
+__kernel void find_edge_patches(__global const float *uvs, __global const uint *own,
+                                __global const int *patch_triangles, __global const float *barycentrics,
+                                const int resolution, __global uchar *marks, const int count)
 {
     const int texel = get_global_id(0);
     if (texel >= count || own[texel] == 0)

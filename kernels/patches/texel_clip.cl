@@ -13,8 +13,7 @@ float distance_to(const float4 corner, const int line)
 // Clips a triangle to the unit square of a texel (Sutherland and Hodgman 1974). Polygon xy: position in the texel; zw:
 // barycentrics of the second and third corner. Returns the number of corners, at least 1: for an empty result the first
 // corner is from before the last cut. Not inlined or unrolled, because that takes drivers seconds to compile.
-__attribute__((noinline))
-int clip_at_texel(const float2 *corners, float4 *polygon)
+__attribute__((noinline)) int clip_at_texel(const float2 *corners, float4 *polygon)
 {
     float4 before[MOST_CORNERS];
     int count = 3;

@@ -109,7 +109,7 @@ float2 point_within(const float2 *corners, const float2 unit)
         left -= fan_area(polygon, fan);
     const float root = sqrt(clamp(left / fmax(fan_area(polygon, fan), 1e-30f), 0.0f, 1.0f)), across = unit.y;
     return last < 0 ? (float2)(1.0f / 3.0f)
-        : (1.0f - root) * polygon[0].zw + root * (1.0f - across) * polygon[fan + 1].zw
+                    : (1.0f - root) * polygon[0].zw + root * (1.0f - across) * polygon[fan + 1].zw
             + root * across * polygon[fan + 2].zw;
 }
 
@@ -196,7 +196,8 @@ __kernel void points_in_texels(__global const float *uvs, __global const int *tr
         const float3 all_parts = clamp((float3)(1.0f - part.x - part.y, part), 0.0f, 1.0f);
         pieces[item] = piece;
         vstore3(all_parts, item, barycentrics);
-        vstore2(origin + all_parts.x * corners[0] + all_parts.y * corners[1] + all_parts.z * corners[2], item, positions);
+        vstore2(origin + all_parts.x * corners[0] + all_parts.y * corners[1] + all_parts.z * corners[2], item,
+                positions);
     }
 }
 

@@ -113,10 +113,9 @@ __kernel void find_points(__global const uint *owners, __global const int *numbe
 // Assembles the nine-point stencil of each unknown: indices of its neighbours (itself where none is unknown) and the
 // coefficients from sample points.
 __kernel void link_texels(__global const uint *texels, __global const int *numbers, __global const uint *marks,
-                          __global const uchar *centres, __global const int2 *ranges,
-                          __global const float2 *positions, __global const float *weights,
-                          __global int *neighbours, __global float *factors, __global uint *linked,
-                          __global float *diagonal, const int resolution, const int count)
+                          __global const uchar *centres, __global const int2 *ranges, __global const float2 *positions,
+                          __global const float *weights, __global int *neighbours, __global float *factors,
+                          __global uint *linked, __global float *diagonal, const int resolution, const int count)
 {
     const int unknown = get_global_id(0);
     if (unknown >= count)

@@ -17,18 +17,18 @@
 #define ENOUGH 3
 #define NUMBERS 4
 
-#define EQUATIONS __global const int *neighbours, __global const float *factors, __global const uint *linked, \
-    __global const int *starts, __global const int *seams, __global const float *shares
+#define EQUATIONS \
+    __global const int *neighbours, __global const float *factors, __global const uint *linked, \
+        __global const int *starts, __global const int *seams, __global const float *shares
 
 #define BOTH_SIDES 8
 
 // Accumulates the sample points around each unknown: right-hand side, weighted mean, and range of the points in its own
 // texel. reached: 1 if a mean exists. scales: maximum and its reciprocal for each image.
 __kernel void sum_points(__global const uint *texels, __global const uchar *centres, __global const float4 *image,
-                         __global const int *neighbours, __global const int2 *ranges,
-                         __global const float2 *positions, __global const float *weights,
-                         __global const float4 *light, __global const float2 *scales, __global float4 *right,
-                         __global float4 *mean, __global uchar *reached, __global float4 *low,
+                         __global const int *neighbours, __global const int2 *ranges, __global const float2 *positions,
+                         __global const float *weights, __global const float4 *light, __global const float2 *scales,
+                         __global float4 *right, __global float4 *mean, __global uchar *reached, __global float4 *low,
                          __global float4 *high, const int resolution, const uint size, const int points,
                          const int count)
 {
@@ -103,8 +103,7 @@ __kernel void spread_along_links(__global const int *neighbours, __global const 
 // Initialises, along seams, unknowns that no sample point reaches: each gets the mean of the initialised unknowns in
 // its seam rows.
 __kernel void spread_along_seams(__global const int *starts, __global const int *seams, __global const int *columns,
-                                 const uchar round, __global uchar *reached, __global float4 *solution,
-                                 const int count)
+                                 const uchar round, __global uchar *reached, __global float4 *solution, const int count)
 {
     const int unknown = get_global_id(0);
     if (unknown >= count)
@@ -174,8 +173,8 @@ __kernel void ranges_of_seams(__global const int *columns, __global const float4
 // the upper bound is the maximum of its own points where they exist.
 __kernel void bound(__global const int *starts, __global const int *seams, __global const float4 *seam_low,
                     __global const float4 *seam_high, __global const float4 *all_points,
-                    __global const float4 *own_high, const int tight, __global float4 *low,
-                    __global float4 *high, const int rows, const int count)
+                    __global const float4 *own_high, const int tight, __global float4 *low, __global float4 *high,
+                    const int rows, const int count)
 {
     const int unknown = get_global_id(0);
     if (unknown >= count)
@@ -228,8 +227,8 @@ __kernel void differences(__global const int8 *columns, __global const float8 *e
     values += IMAGE * unknowns;
     const int8 c = columns[seam];
     const float8 e = entries[seam];
-    products[IMAGE * count + seam] = e.s0 * values[c.s0] + e.s1 * values[c.s1] + e.s2 * values[c.s2] + e.s3 * values[c.s3]
-        + e.s4 * values[c.s4] + e.s5 * values[c.s5] + e.s6 * values[c.s6] + e.s7 * values[c.s7];
+    products[IMAGE * count + seam] = e.s0 * values[c.s0] + e.s1 * values[c.s1] + e.s2 * values[c.s2]
+        + e.s3 * values[c.s3] + e.s4 * values[c.s4] + e.s5 * values[c.s5] + e.s6 * values[c.s6] + e.s7 * values[c.s7];
 }
 
 // Returns a row of the normal equations times a vector. products: seam differences of that vector.
@@ -268,9 +267,9 @@ void add_group(const float4 value, __local float4 *partial, __global float4 *sum
 
 // Starts conjugate gradients: residual, first search direction, and partial sums of the preconditioned residual norm.
 __kernel void begin_run(EQUATIONS, __global const float *inverse, __global const float4 *right,
-                        __global const uchar *held, __global const float4 *solution,
-                        __global const float4 *products, __global float4 *residual, __global float4 *direction,
-                        __global float4 *sums, const int rows, const int count, __local float4 *partial)
+                        __global const uchar *held, __global const float4 *solution, __global const float4 *products,
+                        __global float4 *residual, __global float4 *direction, __global float4 *sums, const int rows,
+                        const int count, __local float4 *partial)
 {
     const int unknown = get_global_id(0);
     const size_t plane = IMAGE * count, here = plane + unknown;
@@ -296,8 +295,8 @@ __kernel void cg_curvature(EQUATIONS, __global const uchar *held, __global const
     float4 energy = (float4)(0.0f);
     if (unknown < count) {
         const float4 q = free_channels(held[here])
-            * row_times(neighbours, factors, linked, starts, seams, shares, direction + plane,
-                        products + IMAGE * rows, unknown, count);
+            * row_times(neighbours, factors, linked, starts, seams, shares, direction + plane, products + IMAGE * rows,
+                        unknown, count);
         change[here] = q;
         energy = q * direction[here];
     }
@@ -377,8 +376,8 @@ __kernel void clamp_bounds(__global const float4 *low, __global const float4 *hi
     held[here] = (outside.x ? 1 : 0) | (outside.y ? 2 : 0) | (outside.z ? 4 : 0);
 }
 
-__kernel void keep_texels(__global const uint *texels, __global const float4 *solution,
-                          __global const float2 *scales, __global float4 *image, const uint size, const int count)
+__kernel void keep_texels(__global const uint *texels, __global const float4 *solution, __global const float2 *scales,
+                          __global float4 *image, const uint size, const int count)
 {
     const int unknown = get_global_id(0);
     if (unknown < count)

@@ -2,18 +2,15 @@
 // engine/postprocess/directional_maps.py.
 
 // Returns L1 of a patch along a world axis: sampled direct light (one plane per axis) plus gathered light.
-#define GIVEN __global const float *light, const int stride, __global const float *sampled, \
-    __global const float4 *gathered
+#define GIVEN \
+    __global const float *light, const int stride, __global const float *sampled, __global const float4 *gathered
 float3 l1_along(__global const float *sampled, __global const float4 *gathered, const int axis, const size_t patch,
                 const int count)
 {
     return vload3((size_t)axis * count + patch, sampled) + gathered[3 * patch + axis].xyz;
 }
 
-float luminance(const float3 rgb)
-{
-    return 0.2126f * rgb.x + 0.7152f * rgb.y + 0.0722f * rgb.z;
-}
+float luminance(const float3 rgb) { return 0.2126f * rgb.x + 0.7152f * rgb.y + 0.0722f * rgb.z; }
 
 __kernel void tilted_maps(GIVEN, __global const ReceiverRecord *receivers, __global float *l0, __global float *l1_x,
                           __global float *l1_y, __global float *l1_z, const int count)
@@ -49,8 +46,8 @@ float3 part_of(const float3 across, const float3 mean)
                     mean.z > 0.0f ? across.z / mean.z : 0.0f);
 }
 
-__kernel void projected_maps(GIVEN, __global const ReceiverRecord *receivers, __global float *l0,
-                             __global float *l1_x, __global float *l1_y, __global float *l1_z, const int count)
+__kernel void projected_maps(GIVEN, __global const ReceiverRecord *receivers, __global float *l0, __global float *l1_x,
+                             __global float *l1_y, __global float *l1_z, const int count)
 {
     const size_t i = get_global_id(0);
     if (i >= count)

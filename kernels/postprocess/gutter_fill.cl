@@ -15,8 +15,8 @@
 #define IN_ATLAS(x, y) ((ATLAS * height + (y)) * width + (x))
 
 // Stores the distance to the nearest known texel in the same row; FAR if beyond `reach`.
-__kernel void distance_in_row(__global const uchar *known, __global ushort *distance, const int reach,
-                              const int width, const int height)
+__kernel void distance_in_row(__global const uchar *known, __global ushort *distance, const int reach, const int width,
+                              const int height)
 {
     TEXEL;
     int nearest = known[texel] ? 0 : FAR;
@@ -104,8 +104,8 @@ float4 interpolated(__global const float4 *coarse, const int coarse_width, const
                     const int y)
 {
     const int2 near = (int2)(x / 2, y / 2);
-    const int2 far = clamp(near + (int2)(x % 2 ? 1 : -1, y % 2 ? 1 : -1), (int2)(0),
-                           (int2)(coarse_width - 1, coarse_height - 1));
+    const int2 far =
+        clamp(near + (int2)(x % 2 ? 1 : -1, y % 2 ? 1 : -1), (int2)(0), (int2)(coarse_width - 1, coarse_height - 1));
     __global const float4 *near_row = coarse + (size_t)near.y * coarse_width;
     __global const float4 *far_row = coarse + (size_t)far.y * coarse_width;
     return (9.0f * near_row[near.x] + 3.0f * near_row[far.x] + 3.0f * far_row[near.x] + far_row[far.x]) / 16.0f;
@@ -171,10 +171,7 @@ __kernel void relax(__global const uchar *states, __global const float4 *image, 
 }
 
 // Returns the side of an image at a scale; each scale has half the side of the finer one, rounded up.
-int side_of(const int side, const int scale)
-{
-    return (side + (1 << scale) - 1) >> scale;
-}
+int side_of(const int side, const int scale) { return (side + (1 << scale) - 1) >> scale; }
 
 // Runs coarser_states, restrict_mean, prolongate and relax at all scales of small images, one work group per image.
 // states, images: all coarser scales, `texels` per image. relaxed: buffer as large as the finest images.
@@ -219,8 +216,8 @@ __kernel void fill_small(__global const uchar *finest_states, __global float4 *f
         __global float4 *filled = scale ? images + first - count : finest;
         for (int i = item; i < count; i += items)
             if (here[i] != KNOWN)
-                filled[i] = here[i] == EMPTY ? (float4)(0.0f)
-                                             : interpolated(coarse, coarse_width, coarse_height, i % w, i / w);
+                filled[i] =
+                    here[i] == EMPTY ? (float4)(0.0f) : interpolated(coarse, coarse_width, coarse_height, i % w, i / w);
         for (int round = 0; round < relaxations; ++round) {
             __global const float4 *before = round % 2 ? relaxed : filled;
             __global float4 *after = round % 2 ? filled : relaxed;

@@ -21,8 +21,8 @@ float off_mean(const float before, const float value, const float after, const f
 // marks. entries: patch + 1 of each texel, or 0; a neighbour without a patch counts as equal. marks: ON_EDGE at steps
 // of validity, AT_A_BORDER without a neighbour on one side, AT_AN_END without both.
 __kernel void find_edges(__global const uint *entries, __global const float *light, __global const float *front,
-                         __global const uchar *hidden, const float least, __global float *off,
-                         __global uchar *marks, const int width, const int height)
+                         __global const uchar *hidden, const float least, __global float *off, __global uchar *marks,
+                         const int width, const int height)
 {
     TEXEL;
     const int own = (int)entries[texel] - 1;
@@ -52,7 +52,8 @@ __kernel void find_edges(__global const uint *entries, __global const float *lig
     marks[texel] |= edge ? ON_EDGE : 0;
 }
 
-// Estimates the noise of each block of BLOCK x BLOCK texels: ABOVE_NOISE times the EVEN quantile of `off`, over the patches at every second texel of both axes. 0 for blocks without patches.
+// Estimates the noise of each block of BLOCK x BLOCK texels: ABOVE_NOISE times the EVEN quantile of `off`, over the
+// patches at every second texel of both axes. 0 for blocks without patches.
 __kernel void noise_of_blocks(__global const uint *entries, __global const float *off, const int side,
                               __global float *noise, const int width, const int height)
 {

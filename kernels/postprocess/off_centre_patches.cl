@@ -3,8 +3,8 @@
 // Marks patches whose point is farther from the centre of its texel than rounding explains, in texels
 // (engine/postprocess/lightmap_points.py).
 __kernel void find_thin(__global const float *uvs, __global const int *triangles, __global const float *barycentrics,
-                        __global const int *texels, const int resolution, const float rounding,
-                        __global uchar *thin, const int count)
+                        __global const int *texels, const int resolution, const float rounding, __global uchar *thin,
+                        const int count)
 {
     const int patch = get_global_id(0);
     if (patch >= count)

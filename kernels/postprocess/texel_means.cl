@@ -10,11 +10,11 @@
 // unused.
 
 // Flags of texels.
-#define SEEN 1      // at least one valid sample
-#define HIDES 2     // a sample is invalid or was pushed off geometry
-#define MOSTLY 4    // at least half of the samples are valid
-#define CUT 8       // HIDES, or a neighbour is invalid: a plane is fitted
-#define BEYOND 16   // invalid, next to a mostly valid texel with a plane
+#define SEEN 1     // at least one valid sample
+#define HIDES 2    // a sample is invalid or was pushed off geometry
+#define MOSTLY 4   // at least half of the samples are valid
+#define CUT 8      // HIDES, or a neighbour is invalid: a plane is fitted
+#define BEYOND 16  // invalid, next to a mostly valid texel with a plane
 
 #define LIT (SEEN | BEYOND)
 
@@ -110,7 +110,8 @@ __kernel void mark_cut(__global const uint *texels, __global const uint *numbers
         return;
     bool cut = states[i] & HIDES;
     COLUMN_AND_ROW(texels[i]);
-    AROUND {
+    AROUND
+    {
         const int other = NUMBER_AT(texels[i]);
         cut |= other >= 0 && !(states[other] & SEEN);
     }
@@ -126,7 +127,8 @@ __kernel void mark_extrapolated(__global const uint *texels, __global const uint
         return;
     bool near = false;
     COLUMN_AND_ROW(texels[i]);
-    AROUND {
+    AROUND
+    {
         const int other = NUMBER_AT(texels[i]);
         near |= other >= 0 && (states[other] & CUT) && (states[other] & MOSTLY);
     }
@@ -134,9 +136,9 @@ __kernel void mark_extrapolated(__global const uint *texels, __global const uint
 }
 
 // Computes the mean, minimum and maximum of each texel's valid samples; `light` is 0 if there are none.
-__kernel void texel_means(__global const float4 *samples, __global const int *firsts,
-                          __global const float4 *seen_part, __global const float *values, const int channels,
-                          __global float4 *light, __global float4 *low, __global float4 *high, const int count)
+__kernel void texel_means(__global const float4 *samples, __global const int *firsts, __global const float4 *seen_part,
+                          __global const float *values, const int channels, __global float4 *light,
+                          __global float4 *low, __global float4 *high, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -157,7 +159,11 @@ __kernel void texel_means(__global const float4 *samples, __global const int *fi
 }
 
 // Maps floats to integers of the same order, and back.
-int4 ordered(const float4 v) { const int4 bits = as_int4(v); return bits ^ (bits >> 31 & 0x7fffffff); }
+int4 ordered(const float4 v)
+{
+    const int4 bits = as_int4(v);
+    return bits ^ (bits >> 31 & 0x7fffffff);
+}
 float4 unordered(const int4 bits) { return as_float4(bits ^ (bits >> 31 & 0x7fffffff)); }
 
 // Finds minimum and maximum of all valid samples per channel by atomics. Each work item processes EACH texels.
@@ -179,9 +185,9 @@ __kernel void range_of_all(__global const float4 *low, __global const float4 *hi
 }
 
 // Fits a plane around each cut texel by weighted least squares over the samples of 3 x 3 texels: level at the centre,
-// slopes along u and v, and the range of values. Geometry in the texel displaces the mean of its valid samples from the centre, so
-// the value is extrapolated back along the slope. The distance is limited to a Mahalanobis distance of FARTHEST,
-// because slopes across a narrow strip of samples are noise.
+// slopes along u and v, and the range of values. Geometry in the texel displaces the mean of its valid samples from the
+// centre, so the value is extrapolated back along the slope. The distance is limited to a Mahalanobis distance of
+// FARTHEST, because slopes across a narrow strip of samples are noise.
 __kernel void fit_planes(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                          __global const uint *numbers, const int resolution, __global const uchar *states,
                          __global const float4 *seen_part, __global const float *values, const int channels,
@@ -197,7 +203,8 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
     float2 middle = (float2)(0.0f);
     float4 mean = (float4)(0.0f), least = (float4)(INFINITY), most = (float4)(-INFINITY);
     COLUMN_AND_ROW(texels[i]);
-    AROUND {
+    AROUND
+    {
         const int other = NUMBER_AT(texels[i]);
         if (other < 0 || !(states[other] & SEEN))
             continue;
@@ -214,7 +221,8 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
     mean /= total;
     float3 spread = (float3)(0.0f);  // along u, along both, along v
     float4 right_side_u = (float4)(0.0f), right_side_v = (float4)(0.0f);
-    AROUND {
+    AROUND
+    {
         const int other = NUMBER_AT(texels[i]);
         if (other < 0 || !(states[other] & SEEN))
             continue;
@@ -262,7 +270,8 @@ __kernel void extrapolate_texels(__global const uint *texels, __global const uin
     float4 sum = (float4)(0.0f);
     float number = 0.0f;
     COLUMN_AND_ROW(texels[i]);
-    AROUND {
+    AROUND
+    {
         const int other = NUMBER_AT(texels[i]);
         if (other < 0 || !(states[other] & CUT) || !(states[other] & MOSTLY))
             continue;
@@ -331,7 +340,8 @@ __kernel void begin_fit(__global const float4 *samples, __global const int *firs
     float4 least = light[i], most = light[i];
     float total = 0.0f;
     COLUMN_AND_ROW(texels[i]);
-    AROUND {
+    AROUND
+    {
         const int other = NUMBER_AT(texels[i]);
         for (int k = other < 0 ? 0 : firsts[other]; other >= 0 && k < firsts[other + 1]; ++k) {
             Reading reading;
@@ -367,7 +377,8 @@ __kernel void step_of_fit(__global const float4 *samples, __global const int *fi
     const int atlas = texels[i] / (resolution * resolution);
     float4 change = (float4)(0.0f);
     COLUMN_AND_ROW(texels[i]);
-    AROUND {
+    AROUND
+    {
         const int other = NUMBER_AT(texels[i]);
         for (int k = other < 0 ? 0 : firsts[other]; other >= 0 && k < firsts[other + 1]; ++k) {
             Reading reading;

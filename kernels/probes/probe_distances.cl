@@ -18,7 +18,8 @@ float power_50(const float cosine)
 // Representations for Independent Unit Vectors", JCGT 3(2), 2014).
 float3 octahedral_direction(const int texel)
 {
-    const float u = (2 * (texel % WIDTH) + 1) / (float)WIDTH - 1.0f, v = (2 * (texel / WIDTH) + 1) / (float)WIDTH - 1.0f;
+    const float u = (2 * (texel % WIDTH) + 1) / (float)WIDTH - 1.0f,
+                v = (2 * (texel / WIDTH) + 1) / (float)WIDTH - 1.0f;
     const float z = 1.0f - fabs(u) - fabs(v);
     const float x = z < 0.0f ? copysign(1.0f - fabs(v), u) : u, y = z < 0.0f ? copysign(1.0f - fabs(u), v) : v;
     return normalize((float3)(x, y, z));
@@ -27,8 +28,8 @@ float3 octahedral_direction(const int texel)
 // Stores the weighted means of distance and squared distance for each texel of each probe. distances: of each sample,
 // metres; those above the limit count as the limit.
 __kernel void map_distances(__global const float4 *rotations, __global const float4 *directions, const int samples,
-                            __global const float *distances, const float limit, __global float2 *maps,
-                            const int start, const int end)
+                            __global const float *distances, const float limit, __global float2 *maps, const int start,
+                            const int end)
 {
     const int item = start + get_global_id(0);
     if (item >= end)

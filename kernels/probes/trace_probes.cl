@@ -13,8 +13,7 @@ __kernel void trace_probes(RAYS_ARGUMENTS, __global const float2 *uvs, __global 
                            __global const uint *texel_to_patch, const int resolution, __global const int *backs,
                            __global const float *uv_sizes, __global const float4 *probes,
                            __global const float4 *rotations, __global const float4 *directions, const int samples,
-                           const int start,
-                           __global uint *rows, __global uchar *tint_rows, __global float *distances)
+                           const int start, __global uint *rows, __global uchar *tint_rows, __global float *distances)
 {
     const int probe = start + get_group_id(0);
     const Rays rays = RAYS;
@@ -26,8 +25,8 @@ __kernel void trace_probes(RAYS_ARGUMENTS, __global const float2 *uvs, __global 
         const float3 origin = at.xyz - at.w * direction;
         const Hit hit = nearest_hit(&rays, origin, direction, false);
         uint tint;
-        const bool is_near = uv_sizes && hit.triangle >= 0 && !hit.front &&
-                             hit.distance < LIT_FROM * uv_sizes[hit.triangle] / resolution;
+        const bool is_near = uv_sizes && hit.triangle >= 0 && !hit.front
+            && hit.distance < LIT_FROM * uv_sizes[hit.triangle] / resolution;
         rows[place] = sample_of_hit(&rays, &lightmaps, origin, direction, hit, &tint) | (is_near ? NEAR_BACK : 0u);
         if (distances)
             distances[place] = hit.triangle < 0 ? INFINITY : fmax(hit.distance - at.w, 0.0f);

@@ -16,7 +16,8 @@
 // plane, or the triangle is as small as rounding errors.
 bool make_shaft(__global const Emitter *e, const Receiver *r, Shaft *shaft)
 {
-    const float3 start = r->at + r->height * r->geometric, across = r->edge_u + r->edge_v, along = r->edge_u - r->edge_v;
+    const float3 start = r->at + r->height * r->geometric, across = r->edge_u + r->edge_v,
+                 along = r->edge_u - r->edge_v;
     const float radius = 0.501f * sqrt(fmax(dot(across, across), dot(along, along)));
     const float3 edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2), face = cross(edge1, edge2);
     const float3 a = vload3(0, e->position) - start, corners[3] = {a, a + edge1, a + edge2};
@@ -48,8 +49,8 @@ bool make_shaft(__global const Emitter *e, const Receiver *r, Shaft *shaft)
     return true;
 }
 
-__attribute__((noinline))
-void find_blockers(const Rays *rays, __global const Emitter *e, const Receiver *r, Blockers *blockers)
+__attribute__((noinline)) void find_blockers(const Rays *rays, __global const Emitter *e, const Receiver *r,
+                                             Blockers *blockers)
 {
     Shaft shaft;
     blockers->count = UNKNOWN_BLOCKERS;

@@ -43,8 +43,8 @@ ulong spread(ulong x)
 
 // Stores the sort key of each triangle: the Morton code of its box centre, above the triangle's index in the lowest
 // `number_bits` bits. The scene spans -1/scale to 1/scale on each axis.
-__kernel void morton_keys(__global const float *positions, const float scale,
-                              const int number_bits, __global ulong *keys, const int count)
+__kernel void morton_keys(__global const float *positions, const float scale, const int number_bits,
+                          __global ulong *keys, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -114,9 +114,9 @@ void join_nodes(__global NodeBox *boxes, __global NodeLink *links, const int nod
 }
 
 // Makes one cluster and one leaf node per triangle, in Morton order.
-__kernel void single_clusters(__global const float *positions, __global const ulong *keys,
-                              const ulong number_mask, __global float *rows, const int stride,
-                              __global int *cluster, __global NodeBox *boxes, __global NodeLink *links, const int count)
+__kernel void single_clusters(__global const float *positions, __global const ulong *keys, const ulong number_mask,
+                              __global float *rows, const int stride, __global int *cluster, __global NodeBox *boxes,
+                              __global NodeLink *links, const int count)
 {
     const int i = (int)get_global_id(0) - FAR;
     if (i >= count + FAR)
@@ -135,8 +135,7 @@ __kernel void single_clusters(__global const float *positions, __global const ul
 
 // Finds the best partner of each cluster among the FAR clusters on either side: the one with the smallest surface area
 // of the joint box. Among equal areas the cluster's own pair (index ^ 1) wins, so that equal boxes merge in pairs.
-__kernel void best_neighbours(__global const float *rows, const int stride, __global int *best,
-                              const int count)
+__kernel void best_neighbours(__global const float *rows, const int stride, __global int *best, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -152,8 +151,8 @@ __kernel void best_neighbours(__global const float *rows, const int stride, __gl
             __global const float *low = at + first, *high = low + 3 * stride;
             const float8 x = max(vload8(0, high), own.high.x) - min(vload8(0, low), own.low.x);
             const float8 y = max(vload8(0, high + stride), own.high.y) - min(vload8(0, low + stride), own.low.y);
-            const float8 z = max(vload8(0, high + 2 * stride), own.high.z)
-                - min(vload8(0, low + 2 * stride), own.low.z);
+            const float8 z =
+                max(vload8(0, high + 2 * stride), own.high.z) - min(vload8(0, low + 2 * stride), own.low.z);
             const float8 area = x * y + y * z + z * x;
             const int8 less = area < least;
             least = select(least, area, less);
@@ -186,8 +185,8 @@ int mutual_best(__global const int *best, const int i, const int paired, const i
 
 // Counts, for each cluster, the survivors (x) and new nodes (y) before it within its chunk of CHUNK clusters. totals:
 // both sums of each chunk. First pass of a prefix sum.
-__kernel void count_merges(__global const int *best, const int paired, __global int2 *before,
-                           __global int2 *totals, const int count)
+__kernel void count_merges(__global const int *best, const int paired, __global int2 *before, __global int2 *totals,
+                           const int count)
 {
     const int first = CHUNK * get_global_id(0), last = min(first + CHUNK, count);
     if (first >= count)
@@ -393,8 +392,8 @@ __kernel void next_roots(__global const NodeLink *links, __global const int *chi
 
 // Stores the triangles of a leaf as packets: first corner, two edges, and index, one lane each. Unused lanes have zero
 // edges, which no ray hits.
-void store_packets(__global const float *positions, __global const NodeLink *links,
-                   const int leaf, __global float *packets)
+void store_packets(__global const float *positions, __global const NodeLink *links, const int leaf,
+                   __global float *packets)
 {
     int stack[LEAF + 1], depth = 1, lane = 0;
     stack[0] = leaf;
@@ -410,8 +409,8 @@ void store_packets(__global const float *positions, __global const NodeLink *lin
         const float3 a = corner_of(positions, link.left, 0);
         const float3 edge1 = corner_of(positions, link.left, 1) - a;
         const float3 edge2 = corner_of(positions, link.left, 2) - a;
-        const float values[10] = {a.x, a.y, a.z, edge1.x, edge1.y, edge1.z, edge2.x, edge2.y, edge2.z,
-                                  as_float(link.left)};
+        const float values[10] = {a.x,     a.y,     a.z,     edge1.x, edge1.y,
+                                  edge1.z, edge2.x, edge2.y, edge2.z, as_float(link.left)};
         for (int k = 0; k < 10; ++k)
             packet[k * PACKET] = values[k];
     }

@@ -73,27 +73,28 @@ typedef struct {
 
 typedef struct {
     __global const Node *nodes;
-    __global const PART *triangles;   // packets of first corner, two edges, number
+    __global const PART *triangles;  // packets of first corner, two edges, number
 #ifdef TRANSMISSION
-    __global const ushort *pixels;          // values of all maps (engine/scene/cutouts.py)
-    __global const Transmittance *surfaces; // four of each material
-    __global const float2 *map_uvs;         // of each corner of each triangle on its maps, layer by layer
-    __global const int *materials;          // of each triangle
+    __global const ushort *pixels;           // values of all maps (engine/scene/cutouts.py)
+    __global const Transmittance *surfaces;  // four of each material
+    __global const float2 *map_uvs;          // of each corner of each triangle on its maps, layer by layer
+    __global const int *materials;           // of each triangle
 #endif
 #ifdef TINTED
-    __global const float4 *tints;           // engine/scene/tints.py
+    __global const float4 *tints;  // engine/scene/tints.py
 #endif
 } Rays;
 
 #ifdef TINTED
-#define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles, \
-    __global const ushort *pixels, __global const Transmittance *surfaces, __global const float2 *map_uvs, \
-    __global const int *materials, __global const float4 *tints
+#define RAYS_ARGUMENTS \
+    __global const Node *nodes, __global const PART *triangles, __global const ushort *pixels, \
+        __global const Transmittance *surfaces, __global const float2 *map_uvs, __global const int *materials, \
+        __global const float4 *tints
 #define RAYS {nodes, triangles, pixels, surfaces, map_uvs, materials, tints}
 #elif defined(TRANSMISSION)
-#define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles, \
-    __global const ushort *pixels, __global const Transmittance *surfaces, __global const float2 *map_uvs, \
-    __global const int *materials
+#define RAYS_ARGUMENTS \
+    __global const Node *nodes, __global const PART *triangles, __global const ushort *pixels, \
+        __global const Transmittance *surfaces, __global const float2 *map_uvs, __global const int *materials
 #define RAYS {nodes, triangles, pixels, surfaces, map_uvs, materials}
 #else
 #define RAYS_ARGUMENTS __global const Node *nodes, __global const PART *triangles
@@ -106,7 +107,7 @@ typedef struct {
     int triangle;    // -1 for none
     bool front;
 #ifdef TINTED
-    bool tinted;     // light from the hit passes coloured surfaces
+    bool tinted;  // light from the hit passes coloured surfaces
 #endif
 } Hit;
 
@@ -175,8 +176,8 @@ float through_face(const float cosine, const float ior)
     return sqrt((1.0f - reflected) / (1.0f + reflected));
 }
 
-// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence. The two sides of a closed
-// body together transmit as two faces (`body_transmittance` of engine/scene/transmission.py).
+// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence. The two sides of a
+// closed body together transmit as two faces (`body_transmittance` of engine/scene/transmission.py).
 Fraction at_angle(const Fraction stopped, __global const Transmittance *surface, const float cosine)
 {
     if (!(surface->share > 0.0f))
@@ -247,14 +248,14 @@ float least_opacity(const Hit *hit)
 typedef struct {
     float3 origin, direction, inverse;
     int sought;
-    float reach;    // maximum ray parameter, in lengths of the direction
+    float reach;       // maximum ray parameter, in lengths of the direction
     Fraction through;  // product of transmittances so far
     Hit nearest;
 #ifdef TRANSMISSION
-    int kind;       // SHADOW or BOUNCE
+    int kind;  // SHADOW or BOUNCE
 #endif
 #ifdef TINTED
-    bool tinted;    // a coloured transparent surface was passed, perhaps behind the nearest hit
+    bool tinted;  // a coloured transparent surface was passed, perhaps behind the nearest hit
 #endif
 } Search;
 
@@ -305,8 +306,8 @@ PART_OF_DESCENT void meet(const LANES *t, const Search *search, Meeting *meeting
     const LANES v = (d.x * qx + d.y * qy + d.z * qz) * inverse;
     const LANES distance = (t[6] * qx + t[7] * qy + t[8] * qz) * inverse;
     const float rim = 1e-6f;
-    meeting->met = (determinant != 0.0f) & (u >= -rim) & (v >= -rim) & (u + v <= 1.0f + rim)
-        & (distance > 0.0f) & (distance < search->reach);
+    meeting->met = (determinant != 0.0f) & (u >= -rim) & (v >= -rim) & (u + v <= 1.0f + rim) & (distance > 0.0f)
+        & (distance < search->reach);
     if (search->sought == NEAREST_BACK)
         meeting->met &= determinant < 0.0f;
     meeting->determinant = determinant;
@@ -322,8 +323,8 @@ PART_OF_DESCENT void meet_packet(__global const PART *packet, const Search *sear
     const float4 a = packet[0], b = packet[1], c = packet[2];
     const float t[10] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y};
 #else
-    const LANES t[9] = {packet[0], packet[1], packet[2], packet[3], packet[4], packet[5], packet[6], packet[7],
-                        packet[8]};
+    const LANES t[9] = {packet[0], packet[1], packet[2], packet[3], packet[4],
+                        packet[5], packet[6], packet[7], packet[8]};
 #endif
     meet(t, search, meeting);
 }
@@ -520,8 +521,8 @@ PART_OF_DESCENT void descend(const Rays *rays, Search *search)
 PART_OF_DESCENT Search search_for(const int sought, const int kind, const float3 origin, const float3 direction,
                                   const float reach)
 {
-    const Search search = {origin, direction, clamp(1.0f / direction, -1e30f, 1e30f), sought, reach, (Fraction)(1.0f),
-                           {INFINITY, (float2)(0.0f), -1, false},
+    const Search search = {origin, direction,        clamp(1.0f / direction, -1e30f, 1e30f), sought,
+                           reach,  (Fraction)(1.0f), {INFINITY, (float2)(0.0f), -1, false},
 #ifdef TRANSMISSION
                            kind
 #endif

@@ -19,13 +19,21 @@ Receiver load_receiver(__global const ReceiverRecord *record)
     const float3 normal = vload3(0, record->normal), geometric = vload3(0, record->geometric);
     const float3 edge_u = vload3(0, record->edge_u), edge_v = vload3(0, record->edge_v);
     const float lifted = record->lifted;
-    const Receiver r = {
-        vload3(0, record->at), normal, geometric, edge_u, edge_v,
-        vload3(0, record->corner), vload3(0, record->edge1), vload3(0, record->edge2),
-        {vload3(0, record->normal1), vload3(0, record->normal2), vload3(0, record->normal3)},
-        record->height, fmax(length(edge_u), length(edge_v)), lifted, (uint)record->rank >> 1,
-        record->rank & 1, lifted > 0.0f ? normal : geometric
-    };
+    const Receiver r = {vload3(0, record->at),
+                        normal,
+                        geometric,
+                        edge_u,
+                        edge_v,
+                        vload3(0, record->corner),
+                        vload3(0, record->edge1),
+                        vload3(0, record->edge2),
+                        {vload3(0, record->normal1), vload3(0, record->normal2), vload3(0, record->normal3)},
+                        record->height,
+                        fmax(length(edge_u), length(edge_v)),
+                        lifted,
+                        (uint)record->rank >> 1,
+                        record->rank & 1,
+                        lifted > 0.0f ? normal : geometric};
     return r;
 }
 
@@ -48,10 +56,10 @@ float3 smooth_offset(const Receiver *r, const float3 p)
         return (float3)(0.0f);
     const float v = dot(cross(q, r->edge2), face) / square, w = dot(cross(r->edge1, q), face) / square;
     const float longest = sqrt(fmax(dot(r->edge1, r->edge1), dot(r->edge2, r->edge2)));
-    const float3 rise = -(float3)(dot(q, r->normals[0]), dot(q - r->edge1, r->normals[1]),
-                                  dot(q - r->edge2, r->normals[2]));
-    const float3 upright = (float3)(dot(r->normals[0], r->geometric), dot(r->normals[1], r->geometric),
-                                    dot(r->normals[2], r->geometric));
+    const float3 rise =
+        -(float3)(dot(q, r->normals[0]), dot(q - r->edge1, r->normals[1]), dot(q - r->edge2, r->normals[2]));
+    const float3 upright =
+        (float3)(dot(r->normals[0], r->geometric), dot(r->normals[1], r->geometric), dot(r->normals[2], r->geometric));
     const float3 trusted = clamp((upright - LEANS_MUCH) / (LEANS_LITTLE - LEANS_MUCH), 0.0f, 1.0f);
     const float3 amount = fmax(rise - fmax(FLAT * longest, 0.5f * r->height), 0.0f) * trusted
         * clamp((float3)(1.0f - v - w, v, w), 0.0f, 1.0f);

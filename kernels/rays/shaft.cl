@@ -12,8 +12,8 @@
 #define SIDES 5
 
 typedef struct {
-    int count;             // UNKNOWN_BLOCKERS if they exceed one packet
-    LANES triangles[10];   // one packet in the layout of `meet`
+    int count;            // UNKNOWN_BLOCKERS if they exceed one packet
+    LANES triangles[10];  // one packet in the layout of `meet`
 } Blockers;
 
 // Shaft: half-spaces around a texel and three corners beyond it. A point x is inside if dot(normals[k], x - start) <=
@@ -22,9 +22,9 @@ typedef struct {
     float3 start;  // above the middle of the texel
     float3 normals[SIDES];
     float most[SIDES];
-    float3 corners[3];      // from `start`
-    float3 across, along;   // from the middle of the texel to its sides
-    float slack;            // rounding error of these points, metres
+    float3 corners[3];     // from `start`
+    float3 across, along;  // from the middle of the texel to its sides
+    float slack;           // rounding error of these points, metres
 } Shaft;
 
 // Returns a bit mask of the children of a node whose boxes intersect the half-spaces of a shaft.
@@ -34,7 +34,8 @@ PART_OF_DESCENT int boxes_within(__global const Node *node, const Shaft *shaft)
     INTS outside = 0;
     for (int k = 0; k < SIDES; ++k) {
         const float3 n = shaft->normals[k];
-        outside |= n.x * (n.x > 0.0f ? x.lo : x.hi) + n.y * (n.y > 0.0f ? y.lo : y.hi) + n.z * (n.z > 0.0f ? z.lo : z.hi)
+        outside |=
+            n.x * (n.x > 0.0f ? x.lo : x.hi) + n.y * (n.y > 0.0f ? y.lo : y.hi) + n.z * (n.z > 0.0f ? z.lo : z.hi)
             > shaft->most[k];
     }
     return ~BITS_OF(outside) & 255;

@@ -35,8 +35,7 @@ __kernel void prefilter_cube(__global const float4 *texels, __global const int2 
         float2 at;
         const int face = face_of(s.x * x + s.y * y + s.z * z, &at);
         const int low = clamp((int)s.w, 0, level_count - 1), high = min(low + 1, level_count - 1);
-        sum += s.z * mix(level_at(texels, levels[low], face, at), level_at(texels, levels[high], face, at),
-                         s.w - low);
+        sum += s.z * mix(level_at(texels, levels[low], face, at), level_at(texels, levels[high], face, at), s.w - low);
         total += s.z;
     }
     filtered[i] = (float4)(sum / total, 0.0f);

@@ -8,8 +8,8 @@
 // Stores the direction of each point of the emitters and, if nothing hides it, its light as irradiance at normal
 // incidence: `samples` points of each emitter.
 __kernel void sample_lights(RAYS_ARGUMENTS, __global const Emitter *emitters, __global const Modulation *modulations,
-                           __global const float *profiles, const float4 point, const int samples,
-                           __global float4 *directions, __global float4 *light, const int count)
+                            __global const float *profiles, const float4 point, const int samples,
+                            __global float4 *directions, __global float4 *light, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
@@ -27,7 +27,7 @@ __kernel void sample_lights(RAYS_ARGUMENTS, __global const Emitter *emitters, __
     if (!(luminance(s.light) > 0.0f))
         return;
     const bool far = s.distance == INFINITY;
-    const Fraction visible = transmittance(&rays, BOUNCE, r.at, far ? s.direction : s.distance * s.direction,
-                                           far ? INFINITY : 0.9998f);
+    const Fraction visible =
+        transmittance(&rays, BOUNCE, r.at, far ? s.direction : s.distance * s.direction, far ? INFINITY : 0.9998f);
     light[i].xyz = s.light * visible * (M_PI_F / samples);
 }

@@ -6,10 +6,9 @@
 // hits. corners: texture UVs of the triangles' corners. factor: float4 of each sample, E/pi for reflected light or the
 // tint for emitted light.
 __kernel void add_textured(__global const int *chosen, __global const int *places, __global const float2 *weights,
-                           __global const float2 *corners, __global const float *pixels,
-                           const int width, const int height, const int extension,
-                           const int smooth, const int srgb, const float4 color, __global const float4 *factor,
-                           __global float4 *radiance, const int count)
+                           __global const float2 *corners, __global const float *pixels, const int width,
+                           const int height, const int extension, const int smooth, const int srgb, const float4 color,
+                           __global const float4 *factor, __global float4 *radiance, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)

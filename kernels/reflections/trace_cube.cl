@@ -41,11 +41,10 @@ float3 irradiance_at(const Lightmaps *lightmaps, __global const float4 *light, c
 __kernel void trace_cube(RAYS_ARGUMENTS, __global const float2 *uvs, __global const int *atlases,
                          __global const uint *texel_to_patch, const int resolution, __global const int *backs,
                          __global const int *material_of, __global const float4 *colors, const int material_count,
-                         __global const float4 *light, const int fronts, const float dark,
-                         __global const float4 *sky, const int sky_width, const int sky_height, const float4 point,
-                         const int size, const int first, __global int2 *hits, __global float2 *weights,
-                         __global float4 *received, __global float4 *through, __global float4 *radiance,
-                         const int start, const int end)
+                         __global const float4 *light, const int fronts, const float dark, __global const float4 *sky,
+                         const int sky_width, const int sky_height, const float4 point, const int size, const int first,
+                         __global int2 *hits, __global float2 *weights, __global float4 *received,
+                         __global float4 *through, __global float4 *radiance, const int start, const int end)
 {
     const int i = start + get_global_id(0);
     if (i >= end)

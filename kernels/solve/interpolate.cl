@@ -29,7 +29,7 @@
 typedef struct {
     float x, y, weight;  // in squares, along u and v
     int group;
-    int square;          // in which of the squares around, row by row
+    int square;  // in which of the squares around, row by row
 } Anchor;
 
 // Inverts a symmetric 3 x 3 matrix in the order xx, xy, xz, yy, yz, zz. Returns false if it is nearly singular.
@@ -50,8 +50,8 @@ bool invert(const float *m, float *inverse)
 // Collects the groups around a patch that lie on its surface. Returns their number, or 0 if one of them is invalid.
 int anchors_of(const int patch, __global const uint *texel_to_patch, const int resolution, const int width,
                __global const int *atlases, __global const int *texels, __global const int *groups,
-               __global const int *leaders, __global const ReceiverRecord *receivers,
-               __global const float4 *light, Anchor *anchors)
+               __global const int *leaders, __global const ReceiverRecord *receivers, __global const float4 *light,
+               Anchor *anchors)
 {
     const int texel = texels[patch], x = texel % resolution, y = texel / resolution;
     __global const uint *page = texel_to_patch + (size_t)atlases[patch] * resolution * resolution;
@@ -119,8 +119,8 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
                           __global const int *leaders, __global const ReceiverRecord *receivers,
                           __global const float4 *light, const int layers, const int group_count,
                           __global const float *beside, __global const float *open, const float least, const float most,
-                          const float tolerance, const float lowest,
-                          __global float4 *values, __global int *fits, const int count)
+                          const float tolerance, const float lowest, __global float4 *values, __global int *fits,
+                          const int count)
 {
     const int patch = get_global_id(0);
     if (patch >= count)
@@ -129,8 +129,8 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
     for (int layer = 0; layer < layers; ++layer)
         values[(size_t)layer * count + patch] = (float4)(0.0f);
     Anchor anchors[AROUND];
-    const int found = anchors_of(patch, texel_to_patch, resolution, width, atlases, texels, groups, leaders,
-                                 receivers, light, anchors);
+    const int found = anchors_of(patch, texel_to_patch, resolution, width, atlases, texels, groups, leaders, receivers,
+                                 light, anchors);
     if (found < FEWEST)
         return;
     float inverse[6], counts[AROUND];
@@ -147,8 +147,9 @@ __kernel void interpolate(__global const uint *texel_to_patch, const int resolut
         gain += counts[k] * counts[k];
         value += counts[k] * all;
         nearer -= open ? counts[k] * open[leaders[a.group]] : 0.0f;
-        slope += a.weight * all * (float2)(inverse[1] + inverse[3] * a.x + inverse[4] * a.y,
-                                           inverse[2] + inverse[4] * a.x + inverse[5] * a.y);
+        slope += a.weight * all
+            * (float2)(inverse[1] + inverse[3] * a.x + inverse[4] * a.y,
+                       inverse[2] + inverse[4] * a.x + inverse[5] * a.y);
     }
 
     // At the end of a chart with only two rows or columns of squares, a plane would fit a step between them: use no
@@ -195,8 +196,8 @@ __kernel void spread(__global const uint *texel_to_patch, const int resolution, 
     if (!fits[patch])
         return;
     Anchor anchors[AROUND];
-    const int found = anchors_of(patch, texel_to_patch, resolution, width, atlases, texels, groups, leaders,
-                                 receivers, light, anchors);
+    const int found = anchors_of(patch, texel_to_patch, resolution, width, atlases, texels, groups, leaders, receivers,
+                                 light, anchors);
     float inverse[6], counts[AROUND];
     weigh(anchors, found, inverse, counts);
     for (int layer = 0; layer < layers; ++layer) {

@@ -46,9 +46,8 @@ __kernel void iterate_products(__global const float4 *gathered, __global const f
 // Computes the next irradiance: a weighted mix of the iterates plus ambient light, weights[COLUMNS], times the fraction
 // of visible patches. sums: absolute change; relative change of the first `fronts` patches; added flux.
 __kernel void mix_iterates(__global const float4 *gathered, __global const float4 *weights,
-                           __global const float *patches_seen,
-                           __global const float4 *reflectance, __global const float *area,
-                           const float least, const int fronts, const int count,
+                           __global const float *patches_seen, __global const float4 *reflectance,
+                           __global const float *area, const float least, const int fronts, const int count,
                            __global float4 *irradiance, __global float4 *sums)
 {
     float4 acc = (float4)(0.0f);
@@ -69,9 +68,9 @@ __kernel void mix_iterates(__global const float4 *gathered, __global const float
 // Computes the flux balance, area-weighted: incident flux, reflected flux, flux lost to the background, flux lost to
 // back faces, flux from sources, and flux of the newest defect that is not bounced yet. One partial sum per work item.
 __kernel void balance(__global const float4 *gathered, __global const float4 *defects, const int newest,
-                      __global const float4 *reflectance, __global const float4 *emitted,
-                      __global const float4 *direct, __global const float *area,
-                      __global const float *patches_seen, const int count, __global float4 *sums)
+                      __global const float4 *reflectance, __global const float4 *emitted, __global const float4 *direct,
+                      __global const float *area, __global const float *patches_seen, const int count,
+                      __global float4 *sums)
 {
     float4 acc[6];
     for (int k = 0; k < 6; ++k)

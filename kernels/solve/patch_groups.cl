@@ -15,8 +15,8 @@
 
 // Returns the member nearest to the centroid of the members. Ties alternate between squares (turn), so that the mean
 // offset of representatives is zero.
-uint middle_of(const uint *members, const int count, __global const int *texels, const int resolution,
-               const int x0, const int y0, const int2 turn)
+uint middle_of(const uint *members, const int count, __global const int *texels, const int resolution, const int x0,
+               const int y0, const int2 turn)
 {
     int2 sum = (int2)(0);
     for (int i = 0; i < count; ++i)
@@ -81,8 +81,7 @@ __kernel void group_patches(__global const uint *texel_to_patch, const int resol
                 continue;
             const Receiver m = load_receiver(receivers + member);
             const bool alike = inside[member] == inside[leader] && materials[member] == materials[leader]
-                && dot(m.normal, r.normal) > SAME_PLANE
-                && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size
+                && dot(m.normal, r.normal) > SAME_PLANE && fabs(dot(m.at - r.at, r.geometric)) < 0.5f * width * r.size
                 && length(m.at - r.at) < 1.5f * width * r.size
                 && fabs(radiance[member] - radiance[leader])
                     <= SAME_LIGHT * mean_radiance + AS_BRIGHT * fmax(radiance[member], radiance[leader]);

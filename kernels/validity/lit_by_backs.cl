@@ -12,8 +12,8 @@ bool is_behind_any(const float3 point, __global const float4 *planes, const int 
     return behind;
 }
 
-// Stores 1 for patches whose probe rays hit an emissive back face before more than MAX_OTHERS_BACKLIT others. Emissive back faces are
-// visible only from behind, so patches in front of all emissive planes are skipped.
+// Stores 1 for patches whose probe rays hit an emissive back face before more than MAX_OTHERS_BACKLIT others. Emissive
+// back faces are visible only from behind, so patches in front of all emissive planes are skipped.
 __kernel void lit_by_backfaces(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const uchar *shines,
                                __global const float4 *planes, const int plane_count, __global uchar *result,
                                const int count)

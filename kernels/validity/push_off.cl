@@ -6,7 +6,7 @@
 // back faces, or front faces that lie inside too. Rays in the tangent plane find the nearest back face; a point with
 // only back faces around it moves just beyond that face.
 
-#define WAYS 8  // rays in the tangent plane; opposite rays measure the thickness
+#define WAYS 8        // rays in the tangent plane; opposite rays measure the thickness
 #define MARGIN 0.05f  // distance of a moved point from the face, in texel widths
 
 // Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself. From a
@@ -47,8 +47,8 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
 // walls: nearest triangle of the object, or -1. sides: the two triangles between which thickness is measured.
 // inside: 1 for points inside. normals: of the triangles. lit: see meets_dark_back.
 __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
-                       __global const uchar *lit, const float reach, __global float4 *ways, __global int *walls, __global int2 *sides,
-                       __global uchar *inside, const int count)
+                       __global const uchar *lit, const float reach, __global float4 *ways, __global int *walls,
+                       __global int2 *sides, __global uchar *inside, const int count)
 {
     const int point = get_global_id(0);
     if (point >= count)

@@ -16,19 +16,21 @@ typedef struct {
 #ifndef PROJECTED
 float2 l1_factors(const float c)
 {
-    return (float2)(
-        6.545f + c * (-28.9163f + c * (98.5565f + c * (-214.3111f + c * (267.2386f + c * (-173.8481f + c * 45.7424f))))),
-        -5.2663f +
-            c * (45.5535f + c * (-138.9425f + c * (238.2109f + c * (-245.3737f + c * (142.2527f - c * 35.4425f))))));
+    return (
+        float2)(6.545f
+                    + c
+                        * (-28.9163f
+                           + c * (98.5565f + c * (-214.3111f + c * (267.2386f + c * (-173.8481f + c * 45.7424f))))),
+                -5.2663f
+                    + c
+                        * (45.5535f
+                           + c * (-138.9425f + c * (238.2109f + c * (-245.3737f + c * (142.2527f - c * 35.4425f))))));
 }
 #else
 // PROJECTED: projection onto spherical harmonics instead, with the mean radiance along the normal and twice the mean of
 //     radiance times direction across it. Grazing light is damped, because it would add noise.
 #define LEAST_COSINE 0.015625f
-float2 l1_factors(const float c)
-{
-    return (float2)(0.5f, 0.25f) / fmax(c, LEAST_COSINE);
-}
+float2 l1_factors(const float c) { return (float2)(0.5f, 0.25f) / fmax(c, LEAST_COSINE); }
 #endif
 
 // Returns l1 of light from a direction of any length.

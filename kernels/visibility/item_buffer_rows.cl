@@ -31,8 +31,8 @@ __kernel void compact_item_buffer(__global const uint *hemicubes, __global const
         uint kept = 0;
         if (dot(d, horizon) > 0.0f) {
             const float3 world = d.x * right + d.y * up + d.z * normal;
-            kept = encode_sample(hemicubes[texel_of(slot, x, y, columns, n)], 0, multiplier[i], world, normal,
-                                 emission, backs_seen, outside, 0, &sum);
+            kept = encode_sample(hemicubes[texel_of(slot, x, y, columns, n)], 0, multiplier[i], world, normal, emission,
+                                 backs_seen, outside, 0, &sum);
         }
         cache[(size_t)(first + slot - cached_from) * samples + i] = kept;
     }

@@ -16,7 +16,8 @@ void find_near(const Rays *rays, const Receiver *r, const float reach, Blockers 
     float3 x, y;
     basis(r->geometric, &x, &y);
     const float3 normals[4] = {x, -x, y, -y};
-    const float radius = 1.001f * (reach + 0.5f * (length(r->edge_u) + length(r->edge_v))), half_side = 1.4143f * radius;
+    const float radius = 1.001f * (reach + 0.5f * (length(r->edge_u) + length(r->edge_v))),
+                half_side = 1.4143f * radius;
     shaft.start = r->at + r->height * r->geometric;
     for (int k = 0; k < 4; ++k) {
         shaft.normals[k] = 0.70710678f * (normals[k] + r->geometric);
@@ -36,7 +37,8 @@ void find_near(const Rays *rays, const Receiver *r, const float reach, Blockers 
 #endif
 
 // Returns the transmittance of a ray with respect to nearby geometry.
-float let_through(const Rays *rays, const Blockers *near, const float3 origin, const float3 direction, const float reach)
+float let_through(const Rays *rays, const Blockers *near, const float3 origin, const float3 direction,
+                  const float reach)
 {
 #ifndef TRANSMISSION
     if (near->count != UNKNOWN_BLOCKERS)

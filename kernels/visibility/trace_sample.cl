@@ -8,11 +8,11 @@
 // Traces one visibility sample: finds the patch that a ray from a patch hits first.
 
 typedef struct {
-    __global const float2 *uvs;          // of each corner of each triangle on its lightmap
-    __global const int *atlases;         // of each triangle
-    __global const uint *texel_to_patch; // patch + 1 of each texel of each lightmap, or 0
+    __global const float2 *uvs;           // of each corner of each triangle on its lightmap
+    __global const int *atlases;          // of each triangle
+    __global const uint *texel_to_patch;  // patch + 1 of each texel of each lightmap, or 0
     int resolution;
-    __global const int *backs;           // twin triangle of each triangle's back face, or -1; null if none
+    __global const int *backs;  // twin triangle of each triangle's back face, or -1; null if none
 } Lightmaps;
 
 #ifdef TINTED
@@ -116,8 +116,8 @@ void advance_origin(Eye *eye, const View *view, const Rays *rays, const Receiver
 }
 #endif
 
-#define LOOK_ARGUMENTS RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, \
-    __global const int *atlases, __global const uint *texel_to_patch, const int resolution, \
-    __global const int *backs, \
-    __global const float4 *emission, const uint outside, \
-    SAMPLES, const int samples, const int n, const uint salt, const int rotate
+#define LOOK_ARGUMENTS \
+    RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float2 *uvs, __global const int *atlases, \
+        __global const uint *texel_to_patch, const int resolution, __global const int *backs, \
+        __global const float4 *emission, const uint outside, SAMPLES, const int samples, const int n, const uint salt, \
+        const int rotate

@@ -38,9 +38,9 @@ __kernel void trace_visibility(LOOK_ARGUMENTS, const int start, const int cached
 
 // Gathers irradiance (E/pi) of patches by tracing all samples, without a visibility cache. Background light is scaled
 // by the ratio estimator (unoccluded_sky.cl).
-__kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4 *radiance,
-                          SKY_ARGUMENTS, __global float4 *gathered_light, __global float *patches_seen,
-                          __global uchar *backs_seen, __global float4 *gathered_l1, __local float4 *partial)
+__kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4 *radiance, SKY_ARGUMENTS,
+                          __global float4 *gathered_light, __global float *patches_seen, __global uchar *backs_seen,
+                          __global float4 *gathered_l1, __local float4 *partial)
 {
     const int patch = start + get_group_id(0);
     const Rays rays = RAYS;

@@ -18,8 +18,8 @@
 
 // Kernel arguments of the sky: radiance map, and `open_sky`, E/pi of the unoccluded sky for a grid of normals; null if
 // the sky is uniform or too uneven.
-#define SKY_ARGUMENTS __global const float4 *sky, const int sky_width, const int sky_height, \
-    __global const float4 *open_sky
+#define SKY_ARGUMENTS \
+    __global const float4 *sky, const int sky_width, const int sky_height, __global const float4 *open_sky
 
 // Returns E/pi of the unoccluded sky for a normal: bilinear look-up in the table.
 float3 unoccluded_irradiance(const float3 normal, __global const float4 *open_sky)

@@ -36,8 +36,8 @@ View view_of(const Receiver *r, const int patch, const int samples, const uint s
     const uint mixed = hash((uint)patch ^ salt);
     const float angle = rotate ? (float)mixed * (1.0f / 2147483648.0f) - 1.0f : 0.0f;
     const float c = cospi(angle), s = sinpi(angle);
-    const View view = {r->at + r->height * r->geometric, c * x + s * y, c * y - s * x, r->normal, r->geometric,
-                       (uint2)(0)};
+    const View view = {
+        r->at + r->height * r->geometric, c * x + s * y, c * y - s * x, r->normal, r->geometric, (uint2)(0)};
     return view;
 }
 #endif

@@ -112,8 +112,8 @@ void store_light(const ViewSum *sum, const int patch, __global float4 *stored_li
 #endif
 }
 
-void store_view(const ViewSum *sum, const int patch, __global float4 *stored_light,
-                __global float *patches_seen, __global float4 *stored_l1, __local float4 *partial)
+void store_view(const ViewSum *sum, const int patch, __global float4 *stored_light, __global float *patches_seen,
+                __global float4 *stored_l1, __local float4 *partial)
 {
     store_light(sum, patch, stored_light, stored_l1, partial);
     const float4 patches = sum_of_group((float4)(sum->patches), partial);

@@ -54,8 +54,8 @@ bool is_enclosed(const Rays *rays, const TestRay *ray, const float3 x, const flo
     bool enclosed = true;
     for (int i = 0; i < LOOKS && enclosed; ++i) {
         const float3 direction = probe_direction(i, x, y, normal);
-        enclosed = meets_unknown_back(rays, ray->start, direction, marks) ||
-                   meets_unknown_back(rays, ray->beside, direction, marks);
+        enclosed = meets_unknown_back(rays, ray->start, direction, marks)
+            || meets_unknown_back(rays, ray->beside, direction, marks);
     }
     return enclosed;
 }

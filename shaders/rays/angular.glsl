@@ -13,8 +13,8 @@ float through_face(float cosine, float ior)
     return sqrt((1.0 - reflected) / (1.0 + reflected));
 }
 
-// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence. The two sides of a closed
-// body together transmit as two faces (`body_transmittance` of engine/scene/transmission.py). fresnel: index of
+// Returns the opacity of glass at an angle of incidence, from its opacity at normal incidence. The two sides of a
+// closed body together transmit as two faces (`body_transmittance` of engine/scene/transmission.py). fresnel: index of
 // refraction, share of glass, number of faces, side of a body.
 vec3 at_angle(vec3 stopped, vec4 fresnel, float cosine)
 {

@@ -132,7 +132,13 @@ def _bake(
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_squares = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
     lighting = DirectLighting(
-        scene, patch_scene, rays, settings, remote, split, partial(kept.inside, rays) if in_squares else None
+        scene=scene,
+        parts=patch_scene,
+        rays=rays,
+        settings=settings,
+        elsewhere=remote,
+        split=split,
+        meanwhile=partial(kept.inside, rays) if in_squares else None,
     )
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)
@@ -154,10 +160,21 @@ def _bake(
 
     # All other light is gathered: from hemicubes drawn in each iteration (IV.B), or from visibility samples.
     job = SolveJob(
-        graphics, compute, patch_scene, rays, lighting.gathered_emission, lighting.gathered_sky, sampled,
-        areas.result(), settings, remote, kept, contacts=contacts, backs=lighting.backs_left,
+        graphics=graphics,
+        compute=compute,
+        parts=patch_scene,
+        rays=rays,
+        emission=lighting.gathered_emission,
+        sky=lighting.gathered_sky,
+        sampled_light=sampled,
+        area=areas.result(),
+        settings=settings,
+        remote=remote,
+        kept=kept,
+        contacts=contacts,
+        backs=lighting.backs_left,
         mapped=patch_scene.patches.count_in(len(atlases)),
-    ).after(previous)  # fmt: skip
+    ).after(previous)
     solution, choice, solved = choose_solver(job)
     if remote and compute and choice.method != "none":
         # Prepare texel data on the host while other processes compute visibility.
@@ -182,10 +199,20 @@ def _bake(
     )
     inspect(
         BakeState(
-            scene, len(atlases), settings, patch_scene, rays, contacts, solution, validity, made, gathered,
-            finishing.refined, passes,
+            scene=scene,
+            atlases=len(atlases),
+            settings=settings,
+            patch_scene=patch_scene,
+            rays=rays,
+            contacts=contacts,
+            solution=solution,
+            validity=validity,
+            outputs=made,
+            samples=gathered,
+            texels=finishing.refined,
+            images=passes,
         )
-    )  # fmt: skip
+    )
     report = Report(
         patches=len(patch_scene.patches),
         method=choice.method,
@@ -210,15 +237,15 @@ def _bake(
         energy=solution.energy(solved.parts.surfaces.emission),
     )
     return BakeResult(
-        atlases,
-        store.image(next(iter(made.values()))) if settings.centres else store.no_image,
-        next(iter(passes.values())),
-        store.has_patch,
-        finishing.refined.known,
-        report,
-        passes,
-        probes,
-        cubes,
+        atlases=atlases,
+        image=store.image(next(iter(made.values()))) if settings.centres else store.no_image,
+        display=next(iter(passes.values())),
+        has_patch=store.has_patch,
+        known=finishing.refined.known,
+        report=report,
+        passes=passes,
+        probes=probes,
+        reflections=cubes,
     )
 
 

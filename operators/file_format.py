@@ -219,11 +219,11 @@ PLAIN = FileFormat()
 def chosen_format(settings: bpy.types.PropertyGroup) -> FileFormat:
     """Return the format that is set in a scene's properties."""
     return FileFormat(
-        settings.file_format,
-        int(settings.exr_depth),
-        settings.exr_codec,
-        settings.exposure,
-        settings.light_range,
-        settings.light_gamma,
-        int(settings.png_depth),
+        name=settings.file_format,
+        depth=int(settings.exr_depth),
+        codec=settings.exr_codec,
+        exposure=settings.exposure,
+        range=settings.light_range,
+        gamma=settings.light_gamma,
+        png_depth=int(settings.png_depth),
     )

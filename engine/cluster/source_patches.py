@@ -47,7 +47,15 @@ class SourcePatches:
         parts = triangles.seen(settings.resolution, seen, table.texel_to_patch.opened(), table.back_to_back)
         none, rays = seen[:0], triangles.rays.of(parts)
         self.job = SolveJob(
-            devices.graphics, compute, parts, rays, seen, sky.rest, none, none[:, 0], light_alone(settings)
+            graphics=devices.graphics,
+            compute=compute,
+            parts=parts,
+            rays=rays,
+            emission=seen,
+            sky=sky.rest,
+            sampled_light=none,
+            area=none[:, 0],
+            settings=light_alone(settings),
         )
 
     @contextmanager

@@ -67,7 +67,15 @@ def _without_patches(
         PatchGeometry(triangles, steps, none, nowhere),
     )
     texels = np.zeros((0, resolution, resolution), np.uint32)
-    return PatchScene(triangles, cutouts, patches, geometry, PatchMaterials(nowhere, nowhere), texels, ())
+    return PatchScene(
+        triangles=triangles,
+        cutouts=cutouts,
+        patches=patches,
+        geometry=geometry,
+        surfaces=PatchMaterials(nowhere, nowhere),
+        texel_to_patch=texels,
+        warnings=(),
+    )
 
 
 class TriangleCache:

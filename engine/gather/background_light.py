@@ -36,9 +36,14 @@ class BackgroundLight:
     ) -> None:
         self._compute, self._background = compute, background
         self._add = RowKernel(
-            compute, sampling, receivers, settings, r2_sequence(sampling.samples),
-            "add_background", "background_light.cl",
-        )  # fmt: skip
+            compute=compute,
+            sampling=sampling,
+            receivers=receivers,
+            settings=settings,
+            pattern=r2_sequence(sampling.samples),
+            name="add_background",
+            file="background_light.cl",
+        )
         self.light = zeros(compute, 16 * count)
         self.l1 = zeros(compute, 48 * count) if settings.directional else None
 

@@ -51,7 +51,15 @@ class L1Gather:
     ) -> None:
         self._compute, self._receivers, self._count = compute, receivers, count
         pattern = _disk(sampling.samples)
-        self._gather = RowKernel(compute, sampling, receivers, settings, pattern, "gather_l1", "gather_l1.cl")
+        self._gather = RowKernel(
+            compute=compute,
+            sampling=sampling,
+            receivers=receivers,
+            settings=settings,
+            pattern=pattern,
+            name="gather_l1",
+            file="gather_l1.cl",
+        )
         self.result = zeros(compute, 48 * count)
         self._radiance = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16)
 

@@ -105,9 +105,16 @@ def make_patch_scene(
         known = KnownSurfaces(before[1], last.surfaces)
     surfaces = patch_surfaces(compute, scene, geometry, settings.resolution, known)
     return PatchScene(
-        triangles, read_cutouts(scene), patches, geometry, surfaces, index.texel_to_patch, charts.warnings,
-        charts=charts, index=index,
-    ).with_surfaces(surfaces)  # fmt: skip
+        triangles=triangles,
+        cutouts=read_cutouts(scene),
+        patches=patches,
+        geometry=geometry,
+        surfaces=surfaces,
+        texel_to_patch=index.texel_to_patch,
+        warnings=charts.warnings,
+        charts=charts,
+        index=index,
+    ).with_surfaces(surfaces)
 
 
 def _same_materials(before: PatchScene, triangles: Triangles, patches: PatchList) -> bool:

@@ -189,7 +189,15 @@ def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
         return RayStreamGather(job.opencl, sampler, job.count, sources, l1, others)
     fitting = max(min(memory_budget(job), job.settings.batch_bytes) // sampler.row_bytes, sampler.batch)
     backs = BackfaceLight(job.opencl, job.count, sources, job.settings.directional)
-    return StreamGather(job.opencl, sampler, backs, static_light(job, sampling), job.count, fitting, l1)
+    return StreamGather(
+        compute=job.opencl,
+        sampler=sampler,
+        backs=backs,
+        static=static_light(job, sampling),
+        count=job.count,
+        cached=fitting,
+        l1=l1,
+    )
 
 
 def _peer_streams(job: SolveJob) -> list[PeerStream]:

@@ -95,10 +95,17 @@ def _solver(
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
-        radiosity, job.sampled_light, job.settings, job.gathers_direct, job.indirect,
-        job.checkpoint, lambda: digest_of((*job.light_key, *gathered_by)), choose_substitutes, job.direct,
-        job.front,
-    )  # fmt: skip
+        radiosity=radiosity,
+        sampled_light=job.sampled_light,
+        settings=job.settings,
+        gathers_direct=job.gathers_direct,
+        reflected=job.indirect,
+        checkpoint=job.checkpoint,
+        key=lambda: digest_of((*job.light_key, *gathered_by)),
+        choose_substitutes=choose_substitutes,
+        direct=job.direct,
+        front=job.front,
+    )
     return solver, replace(choice, patches=job.count)
 
 
@@ -206,15 +213,23 @@ def _interpolated(
     backs = None if job.parts.triangles.backs is None else patches_near_backs(job.rays, job.count)
     patches = np.arange(job.count)
     return InterpolatedGather(
-        solver,
-        [Interpolation(job.rays, job.parts, *groups_job, opening, backs) for groups_job in widths],
-        Interpolation(job.rays, job.parts, patches, patches, 1, opening, backs),
-        job.sampled_light,
-        solved.sampled_light,
-        _TOLERANCE / math.sqrt(ray_count(job.settings)),
-        separates_direct(job, job.settings),
-        job.settings.directional,
-        last_of,
+        solver=solver,
+        squares=[Interpolation(job.rays, job.parts, *groups_job, opening, backs) for groups_job in widths],
+        neighbours=Interpolation(
+            rays=job.rays,
+            parts=job.parts,
+            group=patches,
+            representative=patches,
+            width=1,
+            opening=opening,
+            beside_backs=backs,
+        ),
+        sampled_light=job.sampled_light,
+        of_groups=solved.sampled_light,
+        tolerance=_TOLERANCE / math.sqrt(ray_count(job.settings)),
+        separate_direct=separates_direct(job, job.settings),
+        directional=job.settings.directional,
+        last_of=last_of,
     )
 
 
@@ -227,10 +242,20 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     """Return the radiosity state on the OpenCL device, which gathers through visibility samples."""
     sweep, choice = choose_device_gather(job)
     radiosity = DeviceRadiosity(
-        job.opencl, sweep, job.parts.surfaces.reflectance, job.front_emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns, job.indirect, _begins_sparse(job, sweep),
-        job.direct, job.parts.sides, job.fronts,
-    )  # fmt: skip
+        compute=job.opencl,
+        sweep=sweep,
+        reflectance=job.parts.surfaces.reflectance,
+        emission=job.front_emission,
+        area=job.area,
+        sampled_light=job.sampled_light,
+        gathers_direct=job.gathers_direct,
+        columns=job.columns,
+        indirect=job.indirect,
+        sparse=_begins_sparse(job, sweep),
+        direct=job.direct,
+        sides=job.parts.sides,
+        fronts=job.fronts,
+    )
     return radiosity, choice
 
 
@@ -253,9 +278,18 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
         None if light is None else colors_on_host(light) for light in (job.indirect, job.direct)
     )
     radiosity = HostRadiosity(
-        gather, reflectance, job.emission, job.area,
-        job.sampled_light, job.gathers_direct, job.columns, indirect, direct, job.parts.sides, job.fronts,
-    )  # fmt: skip
+        gather=gather,
+        reflectance=reflectance,
+        emission=job.emission,
+        area=job.area,
+        sampled_light=job.sampled_light,
+        gathers_direct=job.gathers_direct,
+        columns=job.columns,
+        indirect=indirect,
+        direct=direct,
+        sides=job.parts.sides,
+        fronts=job.fronts,
+    )
     return radiosity, choice
 
 

@@ -85,7 +85,13 @@ def display_equations(
     )
     smooth = _smoothness(number[cells].astype(np.intp), stencil.diagonal)
     return BilinearEquations(
-        np.flatnonzero(unknown), point, read, weights * weight[:, None], stencil, seam_rows, smooth
+        texel=np.flatnonzero(unknown),
+        point=point,
+        footprints=read,
+        weights=weights * weight[:, None],
+        points=stencil,
+        seams=seam_rows,
+        smooth=smooth,
     )
 
 

@@ -137,14 +137,14 @@ def _grid(
     filling = filled(coefficients, validity > 0, volume)
     coefficients = yield from run_as_fraction(_GATHERING, 1.0, filling)
     return ProbeGrid(
-        volume.name,
-        volume.resolution,
-        volume.matrix,
-        np.ascontiguousarray(coefficients[:, 0]),
-        validity,
-        (positions + origin).astype(np.float32),
-        {name: np.ascontiguousarray(coefficients[:, number]) for number, name in enumerate(names, 1)},
-        distances,
+        name=volume.name,
+        resolution=volume.resolution,
+        matrix=volume.matrix,
+        coefficients=np.ascontiguousarray(coefficients[:, 0]),
+        validity=validity,
+        positions=(positions + origin).astype(np.float32),
+        groups={name: np.ascontiguousarray(coefficients[:, number]) for number, name in enumerate(names, 1)},
+        distances=distances,
     )
 
 
@@ -291,7 +291,14 @@ class ProbeGather:
         sources, seed = self._what.job.parts, settings.seed + first
         limit = distance_limit(volume, settings)
         return ProbeRows(
-            self._compute, self._rays, sources, points, margin, settings.probe_samples, seed, limit
+            compute=self._compute,
+            rays=self._rays,
+            sources=sources,
+            points=points,
+            margin=margin,
+            samples=settings.probe_samples,
+            seed=seed,
+            limit=limit,
         )
 
 

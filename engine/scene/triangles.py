@@ -124,15 +124,15 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
     positions -= origin
     counts = [len(mesh.positions) for mesh in scene.meshes]
     return Triangles(
-        positions,
-        np.concatenate([mesh.normals for mesh in scene.meshes]).astype(np.float32, copy=False),
-        np.concatenate([mesh.uvs for mesh in scene.meshes]).astype(np.float32, copy=False),
-        np.concatenate([mesh.material for mesh in scene.meshes]).astype(np.int32, copy=False),
-        np.repeat(np.arange(len(counts), dtype=np.int32), counts),
-        np.repeat(np.array([mesh.atlas for mesh in scene.meshes], np.int32), counts),
-        origin.astype(np.float64),
-        span,
-        _backs(scene),
+        positions=positions,
+        normals=np.concatenate([mesh.normals for mesh in scene.meshes]).astype(np.float32, copy=False),
+        uvs=np.concatenate([mesh.uvs for mesh in scene.meshes]).astype(np.float32, copy=False),
+        material=np.concatenate([mesh.material for mesh in scene.meshes]).astype(np.int32, copy=False),
+        mesh=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
+        atlas=np.repeat(np.array([mesh.atlas for mesh in scene.meshes], np.int32), counts),
+        origin=origin.astype(np.float64),
+        span=span,
+        backs=_backs(scene),
     )
 
 

@@ -92,7 +92,15 @@ class TexelSampleLight:
         """Return the fit of texels at walls thinner than a texel; None without such walls."""
         if not len(self.inside):
             return None
-        return ThinWallFit(compute, self.samples, self.visible, self.light, self.inside, shown, known)
+        return ThinWallFit(
+            compute=compute,
+            samples=self.samples,
+            visible=self.visible,
+            light=self.light,
+            inside=self.inside,
+            shown=shown,
+            known=known,
+        )
 
 
 def gather_texel_samples(

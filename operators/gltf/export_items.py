@@ -131,7 +131,15 @@ def _read(context: bpy.types.Context) -> Iterator[ExportItem]:
             place = _own_place(item.source, scene) if instancer is None else _place(item, entry, scene)
             mesh, number = item.object.data.name, item.persistent_id
             place = None if on_vertices else place
-            yield ExportItem(item.source, mesh, item.matrix, instancer, number, place, on_vertices)
+            yield ExportItem(
+                source=item.source,
+                mesh=mesh,
+                matrix=item.matrix,
+                instancer=instancer,
+                persistent_id=number,
+                place=place,
+                on_vertices=on_vertices,
+            )
 
 
 def _is_on_vertices(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:

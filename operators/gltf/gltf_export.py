@@ -253,7 +253,15 @@ class _Export:
         stems = _stems(self._path.stem, {name: name for name in states})
         maps = self._godot_maps(scene, states)
         probes = {name: godot_probes(*volume) for name, volume in baked_probes(scene).items()}
-        godot = GodotFiles(gltf, self._path.name, lit, maps, probes, stems, scene.hemibake.margin)
+        godot = GodotFiles(
+            gltf=gltf,
+            name=self._path.name,
+            lit=lit,
+            maps=maps,
+            probes=probes,
+            states=stems,
+            margin=scene.hemibake.margin,
+        )
 
         def mix(image: bpy.types.Image, state: str) -> np.ndarray:
             parts = {name: _finite_pixels(part) for name, part in self._groups[image].items()}

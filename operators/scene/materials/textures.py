@@ -28,13 +28,13 @@ def read_texture(output: bpy.types.NodeSocket, cache: PixelCache, owner: str, ch
     name = node.image.name if node.image else "(no image)"
     smooth = node.interpolation != "Closest"
     return Texture(
-        name,
-        pixels,
-        uv_map,
-        transform,
-        _EXTENSIONS[node.extension],
-        smooth,
-        part.startswith("colour") and is_srgb(node.image),
+        name=name,
+        pixels=pixels,
+        uv_map=uv_map,
+        transform=transform,
+        extension=_EXTENSIONS[node.extension],
+        smooth=smooth,
+        srgb=part.startswith("colour") and is_srgb(node.image),
     )
 
 

@@ -90,7 +90,16 @@ def scene_items(
         number = tuple(instance.persistent_id) if parent is not None else ()
         matrix = np.array(instance.matrix_world, np.float64)
         bits = name_hash(source.name) if parent is None else instance.random_id & 0xFFFFFFFF
-        yield SceneItem(index, instance.object, source, matrix, parent, number, bits / 0xFFFFFFFF, shows_self)
+        yield SceneItem(
+            index=index,
+            object=instance.object,
+            source=source,
+            matrix=matrix,
+            instancer=parent,
+            persistent_id=number,
+            random=bits / 0xFFFFFFFF,
+            shows_self=shows_self,
+        )
 
 
 def name_hash(name: str) -> int:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 #: Guessed seconds, until measured, to open devices and to choose a method.
 _OPENING, _CHOOSING = 0.5, 0.5
 
-#: Guessed seconds of the host for each lightmap texel of an image and of the patch list, and cost of a
-#: triangle in the list, in texels. At 1024 x 1024 texels the list took 9.2 and 13.7 CPU s of 2 cores for
+#: Guessed times of the host, s: to copy a texel of an image, and to list a texel as a patch. A triangle costs
+#: as much as `_TRIANGLE` listed texels. At 1024 x 1024 texels the list took 9.2 and 13.7 CPU s of 2 cores for
 #: 109,000 and 316,000 triangles.
 _TEXEL, _LISTED, _TRIANGLE = 1e-7, 4e-6, 4
 
@@ -119,7 +119,7 @@ def _probe_rays(extent: Extent, settings: Settings) -> int:
 
 
 def _cube_samples(extent: Extent, settings: Settings) -> int:
-    """Return the number of rays and of samples of filters of all reflection cubes."""
+    """Return the number of rays and filter samples of all reflection cubes together."""
     return _CUBE_SAMPLES * 6 * settings.reflection_size**2 * extent.cubes * settings.reflection_cubes
 
 

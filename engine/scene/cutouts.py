@@ -16,7 +16,8 @@ from .transmission import Fresnel, Transmission, Transmittance, body_transmittan
 #: Texture extension codes of `Cutouts.maps`, column 3.
 EXTENSIONS = ("repeat", "mirror", "extend", "clip")
 
-#: Integer that represents 1. Images of 8 and 16 bits are stored exactly, others to half a step.
+#: Integer that represents a transmittance of 1. Images of 8 and 16 bits are stored exactly, others to half a
+#: step.
 _ONE = 65535
 _HALF_STEP = 0.5 / _ONE
 

@@ -78,7 +78,8 @@ def lightmap_files(
     """Yield the files of lightmaps, (m, h, w, 3) float32, first those for Blender, then for engines.
 
     facts:      manifest entries of each lightmap, including its output
-    has_patch:  (atlases, h, w) bool, texels of charts of the atlases, of each output in turn; None if unknown
+    has_patch:  (atlases, h, w) bool, texels of charts; the lightmaps are all atlases of the first output,
+                then of the next one; None if unknown
     """
     brightest = _brightest(lightmaps, [fact["output"] for fact in facts])
     each = list(zip(lightmaps, destination.stems, destination.formats, facts, strict=True))

@@ -20,8 +20,7 @@ _SRGB = "sRGB"
 MISSING = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
 
 
-#: Number of floats above which an image is announced before it is read, as is an image that is not loaded
-#: yet.
+#: Images of more floats than this are announced before they are read, as are images that are not loaded yet.
 _LARGE = 1 << 22
 
 

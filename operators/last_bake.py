@@ -99,11 +99,9 @@ def _percent(fraction: float) -> str:
 
 
 def report_warnings(report: dict[str, Any]) -> list[ReportWarning]:
-    """Return the warnings of a report; reports of earlier versions have no objects and fixes."""
-    warnings = report["warnings"]
-    objects = report.get("objects_of_warnings", [[]] * len(warnings))
-    fixes = report.get("fixes_of_warnings", [""] * len(warnings))
-    return [ReportWarning(*facts) for facts in zip(warnings, objects, fixes, strict=True)]
+    """Return the warnings of a report."""
+    columns = report["warnings"], report["objects_of_warnings"], report["fixes_of_warnings"]
+    return [ReportWarning(*facts) for facts in zip(*columns, strict=True)]
 
 
 class HEMIBAKE_OT_copy_report(bpy.types.Operator):

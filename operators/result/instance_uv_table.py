@@ -83,11 +83,8 @@ def instance_places(
 
 
 def instance_image(scene: bpy.types.Scene, entry: dict) -> bpy.types.Image | None:
-    """Return the lightmap of an instance from its recorded data, even if the image was renamed.
-
-    Bakes of earlier versions recorded only the image's name.
-    """
-    lightmap = scene.hemibake.lightmaps.get(entry.get("atlas", ""))
+    """Return the lightmap of an instance: by its name in the list of lightmaps, else by the image's name."""
+    lightmap = scene.hemibake.lightmaps.get(entry["atlas"])
     return lightmap.image if lightmap and lightmap.image else bpy.data.images.get(entry["image"])
 
 

@@ -297,7 +297,7 @@ def test_no_active_object_and_no_report_show_no_panel():
 REPORT = {
     "objects": 3, "patches": 1021, "iterations": 1, "convergence_error": None, "seconds": {"total": 1.25},
     "images": ["Lightmap"], "warnings": ["A first sentence about much. " * 9 + "\nAll.", "Second."],
-    "objects_of_warnings": [["Square", "Gone"], []],
+    "objects_of_warnings": [["Square", "Gone"], []], "fixes_of_warnings": ["", ""],
 }  # fmt: skip
 
 
@@ -347,14 +347,6 @@ def test_energy_of_a_furnace_is_absorbed():
     bpy.ops.hemibake.bake()
     energy = json.loads(bpy.context.scene.hemibake.report)["energy"]
     assert energy["absorbed"] == pytest.approx(energy["emitted"], rel=2e-3) and energy["emitted"] > 0
-
-
-def test_report_of_an_earlier_version_is_shown():
-    import bpy
-
-    report = {name: value for name, value in REPORT.items() if name != "objects_of_warnings"}
-    bpy.context.scene.hemibake.report = json.dumps(report)
-    assert "Second." in draw("HEMIBAKE_PT_last_bake")
 
 
 def test_failure_is_shown_until_the_next_bake():

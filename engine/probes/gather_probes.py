@@ -251,7 +251,7 @@ class ProbeGather:
     def _moved_rows(
         self, rows: ProbeRows, key: str, volume: ProbeVolume, points: np.ndarray, first: int
     ) -> ProbeRows:
-        """Return samples at other points than `rows`; the last samples if the points have not changed."""
+        """Return samples at the points of moved probes, from the last bake if the points have not changed."""
         place = points.tobytes()
         known = rows.moved.get(key)
         if known is None or known[0] != place:

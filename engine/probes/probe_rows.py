@@ -129,7 +129,7 @@ class ProbeRows:
         self._rows, self._tints = rows, tints
 
     def _mapped(self, distances: cl.Buffer, limit: np.float32) -> Generator[float, None, np.ndarray]:
-        """Return the octahedral maps of the distances of samples, see the class; yield progress 0..1."""
+        """Compute octahedral maps from the distances of samples, see `distances`; yield progress 0..1."""
         (kernel,) = self._compute.kernels(("probe_distances.cl",), "map_distances")
         compute, items = self._compute, MAP_WIDTH**2 * self.count
         maps = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 8 * items)

@@ -93,9 +93,9 @@ def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def _fundamental() -> np.ndarray:
-    """Return the corners of a spherical triangle that the rotations repeat over the sphere, (3, 3).
+    """Return the corners of a spherical triangle whose rotated copies tile the sphere, (3, 3).
 
-    It joins an edge of the icosahedron with the middle of an adjacent face.
+    Two corners are the ends of an edge of the icosahedron, the third is the middle of a face at that edge.
     """
     vertex, other = _axes()
     third = _turn(vertex, 2 * np.pi / 5) @ other

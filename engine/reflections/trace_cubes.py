@@ -170,7 +170,7 @@ class _Batch:
         self.hit_buffer, self.weights, self.received, self.through, self.radiance = self.buffers = buffers
 
     def hits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return surface, -1 for the sky, and triangle of each sample, (k,) int32 each."""
+        """Return the surface that each sample hits, -1 for the sky, and the triangle, two (k,) int32."""
         surfaces, triangles = download(self._compute, self.hit_buffer, (self.count, 2)).view(np.int32).T
         return surfaces, triangles
 

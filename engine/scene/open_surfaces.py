@@ -105,7 +105,7 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
     cells = np.full(count, _cell(_largest_coordinates(positions).max(initial=0)))
     left, some, joined = np.arange(3 * count), np.arange(count), []
     for shift in _SHIFTS:
-        # Edges that the first grid pairs do not change the parity of an edge in the second one.
+        # The second grid tests the edges that the first leaves over; paired edges do not change parities.
         keys = _edge_keys(positions if len(some) == count else positions[some], cells[some], shift)
         keys = keys.ravel() if len(left) == 3 * count else keys[np.searchsorted(some, left // 3), left % 3]
         left, keys = left[keys != 0], keys[keys != 0]

@@ -61,7 +61,11 @@ def _ranks(patches: PatchList) -> np.ndarray:
 
 
 def _numbers_in_texels(texel: np.ndarray, points: int) -> np.ndarray:
-    """Return how many patches before each one, at most `points` - 1, share its texel, (n,) uint32."""
+    """Return the number of each patch among the patches of its texel, (n,) uint32.
+
+    texel:   (n,) texel of each patch; equal texels are adjacent
+    points:  maximum number of patches per texel
+    """
     before, same = np.zeros(len(texel), np.uint32), np.ones(len(texel), bool)
     for distance in range(1, min(points, len(texel))):
         same[distance:] &= texel[distance:] == texel[:-distance]

@@ -38,6 +38,11 @@ class PolygonMesh:
         after[self.starts[1:][filled] - 1] = self.starts[:-1][filled]
         return after
 
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner of the box around the vertices, (3,) float64 each, metres."""
+        return self.positions.min(axis=0), self.positions.max(axis=0)
+
     @property
     def area(self) -> float:
         """Surface area, m^2."""

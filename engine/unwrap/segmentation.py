@@ -7,8 +7,10 @@ locking their mutex, so a thread may miss it and the destructor waits forever (o
 from __future__ import annotations
 
 import ctypes
+from collections import deque
 from collections.abc import Generator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -49,94 +51,150 @@ def segment(
     meshes: Sequence[PolygonMesh], cutting: ChartOptions = USUAL
 ) -> Generator[float, None, list[Segments]]:
     """Return the charts of each mesh before packing; yield progress 0..1. Coordinates must be finite."""
-    planar: list[PlanarCharts] = []
-    for mesh in meshes:
-        yield len(planar) / len(meshes) / 2
-        planar.append(project_flat(mesh, cutting.crease))
-    halved = [_curved_pieces(mesh, flat) for mesh, flat in zip(meshes, planar, strict=True)]
-    pieces = [
-        replace(mesh, triangles=mesh.triangles[members], polygon=mesh.polygon[members])
-        for mesh, parts in zip(meshes, halved, strict=True)
-        for members in parts
-    ]
-    segments: list[Segments] = []
-    for batch in _batches(pieces):
-        yield (1 + len(segments) / len(pieces)) / 2
-        segments += _segment_batch(batch, cutting)
-    done = iter(segments)
-    return [
-        _joined(flat, parts, [next(done) for _ in parts]) for flat, parts in zip(planar, halved, strict=True)
-    ]
+    made: list[Segments] = []
+    places: list[tuple[int, np.ndarray]] = []
+    pieces: list[_Piece] = []
+    for index, mesh in enumerate(meshes):
+        yield index / len(meshes) / 2
+        planar = project_flat(mesh, cutting.crease)
+        made.append((planar.uvs, planar.chart))
+        for members in _curved_pieces(mesh, planar):
+            places.append((index, members))
+            pieces.append(_piece(mesh, members))
+    unused = [int(chart.max(initial=-1)) + 1 for _, chart in made]
+
+    # Each batch is released once its charts are stored.
+    batches, done = deque(_batches(pieces)), 0
+    del pieces
+    while batches:
+        yield (1 + done / len(places)) / 2
+        for segments in _segment_batch(batches.popleft(), cutting):
+            index, members = places[done]
+            unused[index] += _store(made[index], members, segments, unused[index])
+            done += 1
+    return made
+
+
+def _store(made: Segments, members: np.ndarray, segments: Segments, first: int) -> int:
+    """Store the charts of a piece among those of its mesh; return their number.
+
+    members:  (k,) int64, triangles of the piece
+    first:    number of its first chart
+    """
+    (uvs, chart), (corners, numbers) = made, segments
+    uvs[members] = corners
+    chart[members] = np.where(numbers < 0, -1, numbers + first)
+    return int(numbers.max(initial=-1)) + 1
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Part of a mesh for one call of xatlas.
+
+    name:       name of the mesh
+    positions:  (v, 3) float64, its vertices, world space, metres
+    vertices:   (t, 3) int64, vertices of each triangle
+    low, high:  (3,) float64, box around the whole mesh
+    """
+
+    name: str
+    positions: np.ndarray
+    vertices: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.vertices)
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Corners of the triangles, (t, 3, 3) float64."""
+        corners: np.ndarray = self.positions[self.vertices]
+        return corners
+
+    @cached_property
+    def scale(self) -> float:
+        """Factor that scales triangles to a mean area of 1; xatlas drops areas below 1e-7."""
+        mean = float(areas(self.corners).sum()) / max(len(self), 1)
+        return float(1 / np.sqrt(mean)) if mean > 0 else 1.0
+
+    @property
+    def longest(self) -> float:
+        """Length of the whole mesh, metres."""
+        return float((self.high - self.low).max())
+
+
+def _piece(mesh: PolygonMesh, members: np.ndarray) -> _Piece:
+    """Return some triangles of a mesh, with only their vertices; members: (k,) int64."""
+    used, vertices = np.unique(mesh.corners[mesh.triangles[members]], return_inverse=True)
+    low, high = mesh.box
+    return _Piece(mesh.name, mesh.positions[used], vertices.reshape(-1, 3), low, high)
 
 
 def _curved_pieces(mesh: PolygonMesh, planar: PlanarCharts) -> list[np.ndarray]:
     """Return the triangles of the parts that are not planar, in small pieces without coincident polygons."""
     polygons = np.unique(mesh.polygon[planar.chart < 0])
+    if not len(polygons):
+        return []
     layer = make_layers(coincident_groups(mesh)[polygons], planar.part[polygons])
     layers = [polygons[layer == number] for number in range(layer.max(initial=-1) + 1)]
-    return [piece for members in layers if len(members) for piece in _pieces(mesh, members)]
+    of_polygon = _triangles_of_polygons(mesh)
+    return [piece for members in layers if len(members) for piece in _pieces(mesh, members, *of_polygon)]
 
 
-def _pieces(mesh: PolygonMesh, polygons: np.ndarray) -> list[np.ndarray]:
+def _triangles_of_polygons(mesh: PolygonMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return the triangles sorted by polygon, (t,) int64, and the first of each polygon, (p + 1,) int64."""
+    order = np.argsort(mesh.polygon, kind="stable")
+    return order, np.searchsorted(mesh.polygon[order], np.arange(len(mesh.starts)))
+
+
+def _pieces(
+    mesh: PolygonMesh, polygons: np.ndarray, order: np.ndarray, first: np.ndarray
+) -> list[np.ndarray]:
     """Return the triangles of polygons in pieces of at most _PIECE triangles.
 
     A piece is halved across its longest side, since the time of xatlas grows faster than linearly.
+
+    order, first:  as `_triangles_of_polygons` returns them
     """
-    chosen = np.zeros(len(mesh.starts) - 1, bool)
-    chosen[polygons] = True
-    triangles = np.flatnonzero(chosen[mesh.polygon])
-    if len(triangles) <= _PIECE or len(polygons) < 2:
-        return [triangles]
+    counts = first[polygons + 1] - first[polygons]
+    if counts.sum() <= _PIECE or len(polygons) < 2:
+        starts = np.repeat(first[polygons] - (np.cumsum(counts) - counts), counts)
+        return [np.sort(order[starts + np.arange(len(starts))])]
     places = mesh.positions[mesh.corners[mesh.starts[polygons]]]
-    order = np.argsort(places[:, np.ptp(places, axis=0).argmax()], kind="stable")
-    half = len(order) // 2
-    return _pieces(mesh, polygons[order[:half]]) + _pieces(mesh, polygons[order[half:]])
+    by_place = np.argsort(places[:, np.ptp(places, axis=0).argmax()], kind="stable")
+    half = len(by_place) // 2
+    halves = polygons[by_place[:half]], polygons[by_place[half:]]
+    return [piece for part in halves for piece in _pieces(mesh, part, order, first)]
 
 
-def _joined(planar: PlanarCharts, pieces: Sequence[np.ndarray], segments: Sequence[Segments]) -> Segments:
-    """Join the planar charts of a mesh and the charts of its curved pieces."""
-    uvs, chart = planar.uvs.copy(), planar.chart.copy()
-    first = planar.chart.max(initial=-1) + 1
-    for members, (corners, numbers) in zip(pieces, segments, strict=True):
-        uvs[members] = corners
-        chart[members] = np.where(numbers < 0, -1, numbers + first)
-        first += numbers.max(initial=-1) + 1
-    return uvs, chart
-
-
-def _batches(meshes: Sequence[PolygonMesh]) -> list[list[PolygonMesh]]:
-    """Group consecutive meshes into batches with enough triangles. A long thin mesh has its own batch."""
-    enough = max(_BATCH, sum(len(mesh.triangles) for mesh in meshes) // _MOST_BATCHES)
-    batches: list[list[PolygonMesh]] = []
+def _batches(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
+    """Group consecutive pieces into batches with enough triangles. A long thin mesh has its own batch."""
+    enough = max(_BATCH, sum(map(len, pieces)) // _MOST_BATCHES)
+    batches: list[list[_Piece]] = []
     triangles, alone = enough, True
-    for mesh in meshes:
-        is_long = _longest(mesh) * _DRAFT > _LONGEST_DRAFT
+    for piece in pieces:
+        # Length in texels of the draft layout.
+        is_long = piece.longest * piece.scale * _DRAFT > _LONGEST_DRAFT
         if triangles >= enough or alone or is_long:
             batches.append([])
             triangles = 0
-        batches[-1].append(mesh)
-        triangles, alone = triangles + len(mesh.triangles), is_long
+        batches[-1].append(piece)
+        triangles, alone = triangles + len(piece), is_long
     return batches
 
 
-def _longest(mesh: PolygonMesh) -> float:
-    """Return the length of a mesh in texels of its draft layout."""
-    return float(np.ptp(mesh.positions, axis=0).max() * _unit_area_scale(mesh))
-
-
-def _segment_batch(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> list[Segments]:
-    """Return the charts of meshes that share one draft page."""
+def _segment_batch(pieces: Sequence[_Piece], cutting: ChartOptions) -> list[Segments]:
+    """Return the charts of pieces that share one draft page."""
     xatlas = import_module("xatlas")
 
     # xatlas treats arrays at the same address as instances of one mesh, so all must stay alive until the end.
-    scales = [_unit_area_scale(mesh) for mesh in meshes]
-    inputs = [_input(mesh, scale) for mesh, scale in zip(meshes, scales, strict=True)]
+    inputs = [_input(piece) for piece in pieces]
     atlas = _immortal(xatlas.Atlas())
     for positions, vertices in inputs:
         atlas.add_mesh(positions, vertices)
-    atlas.generate(_chart_options(cutting), _drafting(meshes, scales))
-    pairs = zip(meshes, scales, strict=True)
-    return [_segments(atlas, index, mesh, scale) for index, (mesh, scale) in enumerate(pairs)]
+    atlas.generate(_chart_options(cutting), _drafting(pieces))
+    return [_segments(atlas, index, piece) for index, piece in enumerate(pieces)]
 
 
 def _immortal(value: Any) -> Any:
@@ -145,17 +203,10 @@ def _immortal(value: Any) -> Any:
     return value
 
 
-def _input(mesh: PolygonMesh, scale: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions, (v, 3) float32, centred at the origin, and vertices of triangles, (t, 3) uint32."""
-    centre = (mesh.positions.min(axis=0) + mesh.positions.max(axis=0)) / 2
-    vertices = mesh.corners[mesh.triangles].astype(np.uint32)
-    return ((mesh.positions - centre) * scale).astype(np.float32), vertices
-
-
-def _unit_area_scale(mesh: PolygonMesh) -> float:
-    """Return the factor that scales triangles to a mean area of 1; xatlas drops areas below 1e-7."""
-    mean = mesh.area / max(len(mesh.triangles), 1)
-    return float(1 / np.sqrt(mean)) if mean > 0 else 1.0
+def _input(piece: _Piece) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions, (v, 3) float32, around the centre of the mesh, and vertices, (t, 3) uint32."""
+    centre = (piece.low + piece.high) / 2
+    return ((piece.positions - centre) * piece.scale).astype(np.float32), piece.vertices.astype(np.uint32)
 
 
 def _chart_options(cutting: ChartOptions) -> Any:
@@ -167,24 +218,22 @@ def _chart_options(cutting: ChartOptions) -> Any:
     return options
 
 
-def _drafting(meshes: Sequence[PolygonMesh], scales: Sequence[float]) -> Any:
+def _drafting(pieces: Sequence[_Piece]) -> Any:
     """Return packing options for a draft layout in which triangles have a mean area of 1 texel.
 
     The density of xatlas depends on the area only, so a long thin mesh would get a huge page.
     """
     options = import_module("xatlas").PackOptions()
-    triangles = sum(len(mesh.triangles) for mesh in meshes)
-    longest = max(
-        float(np.ptp(mesh.positions, axis=0).max()) * scale
-        for mesh, scale in zip(meshes, scales, strict=True)
+    longest = max(piece.longest * piece.scale for piece in pieces)
+    options.texels_per_unit = min(
+        _DRAFT / np.sqrt(sum(map(len, pieces))), _LONGEST_DRAFT / max(longest, 1e-30)
     )
-    options.texels_per_unit = min(_DRAFT / np.sqrt(triangles), _LONGEST_DRAFT / max(longest, 1e-30))
     options.rotate_charts = options.rotate_charts_to_axis = False
     return options
 
 
-def _segments(atlas: Any, index: int, mesh: PolygonMesh, scale: float) -> Segments:
-    """Return the charts of one mesh from a draft; xatlas received the mesh times `scale`."""
+def _segments(atlas: Any, index: int, piece: _Piece) -> Segments:
+    """Return the charts of one piece from a draft; xatlas received the piece times its scale."""
     _, indices, uvs = atlas.get_mesh(index)
     _, charts = atlas.get_mesh_vertex_assignment(index)
     texels = (uvs.astype(np.float64) * [atlas.width, atlas.height])[indices]
@@ -192,11 +241,11 @@ def _segments(atlas: Any, index: int, mesh: PolygonMesh, scale: float) -> Segmen
     of_corner[of_corner == _UNPACKED] = -1
     known, chart = np.unique(of_corner.min(axis=1), return_inverse=True)
     chart = chart.reshape(-1) - int(known[0] < 0)
-    draft = 1 / max(atlas.texels_per_unit * scale, 1e-30)
-    return texels * _metres_per_texel(mesh, texels, chart, draft), chart
+    draft = 1 / max(atlas.texels_per_unit * piece.scale, 1e-30)
+    return texels * _metres_per_texel(piece, texels, chart, draft), chart
 
 
-def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, draft: float) -> np.ndarray:
+def _metres_per_texel(piece: _Piece, texels: np.ndarray, chart: np.ndarray, draft: float) -> np.ndarray:
     """Return the size of a draft texel in each triangle's chart, metres, (t, 1, 2).
 
     texels:  (t, 3, 2), position of each triangle corner in the draft
@@ -209,7 +258,7 @@ def _metres_per_texel(mesh: PolygonMesh, texels: np.ndarray, chart: np.ndarray, 
     """
     known = np.flatnonzero(chart >= 0)
     number, count = chart[known], chart.max(initial=-1) + 1
-    corners = mesh.positions[mesh.corners[mesh.triangles[known]]]
+    corners = piece.positions[piece.vertices[known]]
     u, v = np.moveaxis(_edges(texels[known]) ** 2, 2, 0)
     length = (_edges(corners) ** 2).sum(axis=2)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
@@ -131,10 +132,10 @@ def cut(
 
 def _cut(meshes: Sequence[PolygonMesh], cutting: ChartOptions) -> Generator[float, None, list[MeshCharts]]:
     """Return the charts of meshes; yield progress 0..1."""
-    segments = yield from segment(meshes, cutting)
+    segments = deque((yield from segment(meshes, cutting)))
     charts = []
-    for mesh, parts in zip(meshes, segments, strict=True):
-        charts.append(make_charts(mesh, *parts))
+    for mesh in meshes:
+        charts.append(make_charts(mesh, *segments.popleft()))
         yield 1.0
     return charts
 

@@ -315,6 +315,19 @@ def test_mesh_that_xatlas_cannot_cut_is_named_and_the_others_go_on(monkeypatch):
     assert min(coverage(obj, 127).sum() for obj in objects) > 1000
 
 
+def test_charts_do_not_depend_on_the_number_of_cores(monkeypatch):
+    process = part("operators.scene.uvs.unwrap_process")
+    monkeypatch.setattr(process, "_MANY", 1)
+    objects, found = [arch(name, 5 + 2 * number) for number, name in enumerate("ABC")], []
+    for cores in (1, 3):
+        monkeypatch.setattr(process.os, "cpu_count", lambda cores=cores: cores)
+        changes = part("operators.rollback").Rollback()
+        unwrap_missing(objects, RESOLUTION, changes)
+        found.append(np.concatenate([loop_uvs(obj) for obj in objects]))
+        changes.undo()
+    assert np.array_equal(*found)
+
+
 def test_unwrapping_without_a_process_fails_as_a_whole_and_says_what(monkeypatch):
     process = part("operators.scene.uvs.unwrap_process")
     for name in ("_UNWRAP", "_CUT"):

@@ -579,6 +579,20 @@ def test_large_mesh_is_cut_in_pieces_and_stays_whole_otherwise(monkeypatch):
     assert np.median(np.abs(signed_areas(uvs[known])) / space) == pytest.approx(1, rel=0.1)
 
 
+@needs_xatlas
+def test_pieces_of_a_large_mesh_hold_only_their_own_vertices(monkeypatch):
+    """Else the time would grow with the square of the number of triangles."""
+    monkeypatch.setattr(segmentation, "_PIECE", 300)
+    cut, given = segmentation._segment_batch, []
+    monkeypatch.setattr(
+        segmentation, "_segment_batch", lambda pieces, cutting: given.extend(pieces) or cut(pieces, cutting)
+    )
+    mesh = lattice(46, 12, tube)
+    finished(segmentation.segment([mesh]))
+    assert len(given) > 3
+    assert sum(len(piece.positions) for piece in given) < 2 * len(mesh.positions)
+
+
 def _workers(work, made):
     def make():
         made.append(Worker(bake=f"worker_bakes:{work}"))

@@ -28,7 +28,8 @@ _CUT = "engine.unwrap.unwrapping:cut"
 _PATIENCE, _PATIENCE_PER_TRIANGLE = 60.0, 2e-3
 
 #: Meshes with at least _MANY triangles in total are cut in several processes at once. _MOST_PROCESSES limits
-#: their number, and _CUTTING is the fraction of the progress that cutting stands for.
+#: their number, which does not depend on the cores, since charts depend on the meshes that are cut together.
+#: _CUTTING is the fraction of the progress that cutting stands for.
 _MANY, _MOST_PROCESSES, _CUTTING = 200_000, 4, 0.6
 
 KnownCharts = tuple[MeshCharts | None, ...]
@@ -91,6 +92,8 @@ def _cut_side_by_side(
 ) -> Generator[Progress | None, None, KnownCharts]:
     """Return the charts of all meshes, cut in several processes; `charts` itself if triangles are few.
 
+    At most one process for each core runs at once.
+
     Raises WorkerError if one of the processes dies or hangs.
     """
     groups = _groups(meshes, [index for index, made in enumerate(charts) if made is None])
@@ -102,10 +105,10 @@ def _cut_side_by_side(
             stack.enter_context(closing(_run(_CUT, [meshes[index] for index in group], (cutting,))))
             for group in groups
         ]
-        left = list(range(len(groups)))
+        left, cores = list(range(len(groups))), os.cpu_count() or 1
         while left:
             told = False
-            for number in tuple(left):
+            for number in tuple(left[:cores]):
                 try:
                     progress = next(works[number])
                 except StopIteration as stop:
@@ -125,7 +128,7 @@ def _groups(meshes: Sequence[PolygonMesh], chosen: Sequence[int]) -> list[list[i
     triangles = sum(len(meshes[index].triangles) for index in chosen)
     if triangles < _MANY:
         return []
-    count = min(os.cpu_count() or 1, _MOST_PROCESSES, len(chosen))
+    count = min(_MOST_PROCESSES, len(chosen))
     groups: list[list[int]] = [[] for _ in range(count)]
     loads = [0] * count
     for index in sorted(chosen, key=lambda index: -len(meshes[index].triangles)):

@@ -37,15 +37,18 @@ def find_fingerprints(
     for material in materials:
         looks += [(yield from _digest_of(material))]
     own, shining = [], [(yield from _digest_of(tuple(surroundings)))]
-    shapes: dict[int, bytes] = {}
+    emitting = [emits(material) for material in materials]
+    shapes: dict[int, tuple[bytes, list[int]]] = {}
     for reading, place in zip(readings, places, strict=True):
-        shape, used = reading.mesh, np.unique(reading.mesh.slots)
+        shape = reading.mesh
         if id(shape) not in shapes:
-            shapes[id(shape)] = yield from _digest_of((shape.corners, shape.slots))
-        parts = (shapes[id(shape)], *(looks[index] for index in used), reading.matrix, place)
-        parts += ("vertices",) if reading.on_vertices else ()
+            digest = yield from _digest_of((shape.corners, shape.slots))
+            shapes[id(shape)] = digest, np.unique(shape.slots).tolist()
+        digest, used = shapes[id(shape)]
+        on_vertices = ("vertices",) if reading.on_vertices else ()
+        parts = (digest, *(looks[index] for index in used), reading.matrix, place, *on_vertices)
         own.append((yield from _digest_of(parts)))
-        if any(emits(materials[index]) for index in used):
+        if any(emitting[index] for index in used):
             shining.append(own[-1] + reading.light_group.encode())
     light = _digest(b"".join(shining))
     return [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
+from time import perf_counter
 from typing import NamedTuple
 
 import bpy
@@ -244,10 +245,8 @@ class _SceneReading:
 
     def joined(self) -> Slices[ReadScene]:
         """Join all data to a scene; Blender's data is no longer accessed."""
-        fingerprints = yield from self._fingerprints()
-        meshes = []
-        for reading, place in zip(self._readings, self._places, strict=True):
-            meshes.append((yield from _mesh(reading, place, self._atlases, self._origin)))
+        fingerprints, uv_digests = (yield from self._fingerprints()), self._uv_digests()
+        meshes = yield from self._meshes()
         scene = Scene(
             meshes=tuple(meshes),
             materials=self._materials,
@@ -266,9 +265,17 @@ class _SceneReading:
             _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
         )
         placed = tuple(Placed(each.source, each.instancer, each.matrix) for each in self._readings)
-        return ReadScene(
-            scene, entries, (*self._notes, *self._skipped), fingerprints, self._uv_digests(), placed
-        )
+        return ReadScene(scene, entries, (*self._notes, *self._skipped), fingerprints, uv_digests, placed)
+
+    def _meshes(self) -> Slices[list[Mesh]]:
+        """Return the world-space meshes; each mesh in object space is released after its last use."""
+        del self._reader
+        meshes, atlases = [], {name: index for index, name in enumerate(self._atlases)}
+        for index, place in enumerate(self._places):
+            atlas = NO_LIGHTMAP if place is None else atlases[place.atlas]
+            meshes.append((yield from world_mesh(self._readings[index], self._origin, atlas, place)))
+            self._readings[index] = replace(self._readings[index], shape=None)
+        return meshes
 
     def _uv_digests(self) -> dict[int, str]:
         """Return the digest of the lightmap UVs of each object that gets a lightmap, by session uid.
@@ -307,10 +314,15 @@ class _SceneReading:
         return sum(len(reading.mesh.slots) for reading in self._readings)
 
     def _read_some(self) -> str | None:
-        """Read objects for the length of a slice; return an announcement if a large one is next."""
-        time, override = Slice(), self._watch.context.material_override
-        depsgraph = self._watch.depsgraph()
+        """Read objects for the length of a slice; return an announcement if a large one is next.
+
+        Blender iterates over all objects before the first one. A slice is at least as long as that takes, so
+        that the time of many instances grows with their number, not with its square.
+        """
+        override, depsgraph = self._watch.context.material_override, self._watch.depsgraph()
+        began, time = perf_counter(), None
         for item in scene_items(depsgraph, self._watch.visible, self._next, with_hair=True):
+            time = time or Slice(perf_counter() - began)
             self._next = item.index
             uid = item.source.session_uid
             if (
@@ -369,14 +381,6 @@ def _moves(readings: Sequence[ReadObject], places: Sequence[UvTransform | None])
         for reading, place in zip(readings, places, strict=True)
         if place is not None and takes_textures(reading, place)
     }
-
-
-def _mesh(
-    reading: ReadObject, place: UvTransform | None, atlases: list[str], origin: np.ndarray
-) -> Slices[Mesh]:
-    """Return the world-space mesh of an object or instance, with UVs at its place in the atlas."""
-    atlas = NO_LIGHTMAP if place is None else atlases.index(place.atlas)
-    return world_mesh(reading, origin, atlas, place)
 
 
 def _nothing_left(seen: set[str], notes: Sequence[str]) -> str:

@@ -22,8 +22,9 @@ Slices = Generator[float | str | None, None, Made]
 class Slice:
     """Timer for one slice of work."""
 
-    def __init__(self) -> None:
-        self._end = time.perf_counter() + _SLICE
+    def __init__(self, least: float = 0.0) -> None:
+        """Start a slice; `least`: minimum length, s."""
+        self._end = time.perf_counter() + max(_SLICE, least)
 
     @property
     def over(self) -> bool:

@@ -54,12 +54,14 @@ def choose_places(
         else:
             _set(places, members, [UvTransform(atlas)])
     kept = list(dict.fromkeys(place.atlas for place in places if place is not None))
+    distinct = {id(found): found for found in charted.values()}
+    box_of = {key: chart_box(found) for key, found in distinct.items()}
     for atlas, members in _by_atlas(readings, np.flatnonzero(tiled)).items():
         alone = [
-            chart_box(charted[index]) for index, place in enumerate(places) if place == UvTransform(atlas)
+            box_of[id(charted[index])] for index, place in enumerate(places) if place == UvTransform(atlas)
         ]
         base = _free_name(atlas, {reading.atlas for reading in readings})
-        boxes = [chart_box(charted[index]) for index in members]
+        boxes = [box_of[id(charted[index])] for index in members]
         _set(places, members, (yield from _place_tiles(boxes, alone, base, resolution)))
     for reading, place in zip(readings, places, strict=True):
         if place is None and reading.atlas is not None:
@@ -69,11 +71,18 @@ def choose_places(
 
 
 def _all_charted(readings: Sequence[ReadObject]) -> Slices[dict[int, Charted]]:
-    """Measure the charts of the objects that get a lightmap, by index."""
-    charted = {}
+    """Measure the charts of the objects that get a lightmap, by index.
+
+    Objects of one mesh with the same rotation and scale share the result.
+    """
+    charted: dict[int, Charted] = {}
+    known: dict[tuple[int, bytes, float], Charted] = {}
     for index, reading in enumerate(readings):
         if reading.atlas is not None:
-            charted[index] = yield from charted_of(reading)
+            key = id(reading.mesh), reading.matrix[:3, :3].tobytes(), reading.scale
+            if key not in known:
+                known[key] = yield from charted_of(reading)
+            charted[index] = known[key]
     return charted
 
 

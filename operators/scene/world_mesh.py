@@ -57,7 +57,12 @@ def _normal_matrix(matrix: np.ndarray) -> np.ndarray:
 
     It is the cofactor matrix with the sign of the determinant, which also exists for singular matrices.
     """
-    cofactors = np.stack([np.cross(matrix[(i + 1) % 3], matrix[(i + 2) % 3]) for i in range(3)])
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    cofactors = np.array([
+        [e * i - f * h, f * g - d * i, d * h - e * g],
+        [h * c - i * b, i * a - g * c, g * b - h * a],
+        [b * f - c * e, c * d - a * f, a * e - b * d],
+    ])  # fmt: skip
     return -cofactors if np.linalg.det(matrix) < 0 else cofactors
 
 

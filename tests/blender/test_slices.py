@@ -1,5 +1,7 @@
 """A run unwraps and reads between events: edits meanwhile are detected, freed data is not used."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -242,3 +244,10 @@ def test_large_mesh_is_announced_and_read_as_a_small_one_is():
     assert area == pytest.approx(4, rel=1e-5)
     assert (np.diff(grid.face) >= 0).all() and grid.face[-1] == 180**2 - 1
     assert sorted(set(grid.subface.tolist())) == [0, 1]
+
+
+def test_a_slice_lasts_at_least_as_long_as_its_start_took():
+    """Blender iterates over all earlier instances before a slice: short slices would take quadratic time."""
+    short, long = (part("operators.scene.slice_timer").Slice(least) for least in (0.0, 60.0))
+    time.sleep(0.01)
+    assert short.over and not long.over

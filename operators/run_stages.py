@@ -17,8 +17,8 @@ _NOTHING, _UNWRAPPING, _FACE = 0.05, 0.5, 5e-5
 #: Estimated seconds of reading a scene and each of its triangles (2 s for 316,000), and of writing a texel.
 _READING, _TRIANGLE, _TEXEL = 0.1, 5e-6, 2e-7
 
-#: Estimated fraction of a lightmap's texels that are patches.
-_COVERAGE = 0.6
+#: Estimated fraction of a lightmap's texels that are patches; see `engine.plan.stages`.
+_COVERAGE = 0.8
 
 
 class RunStages(Schedule):

@@ -55,8 +55,10 @@ _SMALLER = 2
 #: sample gather themselves.
 _NEAR = 2.0
 
-#: Expected fraction of patches that gather themselves, for the estimate of the work.
-_GATHERING = 0.25
+#: Expected fraction of patches that gather themselves, for the estimate of the work: in a scene whose groups
+#: are all full, and for each further group of a patch. Fitted to a room, a living room and a level of 1024 x
+#: 1024 texels, with 4, 22 and 22 % for 0.065, 0.153 and 0.128 groups of 16 texels per patch.
+_GATHERING, _GATHERING_OF_GROUP = 0.04, 2.3
 
 
 def choose_solver(job: SolveJob) -> tuple[Solution, SolverChoice, SolveJob]:
@@ -143,12 +145,24 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
     )
     solver, choice = _solver(groups_job)
     if is_adaptive(job):
-        choice = replace(choice, final_samples=int(_GATHERING * job.count * ray_count(job.settings)))
+        gathering = gathering_fraction(choice.patches / job.count, width)
+        choice = replace(choice, final_samples=int(gathering * job.count * ray_count(job.settings)))
         between = _interpolated(job, groups_job, solver, choice, _widths(job, groups))
         return GroupedSolution(solver, groups, between), choice, groups_job
     receivers = Receivers(job.parts, job.rays, job.sampled_light)
     final, samples = make_final_gather(groups_job, choice, receivers, job.settings)
     return GroupedSolution(solver, groups, final), replace(choice, final_samples=samples), groups_job
+
+
+def gathering_fraction(groups: float, width: int) -> float:
+    """Return the expected fraction of patches that gather themselves, since they do not fit a plane.
+
+    Edges and contacts split groups, and light is rarely smooth there.
+
+    groups:  number of groups per patch
+    width:   width of a full group, texels
+    """
+    return min(1.0, _GATHERING + _GATHERING_OF_GROUP * max(0.0, groups - 1 / width**2))
 
 
 def _smoothed_solution(job: SolveJob) -> tuple[GroupedSolution, SolverChoice]:

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 _OPENING, _CHOOSING = 0.5, 0.5
 
 #: Guessed times of the host, s: to copy a texel of an image, and to list a texel as a patch. A triangle costs
-#: as much as `_TRIANGLE` listed texels. At 1024 x 1024 texels the list took 9.2 and 13.7 CPU s of 2 cores for
-#: 109,000 and 316,000 triangles.
-_TEXEL, _LISTED, _TRIANGLE = 1e-7, 4e-6, 4
+#: as much as `_TRIANGLE` listed texels. At 1024 x 1024 texels the list took 0.5, 1.3, 9.2 and 13.7 CPU s of 2
+#: cores for 48, 5,000, 109,000 and 316,000 triangles.
+_TEXEL, _LISTED, _TRIANGLE = 1e-7, 2e-6, 8
 
 #: Guessed seconds of a CPU for each ray or hemicube texel, and for each shadow ray; chosen for a machine that
 #: is less busy than the one of tests/blender/test_paces.py. There, two levels took 4e-7 to 1.6e-6 s a ray and
@@ -50,15 +50,24 @@ _CHOSEN, _CHOSEN_TRIANGLE, _CHOSEN_TEXEL = 0.1, 2.4e-5, 2e-6
 #: Cost of a cached sample, as a fraction of computing it.
 _LOOK_UP = 0.02
 
-#: Assumed fraction of lightmap texels that are patches, and their mean reflectance.
-_COVERAGE, _REFLECTANCE = 0.6, 0.6
+#: Assumed fraction of lightmap texels that are patches, and their mean reflectance. Own charts covered 0.76
+#: to 0.94 of lightmaps of 256 x 256 to 1024 x 1024 texels.
+_COVERAGE, _REFLECTANCE = 0.8, 0.6
 
-#: Assumed fraction of samples that adaptive bakes compute.
-_ADAPTED = 0.5
+#: Assumed fraction of patches at edges, times the root of patches per triangle: edges are lines, so their
+#: length grows with the root of the number of triangles.
+_EDGES = 0.5
 
-#: Assumed fraction of patches with supersampled texels, at 4 samples for each; it grows with the root of
-#: their number (measured for 4 and 16). Levels need half more, rooms with few edges a tenth.
-_REFINED, _REFINED_SAMPLES = 0.1, 4
+#: Assumed fraction of samples that adaptive bakes compute: at least, for each patch at an edge, and at most.
+#: Measured at 1024 x 1024 texels, with the final gather: 24 % in a room of 48 triangles, 68 % in a living
+#: room of 5,000, 60 % in a level of 109,000.
+_ADAPTED, _ADAPTED_OF_EDGE, _MOST_ADAPTED = 0.25, 11, 0.7
+
+#: Assumed fraction of patches with supersampled texels, at 4 samples for each, which grows with the root of
+#: their number (measured for 4 and 16): those of light groups, and maximum of those at edges. Measured at
+#: 1024 x 1024 texels: 0.3 % of a room of 48 triangles, 5 % of a living room of 5,000, 23 and 15 % of levels
+#: of 109,000 and 316,000.
+_REFINED, _REFINED_SAMPLES, _MOST_REFINED = 0.1, 4, 0.25
 
 #: Samples of a texel of a reflection cube: four rays, and filters that take as long (measured).
 _CUBE_SAMPLES = 8
@@ -141,6 +150,7 @@ class BakeStages(Schedule):
     def __init__(self, extent: Extent, settings: Settings, paces: dict[str, float]) -> None:
         self._settings, self._paces = settings, paces
         self._lamps, self._light_groups = extent.lamps, extent.light_groups
+        self._triangles = extent.triangles
         self._residuals: list[float] = []
         self._reflectance = _REFLECTANCE
         self._names: dict[Stage, str] = {}
@@ -157,6 +167,7 @@ class BakeStages(Schedule):
         self.visibility = self._stage("Visibility", 0, _RAY)
         self.bounces = self._stage("Bounces", 0, _RAY * _LOOK_UP)
         self.final = self._stage("Final gather", 0, _RAY)
+        self.final.like = self.visibility
         self.outputs = self._stage("Outputs", 0, _RAY)
         self.texels = self._stage("Supersampling", 0, _RAY)
         self.texels.like = self.visibility
@@ -331,7 +342,9 @@ class BakeStages(Schedule):
         """Set the amounts of work that depend on the number of patches."""
         settings = self._settings
         self.direct.amount = patches * settings.light_samples * min(self._lamps + 1, MOST_LIGHTS)
-        self.visibility.amount = patches * expected_samples(settings) * (_ADAPTED if settings.adaptive else 1)
+        edges = _EDGES * math.sqrt(self._triangles / max(1, patches))
+        adapted = min(_ADAPTED + _ADAPTED_OF_EDGE * edges, _MOST_ADAPTED) if settings.adaptive else 1
+        self.visibility.amount = patches * expected_samples(settings) * adapted
         self._samples_of_sweep = int(self.visibility.amount)
         entries = [OUTPUTS[name] for name in settings.outputs if OUTPUTS[name].ray_setting]
         rays: float = sum(
@@ -341,7 +354,8 @@ class BakeStages(Schedule):
         self.outputs.amount = patches * rays + _LOOK_UP * self._samples_of_sweep * settings.directional
         if settings.texel_samples > 1 and settings.method != "paper":
             more = math.sqrt(settings.texel_samples / _REFINED_SAMPLES)
-            self.texels.amount = more * _REFINED * patches * expected_samples(settings)
+            refined = min(edges, _MOST_REFINED) * patches
+            self.texels.amount = more * refined * expected_samples(settings)
         if settings.by_light_groups:
             self.light_groups.amount = self._light_groups * (_REFINED * patches * expected_samples(settings))
         self._expect_sweeps()

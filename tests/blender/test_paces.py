@@ -96,12 +96,16 @@ def clock(monkeypatch):
 
 @dataclass
 class Measured:
-    """Bake on two busy cores: size of its scene, settings that differ, measured seconds of each stage."""
+    """Bake on two busy cores: size of its scene, settings that differ, measured seconds of each stage.
+
+    groups:  groups of patches that are solved as one
+    """
 
     triangles: int
     faces: int
     lamps: int
     patches: int
+    groups: int
     settings: dict
     unwrapping: float
     reading: float
@@ -110,6 +114,7 @@ class Measured:
     direct: float
     choosing: float
     visibility: float
+    bounces: float
     final: float
     texels: float
     denoising: float
@@ -119,18 +124,30 @@ class Measured:
 
 BAKES = {
     "level of 109,000 triangles": Measured(
-        108_562, 79_281, 20, 640_000, {"resolution": 1024},
-        10.6, 0.9, 0.3, 16.6, 52.4, 7.8, 40.2, 23.1, 24.1, 0.0, 2.3, 0.5,
+        108_562, 79_281, 20, 906_431, 116_058, {"resolution": 1024},
+        10.6, 0.9, 0.3, 16.6, 52.4, 7.8, 40.2, 0.3, 23.1, 24.1, 0.0, 2.3, 0.5,
     ),
     "level of 316,000 triangles": Measured(
-        315_962, 228_793, 20, 640_000, {"resolution": 1024},
-        17.5, 2.0, 2.0, 29.5, 96.1, 19.1, 64.8, 27.8, 21.0, 0.0, 0.8, 0.7,
+        315_962, 228_793, 20, 906_431, 116_058, {"resolution": 1024},
+        17.5, 2.0, 2.0, 29.5, 96.1, 19.1, 64.8, 0.3, 27.8, 21.0, 0.0, 0.8, 0.7,
     ),
     "level with Denoise": Measured(
-        108_562, 79_281, 20, 640_000, {"resolution": 1024, "texel_samples": 16, "denoise": True},
-        10.5, 1.4, 2.1, 19.9, 51.0, 5.5, 28.6, 15.6, 54.3, 60.0, 0.2, 0.5,
+        108_562, 79_281, 20, 906_431, 116_058, {"resolution": 1024, "texel_samples": 16, "denoise": True},
+        10.5, 1.4, 2.1, 19.9, 51.0, 5.5, 28.6, 0.3, 15.6, 54.3, 60.0, 0.2, 0.5,
+    ),
+    "Cornell box": Measured(
+        48, 24, 0, 834_774, 54_036, {"resolution": 1024},
+        0.8, 0.1, 0.1, 1.4, 3.7, 2.7, 13.3, 0.3, 3.6, 0.4, 0.0, 0.3, 0.1,
+    ),
+    "living room": Measured(
+        5021, 503, 0, 988_315, 151_042, {"resolution": 1024},
+        2.7, 0.1, 1.3, 3.9, 0.1, 13.1, 70.3, 6.6, 35.8, 7.7, 0.0, 0.9, 0.1,
     ),
 }  # fmt: skip
+
+#: Pace of the trial of visibility, relative to the pace of the stage that follows: 0.85 in the Cornell box,
+#: 0.71 in the living room.
+TRIAL = 0.8
 
 
 class Solution:
@@ -182,10 +199,15 @@ def engine_work(clock, measured, slow, settings, extent, paces):
     yield from stages.run(stages.direct, takes(clock, slow * measured.direct))
     yield stages.begin(stages.choosing)
     clock.now += slow * measured.choosing
-    samples = settings.samples // 4
-    final = measured.patches * settings.samples // 4
-    yield stages.chosen(choice("cached", "rays", samples, (), patches=measured.patches, final_samples=final))
-    solution = Solution(clock, (slow * measured.visibility, *[0.05 * slow] * 5, slow * measured.final))
+    rays = part("engine.plan.memory").MORE_RAYS * settings.samples
+    pace = TRIAL * slow * measured.visibility / (measured.groups * rays)
+    gathering = part("engine.plan.choose_solver").gathering_fraction(measured.groups / measured.patches, 4)
+    final = int(gathering * measured.patches * settings.samples)
+    yield stages.chosen(choice(
+        "cached", "rays", rays, (), patches=measured.groups, pace=pace, final_samples=final
+    ))  # fmt: skip
+    bounces = [slow * measured.bounces / 5] * 5
+    solution = Solution(clock, (slow * measured.visibility, *bounces, slow * measured.final))
     while not solution.is_done:
         yield from stages.iterate(solution)
         yield stages.iterated(solution, None)
@@ -218,16 +240,16 @@ def shares_of_run(clock, measured, slow, paces):
     return np.array(seen) / (clock.now - begin, 1)
 
 
-@pytest.mark.parametrize(("slow", "limits"), [(0.3, (0.1, 0.1)), (1.0, (0.3, 0.2))])
+@pytest.mark.parametrize("slow", [0.3, 1.0])
 @pytest.mark.parametrize("name", BAKES)
-def test_percentage_is_near_the_share_of_time(clock, name, slow, limits):
+def test_percentage_is_near_the_share_of_time(clock, name, slow):
     """With 0.3 of the measured times, an assumed idle machine, and with them; the second bake has paces."""
     paces = {}
-    for limit in limits:
+    for _ in range(2):
         shares = shares_of_run(clock, BAKES[name], slow, paces)
         assert shares[-1, 1] > 0.95
         after = shares[shares[:, 0] > 0.05]
-        assert np.abs(after[:, 1] - after[:, 0]).max() < limit
+        assert np.abs(after[:, 1] - after[:, 0]).max() < 0.15
 
 
 def test_kernels_that_are_being_built_count_until_they_are_built(clock):

@@ -28,6 +28,9 @@ _PATIENCE = 900.0
 #: Time in which Blender must compute little to count as idle, s.
 _QUIET = 3.0
 
+#: Fraction of a CPU that Blender uses at most while it is idle (chosen).
+_BUSY = 0.1
+
 _INSIDE = Path(__file__).with_name("inside.py")
 
 
@@ -183,10 +186,13 @@ class Window:
         return (self._outside / "console.txt").read_text(errors="replace")
 
     def _is_idle(self) -> bool:
-        """Return True if Blender and its child processes used less than half a CPU in the last seconds."""
+        """Return True if Blender and its child processes used little of a CPU in the last seconds.
+
+        Other processes may leave them little, so the limit is low.
+        """
         before = self.cpu_seconds
         time.sleep(_QUIET)
-        return self.cpu_seconds - before < _QUIET / 2
+        return self.cpu_seconds - before < _BUSY * _QUIET
 
     def _settle(self) -> None:
         """Let Blender handle events and draw: it answers between two of its rounds."""

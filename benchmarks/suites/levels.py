@@ -14,9 +14,10 @@ from benchmarks.machine import has_bpy
 from benchmarks.options import Options
 from benchmarks.tables import mebibytes, table
 
-#: Triangles and texels of the cases; those on a processor unless all is wanted.
+#: Triangles and texels of the cases. Unless all is wanted, a processor bakes the smallest level and reads the
+#: others.
 _TRIANGLES, _TEXELS = (400_000, 3_000_000, 13_000_000), (1_000_000, 16_000_000, 64_000_000)
-_SMALL_TRIANGLES, _SMALL_TEXELS = (400_000,), (65_536,)
+_SMALL_TEXELS = (65_536,)
 
 #: Number of spheres, and of instances in a level of its own.
 _OBJECTS, _INSTANCES = 200, 50_000
@@ -29,14 +30,15 @@ def run(options: Options) -> list[dict[str, Any]]:
     """
     if not has_bpy():
         return [{"skipped": "Blender is not there as a Python module (bpy)"}]
-    texels = _TEXELS if options.gpu else _SMALL_TEXELS
-    triangles = _TRIANGLES if options.gpu or options.full else _SMALL_TRIANGLES
+    texels, all_bake = _TEXELS if options.gpu else _SMALL_TEXELS, options.gpu or options.full
     cases = {
-        f"{count / 1e6:.2g}M-{size / 1e6:.2g}M": {"triangles": count, "texels": size, "instances": 0}
+        f"{count / 1e6:.2g}M-{size / 1e6:.2g}M": {
+            "triangles": count, "texels": size, "instances": 0, "bakes": all_bake or count == _TRIANGLES[0],
+        }
         for size in texels
-        for count in triangles
-    }
-    cases["instances"] = {"triangles": 0, "texels": 1_000_000, "instances": _INSTANCES}
+        for count in _TRIANGLES
+    }  # fmt: skip
+    cases["instances"] = {"triangles": 0, "texels": 1_000_000, "instances": _INSTANCES, "bakes": all_bake}
     chosen = {name: case for name, case in cases.items() if not options.only or name in options.only}
     return [_measured(name, arguments) for name, arguments in chosen.items()]
 
@@ -46,8 +48,12 @@ def tables(records: list[dict[str, Any]], options: Options) -> str:
     return "\n\n".join(map(_table, records))
 
 
-def case(triangles: int, texels: int, instances: int) -> dict[str, Any]:
-    """Build a level, unwrap, read and bake it by a worker; return the use of each stage."""
+class _ReadError(Exception):
+    """Ends a run that only reads."""
+
+
+def case(triangles: int, texels: int, instances: int, bakes: bool) -> dict[str, Any]:
+    """Build a level, unwrap and read it, and bake it by a worker if wanted; return the use of each stage."""
     from tools.headless import MODULE, blender
 
     with blender():
@@ -69,6 +75,8 @@ def case(triangles: int, texels: int, instances: int) -> dict[str, Any]:
             arrays = [value for mesh in scene.meshes for value in vars(mesh).values()]
             facts["counted"] = sum(len(mesh.positions) for mesh in scene.meshes)
             facts["scene_bytes"] = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+            if not bakes:
+                raise _ReadError
             return owner.bake_in_worker()(scene, settings)
 
         with ProcessMemory() as memory:
@@ -77,11 +85,13 @@ def case(triangles: int, texels: int, instances: int) -> dict[str, Any]:
                 result = run.run_to_end(lambda progress: memory.begin(progress.stage))
                 memory.begin("Saving")
                 run.finish(result)
+                facts["patches"] = int(result.report.patches)
+            except _ReadError:
+                run.cancel()
             except BaseException:
                 run.cancel()
                 raise
-        stages = {name: vars(use) for name, use in memory.stages.items()}
-        return {**facts, "stages": stages, "patches": int(result.report.patches)}
+        return {**facts, "stages": {name: vars(use) for name, use in memory.stages.items()}}
 
 
 def _measured(name: str, arguments: dict[str, Any]) -> dict[str, Any]:
@@ -95,8 +105,9 @@ def _table(record: dict[str, Any]) -> str:
     if "stages" not in record:
         return f"{record.get('name', 'levels')}: {record.get('skipped') or record.get('failed')}"
     size = record["scene_bytes"]
+    texels = f"{record['patches']:,} texels" if "patches" in record else "not baked"
     title = (
-        f"{record['name']}: {record['counted']:,} triangles, {record['patches']:,} texels, "
+        f"{record['name']}: {record['counted']:,} triangles, {texels}, "
         f"arrays of the scene {mebibytes(size)}, {os.cpu_count()} cores"
     )
     rows = [

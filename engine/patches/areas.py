@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..array_ops import run_starts
+from ..array_ops import map_blocks, run_starts
 from ..scene.triangles import Triangles
 from .back_areas import back_areas
 from .geometry import PatchGeometry
@@ -29,22 +29,35 @@ def surface_areas(triangles: Triangles, patches: PatchList, geometry: PatchGeome
 
     # All texels of a triangle have one size. Compare the triangle's area with the area of its texels that are
     # patches.
-    (u1, v1), (u2, v2) = ((triangles.uvs[:, k] - triangles.uvs[:, 0]).T * patches.resolution for k in (1, 2))
-    texel = geometry.steps.area.astype(np.float64)
-    whole = texel * np.abs(u1 * v2 - u2 * v1) / 2
-    scale = _ratios(part, whole[listed], (texel * geometry.on_triangle)[listed])
+    whole = _triangle_areas(triangles, patches.resolution, geometry)
+    texel = geometry.steps.area[listed].astype(np.float64)
+    scale = _ratios(part, whole[listed], texel * geometry.on_triangle[listed])
     left_out = (
         np.bincount(surface, whole),
         np.bincount(surface[listed], whole[listed], surface.max(initial=0) + 1),
     )
     more = np.divide(*left_out, out=np.ones_like(left_out[0]), where=left_out[1] > 0)
     areas = np.zeros(len(surface), np.float32)
-    areas[listed] = np.minimum((texel * more[surface])[listed] * scale, np.finfo(np.float32).max)
+    areas[listed] = np.minimum(texel * more[surface[listed]] * scale, np.finfo(np.float32).max)
     area: np.ndarray = areas[geometry.triangle]
     if triangles.backs is not None:
         chosen, exact = back_areas(triangles, triangles.backs, patches, geometry)
         area[chosen] = exact
     return area
+
+
+def _triangle_areas(triangles: Triangles, resolution: int, geometry: PatchGeometry) -> np.ndarray:
+    """Return the area of each triangle by its texel area and UVs, (t,) float64, m^2."""
+    whole = np.empty(len(triangles.uvs))
+
+    def measure(block: slice) -> None:
+        uvs = triangles.uvs[block]
+        (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]).T * resolution for k in (1, 2))
+        texel = geometry.steps.area[block].astype(np.float64)
+        whole[block] = texel * np.abs(u1 * v2 - u2 * v1) / 2
+
+    map_blocks(len(whole), 40, measure)
+    return whole
 
 
 def _parts_of_charts(

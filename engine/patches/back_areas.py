@@ -25,7 +25,7 @@ def back_areas(
     low = np.floor(corners[:, 0]).astype(np.int64)
     width = corners[:, 1, 0] - corners[:, 0, 0]
     is_small = width < 1
-    whole, areas = geometry.steps.whole.astype(np.float64), np.zeros(len(patches))
+    whole, areas = geometry.steps.whole, np.zeros(len(patches))
 
     # Triangles that show one texel.
     small = blocks[is_small]
@@ -33,11 +33,11 @@ def back_areas(
     key += low[is_small, 1] * patches.resolution + low[is_small, 0]
     place = np.searchsorted(patches.key, key).clip(max=len(patches) - 1)
     is_shown = patches.key[place] == key
-    np.add.at(areas, place[is_shown], whole[small[is_shown]])
+    np.add.at(areas, place[is_shown], whole[small[is_shown]].astype(np.float64))
 
     # Texels of the others.
-    number = np.full(len(triangles.mesh), -1)
-    number[blocks] = np.arange(len(blocks))
+    number = np.full(len(triangles.mesh), -1, np.int32)
+    number[blocks] = np.arange(len(blocks), dtype=np.int32)
     block = number[patches.triangle]
     on_block = np.flatnonzero(block >= 0)
     larger = on_block[~is_small[block[on_block]]]
@@ -46,7 +46,7 @@ def back_areas(
     span = np.rint(width[mine] + BACKS.low + BACKS.high)
     share = _share(column - low[mine, 0], row - low[mine, 1], span)
     total = np.bincount(mine, share, len(blocks))[mine]
-    areas[larger] = whole[patches.triangle[larger]] * share / total
+    areas[larger] = whole[patches.triangle[larger]].astype(np.float64) * share / total
     return on_block, areas[on_block].astype(np.float32)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..array_ops import joined_rows, order_of, take_rows
-from ..device.buffers import download, upload, zeros
+from ..device.buffers import download, upload, upload_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..scene.triangles import Triangles
@@ -83,7 +83,7 @@ class TexelClipper:
     def __init__(self, compute: ComputeDevice, triangles: Triangles, resolution: int) -> None:
         self.compute, self._triangles, self._resolution = compute, triangles, resolution
         self._kernels = dict(zip(_NAMES, compute.kernels("texel_fragments.cl", *_NAMES), strict=True))
-        self._uvs = upload(compute, triangles.uvs.astype(np.float32, copy=False))
+        self._uvs = upload_once(compute, triangles.uvs)
         self._listed: dict[int, tuple] = {}
 
     def rows(self, atlases: int) -> tuple:
@@ -167,9 +167,9 @@ class TexelClipper:
         first = np.clip(np.floor(low * np.float64(resolution)), 0, resolution).astype(np.int32)
         last = np.clip(np.ceil(high * np.float64(resolution)), first, resolution).astype(np.int32)
         count = last - first
-        before = np.cumsum(count) - count
+        first -= (np.cumsum(count) - count).astype(np.int32)
         row = np.arange(count.sum(), dtype=np.int32)
-        row += np.repeat((first - before).astype(np.int32), count)
+        row += np.repeat(first, count)
         return np.repeat(chosen.astype(np.int32), count), row
 
     def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelFragments:

@@ -8,6 +8,7 @@ from ..errors import SettingsError
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.raster.targets import MAX_PATCHES
+from ..visibility.rays.receiver_records import RECEIVER, TEXEL_STEP
 
 #: Bytes for each texel of one atlas while its patches are listed: two RGBA32F targets, which the host copies.
 _LIST_BYTES = 2 * 16
@@ -15,6 +16,15 @@ _LIST_BYTES = 2 * 16
 #: Bytes for each texel of every atlas: an index map entry, which the host copies, and the index of the
 #: triangle that touches the texel.
 _OWNER_BYTES, _TOUCHED_BYTES = 4, 4
+
+#: Bytes on the device for each triangle: corners, normals, UVs, texel steps, and a packet of the hierarchy.
+#: For each texel: the record of a receiver; its radiance, gathered and sampled light as float4.
+_TRIANGLE_BYTES = 36 + 36 + 24 + TEXEL_STEP.dtype.itemsize + 48
+_RECEIVER_BYTES = RECEIVER.dtype.itemsize + 3 * 16
+
+#: Bytes on the host, which count on a CPU, for each triangle: scene, joined triangles and texel steps. For
+#: each texel: its index, triangle, barycentrics, position and normal.
+_HOST_TRIANGLE_BYTES, _HOST_TEXEL_BYTES = 108 + 108 + 44, 20 + 12 + 12
 
 
 def check_limits(
@@ -38,6 +48,7 @@ def check_limits(
     # size.
     if compute is None:
         return
+    _check_memory(compute, sum(len(mesh.positions) for mesh in scene.meshes))
     texels, atlases = settings.resolution**2, len(scene.atlases)
     needed = texels * (_LIST_BYTES + _OWNER_BYTES * atlases) + settings.batch_bytes
     if compute.device.host_unified_memory:
@@ -51,10 +62,30 @@ def check_limits(
         )
 
 
-def check_patch_count(patches: int) -> None:
-    """Raise SettingsError if there are more patches than the radiosity texture holds."""
+def check_patches(compute: ComputeDevice | None, triangles: int, patches: int) -> None:
+    """Raise SettingsError if there are more patches than a radiosity texture holds, or memory is short."""
     if patches > MAX_PATCHES:
         raise SettingsError(
             f"The lightmaps hold {patches:,} texels; at most {MAX_PATCHES:,} can be baked at once. "
             "Lower the resolution, or bake fewer objects at once."
+        )
+    if compute is not None:
+        _check_memory(compute, triangles, patches)
+
+
+def _check_memory(compute: ComputeDevice, triangles: int, patches: int = 0) -> None:
+    """Raise SettingsError if triangles and patches alone exceed the memory of the device.
+
+    The sum is a lower bound, so a scene that passes may still run out of memory.
+    """
+    needed = triangles * _TRIANGLE_BYTES + patches * _RECEIVER_BYTES
+    if compute.processor:
+        needed += triangles * _HOST_TRIANGLE_BYTES + patches * _HOST_TEXEL_BYTES
+    available = compute.device.global_mem_size
+    if needed > available:
+        texels = f" and {patches:,} texels" if patches else ""
+        raise SettingsError(
+            f"{triangles:,} triangles{texels} need at least {needed / 2**30:.1f} GiB; '{compute.name}' has "
+            f"{available / 2**30:.1f} GiB. Lower the resolution, simplify dense meshes, or set the role of "
+            "objects to Ignored."
         )

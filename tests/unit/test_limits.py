@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.errors import SettingsError
-from engine.plan.limits import check_limits
+from engine.plan.limits import check_limits, check_patches
 from engine.scene.model import Scene
 from engine.settings import Settings
 
@@ -17,7 +17,7 @@ GRAPHICS = SimpleNamespace(
 def check(atlases, resolution, memory, unified):
     """Check lightmaps against a device with so many bytes, its own or the host's."""
     device = SimpleNamespace(global_mem_size=memory, host_unified_memory=unified)
-    compute = SimpleNamespace(name="Card", device=device)
+    compute = SimpleNamespace(name="Card", device=device, processor=unified)
     scene = Scene((), (), tuple(f"Atlas {i}" for i in range(atlases)), np.zeros(3))
     check_limits(GRAPHICS, compute, scene, Settings(resolution=resolution, batch_bytes=1))
 
@@ -29,6 +29,34 @@ def test_one_atlas_is_listed_at_a_time_and_all_have_index_maps(atlases, unified,
     check(atlases, 2048, needed, unified)
     with pytest.raises(SettingsError, match="lightmaps of 2048 x 2048 texels need .* GiB; 'Card' has"):
         check(atlases, 2048, needed - 1, unified)
+
+
+@pytest.mark.parametrize(("processor", "of_triangle", "of_texel"), [(False, 192, 192), (True, 452, 236)])
+def test_triangles_and_texels_that_cannot_fit_are_refused(processor, of_triangle, of_texel):
+    def check_memory(size):
+        device = SimpleNamespace(global_mem_size=size)
+        compute = SimpleNamespace(name="Card", device=device, processor=processor)
+        check_patches(compute, 13_000_001, 61_000_003)
+
+    needed = 13_000_001 * of_triangle + 61_000_003 * of_texel
+    check_memory(needed)
+    with pytest.raises(SettingsError, match="13,000,001 triangles and 61,000,003 texels need .* Lower the"):
+        check_memory(needed - 1)
+
+
+def test_more_texels_than_radiosity_textures_hold_are_refused():
+    check_patches(None, 1, 2**26 - 2)
+    with pytest.raises(SettingsError, match="hold 67,108,863 texels; at most 67,108,862 can .* Lower the"):
+        check_patches(None, 1, 2**26 - 1)
+
+
+def test_a_scene_whose_triangles_cannot_fit_is_refused_before_texels_are_listed():
+    device = SimpleNamespace(global_mem_size=192 * 300 - 1, host_unified_memory=False)
+    compute = SimpleNamespace(name="Card", device=device, processor=False)
+    meshes = tuple(SimpleNamespace(positions=np.zeros((count, 3, 3))) for count in (101, 199))
+    scene = Scene(meshes, (), ("Atlas",), np.zeros(3))
+    with pytest.raises(SettingsError, match="300 triangles need at least .*'Card' has .* Lower the"):
+        check_limits(GRAPHICS, compute, scene, Settings(resolution=1, batch_bytes=1))
 
 
 def test_more_or_larger_lightmaps_than_the_driver_holds():

@@ -238,7 +238,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     sun_light: PointerProperty(
         type=bpy.types.Object,
         name="Sun",
-        description="Sun light that follows the sun path; empty for the only one of the scene",
+        description="Sun light that follows the sun path; empty for the only one, or a Sky Texture's sun",
         poll=_is_sun_light,
     )
     sun_latitude: FloatProperty(

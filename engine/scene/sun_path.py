@@ -42,7 +42,7 @@ def with_sun_positions(scene: Scene, sun: str, directions: Mapping[str, np.ndarr
     The strength of each copy is the sun's strength divided by their number, so that together they give the
     mean light of all positions.
 
-    sun:         name of the light; instances with this name are copied, too
+    sun:         name of the sun light or of the sky texture's sun; instances with this name are copied, too
     directions:  (3,) float64 unit vector towards the sun, world space, for each light group
     """
     lights: list[Light] = []
@@ -66,8 +66,8 @@ def without_sun_positions(scene: Scene, groups: set[str]) -> Scene:
 
 
 def is_sun(light: Light) -> bool:
-    """Return True for a sun light that emits light and is not part of the world."""
-    return light.kind == "sun" and not light.of_world and bool(light.strength.any())
+    """Return True for a sun that emits light, also that of a sky texture."""
+    return light.kind == "sun" and bool(light.strength.any())
 
 
 def _axes(direction: np.ndarray) -> np.ndarray:

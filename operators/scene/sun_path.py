@@ -1,4 +1,7 @@
-"""Sun paths: copies of the scene's sun light at several times of a day, each in a light group."""
+"""Sun paths: copies of the scene's sun at several times of a day, each in a light group.
+
+The sun is a sun light, or that of a Sky Texture in scenes without sun lights.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,14 @@ _HIDDEN = (
     "Light '{}': no sun light that renders show, so it has no sun path. Show it in renders, or choose "
     "another light under Sun Path."
 )
+
+_STAYS = (
+    "{}: its strength and color and the sky stay the same along the sun path. For a sky that fits a time, "
+    "bake it alone, with that Sun Elevation."
+)
+
+#: Name of a Sky Texture's sun in names of light groups.
+_SKY_SUN = "Sun"
 
 _TIME = re.compile(r"(\d{1,2}):(\d{2})")
 
@@ -102,15 +113,18 @@ def place_suns(
     """
     _check_target(scene, target)
     sun, place = _chosen_sun(read, scene), scene.hemibake
+    of_world = any(light.of_world for light in read.scene.lights if light.name == sun)
+    label = _SKY_SUN if of_world else sun
     directions: dict[str, np.ndarray] = {}
     groups: dict[str, str | None] = {}
     for time, hour in times.items():
         towards = sun_direction(hour, place.sun_latitude, place.sun_day, place.sun_north)
-        groups[time] = _free_name(f"{sun} {time}", read.scene.light_groups) if towards[2] > 0 else None
+        groups[time] = _free_name(f"{label} {time}", read.scene.light_groups) if towards[2] > 0 else None
         if (group := groups[time]) is not None:
             directions[group] = towards
     below = [time for time, group in groups.items() if group is None]
     notes = [f"Sun Path: the sun is below the horizon at {', '.join(below)}."] if below else []
+    notes += [_STAYS.format(sun)] if of_world else []
     digests = {uid: combined([digest, repr(directions)]) for uid, digest in read.fingerprints.items()}
     moved = replace(
         read,
@@ -122,17 +136,23 @@ def place_suns(
 
 
 def _chosen_sun(read: ReadScene, scene: bpy.types.Scene) -> str:
-    """Return the name of the sun light of the path; raises SceneError."""
-    names = list(dict.fromkeys(light.name for light in read.scene.lights if is_sun(light)))
+    """Return the name of the sun light of the path, or of the sky's sun without one; raises SceneError."""
+    suns = [light for light in read.scene.lights if is_sun(light)]
+    names, of_sky = (
+        list(dict.fromkeys(light.name for light in suns if light.of_world == of_world))
+        for of_world in (False, True)
+    )
     chosen = scene.hemibake.sun_light
     if chosen is not None and chosen.name not in names:
         raise SceneError(_HIDDEN.format(chosen.name))
-    if not names:
-        raise SceneError(f"Scene '{scene.name}': {_no_sun(read)}")
     if chosen is not None:
         return chosen.name
+    if not names and not of_sky:
+        raise SceneError(
+            f"Scene '{scene.name}': no sun light for the sun path. Add one, or empty the times of Sun Path."
+        )
     _check_single(scene, names)
-    return names[0]
+    return (names or of_sky)[0]
 
 
 def _check_target(scene: bpy.types.Scene, target: str) -> None:
@@ -152,16 +172,6 @@ def _check_single(scene: bpy.types.Scene, suns: Sequence[str]) -> None:
             f"Scene '{scene.name}': several sun lights, {listed}. Choose one under Sun Path, or by "
             "--sun-light."
         )
-
-
-def _no_sun(read: ReadScene) -> str:
-    """Return the problem and remedy of a scene without a sun light."""
-    if any(light.of_world for light in read.scene.lights):
-        return (
-            "the sun of a Sky Texture cannot follow a sun path. Add a sun light, and turn off Sun Disc in "
-            "the Sky Texture."
-        )
-    return "no sun light for the sun path. Add one, or empty the times of Sun Path."
 
 
 def _free_name(name: str, taken: Sequence[str]) -> str:

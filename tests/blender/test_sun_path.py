@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from tests.blender.test_world import sky_texture, world
 from tests.blender.things import INWARD, bpy_link, material, mesh_object, part, pixels, report, square
 from tests.json_schema import faults
 
@@ -269,6 +270,32 @@ def test_a_chosen_sun_moves_and_the_other_stays():
     assert state_light(settings, "01:00") == pytest.approx(2 / np.pi, rel=1e-3)
     high = 2 / np.pi * (1 + towards(settings, 12)[2])
     assert state_light(settings, "12:00") == pytest.approx(high, rel=2e-3)
+
+
+def test_the_sun_of_a_sky_texture_moves_and_the_sky_stays(monkeypatch):
+    """Its strength is that of the bake without a path; states differ by the cosine of its zenith."""
+    import bpy
+
+    elevation = np.radians(50)
+    panorama = part("operators.scene.light.refined_panorama")
+    monkeypatch.setattr(panorama, "_ROWS", (16, 32))
+    monkeypatch.setattr(panorama, "_TILE", 8)
+    square()
+    tree, background = world()
+    sky = sky_texture(tree, 50, 20, 0.5)
+    tree.links.new(sky.outputs[0], background.inputs["Color"])
+    settings = prepare([], samples=64)
+    bpy.ops.hemibake.bake()
+    whole = pixels(bpy.data.images["Lightmap"])[..., :3].mean(axis=(0, 1))
+    settings.sun_times = "10:00 12:00 00:00"
+    bpy.ops.hemibake.bake()
+    assert set(json.loads(settings.lightmaps["Lightmap"].light_groups)) == {"Ungrouped", "Sun 10:00"}
+    night, ten, noon = (state_light(settings, time).mean(axis=(0, 1)) for time in ("00:00", "10:00", "12:00"))
+    sun = (whole - night) / np.sin(elevation)
+    assert (night > 0.01 * whole).all()
+    assert noon - night == pytest.approx(sun * towards(settings, 12)[2], rel=0.01)
+    assert ten - night == pytest.approx(sun * towards(settings, 10)[2], rel=0.01)
+    assert any("the sky stay the same along the sun path" in text for text in report()["warnings"])
 
 
 def test_a_path_below_the_horizon_leaves_the_other_light():

@@ -3,7 +3,9 @@
 from tools.packages import archive
 
 
-def test_packages_hold_the_add_ons_of_engines_without_a_package_manager(tmp_path):
+def test_packages_hold_the_add_ons_and_loaders_of_all_engines(tmp_path):
     archive._stage([], tmp_path / "source", None)
-    clients = (tmp_path / "source" / "clients").iterdir()
-    assert sorted(path.name for path in clients) == ["godot", "unity", "unreal"]
+    clients = tmp_path / "source" / "clients"
+    loaders = {"babylon", "bevy", "manifest", "playcanvas", "three"}
+    assert {path.name for path in clients.iterdir()} == {"godot", "unity", "unreal", *loaders}
+    assert not any(path.name in ("node_modules", "target") for path in clients.rglob("*"))

@@ -21,8 +21,11 @@ from tools.packages.wheels import Wheel
 
 MANIFEST = "blender_manifest.toml"
 
-#: Besides what Blender loads: licences of Hemibake, and of wheels without theirs, and add-ons for engines.
-_DOCUMENTS = ("LICENSE", "README.md", "licenses", "clients/godot", "clients/unity", "clients/unreal")
+#: Besides what Blender loads: licences of Hemibake, and of wheels without theirs, and what engines load.
+_DOCUMENTS = ("LICENSE", "README.md", "licenses", "clients")
+
+#: Names of files that build tools leave in folders of the checkout.
+_LEFT = ("__pycache__", "node_modules", "target", ".*")
 
 #: Permission of the package with Dask, the only one that connects to other machines.
 _NETWORK = 'network = "Share a bake with the workers of a Dask scheduler that the user names"'
@@ -54,8 +57,7 @@ def _stage(wheels: Sequence[Wheel], folder: Path, version: str | None) -> None:
     folder.mkdir()
     for part in (*PARTS, *_DOCUMENTS):
         if (ROOT / part).is_dir():
-            ignored = shutil.ignore_patterns("__pycache__", "node_modules", ".*")
-            shutil.copytree(ROOT / part, folder / part, ignore=ignored)
+            shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns(*_LEFT))
         else:
             shutil.copyfile(ROOT / part, folder / part)
     write_guide(folder / "guide")

@@ -1,5 +1,7 @@
-# Decodes texture.ktx2 of the project to texels.bin: float32 RGBA of all mip levels, largest first, top row first.
+# Decodes texture.ktx2 of the project to texels.bin: float32 RGBA of all mip levels, largest first,
+# top row first.
 extends SceneTree
+
 
 func _init() -> void:
 	var image := Image.new()

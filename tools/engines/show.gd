@@ -86,7 +86,8 @@ func black() -> WorldEnvironment:
 	return surroundings
 
 
-# A sun whose shadows come from shadow masks only: its irradiance / pi, and the direction of its light.
+# A sun whose shadows come from shadow masks only: its irradiance / pi, and the direction of its
+# light.
 func sun(kind: Dictionary) -> DirectionalLight3D:
 	var light := DirectionalLight3D.new()
 	light.light_energy = kind.energy

@@ -1,6 +1,7 @@
 @tool
 extends LightmapGI
-## Lightmaps of one size. Builds its data when the scene is loaded, from images and from metadata of meshes.
+## Lightmaps of one size. Builds its data when the scene is loaded, from images and from metadata of
+## meshes.
 
 ## Metadata of a mesh: slice and size of its lightmap.
 const SLICE := "hemibake_slice"
@@ -25,8 +26,18 @@ func _ready() -> void:
 		data.add_user(get_path_to(mesh), Rect2(0, 0, 1, 1), int(mesh.get_meta(SLICE)), -1)
 		var own := global_transform.affine_inverse() * mesh.global_transform * mesh.get_aabb()
 		box = own if box == AABB() else box.merge(own)
-	data._set_probe_data({
-		"bounds": box, "points": PackedVector3Array(), "tetrahedra": PackedInt32Array(),
-		"bsp": PackedInt32Array(), "sh": PackedColorArray(), "interior": false, "baked_exposure": 1.0,
-	})
+	(
+		data
+		. _set_probe_data(
+			{
+				"bounds": box,
+				"points": PackedVector3Array(),
+				"tetrahedra": PackedInt32Array(),
+				"bsp": PackedInt32Array(),
+				"sh": PackedColorArray(),
+				"interior": false,
+				"baked_exposure": 1.0,
+			}
+		)
+	)
 	light_data = data

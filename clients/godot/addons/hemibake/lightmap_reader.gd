@@ -1,9 +1,10 @@
 @tool
 extends GLTFDocumentExtension
-## Reads the lightmaps of a glTF file: those in the file (MOZ_lightmap), else those of hemibake.json beside it.
+## Reads the lightmaps of a glTF file: those in the file (MOZ_lightmap), else those of hemibake.json
+## beside it.
 ##
-## The imported scene holds the images, so the file can be moved and imported again. Nodes are found by
-## metadata, because Godot renames them after import.
+## The imported scene holds the images, so the file can be moved and imported again. Nodes are found
+## by metadata, because Godot renames them after import.
 
 const Lightmap := preload("hemibake_lightmap.gd")
 const MANIFEST := "hemibake.json"
@@ -30,7 +31,9 @@ func _parse_texture_json(_state: GLTFState, json: Dictionary, texture: GLTFTextu
 	return OK
 
 
-func _parse_image_data(_state: GLTFState, _data: PackedByteArray, mime: String, image: Image) -> Error:
+func _parse_image_data(
+	_state: GLTFState, _data: PackedByteArray, mime: String, image: Image
+) -> Error:
 	# Godot's importer stops at images that it cannot read. Lightmaps are read at the end.
 	if mime == RADIANCE:
 		image.copy_from(Image.create_empty(1, 1, false, Image.FORMAT_RGB8))
@@ -64,7 +67,9 @@ func _add(groups: Dictionary, image: Image, node: Node) -> void:
 	if not groups.has(size):
 		var made := LightmapGI.new()
 		made.set_script(Lightmap)
-		made.name = "Lightmap %d" % size.x if size.x == size.y else "Lightmap %dx%d" % [size.x, size.y]
+		made.name = (
+			"Lightmap %d" % size.x if size.x == size.y else "Lightmap %dx%d" % [size.x, size.y]
+		)
 		groups[size] = made
 	var group: LightmapGI = groups[size]
 	var slice: int = group.maps.find(image)
@@ -106,8 +111,12 @@ func _maps_beside(state: GLTFState) -> Dictionary:
 	for file: String in entries:
 		for object: Dictionary in entries[file].objects:
 			if files.get(object.object, file) != file:
-				push_warning("%s: instances of '%s' are in several lightmaps. Export with HDR in the file."
-						% [state.filename, object.object])
+				push_warning(
+					(
+						"%s: instances of '%s' are in several lightmaps. Export with HDR in the file."
+						% [state.filename, object.object]
+					)
+				)
 			files[object.object] = file
 	var found := {}
 	var nodes: Array = state.json.get("nodes", [])
@@ -125,7 +134,9 @@ func _entries(state: GLTFState) -> Dictionary:
 		return {}
 	var manifest = JSON.parse_string(FileAccess.get_file_as_string(path))
 	if manifest is not Dictionary or manifest.get("version") != 2:
-		push_error("%s: not a manifest of version 2. Export again with this version of Hemibake." % path)
+		push_error(
+			"%s: not a manifest of version 2. Export again with this version of Hemibake." % path
+		)
 		return {}
 	var found := {}
 	for file: String in manifest.lightmaps:
@@ -170,7 +181,9 @@ func _decoded(state: GLTFState, map: Dictionary) -> Image:
 
 func _bytes(state: GLTFState, json: Dictionary) -> PackedByteArray:
 	if json.has("uri"):
-		return FileAccess.get_file_as_bytes(state.base_path.path_join(String(json.uri).uri_decode()))
+		return FileAccess.get_file_as_bytes(
+			state.base_path.path_join(String(json.uri).uri_decode())
+		)
 	var view: Dictionary = state.json.bufferViews[int(json.bufferView)]
 	var start := int(view.get("byteOffset", 0))
 	return state.buffers[int(view.get("buffer", 0))].slice(start, start + int(view.byteLength))

@@ -29,12 +29,5 @@ def hemibake() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def stateful(hemibake, tmp_path_factory):
     """Return a folder with an export of the box with light states, and the preview of each state."""
-    import bpy
-
-    cornell.bake(96, "preview", states=True)
-    folder, wanted = tmp_path_factory.mktemp("states"), {}
-    for name in cornell.STATES:
-        bpy.ops.hemibake.light_state_apply(name=name)
-        wanted[name] = cornell.preview(WIDTH, folder)
-    bpy.ops.hemibake.export_for_engine(filepath=str(folder / "room.glb"))
-    return folder, wanted
+    folder = tmp_path_factory.mktemp("states")
+    return folder, cornell.export_states(folder, WIDTH)

@@ -187,7 +187,7 @@ def test_a_ball_on_a_path_lit_by_probes(hemibake, engine, tmp_path):
     wanted = path.previews(_WIDTH, tmp_path)
     (tmp_path / "godot").mkdir()
     places = [(x, z, -y) for x, y, z in path.PLACES]
-    shown = engine.render_path(export(tmp_path / "godot"), _WIDTH, path.BALL, places, _HIDDEN)
+    shown = engine.render_path(export(tmp_path / "godot"), _WIDTH, _WIDTH, path.BALL, places, _HIDDEN)
     for picture, preview, ball in zip(shown, wanted, path.ball_pixels(_WIDTH, radius), strict=True):
         assert ball.sum() > 20
         assert picture[ball].mean(axis=0) == pytest.approx(preview[ball].mean(axis=0), rel=0.15)

@@ -1,4 +1,4 @@
-"""Three scenes with light states in three.js, Babylon.js, PlayCanvas and Godot, against the preview."""
+"""Three scenes with light states in three.js, Babylon.js, PlayCanvas, Godot and Bevy, against the preview."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -8,15 +8,16 @@ import pytest
 
 from engine.scene.color import linear_to_srgb
 from tests.export.states import WIDTH, close_enough
-from tools.engines import cornell, godot, house, room
+from tools.engines import bevy, cornell, godot, house, room
 from tools.engines.web import BABYLON, PLAYCANVAS, THREE
 
 
 class Baked(NamedTuple):
-    """Exports of a scene for engines of the web and for Godot, and the preview of each state."""
+    """Exports of a scene for engines of the web, Godot and Bevy, and the preview of each state."""
 
     web: Path
     godot: Path
+    bevy: Path
     wanted: dict[str, np.ndarray]
 
 
@@ -43,21 +44,32 @@ def baked(request, hemibake, tmp_path_factory):
         bpy.ops.hemibake.light_state_apply(name=state)
         wanted[state] = cornell.preview(WIDTH, folder)
     paths = []
-    for engine, name in (("THREE", "web"), ("GODOT", "godot")):
+    for engine, name in (("THREE", "web"), ("GODOT", "godot"), ("BEVY", "bevy")):
         (folder / name).mkdir()
         path = folder / name / "room.glb"
         assert bpy.ops.hemibake.export_for_engine(filepath=str(path), engine=engine) == {"FINISHED"}
         paths.append(path)
-    return Baked(paths[0], paths[1].with_suffix(".tscn"), wanted)
+    web, for_godot, for_bevy = paths
+    return Baked(web, for_godot.with_suffix(".tscn"), for_bevy, wanted)
 
 
-@pytest.mark.parametrize("engine", [THREE, BABYLON, PLAYCANVAS], ids=lambda engine: engine.page)
+@pytest.mark.parametrize("engine", [THREE, BABYLON, PLAYCANVAS], ids=lambda engine: engine.module)
 def test_engines_of_the_web_show_each_state(baked, engine):
     if missing := engine.missing():
         pytest.skip(f"{missing}: exports are not shown with {engine.package}")
     engine.install()
     for state, wanted in baked.wanted.items():
         shown = engine.show(baked.web, WIDTH, WIDTH, cornell.HIDDEN, state=state)
+        assert shown.problems == []
+        close_enough(shown.pixels, wanted)
+
+
+def test_bevy_shows_each_state(baked):
+    if missing := bevy.missing():
+        pytest.skip(f"{missing}: exports are not shown with Bevy")
+    bevy.install()
+    for state, wanted in baked.wanted.items():
+        shown = bevy.show(baked.bevy, WIDTH, WIDTH, cornell.HIDDEN, state)
         assert shown.problems == []
         close_enough(shown.pixels, wanted)
 

@@ -9,7 +9,7 @@ import pytest
 from tests.blender.things import part
 from tests.export.states import WIDTH
 from tools.engines import cornell, path
-from tools.engines.web import THREE_PATH, THREE_PROBES
+from tools.engines.web import THREE_PROBES
 
 #: Probes of the volume along its axes.
 RESOLUTION = (2, 3, 4)
@@ -130,15 +130,10 @@ def test_three_shows_a_ball_on_a_path_as_the_preview(hemibake, engine, tmp_path,
     wanted = path.previews(WIDTH, tmp_path)
     bpy.ops.hemibake.export_for_engine(filepath=str(tmp_path / "room.glb"))
     places = [(Y_UP @ place).tolist() for place in path.PLACES]
-    asked = {
-        "file": "room.glb", "width": WIDTH, "hide": cornell.HIDDEN, "moved": path.BALL, "places": places,
-        "state": state,
-    }  # fmt: skip
-    problems, data = THREE_PATH.answer(tmp_path, asked)
-    shown = np.frombuffer(data, np.float32).reshape(len(places), WIDTH, WIDTH, 4)[..., :3]
-    assert problems == []
+    shown = engine.show_path(tmp_path / "room.glb", WIDTH, WIDTH, path.BALL, places, cornell.HIDDEN, state)
+    assert shown.problems == []
     on_ball = path.ball_pixels(WIDTH)
-    for picture, preview, ball in zip(shown, wanted, on_ball, strict=True):
+    for picture, preview, ball in zip(shown.pixels, wanted, on_ball, strict=True):
         assert ball.sum() > 100
         assert np.percentile(cornell.differences(picture[ball], preview[ball]), 99) < 0.02
         assert np.percentile(cornell.differences(picture, preview), 98) < 0.02

@@ -7,7 +7,7 @@ from tools.engines import cornell, room
 from tools.engines.web import BABYLON, PLAYCANVAS, THREE
 
 
-@pytest.fixture(params=[BABYLON, PLAYCANVAS], ids=lambda engine: engine.page)
+@pytest.fixture(params=[BABYLON, PLAYCANVAS], ids=lambda engine: engine.module)
 def loader(request):
     if missing := request.param.missing():
         pytest.skip(f"{missing}: exports are not shown with {request.param.package}")
@@ -39,7 +39,7 @@ def furnished(hemibake, tmp_path_factory):
     return folder / "room.glb", wanted
 
 
-@pytest.mark.parametrize("engine", [THREE, BABYLON, PLAYCANVAS], ids=lambda engine: engine.page)
+@pytest.mark.parametrize("engine", [THREE, BABYLON, PLAYCANVAS], ids=lambda engine: engine.module)
 def test_loaders_show_instances_and_lightmaps_of_two_sizes(furnished, engine):
     if missing := engine.missing():
         pytest.skip(f"{missing}: exports are not shown with {engine.package}")

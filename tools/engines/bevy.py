@@ -29,10 +29,11 @@ BUILT = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parents[1] / "out" / "engin
 
 #: Options of the program: a light group as [name, linear RGB, strength]; settings of the crate; whether it
 #: reads Radiance HDR in the file; whether it uses features of phones alone; exposure of the camera; manifest
-#: of light probes in the folder of the file.
+#: of light probes in the folder of the file; radiance where nothing is shown.
 _ASKED = {
     "group": None, "shades_normal_maps": True, "prefers_files": False, "hdr_inside": False,
     "is_limited": False, "bicubic": False, "ev100": 9.7, "probes": "",
+    "background": (0.0, 0.0, 0.0),
 }  # fmt: skip
 
 #: Where the loader of Vulkan looks for drivers: variables that name them, and folders.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,18 +28,11 @@ STATES = {
 }
 
 
-def bake(
-    resolution: int = 192,
-    quality: str = "high",
-    directional: str | None = None,
-    states: bool = False,
-    file_format: str = "exr",
-    folder: Path | None = None,
-) -> None:
-    """Build the box in an empty file and bake it; see `build`."""
+def bake(*arguments: Any, **settings: Any) -> None:
+    """Build the box in an empty file and bake it; takes the arguments of `build`."""
     import bpy
 
-    build(resolution, quality, directional, states, file_format, folder)
+    build(*arguments, **settings)
     bpy.ops.hemibake.bake()
 
 
@@ -168,6 +161,22 @@ def render_preview(path: Path, width: int, height: int) -> np.ndarray:
     image.pixels.foreach_get(pixels)
     bpy.data.images.remove(image)
     return pixels.reshape(height, width, -1)[..., :3]
+
+
+def export_states(folder: Path, width: int, engine: str = "FILES") -> dict[str, np.ndarray]:
+    """Bake the box with STATES and write room.glb for an engine; return the preview of each state.
+
+    width:  of the pictures, pixels; see `preview`
+    """
+    import bpy
+
+    bake(96, "preview", states=True)
+    wanted = {}
+    for name in STATES:
+        bpy.ops.hemibake.light_state_apply(name=name)
+        wanted[name] = preview(width, folder)
+    bpy.ops.hemibake.export_for_engine(filepath=str(folder / "room.glb"), engine=engine)
+    return wanted
 
 
 def export(folder: Path, kind: str = "NONE", engine: str = "FILES") -> Path:

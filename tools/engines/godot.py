@@ -86,14 +86,21 @@ def render(
 
 
 def render_path(
-    path: Path, width: int, moved: str, places: Sequence[Sequence[float]], hide: tuple[str, ...] = ()
+    path: Path,
+    width: int,
+    height: int,
+    moved: str,
+    places: Sequence[Sequence[float]],
+    hide: tuple[str, ...] = (),
+    **options: object,
 ) -> np.ndarray:
-    """Render a scene with a dynamic object at some places; return (n, width, width, 3) float32, as `render`.
+    """Render a scene with a dynamic object at some places; return (n, h, w, 3) float32, as `render`.
 
-    moved:   name of the object's node
-    places:  its positions, y up, m
+    moved:    name of the object's node
+    places:   its positions, y up, m
+    options:  further keys of show.gd
     """
-    asked = {"width": width, "height": width, "hidden": hide, "moved": moved, "places": places}
+    asked = {"width": width, "height": height, "hidden": hide, "moved": moved, "places": places, **options}
     return _pictures(path, asked, bicubic=False)
 
 
@@ -143,6 +150,20 @@ def read_ktx2(data: bytes) -> np.ndarray:
         if not texels.is_file():
             raise RuntimeError(f"Godot has not read the file: {told[-3000:]}")
         return np.fromfile(texels, np.float32).reshape(-1, 4)[:, :3].copy()
+
+
+def faults(addon: Path, script: str) -> str:
+    """Return the messages of Godot's parser on a script of an add-on; empty if it has no faults."""
+    machine = _machine()
+    with _project(machine) as project:
+        (project / "project.godot").write_text(_PROJECT.format(plugins="", bicubic="false"), encoding="utf-8")
+        shutil.copytree(addon, project / _ADDON)
+        inside = str(Path("/") / project.relative_to(machine.root))
+        told = _run(
+            machine, project, "godot", "--headless", "--path", inside,
+            "--check-only", "--script", f"res://{_ADDON}/{script}",
+        )  # fmt: skip
+    return "\n".join(line for line in told.splitlines() if "ERROR" in line)
 
 
 def _machine() -> Machine | None:

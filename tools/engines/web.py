@@ -42,7 +42,7 @@ _PATIENCE = 180
 class Shown:
     """Picture of a page.
 
-    pixels:    (h, w, 3) float32, linear, bottom row first
+    pixels:    (h, w, 3) float32, linear, bottom row first; of a path (n, h, w, 3)
     problems:  messages of the loader
     """
 
@@ -55,11 +55,11 @@ class WebEngine:
     """An engine of the web.
 
     package:  name of its npm package
-    page:     file of this folder that renders with it
+    module:   file of this folder that renders with it in show.html
     """
 
     package: str
-    page: str
+    module: str
 
     def missing(self) -> str:
         """Return the missing requirement of a render, and how to install it; empty if all are installed."""
@@ -96,14 +96,40 @@ class WebEngine:
         files:    show the lightmaps beside the file instead of those in it
         state:    light state to show, after a fade of `seconds`
         groups:   name, color and strength of light groups that are set before
-        background:  radiance where nothing is shown, in three.js
+        background:  radiance where nothing is shown
         """
         asked = {
             "file": path.name, "width": width, "height": height, "hide": hide, "files": files, "state": state,
-            "seconds": seconds, "groups": groups, "background": background,
+            "seconds": seconds, "groups": groups, "background": background, "places": [(0, 0, 0)],
         }  # fmt: skip
         problems, data = self.answer(path.parent, asked)
-        return Shown(np.frombuffer(data, np.float32).reshape(height, width, 4)[..., :3].copy(), problems)
+        return Shown(_pictures(data, width, height)[0], problems)
+
+    def show_path(
+        self,
+        path: Path,
+        width: int,
+        height: int,
+        moved: str,
+        places: Sequence[Sequence[float]],
+        hide: tuple[str, ...] = (),
+        state: str = "",
+        background: Sequence[float] = (0.0, 0.0, 0.0),
+        probes: str = "hemibake.json",
+    ) -> Shown:
+        """Return what three.js shows with a dynamic object at some places, lit by light probes; see `show`.
+
+        moved:   name of the object's node
+        places:  its positions, y up, m
+        probes:  manifest of the light probes, in the folder of the file
+        """
+        asked = {
+            "file": path.name, "width": width, "height": height, "hide": hide, "files": False, "state": state,
+            "seconds": 0.0, "groups": (), "background": background, "moved": moved, "places": places,
+            "probes": probes,
+        }  # fmt: skip
+        problems, data = self.answer(path.parent, asked)
+        return Shown(_pictures(data, width, height), problems)
 
     def answer(self, folder: Path, asked: dict) -> tuple[list[str], bytes]:
         """Return the problems and the bytes that the page answers; raises RuntimeError with the page's error.
@@ -113,9 +139,10 @@ class WebEngine:
         """
         answers: queue.Queue[tuple[str, bytes]] = queue.Queue()
         problems: list[str] = []
+        question = {"module": self.module, "asked": json.dumps(asked)}
         with (
-            _served(self.page, folder, answers) as port,
-            _open_browser(f"http://127.0.0.1:{port}/show?{urlencode({'asked': json.dumps(asked)})}"),
+            _served(folder, answers) as port,
+            _open_browser(f"http://127.0.0.1:{port}/page/show.html?{urlencode(question)}"),
         ):
             kind, data = answers.get(timeout=_PATIENCE)
             if kind == "/problems":
@@ -132,15 +159,23 @@ class WebEngine:
         return self.show(path, width, height, hide, files).pixels
 
     def _is_there(self) -> bool:
-        return (MODULES / "node_modules" / self.package).is_dir()
+        """Return True if npm has brought the engine in the version of package.json."""
+        installed = MODULES / "package.json"
+        return (MODULES / "node_modules" / self.package).is_dir() and installed.read_bytes() == (
+            HERE / "package.json"
+        ).read_bytes()
 
 
-THREE = WebEngine("three", "show_three.html")
-THREE_PROBES = WebEngine("three", "show_probes.html")
-THREE_PATH = WebEngine("three", "show_path.html")
-THREE_REFLECTIONS = WebEngine("three", "show_reflections.html")
-BABYLON = WebEngine("@babylonjs/loaders", "show_babylon.html")
-PLAYCANVAS = WebEngine("playcanvas", "show_playcanvas.html")
+THREE = WebEngine("three", "show_three.js")
+THREE_PROBES = WebEngine("three", "show_probes.js")
+THREE_REFLECTIONS = WebEngine("three", "show_reflections.js")
+BABYLON = WebEngine("@babylonjs/loaders", "show_babylon.js")
+PLAYCANVAS = WebEngine("playcanvas", "show_playcanvas.js")
+
+
+def _pictures(data: bytes, width: int, height: int) -> np.ndarray:
+    """Return the pictures of a page, (n, h, w, 3) float32."""
+    return np.frombuffer(data, np.float32).reshape(-1, height, width, 4)[..., :3].copy()
 
 
 def _browser() -> str | None:
@@ -159,8 +194,8 @@ def _open_browser(url: str):
 
 
 @contextlib.contextmanager
-def _served(page: str, folder: Path, answers: queue.Queue):
-    """Serve a page, the engines, the clients and a folder; yields the port."""
+def _served(folder: Path, answers: queue.Queue):
+    """Serve show.html, the engines, the clients and a folder; yields the port."""
     places = {
         "modules": MODULES / "node_modules",
         "three": MODULES / "node_modules" / "three",
@@ -168,8 +203,7 @@ def _served(page: str, folder: Path, answers: queue.Queue):
         "page": HERE,
         "file": folder,
     }
-    known = {"places": places, "answers": answers, "page": HERE / page}
-    handler = type("Handler", (_Handler,), known)
+    handler = type("Handler", (_Handler,), {"places": places, "answers": answers})
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
@@ -183,14 +217,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     places: dict[str, Path]
     answers: queue.Queue
-    page: Path
 
     def do_GET(self) -> None:
         asked = urlsplit(self.path).path
         head, _, rest = unquote(asked).lstrip("/").partition("/")
-        path = self.places[head] / rest if head in self.places else self.page
+        path = self.places[head] / rest if head in self.places else None
         # Many servers refuse encoded slashes.
-        if not path.is_file() or "%2f" in asked.lower():
+        if path is None or not path.is_file() or "%2f" in asked.lower():
             self.send_error(404)
             return
         self._answer(path.read_bytes(), _kind(path))

@@ -60,6 +60,8 @@ struct Asked {
     ev100: f32,
     /// Manifest of light probes; empty for none.
     probes: String,
+    /// Linear radiance where nothing is shown.
+    background: [f32; 3],
 }
 
 /// Folder of the answer.
@@ -89,10 +91,11 @@ fn main() {
         }),
         ..default()
     };
+    let [r, g, b] = asked.background;
     let mut app = App::new();
     app.add_plugins(DefaultPlugins.set(assets).set(renders))
         .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::from_millis(1)))
-        .insert_resource(ClearColor(Color::BLACK))
+        .insert_resource(ClearColor(Color::linear_rgb(r, g, b)))
         .insert_resource(GlobalAmbientLight {
             brightness: 0.0,
             ..default()

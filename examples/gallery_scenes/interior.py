@@ -1,4 +1,7 @@
-"""A living room in daylight: the sun shines through glass and a curtain, and a sky lights the rest."""
+"""A living room in daylight: the sun shines through glass and a curtain, and a sky lights the rest.
+
+A toy robot is a dynamic object: light probes light it, in the sun beside the window or in the shade.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import math
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from . import shapes
 from .shapes import block, cushion, lathe, material, place, quad, sheet
@@ -15,6 +19,9 @@ X, Y, Z = 2.7, 2.2, 2.7
 
 #: Window in the wall x = -X: range along y, and along z, and depth of its reveal.
 WINDOW_Y, WINDOW_Z, REVEAL = (-1.0, 1.2), (0.45, 2.35), 0.25
+
+#: The robot, and its places in the sun and in the shade.
+ROBOT, SUN, SHADE = "Robot", (-1.35, 0.35, 0.0), (0.85, -0.45, 0.0)
 
 
 def build() -> None:
@@ -28,6 +35,8 @@ def build() -> None:
     _plant((-2.2, 1.75, 0.0))
     _lamp((0.95, 1.85, 0.0))
     _pictures((-1.2, -0.4, 0.4))
+    _robot()
+    _probes()
     shapes.sun((0.74, 0.24, -0.62), 5.6, (1.0, 0.86, 0.7))
     shapes.sky((0.55, 0.75, 1.0), 1.2)
     shapes.camera((2.3, -1.95, 1.4), (-0.75, 1.0, 0.95), 18)
@@ -259,6 +268,53 @@ def _pictures(places: tuple[float, float, float]) -> None:
         )
         for loop, corner in zip(picture.data.uv_layers[0].uv, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
             loop.vector = corner
+
+
+def _robot() -> None:
+    """Add a toy robot of one mesh with the role Dynamic, if Hemibake is enabled."""
+    shell, joint = material("Robot Shell", (0.75, 0.72, 0.66)), material("Robot Joint", (0.1, 0.1, 0.11))
+    trim, face = material("Robot Trim", (0.7, 0.2, 0.04)), material("Robot Face", (0.02, 0.03, 0.04))
+    parts = [
+        cushion("Body", shell, (0.34, 0.28, 0.36), (0, 0, 0.38), power=4),
+        cushion("Belt", trim, (0.36, 0.3, 0.07), (0, 0, 0.34), power=4),
+        lathe("Neck", joint, [(0.05, 0), (0.05, 0.1)], (0, 0, 0.53)),
+        cushion("Head", shell, (0.32, 0.26, 0.24), (0, 0, 0.7), power=5),
+        cushion("Visor", face, (0.26, 0.04, 0.13), (0, -0.12, 0.71), power=5),
+        lathe("Aerial", joint, [(0.008, 0), (0.008, 0.12)], (0.08, 0.02, 0.8), segments=8),
+        cushion("Aerial Tip", trim, (0.05, 0.05, 0.05), (0.08, 0.02, 0.94), power=2),
+    ]
+    for side in (-1, 1):
+        x = side * 0.2
+        parts += [
+            cushion("Eye", trim, (0.045, 0.03, 0.06), (side * 0.06, -0.135, 0.715), power=2),
+            cushion("Shoulder", joint, (0.08, 0.1, 0.1), (x, 0, 0.48), power=2),
+            cushion("Arm", shell, (0.08, 0.1, 0.26), (side * 0.23, -0.03, 0.37), (-12, 0, 0), 4),
+            lathe(
+                "Wheel",
+                joint,
+                [(0, 0), (0.12, 0), (0.12, 0.09), (0, 0.09)],
+                (x * 0.6, 0, 0.12),
+                (0, 90 * side, 0),
+            ),
+            cushion("Hub", trim, (0.03, 0.1, 0.1), (x * 0.6 + side * 0.09, 0, 0.12), power=2),
+        ]
+    with bpy.context.temp_override(active_object=parts[0], selected_editable_objects=parts):
+        bpy.ops.object.join()
+    robot = parts[0]
+    robot.name = robot.data.name = ROBOT
+    centre = robot.location.copy()
+    robot.data.transform(Matrix.Translation(centre))
+    robot.location, robot.rotation_euler = SUN, (0, 0, math.radians(50))
+    if settings := getattr(robot, "hemibake", None):
+        settings.role = "DYNAMIC"
+
+
+def _probes() -> None:
+    """Add a Light Probe Volume that fills the room."""
+    data = bpy.data.lightprobes.new("Room", "VOLUME")
+    data.resolution_x, data.resolution_y, data.resolution_z = 20, 16, 10
+    volume = place("Room", data, (0, 0, Z / 2))
+    volume.scale = (X, Y, Z / 2)
 
 
 def _planks() -> np.ndarray:

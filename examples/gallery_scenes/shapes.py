@@ -36,16 +36,29 @@ def material(
     for socket, value in values.items():
         principled.inputs[socket].default_value = value
     if image is not None:
-        texture = result.node_tree.nodes.new("ShaderNodeTexImage")
-        texture.image = image
-        result.node_tree.links.new(texture.outputs["Color"], principled.inputs["Base Color"])
+        _feed(result, "Base Color", image)
     result.diffuse_color = (*color, 1.0)
     return result
 
 
-def lamp_material(name: str, color: Color, radiance: float):
-    """Return a white material that emits."""
-    return material(name, Emission_Color=(*color, 1.0), Emission_Strength=radiance)
+def _feed(surface: bpy.types.Material, socket: str, image: bpy.types.Image) -> None:
+    """Link an image to a socket of the Principled BSDF."""
+    tree = surface.node_tree
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], tree.nodes["Principled BSDF"].inputs[socket])
+
+
+def lamp_material(name: str, color: Color, radiance: float, image: bpy.types.Image | None = None):
+    """Return a white material that emits, or the one that has this name already.
+
+    image:  emitted color in place of `color`
+    """
+    known = name in bpy.data.materials
+    result = material(name, Emission_Color=(*color, 1.0), Emission_Strength=radiance)
+    if image is not None and not known:
+        _feed(result, "Emission Color", image)
+    return result
 
 
 def cloth(name: str, color: Color, transmitted: float):

@@ -6,6 +6,7 @@ import math
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from . import shapes
 from .shapes import block, cushion, lathe, material, place, quad
@@ -75,8 +76,7 @@ def _ground() -> None:
             bevel=0.02,
         )
     back = material("Night Wall", (0.2, 0.16, 0.14))
-    for y, turn in ((LENGTH, 0), (-LENGTH, 180)):
-        block("End Wall", back, (2 * STREET, 0.3, 8.5), (0, y + math.copysign(0.15, y), 0), (0, 0, turn))
+    block("End Wall", back, (2 * STREET, 0.3, 8.5), (0, -LENGTH - 0.15, 0))
 
 
 def _houses() -> None:
@@ -97,6 +97,20 @@ def _houses() -> None:
             wall = material(f"Plaster {number % 6 + 1}", plaster[number % 6])
             _house(number, side, y + width / 2, width, floors, wall, random)
             y, number = y + width, number + 1
+    for along in (-STREET / 2, STREET / 2):
+        before = set(bpy.data.objects)
+        wall = material(f"Plaster {number % 6 + 1}", plaster[number % 6])
+        _house(number, 1, along, STREET, 3, wall, random)
+        _turn_to_end(set(bpy.data.objects) - before)
+        number += 1
+
+
+def _turn_to_end(objects: set[bpy.types.Object]) -> None:
+    """Move a house from the side of the street to its far end."""
+    bpy.context.view_layer.update()
+    move = Matrix.Rotation(math.pi / 2, 4, "Z") @ Matrix.Translation((LENGTH - STREET, 0, 0))
+    for obj in objects:
+        obj.matrix_world = move @ obj.matrix_world
 
 
 def _house(number: int, side: int, y: float, width: float, floors: int, wall, random) -> None:
@@ -177,17 +191,49 @@ def _shop(number: int, side: int, x: float, y: float, width: float) -> None:
             (x - side * 0.1, middle + end * (size + 0.15) / 2, 0.64),
             (0, 0, turn),
         )
-    glow = (
-        shapes.lamp_material("Shop Window", (1.0, 0.74, 0.42), 1.0)
-        if number % 3 != 1
-        else material("Dark Window")
-    )
-    pane = _facing(side, x - side * 0.015, middle, 0.64, size, 1.86, "Shop Pane", glow)
-    if number % 3 != 1:
+    lit = number % 3 != 1
+    pane = _facing(
+        side, x - side * 0.015, middle, 0.64, size, 1.86, "Shop Pane",
+        _shop_window(number) if lit else material("Dark Window"),
+    )  # fmt: skip
+    if lit:
         pane.lightgroup = "Windows"
+        mesh = pane.data
+        for loop, corner in zip(mesh.loops, mesh.uv_layers[0].uv, strict=True):
+            _, y, z = mesh.vertices[loop.vertex_index].co
+            corner.vector = (y / 3.72, (z - 0.64) / 1.86)
     if number % 2 == 0:
         _awning(number, side, x, middle, size)
     _sign(number, side, x, y - width / 2 + 1.6)
+
+
+def _shop_window(number: int) -> bpy.types.Material:
+    """Return a material that emits the picture of a shop behind glass, 3.72 m wide and 1.86 m high."""
+    name = f"Shop Window {number % 2 + 1}"
+    known = bpy.data.images.get(name)
+    return shapes.lamp_material(
+        name, (1, 1, 1), 0.8, known or shapes.painted(name, _shop_picture(number % 2))
+    )
+
+
+def _shop_picture(seed: int) -> np.ndarray:
+    """Return shelves with goods in the light of lamps, (256, 512, 3); the image repeats along x."""
+    random = np.random.default_rng(40 + seed)
+    v, u = np.mgrid[0:256, 0:512] / np.array((256, 512)).reshape(2, 1, 1)
+    spot = 0.55 + 0.45 * np.cos(4 * math.pi * u) ** 2 * np.exp(-((v - 0.95) ** 2) / 0.3)
+    picture = spot[..., None] * np.array((1.0, 0.72, 0.4))
+    for shelf in range(4):
+        bottom, left = 0.06 + 0.23 * shelf, 0.01
+        picture[np.abs(v - bottom) < 0.012] *= 0.25
+        while left < 0.94:
+            width, height = random.uniform(0.015, 0.05), random.uniform(0.06, 0.17)
+            tall = np.where(
+                np.abs(u - left - width / 2) < width * 0.25, height, height * random.uniform(0.6, 1)
+            )
+            inside = (u > left) & (u < left + width) & (v > bottom) & (v < bottom + tall)
+            picture[inside] *= random.uniform(0.03, 0.5, 3)
+            left += width + random.uniform(0.004, 0.03)
+    return picture * np.clip(8 * np.minimum(v, 1 - v) + 0.3, 0, 1)[..., None]
 
 
 def _awning(number: int, side: int, x: float, y: float, size: float) -> None:

@@ -66,6 +66,7 @@ _UNREADABLE = "'{}': Godot reads no files with quotation marks or backslashes in
 _AXES = "(x, -z, y) of a normal (x, y, z) in the glTF file"
 _NOT_FINITE = "The lightmap '{}' has texels that are NaN or infinite. Bake again, or correct its image."
 _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
+_MOVING = "Dynamic, so dark where the engine shows no light probes: {}. Bake and load them."
 
 _CLEAR = (
     "Transparent, but opaque in an unlit file: {}. Export for an engine with lightmaps to keep transparency."
@@ -516,7 +517,11 @@ def _differences(hooks: LightmapHooks) -> list[str]:
 
 def _unlit(hooks: LightmapHooks) -> Iterator[str]:
     """Yield notes on surfaces without a lightmap."""
-    for sentence, names in ((_GONE, hooks.lost), (_DARK, hooks.dark)):
+    dark, moving = list[str](), list[str]()
+    for name in hooks.dark:
+        obj = bpy.data.objects.get(name)
+        (moving if obj is not None and obj.hemibake.role == "DYNAMIC" else dark).append(name)
+    for sentence, names in ((_GONE, hooks.lost), (_DARK, dark), (_MOVING, moving)):
         if names:
             yield object_message(sentence, list(dict.fromkeys(names)))
 

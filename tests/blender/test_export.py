@@ -491,6 +491,7 @@ def test_what_has_no_lightmap_is_exported_without_one(tmp_path, capfd):
 
     room, dark, hidden = furnace(), square("Dark", None, material("Dark")), square("Hidden", None)
     dark.hemibake.role, hidden.hide_render = "NO_LIGHTMAP", True
+    square("Moving", None, material("Moving")).hemibake.role = "DYNAMIC"
     lost = square("Lost", None, material("Lost"))
     lost.location.z = 0.5
     bake()
@@ -499,6 +500,7 @@ def test_what_has_no_lightmap_is_exported_without_one(tmp_path, capfd):
     said = capfd.readouterr().out
     assert "UV layers of lightmaps are gone: 'Lost'. Bake again." in said
     assert "dark where the engine has no lights: 'Dark'." in said
+    assert "Dynamic, so dark where the engine shows no light probes: 'Moving'." in said
     assert "changed since the bake" not in said
     assert_object_lit(file, room)
     for name in ("Dark", "Lost"):

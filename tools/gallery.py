@@ -182,8 +182,10 @@ def bake(name: str, folder: Path, quality: str) -> dict:
         settings.outputs |= {"light_groups"}
     settings.light_probes = bool(entry.moved)
     scene.view_settings.view_transform, scene.view_settings.exposure = "AgX", entry.exposure
-    bpy.ops.hemibake.bake()
+    folder.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"))
+    bpy.ops.hemibake.bake()
+    bpy.ops.wm.save_mainfile()
     return json.loads(settings.report)
 
 

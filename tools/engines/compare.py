@@ -1,18 +1,19 @@
 """Compares engines with Blender's preview on the exported Cornell box: tables and pictures of the docs.
 
-python -m tools.engines.compare docs/engines [--engines three godot bevy]
+python -m tools.engines.compare docs/engines [--engines three godot bevy babylon playcanvas unlit]
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tools.engines import bevy, cornell, godot
-from tools.engines.web import THREE
+from tools.engines.web import BABYLON, PLAYCANVAS, THREE, WebEngine
 from tools.headless import blender, load
 
 #: Width of each picture, pixels, factor on their difference, and pixels between two.
@@ -87,10 +88,26 @@ def compare_bevy(folder: Path, picture: Path) -> None:
     write_picture(picture, wanted, shown)
 
 
+def compare_web(engine: WebEngine, choice: str, folder: Path, picture: Path) -> None:
+    """Print the differences of an engine of the web, and write a picture.
+
+    choice:  engine of the export
+    """
+    engine.install()
+    cornell.bake()
+    wanted = np.minimum(cornell.preview(_WIDTH, folder), 1 if choice == "UNLIT" else np.inf)
+    shown = engine.render(cornell.export(folder, engine=choice), _WIDTH, _WIDTH, cornell.HIDDEN)
+    print(row(engine.package, shown, wanted))
+    write_picture(picture, wanted, shown)
+
+
 _ENGINES = {
     "three": (THREE, compare_three),
     "godot": (godot, compare_godot),
     "bevy": (bevy, compare_bevy),
+    "babylon": (BABYLON, partial(compare_web, BABYLON, "THREE")),
+    "playcanvas": (PLAYCANVAS, partial(compare_web, PLAYCANVAS, "THREE")),
+    "unlit": (THREE, partial(compare_web, THREE, "UNLIT")),
 }
 
 

@@ -85,7 +85,7 @@ gui-picture: package ## renew the pictures of Blender and of all panels in READM
 	.venv/bin/python -m tools.gui.live_picture out/package/hemibake-*-linux_x64.zip docs/user/pictures/live.png
 	.venv/bin/python -m tools.gui.panel_pictures out/package/hemibake-*-linux_x64.zip docs/user/pictures
 
-gallery: $(READY50) ## build, bake and export the gallery's scenes, and show them in Blender, three.js and Godot
+gallery: $(READY50) ## build, bake and export the gallery's scenes, and show them in Blender and all engines
 	.venv/bin/python -m tools.gallery docs/gallery --page docs/gallery.md
 
 verify: $(READY50) ## bake a suite of scenes with Hemibake and Cycles; the table goes to docs/design/accuracy.md

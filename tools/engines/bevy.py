@@ -41,7 +41,7 @@ _DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
 _DRIVER_FOLDERS = ("/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/usr/share/vulkan/icd.d")
 
 #: Longest time that drawing may take, s.
-_PATIENCE = 300
+_PATIENCE = 600
 
 #: Rows of textures are copied to multiples of this, bytes; a pixel has four half floats.
 _ROW, _PIXEL = 256, 8

@@ -30,7 +30,7 @@ _PROGRAMS = ("godot", "xvfb-run")
 _VERSION = (4, 6)
 
 #: Longest time that importing or drawing may take, s.
-_PATIENCE = 300
+_PATIENCE = 600
 
 #: Folder of the exported files in the project, and of the add-on.
 _LEVEL, _ADDON = "levels/one", "addons/hemibake"

@@ -35,6 +35,8 @@ func show() -> void:
 	if moved == null:
 		await draw(viewport, out)
 	else:
+		# Global transforms of nodes are known once they are inside the tree.
+		await process_frame
 		for place in asked.places:
 			moved.global_position = Vector3(place[0], place[1], place[2])
 			await draw(viewport, out)

@@ -35,7 +35,7 @@ _FLAGS = (
 )  # fmt: skip
 
 #: Longest time that a page may take, s.
-_PATIENCE = 180
+_PATIENCE = 600
 
 
 @dataclass(frozen=True)

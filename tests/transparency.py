@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from engine import Material
 from engine.scene.transmission import CLEAR, Transmission, Transmittance, from_opacity
 
@@ -24,3 +26,11 @@ def clear_back(material: Material) -> Material:
 
 #: What only the front stops.
 CLEAR_BACK = Transmission(shadow_back=CLEAR, bounce_back=CLEAR)
+
+
+def exact_transmittance(cosine, ior):
+    """Return the transmittance of a face by Snell's law and Fresnel's amplitudes."""
+    inner = np.sqrt(np.maximum(1 - (1 - cosine**2) / ior**2, 0))
+    s, p = (cosine - ior * inner) / (cosine + ior * inner), (ior * cosine - inner) / (ior * cosine + inner)
+    reflected = (s**2 + p**2) / 2
+    return np.sqrt((1 - reflected) / (1 + reflected))

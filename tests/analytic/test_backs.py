@@ -11,7 +11,7 @@ from engine.scene.model import NO_LIGHTMAP, BackSide
 from tests.analytic.drive import drive
 from tests.analytic.rooms import Atlas, room
 from tests.analytic.scenes import material, quads, rectangle
-from tests.gpu.test_shader_bakes import NoCompute
+from tests.no_compute import NoCompute
 
 X, Y, Z = np.eye(3)
 

@@ -11,9 +11,8 @@ from engine.scene.model import NO_LIGHTMAP, Light
 from engine.scene.transmission import Fresnel, Transmittance, angular_factor, mean_angular_factor
 from tests.analytic.scenes import quads, room_walls
 from tests.analytic.test_tinted import light_of, under_panes
-from tests.gpu.test_glass_angles import exact
-from tests.gpu.test_shader_bakes import NoCompute
-from tests.transparency import uniform_transmission
+from tests.no_compute import NoCompute
+from tests.transparency import exact_transmittance, uniform_transmission
 
 BLACK = np.zeros(3, np.float32)
 IOR = 1.45
@@ -24,7 +23,9 @@ COSINES = np.sqrt((np.arange(4000) + 0.5) / 4000)
 
 def glass(reflectance=0.0, **fresnel):
     """Return white glass."""
-    passed = Transmittance(np.full(3, exact(1.0, IOR), np.float32), fresnel=Fresnel(IOR, **fresnel))
+    passed = Transmittance(
+        np.full(3, exact_transmittance(1.0, IOR), np.float32), fresnel=Fresnel(IOR, **fresnel)
+    )
     reflected = np.full(3, reflectance, np.float32)
     return Material("Glass", reflected, BLACK, transmission=uniform_transmission(passed))
 
@@ -40,7 +41,7 @@ def test_a_slab_under_a_white_sky_transmits_the_mean_of_the_hemisphere(way, monk
         monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     changes = {"method": "paper"} if way == "drawn" else {"visibility": "rays", "samples": 256}
     light = light_of(slab(world=np.ones(3)), **changes)
-    assert light == pytest.approx(np.full(3, (exact(COSINES, IOR) ** 2).mean()), rel=0.012)
+    assert light == pytest.approx(np.full(3, (exact_transmittance(COSINES, IOR) ** 2).mean()), rel=0.012)
 
 
 @pytest.mark.parametrize("without_opencl", [False, True])
@@ -51,7 +52,7 @@ def test_a_sun_at_60_degrees_is_transmitted_as_there(without_opencl, monkeypatch
     strength = np.full(3, 2 * np.pi, np.float32)
     sun = Light("Sun", "sun", np.zeros(3), turned, strength, half_angle=0.0)
     found = light_of(slab(lights=(sun,)), samples=16, max_bounces=1)
-    assert found == pytest.approx(np.full(3, exact(0.5, IOR) ** 2), rel=1e-3)
+    assert found == pytest.approx(np.full(3, exact_transmittance(0.5, IOR) ** 2), rel=1e-3)
 
 
 def test_glass_that_absorbs_nothing_loses_no_light():
@@ -64,7 +65,7 @@ def test_glass_that_absorbs_nothing_loses_no_light():
     scene = replace(
         scene, materials=(Material("Grey", np.full(3, 0.5, np.float32), BLACK), *scene.materials[1:])
     )
-    passed = exact(1.0, IOR) * mean_angular_factor(Fresnel(IOR))
+    passed = exact_transmittance(1.0, IOR) * mean_angular_factor(Fresnel(IOR))
     wide = replace(scene, meshes=(widened(scene.meshes[0]), *scene.meshes[1:]))
     found = light_of(wide, max_bounces=24, samples=512)
     assert found == pytest.approx(np.full(3, passed / (1 - 0.5 * (1 - passed))), rel=0.01)

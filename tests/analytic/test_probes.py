@@ -7,12 +7,12 @@ import pytest
 
 from engine import Light, Scene, Session, Settings, finished
 from engine.device import devices
-from engine.errors import DeviceError
 from engine.probes.probe_lights import ProbeLights
 from engine.probes.sphere_directions import sphere_directions
 from engine.probes.spherical_harmonics import basis, irradiance
 from engine.scene.probe_volume import ProbeVolume
 from tests.analytic.scenes import furnace, material, quads, rectangle, room_walls
+from tests.no_compute import NoCompute
 
 SETTINGS = Settings(
     resolution=16, hemicube=8, samples=16, texel_samples=1, light_probes=True, intermediates=False
@@ -382,10 +382,6 @@ def test_too_many_probes_for_distances_are_a_warning(session):
 
 
 def test_without_opencl_the_lightmaps_are_baked_and_a_warning_names_the_remedy(monkeypatch):
-    class NoCompute:
-        def __init__(self, *arguments, **options) -> None:
-            raise DeviceError("There is no OpenCL. Install one.")
-
     monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     scene = dataclasses.replace(furnace(0.5, 1.0), probe_volumes=(volume((0.5, 0.5, 0.5), 0.4),))
     made = Session()

@@ -15,7 +15,8 @@ from engine.validity.push_off import push_off_points
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.shaders.shader_scene import ShaderScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls
-from tests.gpu.test_methods import NoCompute, OldGraphics
+from tests.gpu.test_methods import OldGraphics
+from tests.no_compute import NoCompute
 from tests.transparency import CLEAR_BACK, transparent
 
 SETTINGS = Settings(

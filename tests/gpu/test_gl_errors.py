@@ -9,7 +9,7 @@ from engine.device import devices
 from engine.device.gl_context import GraphicsContext
 from engine.session import Session
 from tests.analytic.scenes import furnace
-from tests.gpu.test_methods import NoCompute
+from tests.no_compute import NoCompute
 
 QUICK = Settings(resolution=32, hemicube=8, max_bounces=2, tolerance=0, visibility="raster")
 PAPER = dataclasses.replace(QUICK, method="paper")

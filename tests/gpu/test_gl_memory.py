@@ -16,7 +16,7 @@ from engine.plan.session_cache import SessionCache
 from engine.plan.stages import BakeStages, Extent
 from engine.visibility.raster import raster
 from tests.analytic.scenes import furnace
-from tests.gpu.test_methods import NoCompute
+from tests.no_compute import NoCompute
 
 QUICK = Settings(resolution=64, hemicube=8, max_bounces=3, tolerance=0)
 KINDS = ("Texture", "Buffer", "Framebuffer", "VertexArray")

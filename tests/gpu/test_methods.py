@@ -26,6 +26,7 @@ from engine.visibility.sampler import upload_background
 from tests.analytic.drive import drive
 from tests.analytic.scenes import furnace, material, nine_quad_room, quads, rectangle, room_walls
 from tests.analytic.test_sky_and_cutouts import sky
+from tests.no_compute import NoCompute
 from tests.rows import long
 from tests.transparency import transparent
 
@@ -59,13 +60,6 @@ def paper(request):
     assert (lightmap.report.method, lightmap.report.visibility) == ("paper", "raster")
     assert lightmap.image.mean() > 0.5
     return scene(world), lightmap
-
-
-class NoCompute:
-    """Stands in for OpenCL on a machine that has none."""
-
-    def __init__(self, *chosen, ahead=()):
-        raise DeviceError("There is no OpenCL device. Install one.")
 
 
 class OldGraphics(GraphicsContext):

@@ -8,15 +8,10 @@ import pytest
 
 from engine import Settings, bake
 from engine.device import devices
-from engine.errors import DeviceError
 from tests.analytic.scenes import furnace, nine_quad_room
+from tests.no_compute import NoCompute
 
 SETTINGS = Settings(resolution=33, hemicube=8, max_bounces=5, tolerance=0, sample_emission=False)
-
-
-class NoCompute:
-    def __init__(self, cache_dir=None, chosen=None, ahead=()):
-        raise DeviceError("No OpenCL device.")
 
 
 def timed(scene, settings):

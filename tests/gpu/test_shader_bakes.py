@@ -7,10 +7,10 @@ import pytest
 
 from engine import Light, Settings, bake, finished
 from engine.device import devices
-from engine.errors import DeviceError
 from engine.gather import shader_gather
 from engine.scene.transmission import Transmission, Transmittance
 from tests.analytic import scenes
+from tests.no_compute import NoCompute
 
 SETTINGS = Settings(
     resolution=53, hemicube=8, samples=64, light_samples=9, max_bounces=3, tolerance=0, denoise=False,
@@ -20,11 +20,6 @@ SETTINGS = Settings(
 LAMP = Light("Lamp", "point", np.array([1.1, 0.9, 1.6]), np.eye(3), np.float32([9, 7, 5]), radius=0.1)
 
 GLASS = Transmission(*2 * [Transmittance(offset=np.float32([0.8, 0.5, 0.1]))])
-
-
-class NoCompute:
-    def __init__(self, *_arguments: object, **_options: object) -> None:
-        raise DeviceError("There is no OpenCL. Install one.")
 
 
 def room(world=None, glass=False):

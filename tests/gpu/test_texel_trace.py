@@ -8,9 +8,9 @@ import pytest
 
 from engine import Light, Session, Settings, finished
 from engine.device import devices
-from engine.errors import DeviceError
 from engine.texel_trace import Texel, trace_texel
 from tests.analytic.scenes import nine_quad_room
+from tests.no_compute import NoCompute
 
 SETTINGS = Settings(resolution=31, samples=64, light_samples=64, visibility="rays", margin=1)
 
@@ -96,11 +96,6 @@ def test_a_texel_without_a_surface_is_filled():
 
 def test_without_opencl_the_same_stages_are_traced(monkeypatch):
     """Compute shaders cast the shadow rays of each light."""
-
-    class NoCompute:
-        def __init__(self, *arguments, **options) -> None:
-            raise DeviceError("There is no OpenCL. Install one.")
-
     monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     _, lines, final = traced(lambda state: texel_of(int(state.patch_scene.patches.key[100]), 31))
     assert len([line for line in lines if line.startswith("direct light")]) == 4

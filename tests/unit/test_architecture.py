@@ -107,7 +107,7 @@ def test_imports_point_down(package):
     assert not upward
 
 
-@pytest.mark.parametrize("package", ["engine", "operators", "panels", "tools", "benchmarks"])
+@pytest.mark.parametrize("package", ["engine", "operators", "panels", "tools", "benchmarks", "tests"])
 def test_neither_modules_nor_sub_rooms_import_each_other_in_circles(package):
     """At each depth of folders: depth 1 has rooms, the next one their sub-rooms, the last one modules."""
     pairs = imports(package)

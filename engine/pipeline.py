@@ -154,7 +154,7 @@ def _bake(
     contacts = kept.emitters.contacts(lighting)
     patch_scene = replace(
         patch_scene,
-        surfaces=patch_scene.surfaces.black_at(contacts.hide),
+        surfaces=patch_scene.surfaces.black_at(contacts.covered),
         back_to_back=bool(contacts.back_to_back.any()),
     )
 

@@ -78,7 +78,11 @@ def _validity(state: BakeState, patch: int) -> Iterator[str]:
     """Yield the measurements that decide if a patch lies inside geometry."""
     contacts, invalid = state.contacts, is_invalid(state.validity, state.contacts)[patch]
     yield f"back faces       {1 - state.validity[patch]:.1%} of the view"
-    flags = [("covered", contacts.hide), ("backlit", contacts.shine), ("back to back", contacts.back_to_back)]
+    flags = [
+        ("covered", contacts.covered),
+        ("backlit", contacts.backlit),
+        ("back to back", contacts.back_to_back),
+    ]
     yield f"contacts         {', '.join(name for name, flag in flags if flag[patch]) or 'none'}"
     yield f"validity         {'invalid: the texel is filled' if invalid else 'valid'}"
 

@@ -28,20 +28,20 @@ _BEFORE = 1e-4
 class Contacts:
     """Effects of nearby faces on patches, (n,) bool each.
 
-    hide:          True if a touching face covers the patch
+    covered:       True if a touching face covers the patch
     back_to_back:  True if a coincident face points the other way and both are open, as walls of adjacent
                    rooms
-    shine:         True if rays of the patch hit the back of an emissive surface, as on a ceiling above a
+    backlit:       True if rays of the patch hit the back of an emissive surface, as on a ceiling above a
                    hanging panel: most rays hit back faces, but the patch is lit
     """
 
-    hide: np.ndarray
+    covered: np.ndarray
     back_to_back: np.ndarray
-    shine: np.ndarray
+    backlit: np.ndarray
 
     def part(self, chosen: np.ndarray) -> Contacts:
         """Return the contacts of some patches, by mask or indices."""
-        return Contacts(self.hide[chosen], self.back_to_back[chosen], self.shine[chosen])
+        return Contacts(self.covered[chosen], self.back_to_back[chosen], self.backlit[chosen])
 
 
 def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -112,7 +112,9 @@ class PreviousSolution:
             lit: np.ndarray = np.where(known[:, None] if values.ndim > 1 else known, values[found], elsewhere)
             return lit.astype(values.dtype)
 
-        contacts = Contacts(of(self.contacts.hide), of(self.contacts.back_to_back), of(self.contacts.shine))
+        contacts = Contacts(
+            of(self.contacts.covered), of(self.contacts.back_to_back), of(self.contacts.backlit)
+        )
         light = of(rows_of(self.light), np.array([0, 0, 0, 1], np.float32))
         front, direct = of(self.front, 1), colors_on_host(self.direct)
         return PreviousSolution(patches, light, front, of(self.sampled), of(direct), contacts)

@@ -63,7 +63,7 @@ class LightmapImages:
                    closed objects have low values
         contacts:  contacts of the patches; a covered patch is black whatever its rays hit
         """
-        self._set_dark(contacts.hide)
+        self._set_dark(contacts.covered)
         self._set_invalid(is_invalid(validity, contacts))
 
     def _set_dark(self, dark: np.ndarray) -> None:

@@ -34,25 +34,25 @@ _BLACK = 1e-30
 
 
 def gather_reflections(
-    what: TexelGatherJob,
+    texel_job: TexelGatherJob,
     solution: Solution,
     front: np.ndarray,
-    near: Contacts,
+    contacts: Contacts,
     images: Mapping[str, np.ndarray],
 ) -> Generator[float, None, tuple[tuple[ReflectionCube, ...], tuple[str, ...]]]:
     """Return the reflection cubes of a scene, and warnings; yield the fraction done.
 
-    what:      patches and direct light
+    texel_job: patches and direct light
     solution:  solution of all light
     front:     (n,) float32, validity of the patches, see `valid_front`
-    near:      contacts of the patches
+    contacts:  contacts of the patches
     images:    final lightmaps, (atlases, r, r, 3) float32, by output; "combined" is shown where it exists
     """
-    job = what.job
+    job = texel_job.job
     size = job.settings.reflection_size
-    spheres, warnings = _fitting(what.scene.reflection_spheres, size)
-    light = _patch_light(what, solution, is_invalid(front, near), images.get("combined"))
-    tracer = CubeTracer(job.opencl, job.rays.rays, what.scene, job.parts, light)
+    spheres, warnings = _fitting(texel_job.scene.reflection_spheres, size)
+    light = _patch_light(texel_job, solution, is_invalid(front, contacts), images.get("combined"))
+    tracer = CubeTracer(job.opencl, job.rays.rays, texel_job.scene, job.parts, light)
     made = list[ReflectionCube]()
     for number, sphere in enumerate(spheres):
         begin, width = number / len(spheres), 1 / len(spheres)
@@ -81,17 +81,17 @@ def _fitting(spheres: Sequence[ReflectionSphere], size: int) -> tuple[Sequence[R
 
 
 def _patch_light(
-    what: TexelGatherJob, solution: Solution, hidden: np.ndarray, combined: np.ndarray | None
+    texel_job: TexelGatherJob, solution: Solution, invalid: np.ndarray, combined: np.ndarray | None
 ) -> PatchLight:
     """Return the light of the patches: of the final lightmaps where there are any, else of the solution.
 
-    hidden:    (n,) bool, invalid patches
+    invalid:   (n,) bool, invalid patches
     combined:  (atlases, r, r, 3) float32, E/pi; None if it is no output
     """
-    patches = what.job.parts.patches
+    patches = texel_job.job.parts.patches
     light = np.empty((len(patches), 4), np.float32)
     light[:, :3] = colors_on_host(solution.light)
-    light[:, 3] = np.where(hidden, _INVALID_WEIGHT, 1)
+    light[:, 3] = np.where(invalid, _INVALID_WEIGHT, 1)
     if combined is not None:
         mapped = slice(patches.count_in(len(combined)))
         light[mapped, :3] = combined.reshape(-1, 3)[patches.key[mapped]]
@@ -100,14 +100,14 @@ def _patch_light(
     return PatchLight(light, max(DARK_BACK * mean, _BLACK))
 
 
-def reflection_warnings(what: TexelGatherJob) -> tuple[str, ...]:
+def reflection_warnings(texel_job: TexelGatherJob) -> tuple[str, ...]:
     """Return the warning that cubes cannot be baked, or that bounced light is missing; else nothing."""
-    if what.job.compute is None:
+    if texel_job.job.compute is None:
         return (
             "Light Probe Spheres: no OpenCL device. Install an OpenCL driver, or switch Reflection Cubes "
             "off.",
         )
-    if not what.job.settings.has_indirect:
+    if not texel_job.job.settings.has_indirect:
         return (
             "Light Probe Spheres: no output has bounced light, so reflections have none. Switch Combined on.",
         )

@@ -85,7 +85,7 @@ def valid_front(
         return front
     lit = _lit_backs(texel_job, solution.settled)
     shown = np.arange(job.parts.patches.count_in(atlases))
-    unsure = shown[~(is_invalid(front, contacts) | contacts.shine)[shown]]
+    unsure = shown[~(is_invalid(front, contacts) | contacts.backlit)[shown]]
     front = front.copy()
     front[unsure[_inside(texel_job, unsure, lit)]] = 0
     return front
@@ -102,7 +102,7 @@ def invalid_patches(texel_job: TexelGatherJob, front: np.ndarray, contacts: Cont
     hidden = is_invalid(front, contacts)
     if texel_job.job.parts.triangles.backs is None:
         unsure = np.flatnonzero(is_doubtful(front))
-        unsure = unsure[~(hidden[unsure] | contacts.shine[unsure])]
+        unsure = unsure[~(hidden[unsure] | contacts.backlit[unsure])]
         hidden[unsure] = _inside(texel_job, unsure, None)
     return hidden
 

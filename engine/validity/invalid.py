@@ -24,24 +24,24 @@ class Contacts(Protocol):
     """Contacts of points, (n,) bool each; see `direct.contact.Contacts`."""
 
     @property
-    def hide(self) -> np.ndarray:
+    def covered(self) -> np.ndarray:
         """Points that a face covers."""
         ...
 
     @property
-    def shine(self) -> np.ndarray:
+    def backlit(self) -> np.ndarray:
         """Points that an emissive back face lights."""
         ...
 
 
-def is_invalid(front: np.ndarray, near: Contacts) -> np.ndarray:
+def is_invalid(front: np.ndarray, contacts: Contacts) -> np.ndarray:
     """Return a mask of invalid points, (n,) bool: covered by a face, or inside geometry.
 
-    front:  (n,) float32, validity: fraction of the hemisphere without back faces
-    near:   contacts of the points
+    front:     (n,) float32, validity: fraction of the hemisphere without back faces
+    contacts:  contacts of the points
     """
-    hidden: np.ndarray = near.hide | ((front < 1 - INVALID) & ~near.shine)
-    return hidden
+    invalid: np.ndarray = contacts.covered | ((front < 1 - INVALID) & ~contacts.backlit)
+    return invalid
 
 
 def is_doubtful(front: np.ndarray) -> np.ndarray:

@@ -29,16 +29,16 @@ _FAINTEST = 1e-4
 PatchPairs = tuple[np.ndarray, np.ndarray]
 
 
-def find_substitutes(patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
+def find_substitutes(patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs:
     """Return pairs of invalid patches and valid ones in neighbouring texels on the same plane.
 
-    hidden:  (n,) bool, invalid patches; at least one
+    invalid:  (n,) bool, invalid patches; at least one
     """
     shown = patch_scene.texel_to_patch
-    of_hidden = taken(np.concatenate([[False], hidden]), shown.ravel()).reshape(shown.shape)
-    texels = np.flatnonzero(of_hidden & beside_any((shown > 0) & ~of_hidden))
+    invalid_texels = taken(np.concatenate([[False], invalid]), shown.ravel()).reshape(shown.shape)
+    texels = np.flatnonzero(invalid_texels & beside_any((shown > 0) & ~invalid_texels))
     pairs = [
-        _valid_neighbours(patch_scene, hidden, texels[first : first + _TEXELS])
+        _valid_neighbours(patch_scene, invalid, texels[first : first + _TEXELS])
         for first in range(0, max(len(texels), 1), _TEXELS)
     ]
     patch, neighbour = (np.concatenate(numbers) for numbers in zip(*pairs, strict=True))
@@ -47,7 +47,7 @@ def find_substitutes(patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
 
 def substitute_patches(
     patch_scene: PatchScene,
-    hidden: np.ndarray,
+    invalid: np.ndarray,
     light_of: Callable[[np.ndarray], np.ndarray],
     find_pairs: Callable[[PatchScene, np.ndarray], PatchPairs] = find_substitutes,
 ) -> np.ndarray | None:
@@ -58,21 +58,21 @@ def substitute_patches(
     Elsewhere it has less bias than the darkest candidate. A patch without candidates is its own substitute.
 
     patch_scene:  patches of the scene, or patch groups
-    hidden:       (n,) bool, invalid patches
+    invalid:      (n,) bool, invalid patches
     light_of:     returns E/pi, (k, 3), of some patches, (k,) int64
     find_pairs:   `find_substitutes`, or a version that caches its last result
     """
-    if not hidden.any():
+    if not invalid.any():
         return None
-    patch, seen = find_pairs(patch_scene, hidden)
+    patch, neighbour = find_pairs(patch_scene, invalid)
 
-    light = channel_sum(light_of(seen)).astype(np.float64)
+    light = channel_sum(light_of(neighbour)).astype(np.float64)
 
     # The first pair of each patch is the closest to the mean.
     order = np.lexsort((np.abs(light - _harmonic_mean(light, patch)[patch]), patch))
     patch, first = np.unique(patch[order], return_index=True)
-    result = np.arange(len(hidden))
-    result[patch] = seen[order[first]]
+    result = np.arange(len(invalid))
+    result[patch] = neighbour[order[first]]
     return result
 
 
@@ -88,15 +88,15 @@ def _harmonic_mean(light: np.ndarray, patch: np.ndarray) -> np.ndarray:
     return mean
 
 
-def _valid_neighbours(patch_scene: PatchScene, hidden: np.ndarray, texels: np.ndarray) -> PatchPairs:
+def _valid_neighbours(patch_scene: PatchScene, invalid: np.ndarray, texels: np.ndarray) -> PatchPairs:
     """Return pairs of invalid patches in the given texels and valid neighbours on the same plane.
 
     patch_scene:  patches of the scene
-    hidden:       (n,) bool, invalid patches
+    invalid:      (n,) bool, invalid patches
     texels:       (k,) int64, texels of invalid patches, see `PatchList.key`
     """
     entries = entries_around(patch_scene.texel_to_patch, texels)
-    place, step = nonzero_entries(np.concatenate([[False], ~hidden])[entries])
+    place, step = nonzero_entries(np.concatenate([[False], ~invalid])[entries])
     patch, neighbour = entries[place, 4] - 1, entries[place, step] - 1
     here, there = patch_scene.geometry.part(patch), patch_scene.geometry.part(neighbour)
     alike = np.einsum("pd,pd->p", here.geometric, there.geometric) > _ALIKE

@@ -73,7 +73,7 @@ def test_the_neighbour_closest_to_their_mean_stands_in(how):
     if how == "sees backs":
         front[square] = 0.03
     else:
-        faces.hide[square.ravel()] = True
+        faces.covered[square.ravel()] = True
     light[square] = 0.0 if how == "sees backs" else 90.0
     found = substitutes(floor(), faces, gathered_by(light, front)).reshape(WIDTH, WIDTH)
     row, column = np.divmod(found, WIDTH)

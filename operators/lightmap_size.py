@@ -179,14 +179,26 @@ def settle_width(
 
 def size_text(settings: bpy.types.PropertyGroup) -> str:
     """Return the width of lightmaps and, once a bake has measured it, the texel size: "1024, 4 cm/texel"."""
-    width = settings.planned_width if settings.size_mode == "DENSITY" else _known_width(settings)
+    width = _shown_width(settings)
     if not width:
         return "Chosen at the first bake"
-    if not settings.lightmap_side:
-        return f"{width:,} texels"
+    texel = texel_text(settings)
+    return f"{width:,}, {texel}/texel" if texel else f"{width:,} texels"
+
+
+def texel_text(settings: bpy.types.PropertyGroup) -> str:
+    """Return the size of a texel, such as "4 cm"; empty before a bake has measured it."""
+    width = _shown_width(settings)
+    if not settings.lightmap_side or not width:
+        return ""
     system = settings.id_data.unit_settings.system
-    texel = bpy.utils.units.to_string(system, "LENGTH", settings.lightmap_side / width, precision=2)
-    return f"{width:,}, {texel.strip()}/texel"
+    length: str = bpy.utils.units.to_string(system, "LENGTH", settings.lightmap_side / width, precision=2)
+    return length.strip()
+
+
+def _shown_width(settings: bpy.types.PropertyGroup) -> int:
+    """Return the width that the panel shows, texels; 0 if it is not known yet."""
+    return settings.planned_width if settings.size_mode == "DENSITY" else _known_width(settings)
 
 
 def _known_width(settings: bpy.types.PropertyGroup) -> int:

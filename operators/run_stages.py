@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from ..engine.plan.estimate import estimate
-from ..engine.plan.stages import Extent
+from ..engine.plan.stages import COVERAGE, Extent
 from ..engine.progress import Schedule, Stage
 from ..engine.scene.model import Scene
 from ..engine.settings import Settings
@@ -16,9 +16,6 @@ _NOTHING, _UNWRAPPING, _FACE = 0.05, 0.5, 5e-5
 
 #: Estimated seconds of reading a scene and each of its triangles (2 s for 316,000), and of writing a texel.
 _READING, _TRIANGLE, _TEXEL = 0.1, 5e-6, 2e-7
-
-#: Estimated fraction of a lightmap's texels that are patches; see `engine.plan.stages`.
-_COVERAGE = 0.8
 
 
 class RunStages(Schedule):
@@ -54,7 +51,7 @@ class RunStages(Schedule):
         self.saving.amount = images * settings.resolution**2
 
     def _expect_bake(self, extent: Extent, settings: Settings) -> None:
-        patches = round(_COVERAGE * settings.resolution**2 * extent.atlases)
+        patches = round(COVERAGE * settings.resolution**2 * extent.atlases)
         preparing = max(0.0, self._prepared - time.perf_counter())
         self.baking.pace = estimate(extent, patches, settings, self._paces, preparing).seconds
 

@@ -6,7 +6,7 @@ import bpy
 
 from ..engine.settings import shown_in
 from ..operators.denoise_library import denoise_library
-from ..operators.lightmap_size import size_text
+from ..operators.lightmap_size import size_text, texel_text
 from ..operators.live import is_live
 from ..operators.result.preview import shows_other_scene, shows_preview
 from ..operators.warm_up import warm_up_soon
@@ -56,14 +56,23 @@ def _draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
         layout.prop(settings, "largest_width")
     else:
         layout.prop(settings, "lightmap_count")
+    if settings.size_mode != "SIZE":
+        values = _draw_fact(layout, "Width", size_text(settings))
+        if settings.size_mode == "AUTOMATIC" and settings.automatic_width:
+            values.operator("hemibake.choose_resolution", text="", icon="FILE_REFRESH")
+    elif texel := texel_text(settings):
+        _draw_fact(layout, "Texel Size", texel)
+
+
+def _draw_fact(layout: bpy.types.UILayout, name: str, value: str) -> bpy.types.UILayout:
+    """Draw a name and a value, aligned as properties are; return the layout of the value."""
     row = layout.split(factor=_LABEL)
     label = row.row()
     label.alignment = "RIGHT"
-    label.label(text="Width")
+    label.label(text=name)
     values = row.row(align=True)
-    values.label(text=size_text(settings))
-    if settings.size_mode == "AUTOMATIC" and settings.automatic_width:
-        values.operator("hemibake.choose_resolution", text="", icon="FILE_REFRESH")
+    values.label(text=value)
+    return values
 
 
 def _draw_denoise(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

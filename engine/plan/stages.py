@@ -52,7 +52,7 @@ _LOOK_UP = 0.02
 
 #: Assumed fraction of lightmap texels that are patches, and their mean reflectance. Own charts covered 0.76
 #: to 0.94 of lightmaps of 256 x 256 to 1024 x 1024 texels.
-_COVERAGE, _REFLECTANCE = 0.8, 0.6
+COVERAGE, _REFLECTANCE = 0.8, 0.6
 
 #: Assumed fraction of patches at edges, times the root of patches per triangle: edges are lines, so their
 #: length grows with the root of the number of triangles.
@@ -185,7 +185,7 @@ class BakeStages(Schedule):
         names = list(self._names)
         after = names.index(self.direct) + 1
         super().__init__([names[0], self.early_preparing, *names[1:after], self.preparing, *names[after:]])
-        self._size(int(_COVERAGE * texels))
+        self._size(int(COVERAGE * texels))
         self.begin(self.starting)
 
     @property

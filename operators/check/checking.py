@@ -8,7 +8,7 @@ from dataclasses import replace
 from ...engine.device.device_info import DeviceSurvey
 from ...engine.errors import SceneError, SettingsError
 from ...engine.plan.estimate import Estimate, estimate
-from ...engine.plan.stages import Extent
+from ...engine.plan.stages import COVERAGE, Extent
 from ...engine.settings import Settings
 from ..bake_settings import read_settings
 from ..devices import finder
@@ -48,9 +48,6 @@ from .uvs import (
 
 #: Order of severities, worst first.
 _ORDER = (ERROR, WARNING, INFO)
-
-#: Fraction of a lightmap that new lightmap UVs cover, as packing achieves for ordinary meshes.
-_COVERAGE = 0.6
 
 
 def check_scene(context: SceneContext) -> Slices[Checked]:
@@ -156,8 +153,8 @@ def _expect(
     if surface > 0:
         patches += patches / surface * sum(one.charted.surface for one in tiled)
     elif tiled:
-        patches += _COVERAGE * texels
-    patches += len(new) * _COVERAGE * texels
+        patches += COVERAGE * texels
+    patches += len(new) * COVERAGE * texels
     atlases = len({one.mesh.atlas for one in placed}) + len(new) + bool(tiled)
     return estimate(
         replace(extent, atlases=atlases), round(patches), settings, owner.paces, owner.preparation_seconds

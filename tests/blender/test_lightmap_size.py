@@ -209,6 +209,10 @@ def test_the_first_bake_chooses_a_width_and_shows_the_size_of_a_texel(automatic)
     assert bake() == {"Lightmap": 128} and automatic.automatic_width == 128
     (shown,) = [text for text in draw("HEMIBAKE_PT_bake") if text.startswith("128, ")]
     assert shown.endswith((" mm/texel", " cm/texel")) and 0.0005 < automatic.lightmap_side / 128 < 0.02
+    automatic.size_mode = "SIZE"
+    fixed = draw("HEMIBAKE_PT_bake")
+    (texel,) = fixed[fixed.index("Texel Size") + 1 :][:1]
+    assert texel.endswith((" mm", " cm")) and "Width" not in fixed
 
 
 def test_a_width_is_kept_until_the_need_has_doubled(automatic):

@@ -197,6 +197,8 @@ def main() -> None:
     if options.opencl == "mesa":
         (machine.outside(vendors) / "mesa.icd").write_text("libRusticlOpenCL.so.1\n")
     drivers = {} if options.opencl == "all" else {"OCL_ICD_VENDORS": str(vendors)}
+    if options.opencl == "mesa":  # the worker enables only drivers of GPUs
+        drivers["RUSTICL_ENABLE"] = "llvmpipe"
     with Window(machine, options.package, is_new=True, environment=drivers) as window:
         record = _Record(window, options.folder)
         version = window.ask("bpy.app.version_string")

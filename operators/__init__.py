@@ -55,6 +55,7 @@ def _classes() -> tuple[type, ...]:
         preferences,
         presets,
         preview,
+        preview_switch,
         probe_spheres,
         probes,
         properties,
@@ -66,6 +67,7 @@ def _classes() -> tuple[type, ...]:
 
     modules = (
         properties, presets, bake, live, cancel, checks, unwrap, uv_modifiers, lightmap_size, lightmaps,
-        light_states, preview, export, probes, probe_spheres, select, last_bake, preferences, self_test,
+        light_states, preview, preview_switch, export, probes, probe_spheres, select, last_bake, preferences,
+        self_test,
     )  # fmt: skip
     return tuple(cls for module in modules for cls in module.CLASSES)

@@ -32,6 +32,7 @@ from .file_format import chosen_format
 from .handlers import Handlers
 from .lightmap_size import choose_width, settle_width
 from .lookup import find
+from .preview_switch import follow_again
 from .result import images
 from .result.baked_marks import mark_lightmaps, mark_objects
 from .result.clipping import clipping_notes
@@ -412,6 +413,7 @@ class BakeRun:
         Returns True if objects start to show their lightmaps.
         """
         self.show_preview_anew()
+        follow_again()
         with suppress(SceneError):
             scene = self._context.scene
             if scene.hemibake.show_when_done and not shows_preview(scene):

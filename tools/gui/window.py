@@ -128,6 +128,12 @@ class Window:
         """Move the pointer to a pixel, counted from the top left."""
         self._run("xdotool", "mousemove", str(round(x)), str(round(y)))
 
+    def move_second_window(self, x: int, y: int) -> None:
+        """Move the second window to a pixel of the screen, counted from the top left."""
+        self._run(
+            "xdotool", "search", "--onlyvisible", "--class", "blender", "windowmove", "%2", str(x), str(y)
+        )
+
     def click(self, x: float, y: float) -> None:
         """Click a pixel, after Blender has noticed the pointer there."""
         self.move(x, y)

@@ -131,7 +131,7 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
         return {"FINISHED"}
 
     def _options(self, engine: Engine) -> ExportOptions:
-        """Return what an export for an engine writes."""
+        """Return the options of an export for an engine."""
         pictures = None
         if engine.is_unlit:
             pictures = PictureOptions(

@@ -34,7 +34,7 @@ def unlisted(scene: bpy.types.Scene) -> list[str]:
 
 
 def counts(scene: bpy.types.Scene, atlas: str) -> tuple[int, int]:
-    """Return how many objects, and how many instances of objects, a lightmap holds.
+    """Return the numbers of objects and of instances that a lightmap contains.
 
     Objects with a tile in another lightmap are counted there alone.
     """

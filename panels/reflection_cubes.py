@@ -7,7 +7,7 @@ import bpy
 from .sidebar import SubPanel, split_properties
 from .wrapped_text import draw_text, line_width
 
-#: Where cubes are baked, and how to add them.
+#: Text about the places of cubes and the menu entry that adds one.
 _SPHERES = "One cube for each Light Probe Sphere: Add > Light Probe > Sphere"
 
 

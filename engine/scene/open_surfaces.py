@@ -95,7 +95,7 @@ def closed_meshes(positions: Sequence[np.ndarray]) -> list[bool]:
 
 
 def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
-    """Return which triangles belong to open surfaces, (t,) bool, for all meshes in order.
+    """Return a mask of the triangles of open surfaces, (t,) bool, for all meshes in order.
 
     Vertices are welded across meshes. A component of triangles connected by edges is closed if each of its
     edges has an even number of triangles.

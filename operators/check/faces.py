@@ -108,7 +108,7 @@ def check_zero_area(
 
 
 def _find_degenerate(mesh: CheckedMesh) -> Generator[None, None, np.ndarray]:
-    """Return which triangles of a mesh have no area, (t,) bool."""
+    """Return a mask of the triangles of a mesh that have no area, (t,) bool."""
     parts = [np.zeros(0, bool)]
     for first in range(0, len(mesh.corners), _CHUNK):
         parts.append(is_degenerate(mesh.corners[first : first + _CHUNK]))

@@ -277,7 +277,7 @@ def stale_texts(folder: Path, model: str, names: Container[str]) -> list[Path]:
 
 
 def kept_texts(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """Return which text files in a folder were changed since an export wrote them, and a note on each.
+    """Return the text files in a folder that were changed since an export wrote them, and a note on each.
 
     Raises OSError.
     """

@@ -111,7 +111,7 @@ def _supersede_groups(known: Mapping[str, dict], facts: Sequence[dict]) -> None:
 
 
 def _lightmap_key(entry: Mapping[str, object]) -> tuple:
-    """Return what identifies the lightmap of an entry among those of other files, scenes and exports."""
+    """Return the key of an entry's lightmap, unique among all files, scenes and exports."""
     return tuple(entry.get(key) for key in ("blend", "scene", "export", "atlas"))
 
 

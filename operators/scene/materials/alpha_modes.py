@@ -22,7 +22,7 @@ _ASSOCIATED = frozenset({"STRAIGHT", "PREMUL"})
 
 @dataclass(frozen=True)
 class AlphaMeaning:
-    """How the colour channels of an image depend on alpha.
+    """Relation of the colour channels of an image to alpha.
 
     associated:  True if colour and alpha belong together
     multiplies:  True if Cycles multiplies the colours by alpha; False if it takes them as already multiplied

@@ -178,7 +178,7 @@ class MaterialTable:
         return (source.session_uid, instancer, item.persistent_id)
 
     def _depends(self, material: bpy.types.Material | None) -> Dependence:
-        """Return which properties of an object a material depends on; cached."""
+        """Return the properties of an object that a material depends on; cached."""
         if material is None:
             return Dependence()
         if material.session_uid not in self._dependence:

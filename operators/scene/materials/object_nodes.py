@@ -35,7 +35,7 @@ Source = tuple[str, str]
 
 @dataclass(frozen=True)
 class Dependence:
-    """How a material depends on the object that uses it.
+    """Dependence of a material on the object that uses it.
 
     sources:  sources of the values that differ between objects or instances
     located:  True if the material depends on the object's place or rotation
@@ -50,7 +50,7 @@ class Dependence:
 
 
 def dependence(tree: bpy.types.NodeTree | None) -> Dependence:
-    """Return how the nodes of a tree and its groups depend on the object and on rays."""
+    """Return the dependence of a tree and its groups on the object and on rays."""
     nodes = [] if tree is None else list(_nodes(tree))
     sources = {source for node in nodes for source in _sources(node)}
     linked = [output for node in nodes for output in node.outputs if output.is_linked]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..array_ops import map_blocks
 from ..scene.triangles import Triangles
 
 #: Minimum area on the lightmap, square texels; smaller triangles count as degenerate.
@@ -57,8 +58,7 @@ def chart_edges(triangles: Triangles, atlases: int, resolution: int) -> ChartEdg
     area on the lightmap have no edges.
     """
     shown = np.flatnonzero((triangles.atlas < atlases) & (_texels(triangles.uvs, resolution) > _NO_TEXELS))
-    corners = _corner_keys(triangles, shown)
-    alone = np.flatnonzero(_alone((corners + np.roll(corners, -1, axis=1)).ravel()))
+    alone = np.flatnonzero(_alone(_side_keys(triangles, shown).ravel()))
 
     triangle, corner = shown[alone // 3], alone % 3
     ends = triangle[:, None], np.stack([corner, (corner + 1) % 3], axis=1)
@@ -95,6 +95,18 @@ def _texels(uvs: np.ndarray, resolution: int) -> np.ndarray:
     return area
 
 
+def _side_keys(triangles: Triangles, chosen: np.ndarray) -> np.ndarray:
+    """Return a hash of each triangle side, (m, 3) uint64: the sum of the hashes of its ends."""
+    keys = np.empty((len(chosen), 3), np.uint64)
+
+    def find_keys(block: slice) -> None:
+        corners = _corner_keys(triangles, chosen[block])
+        np.add(corners, np.roll(corners, -1, axis=1), out=keys[block])
+
+    map_blocks(len(chosen), 100, find_keys)
+    return keys
+
+
 def _corner_keys(triangles: Triangles, chosen: np.ndarray) -> np.ndarray:
     """Return a hash of each triangle corner, (m, 3) uint64, of world position, lightmap UV and atlas."""
     keys = _hashed(triangles.positions[chosen], _FACTORS) ^ _hashed(triangles.uvs[chosen], _FACTORS[3:])
@@ -123,9 +135,12 @@ def _alone(keys: np.ndarray) -> np.ndarray:
     about two of three million edges of closed charts.
     """
     bits = np.uint64(max(1, len(keys).bit_length()))
-    ordered = np.sort(keys >> bits << bits | np.arange(len(keys), dtype=np.uint64))
-    same = np.zeros(len(keys) + 1, bool)
-    same[1:-1] = ordered[1:] >> bits == ordered[:-1] >> bits
+    ordered = keys >> bits
+    ordered <<= bits
+    ordered |= np.arange(len(keys), dtype=np.uint64)
+    ordered.sort()
+    high, same = ordered >> bits, np.zeros(len(keys) + 1, bool)
+    same[1:-1] = high[1:] == high[:-1]
     alone = np.zeros(len(keys), bool)
     alone[ordered[~(same[1:] | same[:-1])] & (np.uint64(1) << bits) - np.uint64(1)] = True
     return alone

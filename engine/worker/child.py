@@ -48,6 +48,10 @@ from .shared_block import BorrowedBlock
 #: of nice value 0, 5 and 10 (medians of 32 on two cores with other load).
 _NICENESS = 10
 
+#: Maximum of the worker's nice value (chosen), so that it gets time on a busy machine if Blender's value is
+#: positive.
+_MOST_NICE = 15
+
 #: A block larger than _LARGE_BLOCK, bytes, is replaced by one of _SMALL_BLOCK bytes once its content has been
 #: read, since it may hold as much as the scene.
 _LARGE_BLOCK, _SMALL_BLOCK = 1 << 24, 1 << 16
@@ -226,7 +230,7 @@ def _inherited(handle: int) -> Connection[Any, Any]:
 def _yield_to_the_window() -> None:
     """Lower this process's priority below Blender's; on Windows the parent does so."""
     if sys.platform != "win32":
-        os.nice(_NICENESS)
+        os.nice(max(0, min(_NICENESS, _MOST_NICE - os.nice(0))))
 
 
 def found(name: str) -> Callable[..., Any]:

@@ -21,7 +21,7 @@ from engine.errors import DeviceError, SceneError, SettingsError, WorkerCrashErr
 from engine.object_message import ObjectMessage, object_message
 from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
-from engine.worker import messages, shared_block
+from engine.worker import child, messages, shared_block
 from engine.worker import process as worker_process
 from engine.worker.crash_recovery import bake_without_crashing_device
 from engine.worker.messages import Parcel
@@ -584,3 +584,17 @@ def test_all_records_in_records_that_travel_do_so_too():
             hint = hints.pop()
             hints += get_args(hint)
             assert not is_dataclass(hint) or messages.RECORDS.get(hint.__name__) is hint, (record, hint)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="The parent sets the priority on Windows")
+@pytest.mark.parametrize(("before", "after"), [(0, 10), (4, 14), (10, 15), (19, 19)])
+def test_worker_has_a_lower_priority_that_still_gives_it_time(monkeypatch, before, after):
+    values = [before]
+
+    def nice(increase):
+        values.append(values[-1] + increase)
+        return values[-1]
+
+    monkeypatch.setattr(child.os, "nice", nice)
+    child._yield_to_the_window()
+    assert values[-1] == after

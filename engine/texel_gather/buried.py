@@ -22,26 +22,25 @@ def warn_buried(scene: Scene, patch_scene: PatchScene, known: np.ndarray) -> lis
 
     known:  (atlases, r, r) bool, texels with valid light
     """
-    if _all_lit(scene, patch_scene, known):
+    lit = _meshes_at(scene, patch_scene, known, slice(None, None, _ROWS))
+    if all(lit[number] for number, mesh in enumerate(scene.meshes) if mesh.atlas < len(known)):
         return []
-    meshes = len(scene.meshes)
-    of_entry = np.append(meshes, patch_scene.triangles.mesh[patch_scene.patches.triangle])
-    has_texel, has_light = np.zeros((2, len(of_entry)), bool)
-    for entries, valid in zip(patch_scene.texel_to_patch, known, strict=False):
-        has_texel[entries] = True
-        has_light[entries[valid]] = True
     shown, lit = (
-        np.bincount(of_entry[mask], minlength=meshes)[:meshes] > 0 for mask in (has_texel, has_light)
+        _meshes_at(scene, patch_scene, mask, slice(None)) for mask in (np.ones_like(known[:, :1]), known)
     )
     buried = np.flatnonzero(shown & ~lit)
     return [object_message(_SENTENCE, [scene.meshes[index].name for index in buried])] if len(buried) else []
 
 
-def _all_lit(scene: Scene, patch_scene: PatchScene, known: np.ndarray) -> bool:
-    """Return True if some texels, one row of `_ROWS`, show that each object with a lightmap has light."""
-    lit = np.zeros(len(scene.meshes), bool)
-    for entries, valid in zip(patch_scene.texel_to_patch, known, strict=False):
-        some = entries[::_ROWS][valid[::_ROWS]]
-        patches = some[some > 0] - 1
-        lit[patch_scene.triangles.mesh[patch_scene.patches.triangle[patches]]] = True
-    return all(lit[number] for number, mesh in enumerate(scene.meshes) if mesh.atlas < len(known))
+def _meshes_at(scene: Scene, patch_scene: PatchScene, wanted: np.ndarray, rows: slice) -> np.ndarray:
+    """Return a mask of the meshes with patches at wanted texels of some rows, (m,) bool.
+
+    wanted:  (atlases, r, r) bool, or one row for all
+    """
+    found = np.zeros(len(scene.meshes), bool)
+    for entries, mask in zip(patch_scene.texel_to_patch, wanted, strict=False):
+        masks = np.broadcast_to(mask, entries.shape)[rows]
+        for some, chosen in zip(entries[rows], masks, strict=True):
+            patches = some[chosen & (some > 0)] - 1
+            found[patch_scene.triangles.mesh[patch_scene.patches.triangle[patches]]] = True
+    return found

@@ -7,6 +7,8 @@ export async function render(asked) {
   const { width, height } = asked, canvas = document.createElement('canvas');
   const app = new pc.Application(canvas, { graphicsDeviceOptions: { deviceTypes: ['webgl2'], antialias: false } });
   app.scene.ambientLight = new pc.Color(0, 0, 0);
+  // Only the frames below are drawn.
+  app.autoRender = false;
   app.start();
   const room = await new HemibakeLoader(app).load(`/file/${encodeURIComponent(asked.file)}`);
   for (const [name, color, strength] of asked.groups) room.setGroup(name, color, strength);

@@ -41,7 +41,8 @@ _EDGE = 3
 _PAGES = {
     "panel_bake": ("bake", "check", "last_bake"),
     "panel_objects": ("object", "lightmaps"),
-    "panel_outputs": ("outputs", "light_groups"),
+    "panel_outputs": ("outputs",),
+    "panel_light_groups": ("light_groups",),
     "panel_probes": ("light_probes", "reflection_cubes"),
     "panel_advanced": ("advanced", "light", "texels", "uvs"),
     "panel_charts": ("charts", "memory", "paper"),

@@ -143,7 +143,7 @@ def _show(name: str, options: argparse.Namespace) -> tuple[str, list[str]]:
             _write(options.out, name, engine_name, pictures[engine_name])
     row = table_row(
         entry.title, f"{report['objects']:,}", f"{report['triangles']:,}", f"{report['patches']:,}",
-        f"{report['seconds']['total']:.0f} s", f"{size / 1e6:.0f} MB", ", ".join(report["devices"].values()),
+        f"{report['seconds']['total']:,.0f} s", f"{size / 1e6:.0f} MB", ", ".join(report["devices"].values()),
     )  # fmt: skip
     return row, [_compared(entry, other, pictures) for other in options.engines]
 

@@ -1,9 +1,10 @@
 """Compares bakes by the engines of two checkouts on one machine.
 
-    python benchmarks/checkouts.py BEFORE [AFTER] [--rounds 2]
+    python benchmarks/checkouts.py BEFORE [AFTER] [--rounds 2] [--quality NAME ...] [--arrays BEFORE AFTER]
 
 BEFORE and AFTER are folders of checkouts; AFTER is this one unless it is given. Each round measures both in
 processes of their own: the Cornell box at 1024² and the hall at 2048², warm, relit, and once in *Very High*.
+--arrays adds the living room at 1024²: two folders that `benchmarks.scene_arrays` of each checkout has made.
 Times are medians of all rounds.
 """
 
@@ -16,7 +17,9 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Collection
 from pathlib import Path
+from runpy import run_path
 from typing import Any
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -25,6 +28,7 @@ _ROOT = Path(__file__).resolve().parents[1]
 _CASES = (
     ("box", 1024, "high", 5), ("box", 1024, "preview", 5), ("hall", 2048, "preview", 3),
     ("hall", 2048, "high", 2), ("hall", 2048, "very_high", 0),
+    ("living_room", 1024, "preview", 5), ("living_room", 1024, "high", 5),
 )  # fmt: skip
 
 
@@ -32,12 +36,14 @@ def main() -> None:
     """Measure both checkouts and print a table."""
     options = _parse()
     if options.measure:
-        print(json.dumps(_measured(options.measure)))
+        print(json.dumps(_measured(options.measure, options.quality, *options.arrays)))
         return
     times: dict[str, tuple[list[float], list[float]]] = defaultdict(lambda: ([], []))
     for _ in range(options.rounds):
         for side, folder in enumerate((options.before, options.after)):
             command = [sys.executable, __file__, str(folder), "--measure", str(folder)]
+            command += ["--quality", *options.quality]
+            command += ["--arrays", str(options.arrays[side])] if options.arrays else []
             printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
             for name, seconds in json.loads(printed.splitlines()[-1]).items():
                 times[name][side].extend(seconds)
@@ -52,8 +58,11 @@ def main() -> None:
     print(table(("bake", "before, s", "after, s", "spread, s", "speed"), rows))
 
 
-def _measured(folder: Path) -> dict[str, list[float]]:
-    """Bake all cases with the engine of a checkout; return the times in seconds by name."""
+def _measured(folder: Path, qualities: Collection[str], arrays: Path | None = None) -> dict[str, list[float]]:
+    """Bake the cases of some qualities with the engine of a checkout; return the times in seconds by name.
+
+    arrays:  folder of stored scenes; None to leave them out
+    """
     sys.path[0] = str(folder.resolve())
     from benchmarks.configurations import settings
     from benchmarks.halls import hall
@@ -64,9 +73,14 @@ def _measured(folder: Path) -> dict[str, list[float]]:
 
     keep_freed_memory()
     makers: dict[str, Any] = {"box": cornell_box, "hall": hall}
+    if arrays:
+        stored_scene = run_path(str(_ROOT / "benchmarks" / "stored_scenes.py"))["stored_scene"]
+        makers["living_room"] = lambda _: stored_scene(arrays.resolve(), "living_room")
     times: dict[str, list[float]] = {}
     session = Session()
     for scene_name, resolution, quality, repeats in _CASES:
+        if scene_name not in makers or quality not in qualities:
+            continue
         scene = makers[scene_name](resolution)
         chosen = settings(dict(QUALITIES[quality].values), resolution=resolution)
         name = f"{scene_name} {resolution}², {quality}"
@@ -110,6 +124,13 @@ def _parse() -> argparse.Namespace:
     parser.add_argument("before", type=Path, help="folder of a checkout")
     parser.add_argument("after", type=Path, nargs="?", default=_ROOT, help="folder of another; else this one")
     parser.add_argument("--rounds", type=int, default=2, help="measurements of each")
+    named = sorted({quality for _, _, quality, _ in _CASES})
+    parser.add_argument(
+        "--quality", nargs="+", default=named, choices=named, help="qualities that are measured"
+    )
+    parser.add_argument(
+        "--arrays", type=Path, nargs="+", default=[], help="folders of stored scenes, of BEFORE and of AFTER"
+    )
     parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
     return parser.parse_args()
 

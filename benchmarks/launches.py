@@ -1,7 +1,9 @@
 """Lists launches, copies, fills and NumPy passes of bakes, by stage.
 
 python -m benchmarks.launches SCENE [--resolution 1024] [--quality high] [--work U G] [--relit] [--list]
-    [--device-only] [--checkout FOLDER]
+    [--device-only] [--checkout FOLDER] [--arrays FOLDER]
+
+SCENE is made of arrays, or stored in --arrays by `benchmarks.scene_arrays`.
 
 U is a bake as users get it: four points in texels that show several things, seams hidden, dilation. G gathers
 at one point of each texel and leaves seams: the work that other bakers do. Bakes are warm: a first one builds
@@ -24,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.device_log import COPY, DOWNLOAD, FILL, LAUNCH, PASS, UPLOAD, DeviceLog, Entry
+from benchmarks.stored_scenes import RESOLUTIONS, stored_scene
 from benchmarks.tables import table
 
 if TYPE_CHECKING:
@@ -47,8 +50,8 @@ def main() -> None:
         sys.path.insert(0, str(arguments.checkout.resolve()))
     from engine.session import Session
 
-    resolution = arguments.resolution or SCENES[arguments.scene]
-    scene = _scene(arguments.scene, resolution)
+    resolution = arguments.resolution or {**SCENES, **RESOLUTIONS}[arguments.scene]
+    scene = _scene(arguments.scene, resolution, arguments.arrays)
     for work in arguments.work:
         settings = _settings(resolution, arguments.quality, work)
         log, session = DeviceLog(), Session()
@@ -169,8 +172,8 @@ def relit_scene(scene: Scene) -> Scene:
     return replace(scene, materials=tuple(brighter))
 
 
-def _scene(name: str, resolution: int) -> Scene:
-    """Return a scene by its name."""
+def _scene(name: str, resolution: int, arrays: Path | None) -> Scene:
+    """Return a scene by its name; arrays: folder of stored scenes."""
     from benchmarks.halls import hall
     from benchmarks.interiors import furnished_room, sealed_rooms
     from benchmarks.rooms import cornell_box
@@ -178,6 +181,12 @@ def _scene(name: str, resolution: int) -> Scene:
     makers: dict[str, Callable[[int], Scene]] = {
         "box": cornell_box, "hall": hall, "furnished": furnished_room, "sealed": sealed_rooms,
     }  # fmt: skip
+    if name in RESOLUTIONS:
+        if arrays is None:
+            raise SystemExit(
+                f"'{name}' is a scene of Blender. Store it with benchmarks.scene_arrays, and add --arrays."
+            )
+        return stored_scene(arrays, name)
     return makers[name](resolution)
 
 
@@ -191,7 +200,7 @@ def _settings(resolution: int, quality: str, work: str) -> Settings:
 
 def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scene", choices=SCENES)
+    parser.add_argument("scene", choices=(*SCENES, *RESOLUTIONS))
     parser.add_argument("--resolution", type=int, help="width of the lightmap, texels")
     parser.add_argument("--quality", default="high", choices=("draft", "preview", "high", "very_high"))
     parser.add_argument("--work", nargs="+", default=list(WORK), choices=WORK)
@@ -199,6 +208,7 @@ def _parse() -> argparse.Namespace:
     parser.add_argument("--device-only", action="store_true", help="do not bake again for NumPy's passes")
     parser.add_argument("--list", action="store_true", help="list what asked for each command")
     parser.add_argument("--checkout", type=Path, help="folder of another checkout, whose engine is measured")
+    parser.add_argument("--arrays", type=Path, help="folder that benchmarks.scene_arrays has written")
     return parser.parse_args()
 
 

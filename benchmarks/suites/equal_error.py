@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,9 @@ _ALL = (
     _Case("demo", None, 192, 1024),
     _Case("hall", None, 512, 64),
 )
+
+#: Scenes that the suite does not compare.
+_ONLY_OPENED = (_Case("gazebo", "gazebo.obj", 512, 128),)
 
 
 def run(options: Options) -> list[dict[str, Any]]:
@@ -114,6 +117,20 @@ def _ratio(theirs: Reach, ours: Reach) -> float | None:
     return theirs.seconds / ours.seconds
 
 
+def open_scene(name: str, folder: Path, resolution: int) -> None:
+    """Open a scene of the folder in Blender; `resolution` is the width of its lightmap, texels."""
+    case = replace(next(case for case in (*_ALL, *_ONLY_OPENED) if case.name == name), resolution=resolution)
+    _open(case, folder / case.file if case.file else None)
+
+
+def _open(case: _Case, path: Path | None) -> None:
+    """Open a scene in Blender in place of the open one."""
+    import bpy
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    _OPENERS[case.name](case, path)
+
+
 def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]:
     """Open a scene and measure both curves."""
     import bpy
@@ -125,8 +142,7 @@ def _measure(case: _Case, path: Path | None, options: Options) -> dict[str, Any]
 
     limit = 40.0 if options.full or options.gpu else 25.0
     with quiet_stdout():
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        _OPENERS[case.name](case, path)
+        _open(case, path)
     with tempfile.TemporaryDirectory(prefix="hemibake-bench-") as folder:
         settings = bpy.context.scene.hemibake
         settings.resolution, settings.directory = case.resolution, folder
@@ -183,7 +199,7 @@ def _open_house(case: _Case, path: Path) -> None:
     scenes.SCENES["house"]()
 
 
-def _open_complex(case: _Case, path: Path) -> None:
+def _open_whitened(case: _Case, path: Path) -> None:
     import bpy
 
     bpy.ops.wm.obj_import(filepath=str(path))
@@ -207,7 +223,8 @@ _OPENERS: dict[str, Callable] = {
     "demo": _open_demo,
     "living_room": _open_living_room,
     "house": _open_house,
-    "complex": _open_complex,
+    "complex": _open_whitened,
+    "gazebo": _open_whitened,
     "hall": _open_hall,
 }
 

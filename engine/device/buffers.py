@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..array_ops import any_in_rows, nonzero_rows
@@ -29,6 +31,27 @@ def write(compute: ComputeDevice, buffer: cl.Buffer, values: np.ndarray, at: int
         compute.staging.write(buffer, values, at)
     else:
         cl.enqueue_copy(compute.queue, buffer, values, dst_offset=at)
+
+
+def send(
+    compute: ComputeDevice,
+    buffer: cl.Buffer,
+    size: int,
+    targets: Sequence[tuple[ComputeDevice, cl.Buffer]],
+    first: int = 0,
+) -> None:
+    """Copy `size` bytes of a buffer, from byte `first` on, to the same place of buffers of other devices.
+
+    Waits for all earlier commands of the device that sends.
+    """
+    if not targets or not size:
+        return
+    if compute.is_staged(size) and all(other.is_staged(size) for other, _ in targets):
+        compute.staging.send(buffer, size, [(other.staging, target) for other, target in targets], first)
+        return
+    values = download(compute, buffer, (size // 4,), first)
+    for other, target in targets:
+        write(other, target, values, first)
 
 
 def upload_rows_once(compute: ComputeDevice, values: np.ndarray) -> tuple[cl.Buffer, int]:

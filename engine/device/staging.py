@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from .opencl import cl
@@ -50,30 +52,46 @@ class Staging:
     def read(self, buffer: cl.Buffer, values: np.ndarray, first: int = 0) -> None:
         """Read a buffer from byte `first` into a contiguous array; waits for all earlier commands."""
         target = values.reshape(-1).view(np.uint8)
-        waiting: list[tuple[int, np.ndarray]] = []
-        for start in range(0, len(target), _CHUNK):
+        for start, chunk in self._arriving(buffer, len(target), first):
+            target[start : start + len(chunk)] = chunk
+
+    def send(
+        self, buffer: cl.Buffer, size: int, targets: Sequence[tuple[Staging, cl.Buffer]], first: int = 0
+    ) -> None:
+        """Copy bytes of a buffer, from byte `first` on, to the same place of buffers of other devices.
+
+        Waits for all earlier commands of this device. The other queues may not have ended on return.
+        """
+        for start, chunk in self._arriving(buffer, size, first):
+            for staging, target in targets:
+                staging.write(target, chunk, first + start)
+
+    def _arriving(self, buffer: cl.Buffer, size: int, first: int) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield the offset and the contents of each chunk of a buffer; contents change after the next one."""
+        waiting: list[tuple[int, int]] = []
+
+        def oldest() -> tuple[int, np.ndarray]:
+            slot, start = waiting.pop(0)
+            self._wait(slot)
+            return start, self._chunks[slot][: min(_CHUNK, size - start)]
+
+        for start in range(0, size, _CHUNK):
             if len(waiting) == _CHUNKS:
-                self._arrive(*waiting.pop(0))
-            part = target[start : start + _CHUNK]
+                yield oldest()
             slot = self._free()
-            chunk = self._chunks[slot][: len(part)]
+            chunk = self._chunks[slot][: min(_CHUNK, size - start)]
             self._copies[slot] = cl.enqueue_copy(
                 self._queue, chunk, buffer, src_offset=first + start, is_blocking=False
             )
-            waiting.append((slot, part))
-        for arrival in waiting:
-            self._arrive(*arrival)
+            waiting.append((slot, start))
+        while waiting:
+            yield oldest()
 
     def _free(self) -> int:
         """Return the least recently used chunk once its copy has ended."""
         slot, self._next = self._next, (self._next + 1) % _CHUNKS
         self._wait(slot)
         return slot
-
-    def _arrive(self, slot: int, part: np.ndarray) -> None:
-        """Copy the contents of a chunk into its part of the array after the transfer has ended."""
-        self._wait(slot)
-        part[:] = self._chunks[slot][: len(part)]
 
     def _wait(self, slot: int) -> None:
         copy, self._copies[slot] = self._copies[slot], None

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ..device.buffers import download, upload, write, zeros
+from ..device.buffers import send, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..device.peer_threads import run_beside
@@ -53,6 +53,13 @@ class DeviceRows:
     def __init__(self, compute: ComputeDevice, make: Callable[[], DeviceParts]) -> None:
         self.compute, self._make = compute, make
         self._parts: DeviceParts | None = None
+        self._radiance: cl.Buffer | None = None
+
+    def radiance(self, size: int) -> cl.Buffer:
+        """Return the buffer of this device that holds `size` bytes of radiance of the sources."""
+        if self._radiance is None or self._radiance.size != size:
+            self._radiance = cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size)
+        return self._radiance
 
     @property
     def cache(self) -> VisibilityCache:
@@ -124,19 +131,19 @@ class SharedCachedGather(CachedGather):
         if not self._begun:
             yield from self._begin(light)
         stride = STRIDE if light.sparse else 1
-        sources = light.radiance.size // _LIGHT
-        radiance = download(self._compute, light.radiance, (sources, 4))
-        found: list[tuple[int, np.ndarray]] = []
-        work = [partial(_gather_there, rows, radiance, stride, found) for rows in self._others]
-        yield from run_beside(self._gather_own(light, stride), work, lambda: None)
-        for first, rows in found:
-            write(self._compute, self._own.light, rows, _LIGHT * first)
+        size = light.radiance.size
+        there = [rows.radiance(size) for rows in self._others]
+        targets = [(rows.compute, radiance) for rows, radiance in zip(self._others, there, strict=True)]
+        send(self._compute, light.radiance, size, targets)
+        for rows, radiance in zip((self._own, *self._others), (light.radiance, *there), strict=True):
+            rows.gather(radiance, stride)
+            rows.compute.queue.flush()
+        yield 0.5
+        for rows in self._others:
+            for piece in rows.cache.pieces:
+                first, count = _LIGHT * piece.first, _LIGHT * (piece.last - piece.first)
+                send(rows.compute, rows.light, count, [(self._compute, self._own.light)], first)
         self._kernels.take(self._own.light, light, column)
-
-    def _gather_own(self, light: GatherBuffers, stride: int) -> Generator[float, None, None]:
-        """Gather for the rows of this device."""
-        self._own.gather(light.radiance, stride)
-        yield 1.0
 
     def _begin(self, light: GatherBuffers) -> Generator[float, None, None]:
         """Compute the missing samples and the background light on all devices; yield progress 0..1."""
@@ -155,13 +162,3 @@ def _fill_there(rows: DeviceRows, left: RowRange) -> None:
     """Compute samples on another device until no row is left."""
     finished(rows.fill(left, from_end=True))
     rows.compute.queue.finish()
-
-
-def _gather_there(
-    rows: DeviceRows, radiance: np.ndarray, stride: int, found: list[tuple[int, np.ndarray]]
-) -> None:
-    """Gather on another device; add the first patch and the light of each of its pieces to `found`."""
-    rows.gather(upload(rows.compute, radiance), stride)
-    for piece in rows.cache.pieces:
-        size = piece.last - piece.first
-        found.append((piece.first, download(rows.compute, rows.light, (size, 4), _LIGHT * piece.first)))

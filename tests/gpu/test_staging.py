@@ -55,3 +55,21 @@ def test_kernels_between_see_what_was_written_and_are_read_after(compute, throug
     back = np.empty_like(values)
     through.read(buffer, back)
     assert np.array_equal(back, 2 * values)
+
+
+@pytest.mark.parametrize("size", [1, CHUNK, 5 * CHUNK + 3])
+def test_other_devices_receive_a_part_at_its_place(compute, through, size):
+    values = np.random.default_rng(size).integers(0, 256, size + 20, np.uint8)
+    buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, len(values))
+    through.write(buffer, values)
+    others = [Staging(cl.CommandQueue(compute.context)) for _ in range(2)]
+    targets = [(other, cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, len(values))) for other in others]
+    for other, target in targets:
+        other.write(target, np.full(len(values), 7, np.uint8))
+    through.send(buffer, size, targets, first=13)
+    expected = np.full(len(values), 7, np.uint8)
+    expected[13 : 13 + size] = values[13 : 13 + size]
+    for other, target in targets:
+        found = np.empty_like(values)
+        other.read(target, found)
+        assert np.array_equal(found, expected)

@@ -94,6 +94,21 @@ def joined_rows(parts: list[np.ndarray]) -> np.ndarray:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
+def has_nonzero(values: np.ndarray) -> bool:
+    """Return True if an array has a nonzero entry, NaN included.
+
+    Several times as fast as np.any for floats.
+    """
+    found: list[bool] = []
+
+    def find(slab: slice) -> None:
+        if not found and bool((values[slab] != 0).any()):
+            found.append(True)
+
+    map_blocks(len(values), values.nbytes // max(len(values), 1), find)
+    return bool(found)
+
+
 def any_in_rows(values: np.ndarray) -> np.ndarray:
     """Return a mask of rows of (n, c) that have a nonzero entry, (n,) bool.
 

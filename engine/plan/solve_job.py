@@ -8,7 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..array_ops import map_slabs
+from ..array_ops import has_nonzero, map_slabs
 from ..device.buffers import upload_float4_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, colors_on_host
@@ -196,12 +196,12 @@ class SolveJob:
     @property
     def lit(self) -> bool:
         """True if light reaches any patch."""
-        return self._is_seen or bool(self.sampled_light.any())
+        return self._is_seen or has_nonzero(self.sampled_light)
 
     @cached_property
     def _is_seen(self) -> bool:
         """True if patches, or the unsampled part of the sky, emit light."""
-        return bool(self.sky.any() or self.emission.any() or self.back_emission.any())
+        return any(has_nonzero(light) for light in (self.sky, self.emission, self.back_emission))
 
 
 def _visibility_key(

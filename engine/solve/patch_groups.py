@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..array_ops import taken
+from ..array_ops import has_nonzero, taken
 from ..device.buffers import download, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import colors_on_host
@@ -86,7 +86,7 @@ class PatchGroups:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of patch values over each group, (n, ...) -> (m, ...) float32."""
-        if not values.any():
+        if not has_nonzero(values):
             return np.zeros((len(self.representative), *values.shape[1:]), np.float32)
         return self._means.of(values)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import any_in_rows, taken
 from ..object_message import object_message
 from ..patches.unmapped_meshes import triangle_areas
 from ..plan.solve_job import SolveJob
@@ -57,9 +58,9 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
         return []
     light = luminance(irradiance)
     level, meshes = max(float(light.mean(dtype=np.float64)), _open_light(scene)), len(scene.meshes)
-    of_patch = triangles.mesh[patches]
+    of_patch = taken(triangles.mesh, patches)
     count, total = np.bincount(of_patch, minlength=meshes), np.bincount(of_patch, light, meshes)
-    emits = np.bincount(of_patch, luminance(job.parts.surfaces.emission), meshes) > 0
+    emits = np.bincount(of_patch[_emitters(job)], minlength=meshes) > 0
     mapped = np.array([mesh.atlas < atlases for mesh in scene.meshes], bool)
     is_dark = (count > 0) & (total <= _DARK * level * count) & mapped & ~emits
     dark = _open_meshes(scene, np.flatnonzero(is_dark & ~_passes_light(scene)))
@@ -72,6 +73,12 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
         if (back := lit.mean_of(index)) > _LIT * level and total[index] < _DARK * back * count[index]
     ]
     return [object_message(_SENTENCE, list(dict.fromkeys(names)))] if names else []
+
+
+def _emitters(job: SolveJob) -> np.ndarray:
+    """Return the patches whose front face emits light, (k,) int64."""
+    surfaces = job.parts.surfaces
+    return surfaces.shining[any_in_rows(surfaces.emission[surfaces.shining])]
 
 
 def _open_light(scene: Scene) -> float:

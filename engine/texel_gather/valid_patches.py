@@ -15,7 +15,7 @@ from ..solve.exitant_radiance import exitant_radiance
 from ..solve.solution import Solution
 from ..validity.invalid import is_doubtful, is_invalid
 from ..validity.lit_backs import lit_backs, lit_backs_on_host
-from ..validity.push_off import push_off_points
+from ..validity.push_off import find_inside
 from ..validity.substitutes import substitute_patches
 from .texel_sample_points import TexelGatherJob
 
@@ -84,11 +84,9 @@ def valid_front(
     if job.parts.triangles.backs is None or texel_job.choice.method == "none":
         return front
     lit = _lit_backs(texel_job, solution.settled)
-    shown = np.arange(job.parts.patches.count_in(atlases))
-    unsure = shown[~(is_invalid(front, contacts) | contacts.backlit)[shown]]
-    front = front.copy()
-    front[unsure[_inside(texel_job, unsure, lit)]] = 0
-    return front
+    unsure = ~(is_invalid(front, contacts) | contacts.backlit)
+    unsure[job.parts.patches.count_in(atlases) :] = False
+    return np.where(_inside(texel_job, unsure, lit), np.float32(0), front)
 
 
 def invalid_patches(texel_job: TexelGatherJob, front: np.ndarray, contacts: Contacts) -> np.ndarray:
@@ -101,19 +99,22 @@ def invalid_patches(texel_job: TexelGatherJob, front: np.ndarray, contacts: Cont
     """
     hidden = is_invalid(front, contacts)
     if texel_job.job.parts.triangles.backs is None:
-        unsure = np.flatnonzero(is_doubtful(front))
-        unsure = unsure[~(hidden[unsure] | contacts.backlit[unsure])]
-        hidden[unsure] = _inside(texel_job, unsure, None)
+        hidden |= _inside(texel_job, is_doubtful(front) & ~(hidden | contacts.backlit), None)
     return hidden
 
 
-def _inside(texel_job: TexelGatherJob, patches: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
-    """Test patches, (k,) int64, with probe rays; return a mask of those inside geometry, (k,) bool."""
-    if not len(patches):
-        return np.zeros(0, bool)
+def _inside(texel_job: TexelGatherJob, tested: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
+    """Test a mask of patches with probe rays; return a mask of those inside geometry, (n,) bool both."""
+    parts, all_rays, number = texel_job.job.parts, texel_job.job.rays, int(np.count_nonzero(tested))
+    if not number:
+        return tested
     # Many patches are tested together with all others, whose records are on the device already.
-    parts, all_of_them = texel_job.job.parts, 2 * len(patches) > texel_job.job.count
-    points = texel_job.job.rays if all_of_them else texel_job.job.rays.of(parts.part(patches))
-    push_offs = push_off_points(points, points.count, 1.0, parts.geometry.steps.geometric, lit)
-    inside = push_offs.without(texel_job.lighting.lit_by_backs(points)).inside
-    return inside[patches] if all_of_them else inside
+    all_of_them = 2 * number > texel_job.job.count
+    points = all_rays if all_of_them else all_rays.of(parts.part(tested))
+    inside = find_inside(points, points.count, 1.0, parts.geometry.steps.geometric, lit)
+    inside &= ~texel_job.lighting.lit_by_backs(points)
+    if all_of_them:
+        return inside & tested
+    found = np.zeros_like(tested)
+    found[tested] = inside
+    return found

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..array_ops import joined_rows, row_products, take_rows
 from ..device.buffers import download, download_bytes, upload, upload_once, words_of, zeros
-from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..patches.geometry import PatchGeometry
@@ -79,25 +78,47 @@ def push_off_points(
     """
     if scene.shaders is not None:
         return _shader_push_offs(scene.shaders, reach, normals, lit)
-    compute, rays = scene.compute, scene.rays
-    push, take = rays.kernels(
-        (RECEIVER, "push_off.cl"), "push_off", "compact_push_offs", options=KERNEL_OPTIONS
-    )
-    found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
-    marks, number = zeros(compute, words_of(count)), np.int32(count)
-    inputs = scene.receivers, upload_once(compute, normals), lit, np.float32(reach)
-    rays.run(push, count, *inputs, *found, marks, number)
-    inside = download_bytes(compute, marks, count).view(bool)
+    inside, found = _run(scene, count, reach, normals, lit)
     offset, thickness = np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
     wall = np.full(count, -1, np.int32)
 
     # Few points are inside; only their records leave the device.
     between = np.flatnonzero(inside)
     if len(between):
-        way, wall[between], side = _taken(compute, take, found, between)
+        way, wall[between], side = _taken(scene, found, between)
         offset[between] = way[:, :3]
         thickness[between] = _thickness(way[:, 3], side, normals)
     return PushOffs(offset, thickness, wall, inside)
+
+
+def find_inside(
+    scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | np.ndarray | None = None
+) -> np.ndarray:
+    """Return a mask of the points inside geometry, (count,) bool; parameters as for `push_off_points`."""
+    if scene.shaders is not None:
+        return push_offs(scene.shaders, reach, normals, lit)[1][:, 3] != 0
+    return _run(scene, count, reach, normals, lit)[0]
+
+
+def _kernels(scene: RayScene) -> list[Kernel]:
+    """Return the kernels that find push-offs and take some of them."""
+    names = "push_off", "compact_push_offs"
+    return scene.rays.kernels((RECEIVER, "push_off.cl"), *names, options=KERNEL_OPTIONS)
+
+
+def _run(
+    scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | np.ndarray | None
+) -> tuple[np.ndarray, list[cl.Buffer]]:
+    """Return a mask of the points inside geometry, (count,) bool, and the push-offs on the device.
+
+    These are offsets with thickness, walls, and the triangles of both sides, see `_taken`.
+    """
+    compute, push = scene.compute, _kernels(scene)[0]
+    found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
+    marks, number = zeros(compute, words_of(count)), np.int32(count)
+    inputs = scene.receivers, upload_once(compute, normals), lit, np.float32(reach)
+    scene.rays.run(push, count, *inputs, *found, marks, number)
+    return download_bytes(compute, marks, count).view(bool), found
 
 
 def _shader_push_offs(
@@ -122,14 +143,14 @@ def _thickness(measured: np.ndarray, sides: np.ndarray, normals: np.ndarray) -> 
 
 
 def _taken(
-    compute: ComputeDevice, kernel: Kernel, found: list[cl.Buffer], points: np.ndarray
+    scene: RayScene, found: list[cl.Buffer], points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return push-off data of the `found` points from the device.
 
     Returns offsets and thickness, (k, 4) float32, walls, (k,) int32, and the two triangles of the sides, (k,
     2) int32.
     """
-    count = len(points)
+    compute, kernel, count = scene.compute, _kernels(scene)[1], len(points)
     taken = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (16, 4, 8)]
     compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), *taken, np.int32(count))
     offsets, walls, sides = (

@@ -6,6 +6,7 @@ import pytest
 from engine.array_ops import (
     all_in_rows,
     any_in_rows,
+    has_nonzero,
     largest_in_rows,
     nonzero_entries,
     nonzero_rows,
@@ -32,3 +33,15 @@ def test_rows_that_are_not_black_are_found_in_all_slabs(shape, part):
     some = random.integers(0, max(values.size, 1), int(values.size * part))
     values.ravel()[some] = random.choice([-1, np.nan, 2], len(some))
     assert np.array_equal(nonzero_rows(values), np.flatnonzero((values != 0).any(axis=1)))
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (1, 3), (20011, 3), (7, 5, 3)])
+def test_one_nonzero_entry_anywhere_is_found(shape):
+    values = np.zeros(shape, np.float32)
+    assert not has_nonzero(values)
+    assert not has_nonzero(-values)
+    for place in {0, values.size // 2, values.size - 1} if values.size else ():
+        for entry in (1e-45, -1, np.nan):
+            one = values.copy()
+            one.flat[place] = entry
+            assert has_nonzero(one)

@@ -99,6 +99,7 @@ bench: $(READY50) ## measure speed on this machine, about 5 minutes; tables, and
 bench-gpu: $(READY50) ## the same in sizes for a graphics card, which has to be there
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python benchmarks/run.py --gpu
+	.venv/bin/python benchmarks/cards.py --bakes 2048x4096
 
 lint: setup ## ruff and mypy
 	.venv/bin/ruff check .

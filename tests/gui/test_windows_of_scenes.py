@@ -17,13 +17,13 @@ with bpy.context.temp_override(**view):
     second.collection.objects.link(floor)
     for scene in (first, second):
         entry = scene.hemibake.lightmaps.add()
-        entry.name, entry.image = "Lightmap", bpy.data.images.new(scene.name, 4, 4, float_buffer=True)
+        entry.name, entry.image = "Shared", bpy.data.images.new(f"Of {scene.name}", 4, 4, float_buffer=True)
         records.claim_bake_id(scene)
         record = records.writable_record(floor, scene)
         record.image, record.uv_layer = entry.image, "UVMap"
-    bpy.ops.hemibake.preview()
-    # Software compiles the shaders of Material Preview for minutes.
     view["area"].spaces.active.shading.type = "SOLID"
+    preview = sys.modules[f"{MODULE}.operators.result.preview"]
+    preview.show_preview(first, bpy.context.evaluated_depsgraph_get())
     bpy.ops.wm.window_new_main()
     bpy.context.window_manager.windows[-1].scene = second
     bpy.ops.ed.undo_push(message="Stage")
@@ -31,11 +31,9 @@ with bpy.context.temp_override(**view):
 
 WINDOWS = "len(bpy.context.window_manager.windows)"
 SHOWN = (
-    "[node.image == bpy.data.scenes['{}'].hemibake.lightmaps[0].image"
-    " for slot in bpy.data.objects['Shared'].material_slots if slot.material"
-    " for node in slot.material.node_tree.nodes if node.type == 'TEX_IMAGE'] == [True]"
+    "[node.image.name for slot in bpy.data.objects['Shared'].material_slots if slot.material"
+    " for node in slot.material.node_tree.nodes if node.type == 'TEX_IMAGE'] == ['Of {}']"
 )
-
 
 #: A pixel of each window: the second one is moved to the right half of the screen, above the first one.
 LEFT, RIGHT = (300, 450), (1100, 450)

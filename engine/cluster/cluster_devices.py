@@ -18,7 +18,7 @@ from ..plan.memory import shared_width
 from ..plan.solver_choice import SolverChoice
 from ..plan.visibility_trial import untried_visibility
 from ..postprocess.texel_samples import TexelSamples
-from ..probes.gather_probes import ProbePart
+from ..probes.probe_blocks import ProbePart
 from ..scene.color import colors_of
 from ..settings import ALL_DEVICES, Settings
 from ..visibility.rays.ray_scene import RayScene
@@ -165,19 +165,31 @@ class ClusterDevices:
         return [lit[span] for span in spans]
 
     def probes(
-        self, light: NumpyPickle, volume: int, count: int, choice: SolverChoice
+        self,
+        light: NumpyPickle,
+        volume: int,
+        count: int,
+        choice: SolverChoice,
+        find: Callable[[int, int], ProbePart | None],
+        add: Callable[[int, int, ProbePart], None],
     ) -> Generator[float, None, list[ProbePart]]:
         """Gather light at the probes of a volume by tasks of the workers; yield progress 0..1."""
         self._blocks = {}
-        spans, scene = cut(count, _FEWEST_PROBES), (self._shipped.shipment, self._patches.table)
+        all_spans, scene = cut(count, _FEWEST_PROBES), (self._shipped.shipment, self._patches.table)
+        lit = {span: part for span in all_spans if (part := find(*span)) is not None}
+        spans = [span for span in all_spans if span not in lit]
         if self._probe_light is None or self._probe_light[0] is not light:
             self._probe_light = light, self._tasks.sent(light, "probe_light")
         how = self._tasks.sent(choice, "how")
         tasks = [(*scene, self._probe_light[1], how, volume, span) for span in spans]
         begun = self._tasks.begin(probe_tasks.light_at_probes, tasks)
-        lit: dict[Span, ProbePart] = {}
-        yield from self._tasks.take(dict(zip(begun, spans, strict=True)), lit.__setitem__)
-        return [lit[span] for span in spans]
+
+        def put(span: Span, part: ProbePart) -> None:
+            lit[span] = part
+            add(*span, part)
+
+        yield from self._tasks.take(dict(zip(begun, spans, strict=True)), put)
+        return [lit[span] for span in all_spans]
 
     def _light_sent(self, light: HalfRadiance) -> Future:
         """Send radiance to the workers; return the task whose result it is."""

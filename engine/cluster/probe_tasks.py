@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..plan.solver_choice import SolverChoice
-from ..probes.gather_probes import ProbePart
+from ..probes.probe_blocks import ProbePart
 from ..probes.sent_light import SentRadiance
 from ..progress import finished
 from .blocks import Span
@@ -29,4 +29,4 @@ def light_at_probes(
     patches = scene.patches(table)
     with patches.working():
         gather = patches.probes(light, choice)
-        return finished(gather.part(scene.scene.probe_volumes[volume], *span))
+        return finished(gather.part(volume, *span))

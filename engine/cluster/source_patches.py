@@ -116,5 +116,7 @@ class ScenePatches(SourcePatches):
         if self._probes is None or self._probes[0] is not light:
             self._probes, job = None, self._emitting
             what = TexelGatherJob(self._scene, job, job, choice, self.lighting)
-            self._probes = light, ProbeGather(what, [light.opened(job.opencl)], groups=False)
+            lights = [light.opened(job.opencl)]
+            # Blocks of the next bake may run on other workers.
+            self._probes = light, ProbeGather(what, lights, None, keeps_rows=False)
         return self._probes[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,9 @@ from ..postprocess.texel_samples import TexelSamples
 from ..settings import Settings
 from .gathered_samples import GatheredSamples
 from .solver_choice import SolverChoice
+
+#: Values of consecutive probes, `probes.probe_blocks.ProbePart`.
+ProbeValues = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class RemoteDevices(ShadowCaster, RemoteGather, Protocol):
@@ -30,12 +33,20 @@ class RemoteDevices(ShadowCaster, RemoteGather, Protocol):
         ...
 
     def probes(
-        self, light: NumpyPickle, volume: int, count: int, choice: SolverChoice
-    ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]]:
+        self,
+        light: NumpyPickle,
+        volume: int,
+        count: int,
+        choice: SolverChoice,
+        find: Callable[[int, int], ProbeValues | None],
+        add: Callable[[int, int, ProbeValues], None],
+    ) -> Generator[float, None, list[ProbeValues]]:
         """Gather light at the probes of a volume; return the values of consecutive probes in order.
 
         light:   light of all patches, `probes.sent_light.SentRadiance`
         volume:  index into `Scene.probe_volumes`
         count:   number of its probes
+        find:    returns the values of a block that is not gathered, from its first probe and its end, or None
+        add:     called with first probe, end, and values of each finished block
         """
         ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from ..device.device_array import Values
 from ..direct.contact import Contacts
 from ..plan.solve_job import SolveJob
 from ..progress import run_as_fraction
-from ..scene.light_groups import light_groups
+from ..scene.digests import digest_of
+from ..scene.light_groups import LightGroups, light_groups
 from ..scene.probe_volume import ProbeVolume
 from ..settings import Settings
 from ..solve.solution import Solution
@@ -22,6 +24,8 @@ from ..validity.lit_backs import mean_luminance
 from ..validity.probe_repair import filled, moved_out
 from ..validity.thresholds import DARK_BACK, MAX_BACKS_PROBE
 from ..visibility.views.viewpoints import OF_COORDINATE
+from .light_parts import emitters_of, light_parts
+from .probe_blocks import ProbeBlocks, ProbePart
 from .probe_lights import ProbeLights
 from .probe_rows import COEFFICIENTS, ProbeRadiance, ProbeRows
 from .sent_light import SentRadiance
@@ -48,10 +52,6 @@ _GATHERING = 0.95
 
 #: Maximum number of probes of a volume with maps of distances; its file has 316 MB (chosen).
 MAX_DISTANCE_PROBES = 1 << 18
-
-#: Values of n probes: coefficients, (n, lights, 9, 3) float32, validity, (n,) float32, positions, (n, 3)
-#: float64, m, and distances, see `ProbeRows`.
-ProbePart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 #: Luminance below which a back face is dark in a scene without light.
 _BLACK = 1e-30
@@ -101,17 +101,36 @@ def _gather_of_volumes(
     lights:  radiance of all light, then of each light group
     groups:  True if there are light groups
     """
-    volumes, remote = what.scene.probe_volumes, what.job.remote
+    volumes, remote, compute = what.scene.probe_volumes, what.job.remote, what.job.opencl
+    by_group = light_groups(what.scene) if groups else None
+    blocks = ProbeBlocks(what.job.checkpoint, lambda: _light_key(what, lights, by_group))
     if remote is None:
-        gather = ProbeGather(what, lights, groups)
-        return lambda number: gather.part(volumes[number], 0, volumes[number].count)
+        gather = ProbeGather(what, lights, by_group)
+        return lambda number: gather.part(number, 0, volumes[number].count, blocks)
     # Bakes by other processes have no light groups.
-    sent = SentRadiance.of(what.job.opencl, lights[0])
+    sent = SentRadiance.of(compute, lights[0])
 
     def elsewhere(number: int) -> Generator[float, None, ProbePart]:
-        return joined((yield from remote.probes(sent, number, volumes[number].count, what.choice)))
+        find, add = partial(blocks.find, number), partial(blocks.add, number)
+        gathering = remote.probes(sent, number, volumes[number].count, what.choice, find, add)
+        return joined((yield from gathering))
 
     return elsewhere
+
+
+def _light_key(what: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: LightGroups | None) -> str:
+    """Return a digest of everything besides the geometry that determines the light of probes.
+
+    lights:  radiance of all light, then of each light group
+    """
+    parts, settings = what.job.parts, what.job.settings
+    emitters = emitters_of(parts, what.lighting)
+    of_lights = light_parts(emitters, parts, what.lighting, settings, groups)
+    direct = [value for of_light in of_lights for part in of_light for value in part.key]
+    received = [value for light in lights for value in SentRadiance.of(what.job.opencl, light).key]
+    volumes = [value for volume in what.scene.probe_volumes for value in (volume.matrix, volume.resolution)]
+    how = settings.probe_samples, settings.probe_distances, settings.seed, what.job.remote is None
+    return digest_of((*direct, *received, *volumes, *how))
 
 
 def joined(parts: Sequence[ProbePart]) -> ProbePart:
@@ -168,12 +187,20 @@ def _batch_size(directions: int) -> int:
 class ProbeGather:
     """Gather of volumes from the light of one solution, and of its light groups.
 
-    lights:  radiance of all light, then of each light group
-    groups:  True if there are light groups
+    lights:     radiance of all light, then of each light group
+    groups:     light group of each emitter; None without light groups
+    keeps_rows: True if the session keeps the samples for the next bake
     """
 
-    def __init__(self, what: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: bool) -> None:
+    def __init__(
+        self,
+        what: TexelGatherJob,
+        lights: Sequence[ProbeRadiance],
+        groups: LightGroups | None,
+        keeps_rows: bool = True,
+    ) -> None:
         self._what, self._lights, self._settings = what, lights, what.job.settings
+        self._keeps_rows = keeps_rows
         self._compute, self._rays = what.job.opencl, what.job.rays.rays
         self._direct = ProbeLights(
             self._compute,
@@ -181,23 +208,32 @@ class ProbeGather:
             what.job.parts,
             what.lighting,
             self._settings,
-            light_groups(what.scene) if groups else None,
+            groups,
         )
         self._origin = what.job.parts.triangles.origin
         self._drop_rows_of_others()
 
-    def part(self, volume: ProbeVolume, first: int, last: int) -> Generator[float, None, ProbePart]:
-        """Return the probes first <= i < last of a volume; yield the fraction done.
+    def part(
+        self, number: int, first: int, last: int, blocks: ProbeBlocks | None = None
+    ) -> Generator[float, None, ProbePart]:
+        """Return the probes first <= i < last of a volume, by its number; yield the fraction done.
 
         Invalid probes that did not move have the light inside geometry.
+
+        blocks:  finished blocks, which are not gathered again; None to gather all
         """
+        volume = self._what.scene.probe_volumes[number]
         points = volume.points() - self._origin
         parts, batch_size = [], _batch_size(direction_count(self._settings.probe_samples))
         for start in range(first, last, batch_size):
             end = min(start + batch_size, last)
             done = (start - first) / (last - first), (end - first) / (last - first)
-            batch = self._batch(volume, points[start:end], start)
-            parts.append((yield from run_as_fraction(*done, batch)))
+            part = None if blocks is None else blocks.find(number, start, end)
+            if part is None:
+                part = yield from run_as_fraction(*done, self._batch(volume, points[start:end], start))
+                if blocks is not None:
+                    blocks.add(number, start, end, part)
+            parts.append(part)
         return joined(parts)
 
     def _batch(
@@ -266,7 +302,7 @@ class ProbeGather:
             return known
         rows = self._rows(volume, points, first)
         others = (other.bytes for other in cache.values() if isinstance(other, ProbeRows))
-        if rows.bytes + sum(others) <= _KEPT:
+        if self._keeps_rows and rows.bytes + sum(others) <= _KEPT:
             cache[key] = rows
         return rows
 

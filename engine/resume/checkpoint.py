@@ -1,10 +1,10 @@
-"""Checkpoint of a bake: computed visibility samples, and state of the solver."""
+"""Checkpoint of a bake: computed visibility samples, state of the solver, and finished light probes."""
 
 from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,9 @@ Arrays = Mapping[str, np.ndarray]
 
 #: File of the solver state, and the array in it with the key of its inputs.
 _LIGHT, _KEY = "light", "key"
+
+#: Pattern of file names with light probes: number of the file.
+_PROBES = re.compile(r"probes-\d+")
 
 #: Maximum fraction of a bake's time that writing may take.
 _PART = 0.1
@@ -68,9 +71,14 @@ class Checkpoint:
         return self._make_key()
 
     @property
+    def keeps(self) -> bool:
+        """True if checkpoints are stored."""
+        return self._shared.folder.keeps
+
+    @property
     def due(self) -> bool:
         """True if the interval between two writes has passed."""
-        return self._shared.folder.keeps and self._shared.time.due
+        return self.keeps and self._shared.time.due
 
     @property
     def begun(self) -> bool:
@@ -108,12 +116,21 @@ class Checkpoint:
 
     def light(self, key: Callable[[], str]) -> Arrays | None:
         """Return the solver state stored under a key; None if there is none."""
-        arrays = self._read(_LIGHT) if self._looks else None
-        return arrays if arrays is not None and bytes(arrays[_KEY]).decode() == key() else None
+        return self._read_keyed(_LIGHT, key) if self._looks else None
 
     def write_light(self, key: Callable[[], str], arrays: Arrays) -> None:
         """Store the solver state under a key, replacing any earlier state."""
-        self._write(_LIGHT, {_KEY: np.frombuffer(key().encode(), np.uint8), **arrays})
+        self._write_keyed(_LIGHT, key, arrays)
+
+    def probes(self, key: Callable[[], str]) -> Iterator[Arrays]:
+        """Return the arrays of each file of light probes stored under a key."""
+        names = [path.name for path in self._shared.folder.files(self._key)] if self._looks else []
+        found = (self._read_keyed(name, key) for name in names if _PROBES.fullmatch(name))
+        return (arrays for arrays in found if arrays is not None)
+
+    def write_probes(self, key: Callable[[], str], number: int, arrays: Arrays) -> bool:
+        """Store a numbered file of light probes under a key; return True if it was written."""
+        return self._write_keyed(f"probes-{number}", key, arrays)
 
     def tell(self, sentence: str) -> None:
         """Add a sentence about restored data to the report."""
@@ -130,6 +147,15 @@ class Checkpoint:
             return []
         names = (_ROWS.fullmatch(path.name) for path in self._shared.folder.files(self._key))
         return [(name[1], int(name[2]), int(name[3])) for name in names if name]
+
+    def _read_keyed(self, name: str, key: Callable[[], str]) -> Arrays | None:
+        """Return the arrays of a file; None if it is missing or has another key."""
+        arrays = self._read(name)
+        return arrays if arrays is not None and bytes(arrays[_KEY]).decode() == key() else None
+
+    def _write_keyed(self, name: str, key: Callable[[], str], arrays: Arrays) -> bool:
+        """Write a file with the key of its inputs."""
+        return self._write(name, {_KEY: np.frombuffer(key().encode(), np.uint8), **arrays})
 
     def _read(self, name: str) -> Arrays | None:
         return next(

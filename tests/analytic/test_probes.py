@@ -5,11 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+import engine
 from engine import Light, Scene, Session, Settings, finished
 from engine.device import devices
+from engine.probes import gather_probes
+from engine.probes.gather_probes import ProbeGather
 from engine.probes.probe_lights import ProbeLights
 from engine.probes.sphere_directions import sphere_directions
 from engine.probes.spherical_harmonics import basis, irradiance
+from engine.resume import checkpoint
 from engine.scene.probe_volume import ProbeVolume
 from tests.analytic.scenes import furnace, material, quads, rectangle, room_walls
 from tests.no_compute import NoCompute
@@ -301,6 +305,52 @@ def test_a_second_bake_reuses_the_rays_and_gives_the_same_bits(session):
     assert len(kept) == 2
     bake(session, dataclasses.replace(dim, probe_volumes=probes[1:]), resolution=32, visibility="rays")
     assert len(kept) == 1
+
+
+@pytest.mark.parametrize("groups", [False, True])
+def test_a_cancelled_bake_gathers_finished_probes_once(tmp_path, monkeypatch, groups):
+    """It resumes after the last finished batch, and gives the bits of a bake that was not cancelled."""
+    batches, batch = [], ProbeGather._batch
+
+    def counted(gather, volume, points, first):
+        batches.append(first)
+        return batch(gather, volume, points, first)
+
+    monkeypatch.setattr(ProbeGather, "_batch", counted)
+    monkeypatch.setattr(gather_probes, "_BATCH", 5)
+    monkeypatch.setattr(checkpoint, "_PART", 1000)
+    lamp = Light("Lamp", "point", np.array([0.5, 0.5, 0.7]), np.eye(3), np.float32([1, 1, 1]), radius=0.1)
+    probes = (
+        volume((31 / 32, 0.5, 0.5), (0.25, 0.1, 0.1), (8, 1, 2)),
+        volume((0.4, 0.5, 0.3), 0.2, (1, 2, 1)),
+    )
+    scene = dataclasses.replace(furnace(0.3, 0.1), lights=(lamp,), probe_volumes=probes)
+    outputs = ("combined", "light_groups") if groups else ("combined",)
+    if groups:
+        lamp = dataclasses.replace(lamp, light_group="Lamps")
+        scene = dataclasses.replace(scene, lights=(lamp,), light_groups=("Lamps",))
+    settings = dataclasses.replace(
+        SETTINGS, resolution=32, outputs=outputs, cache_dir=str(tmp_path), checkpoint_interval=0,
+        probe_distances=True,
+    )  # fmt: skip
+    whole = finished(engine.bake(scene, dataclasses.replace(settings, cache_dir=None))).probes
+    assert batches == [0, 5, 10, 15, 0]
+    for ends in (2, 4):
+        work = engine.bake(scene, settings)
+        for _ in work:
+            if len(batches) == 5 + ends:
+                break
+        work.close()
+    result = finished(engine.bake(scene, settings))
+    assert batches[5:] == [0, 5, 5, 10, 10, 15, 0]
+    assert "10 light probes were restored from an interrupted bake." in result.report.resumed
+    for grid, expected in zip(result.probes, whole, strict=True):
+        assert (
+            grid.coefficients == expected.coefficients
+        ).all() and grid.groups.keys() == expected.groups.keys()
+        assert all((light == expected.groups[name]).all() for name, light in grid.groups.items())
+        assert (grid.positions == expected.positions).all() and (grid.distances == expected.distances).all()
+    assert not [path for path in (tmp_path / "resume").rglob("*") if path.is_file()]
 
 
 def octahedral(width=8):

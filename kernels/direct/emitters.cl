@@ -272,7 +272,11 @@ typedef struct {
     float total;
 } Bright;
 
-// Samples the bright part of the sky: pixels in proportion to luminance times solid angle.
+// Returns a point between -1 and 1 with the density of a tent, from a uniform number.
+float tent(const float u) { return u < 0.5f ? sqrt(2.0f * u) - 1.0f : 1.0f - sqrt(2.0f - 2.0f * u); }
+
+// Samples the bright part of the sky: pixels in proportion to luminance times solid angle, and around them the tents of
+// bilinear interpolation, by which Blender shows images.
 Sample sample_sky(const Bright *sky, const float2 u)
 {
     int low = 0, high = sky->count - 1;
@@ -286,12 +290,14 @@ Sample sample_sky(const Bright *sky, const float2 u)
     const float before = low > 0 ? sky->cumulative[low - 1] : 0.0f;
     const float across = (u.x - before) / fmax(sky->cumulative[low] - before, 1e-20f);
     const int pixel = sky->listed[low], column = pixel % sky->width, row = pixel / sky->width;
-    const float azimuth = 1.0f - 2.0f * (column + clamp(across, 0.0f, 1.0f)) / sky->width;
+    const float azimuth = 1.0f - 2.0f * (column + 0.5f + tent(clamp(across, 0.0f, 1.0f))) / sky->width;
+    const float z = -cospi((row + 0.5f + tent(u.y)) / sky->height), sine = sqrt(fmax(1.0f - z * z, 0.0f));
+    // The distribution has the mean sine over the pixel.
     const float below = -cospi((float)row / sky->height), above = -cospi((row + 1.0f) / sky->height);
-    const float z = mix(below, above, u.y), sine = sqrt(fmax(1.0f - z * z, 0.0f));
+    const float mean_sine = sky->height * M_1_PI_F * (above - below);
     const float3 colour = sky->pixels[low].xyz;
     const Sample s = {(float3)(sine * cospi(azimuth), sine * sinpi(azimuth), z), INFINITY,
-                      colour * (sky->total * M_1_PI_F / luminance(colour))};
+                      colour * (sky->total * M_1_PI_F * sine / (luminance(colour) * mean_sine))};
     return s;
 }
 

@@ -238,7 +238,11 @@ Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u
     return s;
 }
 
-// Samples the bright part of the sky: pixels in proportion to luminance times solid angle.
+// Returns a point between -1 and 1 with the density of a tent, from a uniform number.
+float tent(const float u) { return u < 0.5 ? sqrt(2.0 * u) - 1.0 : 1.0 - sqrt(2.0 - 2.0 * u); }
+
+// Samples the bright part of the sky: pixels in proportion to luminance times solid angle, and around them the tents of
+// bilinear interpolation, by which Blender shows images.
 Sample sample_sky(const vec2 u)
 {
     int low = 0, high = sky_count - 1;
@@ -252,13 +256,15 @@ Sample sample_sky(const vec2 u)
     float before = low > 0 ? table_float(first_cumulative + low - 1) : 0.0;
     float across = (u.x - before) / max(table_float(first_cumulative + low) - before, 1e-20);
     int pixel = int(light_tables[first_listed + low]), column = pixel % sky_width, row = pixel / sky_width;
-    float azimuth = float(PI) * (1.0 - 2.0 * (float(column) + clamp(across, 0.0, 1.0)) / float(sky_width));
+    float azimuth = float(PI) * (1.0 - 2.0 * (float(column) + 0.5 + tent(clamp(across, 0.0, 1.0))) / float(sky_width));
+    float z = -cos(float(PI) * (float(row) + 0.5 + tent(u.y)) / float(sky_height)), sine = sqrt(max(1.0 - z * z, 0.0));
+    // The distribution has the mean sine over the pixel.
     float below = -cos(float(PI) * float(row) / float(sky_height));
     float above = -cos(float(PI) * float(row + 1) / float(sky_height));
-    float z = mix(below, above, u.y), sine = sqrt(max(1.0 - z * z, 0.0));
+    float mean_sine = float(sky_height) * INVERSE_PI * (above - below);
     vec3 colour = table_vec3(first_sky_pixels + 4 * low);
     return sample_of(vec3(sine * cos(azimuth), sine * sin(azimuth), z), INFINITY,
-                     colour * (sky_total * INVERSE_PI / luminance(colour)));
+                     colour * (sky_total * INVERSE_PI * sine / (luminance(colour) * mean_sine)));
 }
 
 Sample sample_emitter(const int e, const Receiver r, const vec3 p, const vec2 u)

@@ -245,6 +245,24 @@ def test_a_bright_spot_of_the_sky_is_a_light():
     assert image == pytest.approx(1000 * angle * z / np.pi, rel=0.01)
 
 
+def test_pixels_of_the_sky_are_interpolated_at_edges_of_shadows():
+    """A wall ends three quarters of a pixel beside a bright one, whose tent it covers by 1/32; so does one
+    on the other side, which covers the rest."""
+    world = np.zeros((64, 128, 3), np.float32)
+    world[50, 20] = 1000
+    azimuth = np.pi * (1 - (20 + 0.5 + 0.75) / 64)
+    corner = np.array([np.cos(azimuth), np.sin(azimuth), 0])
+    side = np.cross(Z, corner)
+    floor = quads(rectangle((-1e-4, -1e-4, 0), 2e-4 * X, 2e-4 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    settings = dataclasses.replace(SETTINGS, light_samples=1024)
+    light = []
+    for way in (side, -side):
+        wall = quads(rectangle(corner, 9 * way, 99 * Z)[None], [(9, 1, 5, 5)], [0], 16, "Wall")
+        image = drive(Scene((floor, wall), (BLACK,), world=world), settings).image
+        light.append(image[0, 1:7, 1:7, 0].mean())
+    assert min(light) / sum(light) == pytest.approx(1 / 32, abs=0.004)
+
+
 def test_shadow_masks_and_occlusion():
     settings = dataclasses.replace(SETTINGS, outputs=("shadow_mask", "ambient_occlusion"), ao_distance=0.0)
     edge = -0.03 + 3.5 / 6 * 0.06

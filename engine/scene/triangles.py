@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..array_ops import map_blocks
 from .model import Scene
 
 #: Approximate number of triangles from which the median corner is computed.
@@ -15,6 +16,9 @@ _SAMPLE = 1 << 12
 #: Maximum texel size of a triangle as a multiple of the mean (chosen); charts of nearly no
 #: area would have huge texels.
 _COARSEST = 4.0
+
+#: Bytes of the positions and lightmap UVs of a triangle.
+_CORNERS = 60
 
 #: Maximum ratio of two boxes' diagonals up to which they count as similar in size.
 _ALIKE = 1.5
@@ -68,10 +72,15 @@ class Triangles:
 
         It is the mean over all triangles where the UV area is 0, and at most `_COARSEST` times the mean.
         """
-        first, second = np.moveaxis(self.positions[:, 1:] - self.positions[:, :1], 1, 0)
-        area = np.linalg.norm(np.cross(first, second), axis=1)
-        first, second = np.moveaxis(self.uvs[:, 1:] - self.uvs[:, :1], 1, 0)
-        of_uvs = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+        area, of_uvs = np.empty(len(self.mesh), np.float32), np.empty(len(self.mesh), np.float32)
+
+        def measure(rows: slice) -> None:
+            first, second = np.moveaxis(self.positions[rows, 1:] - self.positions[rows, :1], 1, 0)
+            area[rows] = np.linalg.norm(np.cross(first, second), axis=1)
+            first, second = np.moveaxis(self.uvs[rows, 1:] - self.uvs[rows, :1], 1, 0)
+            of_uvs[rows] = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+        map_blocks(len(self.mesh), _CORNERS, measure)
         has_uvs = of_uvs > 0
         total = of_uvs.sum(dtype=np.float64)
         mean = area[has_uvs].sum(dtype=np.float64) / total if total else 0.0

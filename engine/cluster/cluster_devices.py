@@ -178,6 +178,8 @@ class ClusterDevices:
         all_spans, scene = cut(count, _FEWEST_PROBES), (self._shipped.shipment, self._patches.table)
         lit = {span: part for span in all_spans if (part := find(*span)) is not None}
         spans = [span for span in all_spans if span not in lit]
+        if not spans:
+            return list(lit.values())
         if self._probe_light is None or self._probe_light[0] is not light:
             self._probe_light = light, self._tasks.sent(light, "probe_light")
         how = self._tasks.sent(choice, "how")

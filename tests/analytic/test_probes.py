@@ -11,6 +11,7 @@ from engine.device import devices
 from engine.probes import gather_probes
 from engine.probes.gather_probes import ProbeGather
 from engine.probes.probe_lights import ProbeLights
+from engine.probes.sent_light import SentRadiance
 from engine.probes.sphere_directions import sphere_directions
 from engine.probes.spherical_harmonics import basis, irradiance
 from engine.resume import checkpoint
@@ -305,6 +306,26 @@ def test_a_second_bake_reuses_the_rays_and_gives_the_same_bits(session):
     assert len(kept) == 2
     bake(session, dataclasses.replace(dim, probe_volumes=probes[1:]), resolution=32, visibility="rays")
     assert len(kept) == 1
+
+
+def test_light_that_is_sent_to_workers_has_the_same_bits(session, monkeypatch):
+    """Sky, lit patches and dark backs; workers keep no samples."""
+    below = square((0, 0, -0.7), 0.9)
+    panorama = np.random.default_rng(8).random((3, 7, 3), np.float32)
+    scene = scene_of(below, black=0.5, world=panorama, probe_volumes=(volume(resolution=(2, 3, 5)),))
+    (expected,) = bake(session, scene)
+    make = ProbeGather.__init__
+
+    def make_from_sent(gather, what, lights, groups):
+        compute = what.job.opencl
+        opened = [SentRadiance.of(compute, light).opened(compute) for light in lights]
+        make(gather, what, opened, groups, keeps_rows=False)
+
+    monkeypatch.setattr(ProbeGather, "__init__", make_from_sent)
+    session.forget()
+    (sent,) = bake(session, scene)
+    assert (sent.coefficients == expected.coefficients).all() and (sent.validity == expected.validity).all()
+    assert not session._kept.probes
 
 
 @pytest.mark.parametrize("groups", [False, True])

@@ -329,12 +329,14 @@ def test_light_that_is_sent_to_workers_has_the_same_bits(session, monkeypatch):
 
 
 @pytest.mark.parametrize("groups", [False, True])
-def test_a_cancelled_bake_gathers_finished_probes_once(tmp_path, monkeypatch, groups):
-    """It resumes after the last finished batch, and gives the bits of a bake that was not cancelled."""
-    batches, batch = [], ProbeGather._batch
+def test_an_interrupted_bake_gathers_finished_probes_once(tmp_path, monkeypatch, groups):
+    """It resumes after the last finished batch, and gives the bits of a bake that was not interrupted."""
+    batches, batch, last = [], ProbeGather._batch, [0]
 
     def counted(gather, volume, points, first):
         batches.append(first)
+        if len(batches) == last[0]:
+            raise InterruptedError
         return batch(gather, volume, points, first)
 
     monkeypatch.setattr(ProbeGather, "_batch", counted)
@@ -356,12 +358,9 @@ def test_a_cancelled_bake_gathers_finished_probes_once(tmp_path, monkeypatch, gr
     )  # fmt: skip
     whole = finished(engine.bake(scene, dataclasses.replace(settings, cache_dir=None))).probes
     assert batches == [0, 5, 10, 15, 0]
-    for ends in (2, 4):
-        work = engine.bake(scene, settings)
-        for _ in work:
-            if len(batches) == 5 + ends:
-                break
-        work.close()
+    for last[0] in (7, 9):
+        with pytest.raises(InterruptedError):
+            finished(engine.bake(scene, settings))
     result = finished(engine.bake(scene, settings))
     assert batches[5:] == [0, 5, 5, 10, 10, 15, 0]
     assert "10 light probes were restored from an interrupted bake." in result.report.resumed

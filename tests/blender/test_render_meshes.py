@@ -222,6 +222,73 @@ def test_particles_have_the_amount_of_renders():
     assert len(read.instances) == 7 and {entry.name for entry in read.instances} == {"Child"}
 
 
+def scatter(name, kind, block, separate=False):
+    """Let Geometry Nodes show an object or a collection on two points."""
+    points = mesh_object(name, [(0, 0, 0), (3, 0, 0)], [])
+    tree, (start, end, info, shown) = geometry_nodes(points, kind, "GeometryNodeInstanceOnPoints")
+    info.inputs[0].default_value = block
+    info.inputs[
+        "As Instance" if kind == "GeometryNodeObjectInfo" else "Separate Children"
+    ].default_value = separate
+    tree.links.new(start.outputs[0], shown.inputs["Points"])
+    tree.links.new(info.outputs["Geometry" if "Geometry" in info.outputs else 0], shown.inputs["Instance"])
+    tree.links.new(shown.outputs[0], end.inputs[0])
+    return points
+
+
+@pytest.mark.parametrize("meshes", ["RENDER", "VIEWPORT"])
+def test_scattered_objects_may_be_hidden_in_renders(settings, meshes):
+    """A scatter hides its sources in renders, and the render shows its instances."""
+    import bpy
+
+    settings.meshes = meshes
+    source, ground = square("Grass"), square("Ground")
+    source.hide_render = True
+    scatter("By nodes", "GeometryNodeObjectInfo", source, separate=True)
+    ground.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    particles = ground.particle_systems[0].settings
+    particles.type, particles.count, particles.render_type = "HAIR", 3, "OBJECT"
+    particles.instance_object, particles.display_method = source, "RENDER"
+    particles.display_step = particles.render_step
+    bpy.context.view_layer.update()
+    assert not uses_render()
+    meshes = [obj.name for obj in part("operators.scene").visible_meshes(context())]
+    assert sorted(meshes) == ["By nodes", "Grass", "Ground"]
+    read = read_scene()
+    assert [entry.name for entry in read.instances] == ["Grass"] * 5
+    assert len(read.scene.meshes) == 6
+
+
+@pytest.mark.parametrize(("separate", "shown"), [(False, 2), (True, 4)])
+def test_collections_scatter_what_renders_show(separate, shown):
+    """A collection as a whole leaves out its members that are hidden in renders; its children do not."""
+    import bpy
+
+    collection = bpy.data.collections.new("Tree")
+    for name in ("Trunk", "Proxy"):
+        collection.objects.link(bpy.data.objects.new(name, square(f"Model of {name}").data))
+    collection.objects["Proxy"].hide_render = True
+    scatter("Points", "GeometryNodeCollectionInfo", collection, separate)
+    bpy.context.view_layer.update()
+    assert uses_render()
+    assert len(read_scene().instances) == shown
+
+
+def test_scatters_in_instanced_collections_are_those_of_renders():
+    import bpy
+
+    source = square("Grass")
+    source.hide_render = True
+    points = scatter("Points", "GeometryNodeObjectInfo", source, separate=True)
+    meadow = bpy.data.collections.new("Meadow")
+    meadow.objects.link(points)
+    bpy.context.scene.collection.objects.unlink(points)
+    empty = bpy_link(bpy.data.objects.new("Empty", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", meadow
+    bpy.context.view_layer.update()
+    assert [entry.name for entry in read_scene().instances] == ["Grass"] * 2
+
+
 def test_an_object_in_edit_mode_is_read_as_it_is_edited():
     import bmesh
     import bpy

@@ -99,6 +99,38 @@ def nested_collections():
 
 
 @scene
+def scattered_objects():
+    """Instances by Geometry Nodes and by particles, of objects that are hidden in renders."""
+    stage()
+    shapes = [
+        box(material(f"Shape {number}", (0.7, 0.5, 0.2 + 0.4 * number)), (4, 4, 0)) for number in range(2)
+    ]
+    points = bpy.data.meshes.new("Points")
+    points.from_pydata([(-0.9, 0.3, 0.7), (0.2, -0.6, 0.9), (0.8, 0.7, 0.6)], [], [])
+    scatter = bpy.data.objects.new("Scatter", points)
+    bpy.context.scene.collection.objects.link(scatter)
+    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    names = ("NodeGroupInput", "GeometryNodeObjectInfo", "GeometryNodeInstanceOnPoints", "NodeGroupOutput")
+    source, info, place, sink = (tree.nodes.new(name) for name in names)
+    info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = shapes[0], True
+    tree.links.new(source.outputs[0], place.inputs["Points"])
+    tree.links.new(info.outputs["Geometry"], place.inputs["Instance"])
+    tree.links.new(place.outputs[0], sink.inputs[0])
+    scatter.modifiers.new("Scatter", "NODES").node_group = tree
+    air = add("Air", bpy.ops.mesh.primitive_plane_add, None, size=1, location=(-0.5, -0.6, 1.3))
+    air.show_instancer_for_render = air.show_instancer_for_viewport = False
+    air.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = air.particle_systems[0].settings
+    settings.type, settings.count, settings.render_type = "HAIR", 3, "OBJECT"
+    settings.instance_object, settings.particle_size, settings.hair_length = shapes[1], 0.4, 1
+    for shape in shapes:
+        shape.hide_render = True
+    _light()
+
+
+@scene
 def diffuse_rays_pass():
     """A roof and a glowing card that diffuse rays do not meet."""
     stage()
@@ -232,8 +264,8 @@ def shared_objects():
 
 
 _SEEN_IN_RENDERS = (
-    "subdivision_levels", "only_in_renders", "eye_hidden_objects", "nested_collections", "diffuse_rays_pass",
-    "shared_objects",
+    "subdivision_levels", "only_in_renders", "eye_hidden_objects", "nested_collections", "scattered_objects",
+    "diffuse_rays_pass", "shared_objects",
 )  # fmt: skip
 
 ORIGINALS.update(dict.fromkeys(_SEEN_IN_RENDERS, "Floor"))

@@ -9,6 +9,7 @@ from ...lookup import find_all
 from ...object_properties import gets_lightmap
 from ..scene_context import SceneContext
 from .evaluation import Evaluation, evaluate
+from .items import is_rendered
 from .render_depsgraph import reads_render
 from .render_differences import is_instancer, uses_render
 from .visible import visible_objects
@@ -31,13 +32,13 @@ def visible_meshes(context: SceneContext, viewport: bool = False) -> list[bpy.ty
     instancers = {obj.session_uid for obj in visible if obj.hemibake.role == "BAKED"}
     pairs = instance_pairs(context, viewport)
     shown = dict.fromkeys(source for instancer, source in pairs if instancer in instancers)
-    instanced = [obj for obj in find_all(bpy.data.objects, shown) if not obj.hide_render] if shown else []
+    instanced = find_all(bpy.data.objects, shown) if shown else []
     levels = LevelFinder()
     return [obj for obj in dict.fromkeys([*visible, *instanced]) if gets_lightmap(obj, levels)]
 
 
 def instance_pairs(context: SceneContext, viewport: bool = False) -> Pairs:
-    """Return the pairs of instancer and source object, as session uids.
+    """Return the pairs of instancer and source object of the instances that renders show, as session uids.
 
     Geometry that an instancer makes itself does not count as an instance.
 
@@ -67,6 +68,12 @@ def _pairs(evaluation: Evaluation) -> Pairs:
             (instance.parent.original.session_uid, instance.object.original.session_uid)
             for depsgraph in evaluation.depsgraphs
             for instance in depsgraph.object_instances
-            if instance.is_instance and instance.object.original != instance.parent.original
+            if instance.is_instance and _counts(instance, depsgraph.mode)
         )
     )
+
+
+def _counts(instance: bpy.types.DepsgraphObjectInstance, mode: str) -> bool:
+    """Return True if renders show an instance, and another object than its instancer is its source."""
+    source, instancer = instance.object.original, instance.parent.original
+    return source != instancer and is_rendered(source, instancer, mode)

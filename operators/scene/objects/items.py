@@ -85,7 +85,7 @@ def scene_items(
         shows_self = parent is not None or instance.show_self
         if shown.session_uid not in visible or not (shows_self or with_hair):
             continue
-        if source.hide_render:
+        if not is_rendered(source, parent, depsgraph.mode):
             continue
         number = tuple(instance.persistent_id) if parent is not None else ()
         matrix = np.array(instance.matrix_world, np.float64)
@@ -100,6 +100,26 @@ def scene_items(
             random=bits / 0xFFFFFFFF,
             shows_self=shows_self,
         )
+
+
+def is_rendered(source: bpy.types.Object, instancer: bpy.types.Object | None, mode: str) -> bool:
+    """Return True if renders show an object or instance of a dependency graph.
+
+    The graph of renders contains only what they show. In that of the viewport, instances of an object that
+    itself is hidden in renders count if Geometry Nodes or particles make them.
+
+    source:     the original object
+    instancer:  the original object that makes the instance; None for an object itself
+    mode:       mode of the dependency graph, VIEWPORT or RENDER
+    """
+    if mode == "RENDER" or not source.hide_render:
+        return True
+    return instancer is not None and scatters(instancer)
+
+
+def scatters(obj: bpy.types.Object) -> bool:
+    """Return True if an object may make instances by Geometry Nodes or particles."""
+    return any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for modifier in obj.modifiers)
 
 
 def name_hash(name: str) -> int:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 import bpy
 
 from ..scene_context import SceneContext
+from .items import scatters
 from .render_settings import level_settings
 from .visible import visible_objects
 
@@ -149,8 +150,29 @@ def _instances_differ() -> bool:
         return False
     if any(obj.hide_render or _shows_itself_otherwise(obj) for obj in instancers):
         return True
+    if _scatter_hidden(instancers):
+        return True
     return any(obj.hide_viewport and not obj.hide_render for obj in bpy.data.objects) or any(
         collection.hide_viewport != collection.hide_render for collection in bpy.data.collections
+    )
+
+
+def _scatter_hidden(instancers: Iterable[bpy.types.Object]) -> bool:
+    """Return True if only renders tell which instances of objects that are hidden in renders they show.
+
+    Geometry Nodes and particles show such an object if they name it, but not if they take its collection as a
+    whole. Instances inside an instanced collection do not tell which object makes them.
+    """
+    makers = {obj for obj in instancers if scatters(obj)}
+    hidden = {obj for obj in bpy.data.objects if obj.hide_render}
+    if not makers or not hidden:
+        return False
+    collections = {group for group in bpy.data.collections if not hidden.isdisjoint(group.all_objects)}
+    nested = any(obj.instance_type == "COLLECTION" for obj in instancers)
+    asked = collections | hidden if nested else collections
+    users = bpy.data.user_map(subset=list(asked), value_types={"NODETREE", "PARTICLE", "OBJECT"})
+    return any(
+        user in makers or not isinstance(user, bpy.types.Object) for found in users.values() for user in found
     )
 
 

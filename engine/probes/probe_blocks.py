@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from functools import cache
 
@@ -30,10 +31,10 @@ class ProbeBlocks:
         """
         self._checkpoint, self._key = checkpoint, cache(key)
         self._new = dict[str, ProbePart]()
-        self._known, self._files = dict[str, np.ndarray](), 0
-        for arrays in checkpoint.probes(self._key):
+        self._known, self._files = dict[str, np.ndarray](), set[int]()
+        for number, arrays in checkpoint.probes(self._key):
             self._known |= arrays
-            self._files += 1
+            self._files.add(number)
         count = sum(len(array) for name, array in self._known.items() if name.endswith(_VALUES[1]))
         if count:
             checkpoint.tell(f"{count:,} light probes were restored from an interrupted bake.")
@@ -56,14 +57,20 @@ class ProbeBlocks:
             self._write()
 
     def _write(self) -> None:
-        """Write new blocks, at least one; forget them if there is no space."""
+        """Write new blocks, at least one; forget them if there is no space.
+
+        The file gets the first number that no file of this light has, so damaged files and files of other
+        light are replaced.
+        """
         arrays, room = dict[str, np.ndarray](), self._checkpoint.room
         for block in list(self._new):
             if arrays and sum(array.nbytes for array in arrays.values()) > room:
                 break
             values = zip(_VALUES, self._new.pop(block), strict=True)
             arrays |= {f"{block} {name}": array for name, array in values}
-        self._files += self._checkpoint.write_probes(self._key, self._files, arrays)
+        number = next(number for number in itertools.count() if number not in self._files)
+        if self._checkpoint.write_probes(self._key, number, arrays):
+            self._files.add(number)
 
 
 def _name(volume: int, first: int, end: int) -> str:

@@ -21,7 +21,7 @@ Arrays = Mapping[str, np.ndarray]
 _LIGHT, _KEY = "light", "key"
 
 #: Pattern of file names with light probes: number of the file.
-_PROBES = re.compile(r"probes-\d+")
+_PROBES = re.compile(r"probes-(\d+)")
 
 #: Maximum fraction of a bake's time that writing may take.
 _PART = 0.1
@@ -48,6 +48,10 @@ class Checkpoints:
         self._used.append(Checkpoint(self, key))
         return self._used[-1]
 
+    def keys(self) -> set[str]:
+        """Return the keys of the checkpoints that this bake wrote or may have found."""
+        return {checkpoint.key for checkpoint in self._used if checkpoint.begun}
+
     def finish(self) -> None:
         """Remove the checkpoints of a completed bake."""
         for checkpoint in self._used:
@@ -67,7 +71,8 @@ class Checkpoint:
         self._wrote = False
 
     @cached_property
-    def _key(self) -> str:
+    def key(self) -> str:
+        """Digest of everything that determines the stored rows."""
         return self._make_key()
 
     @property
@@ -122,11 +127,13 @@ class Checkpoint:
         """Store the solver state under a key, replacing any earlier state."""
         self._write_keyed(_LIGHT, key, arrays)
 
-    def probes(self, key: Callable[[], str]) -> Iterator[Arrays]:
-        """Return the arrays of each file of light probes stored under a key."""
-        names = [path.name for path in self._shared.folder.files(self._key)] if self._looks else []
-        found = (self._read_keyed(name, key) for name in names if _PROBES.fullmatch(name))
-        return (arrays for arrays in found if arrays is not None)
+    def probes(self, key: Callable[[], str]) -> Iterator[tuple[int, Arrays]]:
+        """Return the number and the arrays of each file of light probes stored under a key."""
+        names = [path.name for path in self._shared.folder.files(self.key)] if self._looks else []
+        for match in filter(None, map(_PROBES.fullmatch, names)):
+            arrays = self._read_keyed(match[0], key)
+            if arrays is not None:
+                yield int(match[1]), arrays
 
     def write_probes(self, key: Callable[[], str], number: int, arrays: Arrays) -> bool:
         """Store a numbered file of light probes under a key; return True if it was written."""
@@ -139,13 +146,13 @@ class Checkpoint:
     def remove(self) -> None:
         """Remove the checkpoint."""
         if self.begun:
-            self._shared.folder.remove(self._key)
+            self._shared.folder.remove(self.key)
 
     def _rows(self) -> list[tuple[str, int, int]]:
         """Return the sampler, first patch and end of all stored rows, by file names."""
         if not self._looks:
             return []
-        names = (_ROWS.fullmatch(path.name) for path in self._shared.folder.files(self._key))
+        names = (_ROWS.fullmatch(path.name) for path in self._shared.folder.files(self.key))
         return [(name[1], int(name[2]), int(name[3])) for name in names if name]
 
     def _read_keyed(self, name: str, key: Callable[[], str]) -> Arrays | None:
@@ -159,12 +166,12 @@ class Checkpoint:
 
     def _read(self, name: str) -> Arrays | None:
         return next(
-            (read_arrays(path) for path in self._shared.folder.files(self._key) if path.name == name), None
+            (read_arrays(path) for path in self._shared.folder.files(self.key) if path.name == name), None
         )
 
     def _write(self, name: str, arrays: Arrays) -> bool:
         began = time.monotonic()
-        written = self._shared.folder.write(self._key, name, arrays)
+        written = self._shared.folder.write(self.key, name, arrays, self._shared.keys())
         self._shared.time.wrote(sum(array.nbytes for array in arrays.values()), began)
         self._wrote = self._wrote or written
         return written

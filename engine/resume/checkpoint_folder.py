@@ -1,9 +1,9 @@
-"""Folder of all checkpoints, one subfolder each; the oldest are removed to stay within a size limit."""
+"""Folder of all checkpoints, one subfolder each; old ones are removed to stay within a size limit."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -48,13 +48,18 @@ class CheckpointFolder:
             return [path for path in (self._path / key).iterdir() if not path.name.startswith(".")]
         return []
 
-    def write(self, key: str, name: str, arrays: Mapping[str, np.ndarray]) -> bool:
-        """Write a file of a checkpoint; return True if there was space."""
+    def write(
+        self, key: str, name: str, arrays: Mapping[str, np.ndarray], spared: Collection[str] = ()
+    ) -> bool:
+        """Write a file of a checkpoint; return True if there was space.
+
+        spared:  keys of other checkpoints that are not removed to make room
+        """
         if self._path is None:
             return False
         folder = self._path / key
         try:
-            if not self._make_room(key, sum(array.nbytes for array in arrays.values())):
+            if not self._make_room({key, *spared}, sum(array.nbytes for array in arrays.values())):
                 return False
             folder.mkdir(parents=True, exist_ok=True)
             write_arrays(folder / name, arrays)
@@ -67,15 +72,15 @@ class CheckpointFolder:
         if self._path is not None:
             shutil.rmtree(self._path / key, ignore_errors=True)
 
-    def _make_room(self, key: str, size: int) -> bool:
-        """Remove the oldest other checkpoints until `size` more bytes fit the limit.
+    def _make_room(self, spared: Collection[str], size: int) -> bool:
+        """Remove the oldest checkpoints, except the spared keys, until `size` more bytes fit the limit.
 
         Return True if they fit.
         """
         entries = sorted(self._entries(), key=_age)
         sizes = {entry: _size(entry) for entry in entries}
         while sizes and sum(sizes.values()) + size > self._limit:
-            others = [entry for entry in sizes if entry.name != key]
+            others = [entry for entry in sizes if entry.name not in spared]
             if not others:
                 return False
             self.remove(others[0].name)

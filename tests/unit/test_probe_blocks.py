@@ -62,6 +62,25 @@ def test_blocks_written_after_a_resume_leave_those_before(opened):
     assert blocks.find(0, 0, 5) is not None and blocks.find(0, 5, 11) is not None
 
 
+@pytest.mark.parametrize("damaged", [True, False])
+def test_blocks_replace_unreadable_files_before_any_of_their_light(opened, tmp_path, damaged):
+    """The first of three files is damaged, or of another light."""
+    blocks, _ = opened()
+    for span in SPANS:
+        blocks.add(0, *span, part(span[1] - span[0], False))
+    if damaged:
+        (tmp_path / "resume" / "geometry" / "probes-0").write_bytes(b"damaged")
+    else:
+        opened("other")[0].add(0, *SPANS[0], part(5, False))
+    blocks, _ = opened()
+    assert [blocks.find(0, *span) is not None for span in SPANS] == [False, True, True]
+    for volume in (0, 1):
+        blocks.add(volume, *SPANS[0], part(5, False))
+    again, _ = opened()
+    assert all(again.find(0, *span) is not None for span in SPANS) and again.find(1, *SPANS[0]) is not None
+    assert len(list((tmp_path / "resume" / "geometry").iterdir())) == 4
+
+
 def test_blocks_wait_until_a_checkpoint_is_due(opened, monkeypatch):
     blocks, shared = opened()
     shared.time = checkpoint.WriteThrottle(600)

@@ -68,6 +68,20 @@ def test_a_checkpoint_never_grows_over_the_limit(tmp_path):
     assert sum(path.stat().st_size for path in (tmp_path / "resume" / "mine").iterdir()) <= 5000
 
 
+def test_checkpoints_of_one_bake_never_replace_each_other(tmp_path):
+    rows, probes = {"rows": np.zeros(1500, np.uint8)}, {"light": np.zeros(1200, np.uint8)}
+    assert Checkpoints(str(tmp_path), 5000).of(lambda: "older bake").write_rows("rays", 0, 7, rows)
+    interrupted = Checkpoints(str(tmp_path), 5000)
+    assert interrupted.of(lambda: "groups").write_rows("rays", 0, 7, rows)
+    bake = Checkpoints(str(tmp_path), 5000)
+    groups, patches = bake.of(lambda: "groups"), bake.of(lambda: "patches")
+    assert [patches.write_probes(lambda: "light", number, probes) for number in range(4)] == [
+        True, True, False, False,
+    ]  # fmt: skip
+    assert groups.rows_from_the_first("rays") == 7
+    assert {path.name for path in (tmp_path / "resume").iterdir()} == {"groups", "patches"}
+
+
 def test_a_folder_that_cannot_be_written_stops_nothing(tmp_path):
     (tmp_path / "resume").write_text("no folder")
     folder = CheckpointFolder(str(tmp_path), 5000)

@@ -55,8 +55,8 @@ _SMALLER = 2
 #: sample gather themselves.
 _NEAR = 2.0
 
-#: Expected fraction of patches that gather themselves, for the estimate of the work: in a scene whose groups
-#: are all full, and for each further group of a patch. Fitted to a room, a living room and a level of 1024 x
+#: Expected fraction of patches that gather themselves, for the estimate of the work. Fraction = first value +
+#: second value x (groups per patch above 1 / width^2). Fitted to a room, a living room and a level of 1024 x
 #: 1024 texels, with 4, 22 and 22 % for 0.065, 0.153 and 0.128 groups of 16 texels per patch.
 _GATHERING, _GATHERING_OF_GROUP = 0.04, 2.3
 

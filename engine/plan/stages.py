@@ -63,10 +63,10 @@ _EDGES = 0.5
 #: room of 5,000, 60 % in a level of 109,000.
 _ADAPTED, _ADAPTED_OF_EDGE, _MOST_ADAPTED = 0.25, 11, 0.7
 
-#: Assumed fraction of patches with supersampled texels, at 4 samples for each, which grows with the root of
-#: their number (measured for 4 and 16): those of light groups, and maximum of those at edges. Measured at
-#: 1024 x 1024 texels: 0.3 % of a room of 48 triangles, 5 % of a living room of 5,000, 23 and 15 % of levels
-#: of 109,000 and 316,000.
+#: Assumed fraction of patches with supersampled texels in light groups, samples per texel at which fractions
+#: were measured, and maximum fraction of patches at edges. Work grows with the root of the samples (measured
+#: for 4 and 16). Measured at 1024 x 1024 texels: 0.3 % of a room of 48 triangles, 5 % of a living room of
+#: 5,000, 23 and 15 % of levels of 109,000 and 316,000.
 _REFINED, _REFINED_SAMPLES, _MOST_REFINED = 0.1, 4, 0.25
 
 #: Samples of a texel of a reflection cube: four rays, and filters that take as long (measured).

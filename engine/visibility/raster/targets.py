@@ -12,7 +12,7 @@ from ...device.gl_context import GraphicsContext
 from .tiles import Tiles
 
 #: Width of the radiosity texture in patches. Fronts and backs have up to 8192 rows each, so its height is at
-#: most 16384, which OpenGL 4.3 guarantees. Maximum number of patches: with entries for none and for the
+#: most 16384, which OpenGL 4.1 guarantees. Maximum number of patches: with entries for none and for the
 #: background it also fits into the 26 bits of samples with a tint.
 _ROW = 8192
 MAX_PATCHES = _ROW * 8192 - 2

@@ -45,7 +45,7 @@ class ShaderTracer:
 
     graphics   the context; it has compute shaders
     cutouts    transmittance of the surfaces
-    bvh of the triangles, without back faces
+    bvh        BVH of the triangles that are no back faces
     """
 
     def __init__(

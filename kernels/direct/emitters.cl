@@ -291,10 +291,10 @@ Sample sample_sky(const Bright *sky, const float2 u)
     const float across = (u.x - before) / fmax(sky->cumulative[low] - before, 1e-20f);
     const int pixel = sky->listed[low], column = pixel % sky->width, row = pixel / sky->width;
     const float azimuth = 1.0f - 2.0f * (column + 0.5f + tent(clamp(across, 0.0f, 1.0f))) / sky->width;
-    const float z = -cospi((row + 0.5f + tent(u.y)) / sky->height), sine = sqrt(fmax(1.0f - z * z, 0.0f));
-    // The distribution has the mean sine over the pixel.
-    const float below = -cospi((float)row / sky->height), above = -cospi((row + 1.0f) / sky->height);
-    const float mean_sine = sky->height * M_1_PI_F * (above - below);
+    const float y = (row + 0.5f + tent(u.y)) / sky->height, z = -cospi(y), sine = fabs(sinpi(y));
+    // The distribution has the mean sine over the pixel. A difference of cosines would cancel near the poles.
+    const float half_pixel = sinpi(0.5f / sky->height);
+    const float mean_sine = 2.0f * M_1_PI_F * sky->height * sinpi((row + 0.5f) / sky->height) * half_pixel;
     const float3 colour = sky->pixels[low].xyz;
     const Sample s = {(float3)(sine * cospi(azimuth), sine * sinpi(azimuth), z), INFINITY,
                       colour * (sky->total * M_1_PI_F * sine / (luminance(colour) * mean_sine))};

@@ -257,11 +257,10 @@ Sample sample_sky(const vec2 u)
     float across = (u.x - before) / max(table_float(first_cumulative + low) - before, 1e-20);
     int pixel = int(light_tables[first_listed + low]), column = pixel % sky_width, row = pixel / sky_width;
     float azimuth = float(PI) * (1.0 - 2.0 * (float(column) + 0.5 + tent(clamp(across, 0.0, 1.0))) / float(sky_width));
-    float z = -cos(float(PI) * (float(row) + 0.5 + tent(u.y)) / float(sky_height)), sine = sqrt(max(1.0 - z * z, 0.0));
-    // The distribution has the mean sine over the pixel.
-    float below = -cos(float(PI) * float(row) / float(sky_height));
-    float above = -cos(float(PI) * float(row + 1) / float(sky_height));
-    float mean_sine = float(sky_height) * INVERSE_PI * (above - below);
+    float pixel_angle = float(PI) / float(sky_height), middle = (float(row) + 0.5) * pixel_angle;
+    float polar = middle + tent(u.y) * pixel_angle, z = -cos(polar), sine = abs(sin(polar));
+    // The distribution has the mean sine over the pixel. A difference of cosines would cancel near the poles.
+    float mean_sine = 2.0 / pixel_angle * sin(middle) * sin(0.5 * pixel_angle);
     vec3 colour = table_vec3(first_sky_pixels + 4 * low);
     return sample_of(vec3(sine * cos(azimuth), sine * sin(azimuth), z), INFINITY,
                      colour * (sky_total * INVERSE_PI * sine / (luminance(colour) * mean_sine)));

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from engine import Light, Material, Scene, Settings, Texture
+from engine.device import devices
 from engine.scene.profile import Profile
 from engine.scene.transmission import CLEAR, Transmission
 from tests.analytic.drive import drive, drive_with_progress
 from tests.analytic.scenes import quads, rectangle
+from tests.no_compute import NoCompute
 from tests.reference.analytic import polygon
 from tests.transparency import transparent
 
@@ -243,6 +245,19 @@ def test_a_bright_spot_of_the_sky_is_a_light():
     mesh = quads(floor[None], [(1, 1, 6, 6)], [0], 16, "Floor")
     image = drive(Scene((mesh,), (BLACK,), world=world), SETTINGS).image[0, 1:7, 1:7, 0]
     assert image == pytest.approx(1000 * angle * z / np.pi, rel=0.01)
+
+
+@pytest.mark.parametrize("compute", [devices.ComputeDevice, NoCompute])
+@pytest.mark.parametrize("height", [4099, 16384])
+def test_a_bright_pixel_at_the_pole_of_a_tall_panorama_has_its_light(height, compute, monkeypatch):
+    """Its tent, continued to the pole, is 1 up to half a pixel from the pole and falls to 0 at 1.5 pixels."""
+    monkeypatch.setattr(devices, "ComputeDevice", compute)
+    world = np.zeros((height, 8, 3), np.float32)
+    world[-1, 3] = 1e9
+    floor = quads(rectangle((-0.01, -0.01, 0), 0.02 * X, 0.02 * Y)[None], [(1, 1, 6, 6)], [0], 16, "Floor")
+    image = drive(Scene((floor,), (BLACK,), world=world), SETTINGS).image[0, 1:7, 1:7, 0]
+    angle = 13 / 24 * (np.pi / height) ** 2 * 2 * np.pi / 8
+    assert image.mean() == pytest.approx(1e9 * angle / np.pi, rel=0.005)
 
 
 def test_pixels_of_the_sky_are_interpolated_at_edges_of_shadows():

@@ -36,14 +36,15 @@ def main() -> None:
     """Measure both checkouts and print a table."""
     options = _parse()
     if options.measure:
-        print(json.dumps(_measured(options.measure, options.quality, *options.arrays)))
+        folder, *arrays = options.measure
+        print(json.dumps(_measured(folder, options.quality, *arrays)))
         return
     times: dict[str, tuple[list[float], list[float]]] = defaultdict(lambda: ([], []))
     for _ in range(options.rounds):
         for side, folder in enumerate((options.before, options.after)):
-            command = [sys.executable, __file__, str(folder), "--measure", str(folder)]
+            measured = [folder, options.arrays[side]] if options.arrays else [folder]
+            command = [sys.executable, __file__, str(folder), "--measure", *map(str, measured)]
             command += ["--quality", *options.quality]
-            command += ["--arrays", str(options.arrays[side])] if options.arrays else []
             printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
             for name, seconds in json.loads(printed.splitlines()[-1]).items():
                 times[name][side].extend(seconds)
@@ -129,9 +130,13 @@ def _parse() -> argparse.Namespace:
         "--quality", nargs="+", default=named, choices=named, help="qualities that are measured"
     )
     parser.add_argument(
-        "--arrays", type=Path, nargs="+", default=[], help="folders of stored scenes, of BEFORE and of AFTER"
+        "--arrays",
+        type=Path,
+        nargs=2,
+        metavar=("BEFORE", "AFTER"),
+        help="folders of stored scenes, of BEFORE and of AFTER",
     )
-    parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--measure", type=Path, nargs="+", help=argparse.SUPPRESS)
     return parser.parse_args()
 
 

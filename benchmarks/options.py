@@ -15,7 +15,7 @@ class Options:
     gpu:      True chooses sizes for a graphics card
     full:     True measures everything, False what takes minutes
     scenes:   folder of scene files
-    only:     names of the scenes of equal_error, or of the cases of large; none for all
+    only:     names of the scenes of equal_error, or of the cases of large and levels; none for all
     cache:    folder of references that are kept between runs
     results:  folder of the stored results
     """

@@ -94,7 +94,7 @@ def _parse() -> argparse.Namespace:
         nargs="+",
         default=[],
         metavar="NAME",
-        help="scenes of equal_error, or cases of large such as 13M-64M; all without",
+        help="scenes of equal_error, or cases of large and levels such as 13M-64M and 13M-1M; all without",
     )
     parser.add_argument("--out", type=Path, default=Path(Options.results), help="folder for the figures")
     return parser.parse_args()

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.curves import Point, envelope, reach, reach_by_sampling
 from benchmarks.driver_caches import driver_caches
 from benchmarks.halls import hall
+from benchmarks.process_memory import _memory
 from benchmarks.rooms import cornell_box, dark_box, hilly_room
 from engine.scene.checks import check_scene
 
@@ -84,3 +85,23 @@ def test_drivers_have_caches_of_their_own_only_meanwhile(tmp_path, monkeypatch):
         assert os.environ["POCL_CACHE_DIR"] == str(tmp_path / "POCL_CACHE_DIR")
         assert os.path.isdir(os.environ["CUDA_CACHE_PATH"])
     assert os.environ["POCL_CACHE_DIR"] == "/kept" and "CUDA_CACHE_PATH" not in os.environ
+
+
+def test_each_block_of_shared_memory_counts_once(tmp_path, monkeypatch):
+    mib, own = 1 << 20, os.getpid()
+    maps = {own: ((7, 0, 3), (8, 3, 8)), 41: ((7, 100, 103), (9, 200, 202)), 42: ((9, 0, 2),)}
+    for pid, blocks in maps.items():
+        folder = tmp_path / str(pid)
+        folder.mkdir()
+        (folder / "status").write_text("Name:\tpython\nRssAnon:\t    2048 kB\nRssShmem:\t    9000 kB\n")
+        lines = [
+            f"{first * mib:x}-{last * mib:x} rw-s 00000000 00:1a {inode}    /dev/shm/psm_{inode} (deleted)"
+            for inode, first, last in blocks
+        ]
+        library = "7f0000000000-7f0000400000 r-xp 00000000 fe:01 7    /usr/lib/lib c.so"
+        (folder / "maps").write_text("\n".join([library, *lines, "7f0000500000-7f0000600000 rw-p 0 00:00 0"]))
+    task = tmp_path / "self" / "task" / str(own)
+    task.mkdir(parents=True)
+    (task / "children").write_text("41 42 43")
+    monkeypatch.setattr("benchmarks.process_memory._PROC", tmp_path)
+    assert _memory() == (3 * 2 + 3 + 5 + 2) * mib

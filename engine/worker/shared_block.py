@@ -19,18 +19,19 @@ class SharedBlock:
 
     def __init__(self, parcel: messages.Parcel) -> None:
         """Store the object in `parcel`; raise WorkerError if memory is short."""
-        self._memory = _create(parcel.size)
+        self._memory: SharedMemory | None = _create(parcel.size)
         parcel.write(_view(self._memory))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        _remove(self._memory)
+        self._remove()
 
     @property
     def name(self) -> str:
         """Name with which the worker opens the block; changes after `grow`."""
+        assert self._memory is not None
         return self._memory.name
 
     def read(self) -> Any:
@@ -40,11 +41,17 @@ class SharedBlock:
     def grow(self, size: int) -> None:
         """Replace the block by an empty one of `size` bytes, larger or smaller.
 
-        Raises WorkerError if memory is short.
+        Raises WorkerError if memory is short; the block is removed then too.
         """
-        larger = _create(size)
-        _remove(self._memory)
-        self._memory = larger
+        self._remove()
+        self._memory = _create(size)
+
+    def _remove(self) -> None:
+        """Remove the block if there is one, so that another one has its space."""
+        if self._memory is not None:
+            self._memory.close()
+            self._memory.unlink()
+            self._memory = None
 
 
 class BorrowedBlock:
@@ -95,14 +102,9 @@ def _room() -> float:
     return room.f_bavail * room.f_frsize if room.f_blocks else math.inf
 
 
-def _view(memory: SharedMemory) -> memoryview:
-    assert memory.buf is not None
+def _view(memory: SharedMemory | None) -> memoryview:
+    assert memory is not None and memory.buf is not None
     return memory.buf
-
-
-def _remove(memory: SharedMemory) -> None:
-    memory.close()
-    memory.unlink()
 
 
 def _attach(name: str) -> SharedMemory:

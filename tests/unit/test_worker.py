@@ -568,6 +568,32 @@ def test_memory_that_is_not_there_is_refused(start):
         shared_block.SharedBlock(huge)
 
 
+@pytest.mark.parametrize("size", [101, 70_001])
+def test_a_block_is_removed_before_its_successor_is_made(size, monkeypatch):
+    create, before = shared_block._create, []
+    with shared_block.SharedBlock(Parcel(bytes(9973))) as block:
+        first = block.name
+
+        def create_alone(wanted):
+            with pytest.raises(FileNotFoundError):
+                shared_block._attach(first)
+            before.append(wanted)
+            return create(wanted)
+
+        monkeypatch.setattr(shared_block, "_create", create_alone)
+        block.grow(size)
+        assert before == [size]
+        with shared_block.BorrowedBlock(block.name) as borrowed:
+            assert borrowed.write(Parcel("text")) and block.read() == "text"
+
+
+def test_a_block_without_room_for_its_successor_ends_without_another_error(monkeypatch):
+    with shared_block.SharedBlock(Parcel("text")) as block:
+        monkeypatch.setattr(shared_block, "_room", lambda: 0)
+        with pytest.raises(WorkerError, match="no room"):
+            block.grow(1 << 20)
+
+
 def test_parcel_takes_numbers_as_they_are():
     parcel = Parcel((math.nan, -0.0, "ü", None, True, b""))
     memory = memoryview(bytearray(parcel.size))

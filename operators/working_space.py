@@ -6,6 +6,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from ..engine.array_ops import map_blocks
 from ..engine.scene.color import luminance
 
 REC709 = "Linear Rec.709"
@@ -33,12 +34,24 @@ def to_rec709(colours: np.ndarray) -> np.ndarray:
 
     Colours outside the Rec.709 gamut get negative channels.
     """
-    return colours if is_rec709() else (colours @ _matrix().T).astype(colours.dtype)
+    return colours if is_rec709() else _product(colours, _matrix())
 
 
 def from_rec709(colours: np.ndarray) -> np.ndarray:
     """Convert linear Rec.709 colours (..., 3) to scene-linear ones; may return the input array."""
-    return colours if is_rec709() else (colours @ np.linalg.inv(_matrix()).T).astype(colours.dtype)
+    return colours if is_rec709() else _product(colours, np.linalg.inv(_matrix()))
+
+
+def _product(colours: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Return colours (..., 3) times a (3, 3) float64 matrix, same dtype; blocks limit float64 copies."""
+    rows = colours.reshape(-1, 3)
+    result: np.ndarray = np.empty_like(rows)
+
+    def multiply(block: slice) -> None:
+        result[block] = rows[block] @ matrix.T
+
+    map_blocks(len(rows), 2 * result.itemsize * 3, multiply)
+    return result.reshape(colours.shape)
 
 
 def luminance_of(colours: np.ndarray) -> np.ndarray:

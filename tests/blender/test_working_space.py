@@ -1,5 +1,7 @@
 """Working spaces of Blender 5: the engine and Blender's images use them, files have linear Rec.709."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -234,3 +236,16 @@ def test_files_without_negative_channels_are_reported(matrix, tmp_path, file_for
     found = [note for note in report()["warnings"] if "colors outside Rec.709" in note]
     assert len(found) == warned
     assert all("Square" in note and "OpenEXR" in note for note in found)
+
+
+def test_conversions_make_no_float64_copy_of_a_map(matrix):
+    space = part("operators.working_space")
+    colours = np.random.default_rng(7).random((509, 521, 3), np.float32)
+    tracemalloc.start()
+    converted = space.to_rec709(colours)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert converted.dtype == np.float32 and converted.shape == colours.shape
+    assert np.array_equal(converted, (colours @ matrix.T.astype(float)).astype(np.float32))
+    assert space.from_rec709(converted) == pytest.approx(colours, abs=1e-6)
+    assert peak < 2 * colours.nbytes

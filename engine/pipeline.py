@@ -27,7 +27,7 @@ from .patches.patch_scene import PatchScene
 from .patches.seams import Seams
 from .patches.sides import both_sides
 from .plan.choose_solver import choose_solver
-from .plan.limits import check_limits, check_patches
+from .plan.limits import check_limits, check_patches, may_gather
 from .plan.memory import shared_width
 from .plan.opencl_fallback import without_opencl
 from .plan.previous_solution import PreviousSolution
@@ -119,7 +119,8 @@ def _bake(
 
     # Patch list: lightmap texels on surfaces, and their geometry (III.A, IV.A).
     patch_scene = kept.make_patch_scene(graphics, compute, scene, settings)
-    check_patches(compute, len(patch_scene.triangles.mesh), len(patch_scene.patches))
+    gathers = may_gather(scene, patch_scene.surfaces, settings)
+    check_patches(compute, len(patch_scene.triangles.mesh), len(patch_scene.patches), gathers)
     store = kept.texels.images(patch_scene.patches, len(atlases), settings, compute)
     previous = kept.light_on(compute, patch_scene, len(atlases), settings)
     yield stages.listed(len(patch_scene.patches), patch_scene.surfaces.mean_reflectance)

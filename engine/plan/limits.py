@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from ..array_ops import has_nonzero
 from ..device.cl_device import ComputeDevice
 from ..device.gl_context import GraphicsContext
 from ..errors import SettingsError
+from ..patches.patch_materials import PatchMaterials
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.raster.targets import MAX_PATCHES
@@ -18,9 +20,9 @@ _LIST_BYTES = 2 * 16
 _OWNER_BYTES, _TOUCHED_BYTES = 4, 4
 
 #: Bytes on the device for each triangle: corners, normals, UVs, texel steps, and a packet of the hierarchy.
-#: For each texel: the record of a receiver; its radiance, gathered and sampled light as float4.
+#: For each texel: the record of a receiver; if it gathers, radiance, gathered and sampled light as float4.
 _TRIANGLE_BYTES = 36 + 36 + 24 + TEXEL_STEP.dtype.itemsize + 48
-_RECEIVER_BYTES = RECEIVER.dtype.itemsize + 3 * 16
+_RECEIVER_BYTES, _GATHER_BYTES = RECEIVER.dtype.itemsize, 3 * 16
 
 #: Bytes on the host, which count on a CPU, for each triangle: scene, joined triangles and texel steps. For
 #: each texel: its index, triangle, barycentrics, position and normal.
@@ -62,23 +64,36 @@ def check_limits(
         )
 
 
-def check_patches(compute: ComputeDevice | None, triangles: int, patches: int) -> None:
-    """Raise SettingsError if there are more patches than a radiosity texture holds, or memory is short."""
+def may_gather(scene: Scene, surfaces: PatchMaterials, settings: Settings) -> bool:
+    """Return False if no light can reach any patch and only light is an output, so that nothing gathers.
+
+    surfaces:  surfaces of the patches
+    """
+    shining = (scene.world, surfaces.emission, surfaces.back_emission)
+    lit = bool(scene.lights) or any(light is not None and has_nonzero(light) for light in shining)
+    return lit or not settings.only_light
+
+
+def check_patches(compute: ComputeDevice | None, triangles: int, patches: int, gathers: bool = True) -> None:
+    """Raise SettingsError if there are more patches than a radiosity texture holds, or memory is short.
+
+    gathers:  False if no patch gathers light, see `may_gather`
+    """
     if patches > MAX_PATCHES:
         raise SettingsError(
             f"The lightmaps hold {patches:,} texels; at most {MAX_PATCHES:,} can be baked at once. "
             "Lower the resolution, or bake fewer objects at once."
         )
     if compute is not None:
-        _check_memory(compute, triangles, patches)
+        _check_memory(compute, triangles, patches, gathers)
 
 
-def _check_memory(compute: ComputeDevice, triangles: int, patches: int = 0) -> None:
+def _check_memory(compute: ComputeDevice, triangles: int, patches: int = 0, gathers: bool = True) -> None:
     """Raise SettingsError if triangles and patches alone exceed the memory of the device.
 
     The sum is a lower bound, so a scene that passes may still run out of memory.
     """
-    needed = triangles * _TRIANGLE_BYTES + patches * _RECEIVER_BYTES
+    needed = triangles * _TRIANGLE_BYTES + patches * (_RECEIVER_BYTES + gathers * _GATHER_BYTES)
     if compute.processor:
         needed += triangles * _HOST_TRIANGLE_BYTES + patches * _HOST_TEXEL_BYTES
     available = compute.device.global_mem_size

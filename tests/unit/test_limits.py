@@ -1,10 +1,12 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from engine.errors import SettingsError
-from engine.plan.limits import check_limits, check_patches
+from engine.patches.patch_materials import PatchMaterials
+from engine.plan.limits import check_limits, check_patches, may_gather
 from engine.scene.model import Scene
 from engine.settings import Settings
 
@@ -31,17 +33,30 @@ def test_one_atlas_is_listed_at_a_time_and_all_have_index_maps(atlases, unified,
         check(atlases, 2048, needed - 1, unified)
 
 
+@pytest.mark.parametrize("gathers", [True, False])
 @pytest.mark.parametrize(("processor", "of_triangle", "of_texel"), [(False, 192, 192), (True, 452, 236)])
-def test_triangles_and_texels_that_cannot_fit_are_refused(processor, of_triangle, of_texel):
+def test_triangles_and_texels_that_cannot_fit_are_refused(processor, of_triangle, of_texel, gathers):
     def check_memory(size):
         device = SimpleNamespace(global_mem_size=size)
         compute = SimpleNamespace(name="Card", device=device, processor=processor)
-        check_patches(compute, 13_000_001, 61_000_003)
+        check_patches(compute, 13_000_001, 61_000_003, gathers)
 
-    needed = 13_000_001 * of_triangle + 61_000_003 * of_texel
+    needed = 13_000_001 * of_triangle + 61_000_003 * (of_texel if gathers else of_texel - 48)
     check_memory(needed)
     with pytest.raises(SettingsError, match="13,000,001 triangles and 61,000,003 texels need .* Lower the"):
         check_memory(needed - 1)
+
+
+def test_only_scenes_in_which_light_may_be_gather_it():
+    dark, light = np.zeros((7, 3), np.float32), np.float32([[0, 0, 0], [0, 0.1, 0]])
+    black = Scene((), (), ("Atlas",), np.zeros(3))
+    surfaces = PatchMaterials(dark, dark)
+    assert not may_gather(black, surfaces, Settings(outputs=("combined",)))
+    assert may_gather(black, surfaces, Settings(outputs=("combined", "ambient_occlusion")))
+    assert may_gather(replace(black, world=light[1]), surfaces, Settings())
+    assert may_gather(replace(black, lights=(None,)), surfaces, Settings())
+    assert may_gather(black, replace(surfaces, emission=light), Settings())
+    assert may_gather(black, replace(surfaces, back_emission=light), Settings())
 
 
 def test_more_texels_than_radiosity_textures_hold_are_refused():

@@ -109,7 +109,7 @@ def dominant_direction(irradiance: np.ndarray, l1: np.ndarray) -> np.ndarray:
     """Return the dominant direction D, (n, 3) float32, world space, not normalized.
 
     D is the luminance of L1 divided by the luminance of E/pi, so that E(n')/pi is about E(n)/pi (1 + D . (n'
-    - n)); see `directional_maps`.
+    - n)); see `directional_maps`. The luminance has the weights of Rec.709 in each working space.
     """
     light = luminance(irradiance)[:, None]
     return np.divide(luminance(l1), light, out=np.zeros_like(irradiance), where=light > 0)

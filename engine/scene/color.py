@@ -30,9 +30,10 @@ def channel_sum(values: np.ndarray) -> np.ndarray:
 
 
 def luminance(values: np.ndarray, dtype: npt.DTypeLike = None) -> np.ndarray:
-    """Return the luminance of scene-linear Rec.709 colors (ITU-R BT.709), (..., 3) float -> (...).
+    """Return the luminance of linear Rec.709 colors (ITU-R BT.709), (..., 3) float -> (...).
 
-    Adds column by column, like `channel_sum`.
+    The engine also weights colors of other working spaces by it, which then is no exact luminance: for the
+    dominant direction and thresholds. Adds column by column, like `channel_sum`.
 
     values:  (..., 3) float
     dtype:   dtype of the sum and the result; None for the dtype of the values

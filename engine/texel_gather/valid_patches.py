@@ -36,15 +36,29 @@ def substitutes_of(
 ) -> np.ndarray | None:
     """Return the substitute of each sender of light, (m,) int64, for a final gather; None if all are valid.
 
-    Patch groups keep the substitutes of the iterations, which are of groups too.
-
     hidden:     (n,) bool, invalid patches, see `invalid_patches`
     settled:    (m, 3) float32, E/pi of the senders
     of_groups:  (m,) int64, substitutes of the iterations, see `Solution.substitute`
     """
     if texel_job.solved is not texel_job.job:
-        return of_groups
-    return substitute_patches(texel_job.job.parts, hidden, partial(values_at, settled))
+        hidden = _invalid_groups(texel_job, hidden, of_groups)
+    return substitute_patches(texel_job.solved.parts, hidden, partial(values_at, settled))
+
+
+def _invalid_groups(
+    texel_job: TexelGatherJob, hidden: np.ndarray, of_groups: np.ndarray | None
+) -> np.ndarray:
+    """Return a mask of invalid patch groups, (m,) bool, which have the light of their representatives.
+
+    A group is invalid if its representative is, or if the iterations replaced its light.
+
+    hidden, of_groups:  see `substitutes_of`
+    """
+    entries = texel_job.job.parts.texel_to_patch.ravel()[texel_job.solved.parts.patches.key]
+    invalid: np.ndarray = hidden[entries.astype(np.int64) - 1]
+    if of_groups is not None:
+        invalid |= of_groups != np.arange(len(of_groups))
+    return invalid
 
 
 def lit_backs_of(texel_job: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:

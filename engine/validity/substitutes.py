@@ -69,23 +69,25 @@ def substitute_patches(
     light = channel_sum(light_of(neighbour)).astype(np.float64)
 
     # The first pair of each patch is the closest to the mean.
-    order = np.lexsort((np.abs(light - _harmonic_mean(light, patch)[patch]), patch))
+    order = np.lexsort((np.abs(light - _harmonic_means(light, patch)), patch))
     patch, first = np.unique(patch[order], return_index=True)
     result = np.arange(len(invalid))
     result[patch] = neighbour[order[first]]
     return result
 
 
-def _harmonic_mean(light: np.ndarray, patch: np.ndarray) -> np.ndarray:
-    """Return the harmonic mean of the light of each patch's candidates, float64, by patch.
+def _harmonic_means(light: np.ndarray, patch: np.ndarray) -> np.ndarray:
+    """Return the harmonic mean of the light of all candidates of the same patch, (p,) float64, by candidate.
 
     light:  (p,) float64, light of the candidates
     patch:  (p,) int64, patch of each candidate
     """
     faintest = max(_FAINTEST * float(light.max(initial=0)), 1e-30)
-    inverse = np.bincount(patch, 1 / np.maximum(light, faintest))
-    mean: np.ndarray = np.bincount(patch) / np.maximum(inverse, 1e-30)
-    return mean
+    # Numbers without gaps, so that memory grows with the pairs, not with the patches.
+    number = np.unique(patch, return_inverse=True)[1]
+    inverse = np.bincount(number, 1 / np.maximum(light, faintest))
+    mean: np.ndarray = np.bincount(number) / np.maximum(inverse, 1e-30)
+    return mean[number]
 
 
 def _valid_neighbours(patch_scene: PatchScene, invalid: np.ndarray, texels: np.ndarray) -> PatchPairs:

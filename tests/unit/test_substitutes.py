@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from engine.direct.contact import Contacts
+from engine.patches.patch_list import PatchList
 from engine.patches.texels_around import beside_any, cells_around
+from engine.texel_gather.valid_patches import substitutes_of
 from engine.validity.invalid import is_invalid
 from engine.validity.substitutes import substitute_patches
 
@@ -137,3 +139,41 @@ def test_groups_stand_in_for_groups():
     assert (front[found[beside]] == 1).all()
     far = np.setdiff1d(number[hidden], beside)
     assert np.array_equal(found[far], far)
+
+
+def test_final_gathers_replace_groups_whose_representative_is_invalid():
+    """Squares of 2 x 2 patches: probe rays find one inside, iterations another, and hit one other member."""
+    row, column = np.divmod(np.arange(WIDTH**2), WIDTH)
+    group = np.unique(row // 2 * 6 + column // 2, return_inverse=True)[1]
+    representative = np.unique(group, return_index=True)[1]
+    job = SimpleNamespace(parts=floor())
+    groups = floor((group + 1).reshape(WIDTH, WIDTH))
+    nothing = np.zeros(len(representative))
+    groups.patches = PatchList(
+        WIDTH, nothing.astype(np.int64), representative, nothing, np.zeros((len(nothing), 2))
+    )
+    texel_job = SimpleNamespace(job=job, solved=SimpleNamespace(parts=groups))
+    light = np.tile(np.linspace(1, 2, len(nothing), dtype=np.float32)[:, None], (1, 3))
+
+    inside, found_before, valid = group[2 * WIDTH + 2], group[6 * WIDTH + 6], group[4 * WIDTH + 8]
+    hidden = np.zeros(WIDTH**2, bool)
+    hidden[representative[inside]] = True
+    hidden[np.flatnonzero(group == valid)[1:]] = True
+    assert substitutes_of(texel_job, np.zeros_like(hidden), light, None) is None
+    of_iterations = np.arange(len(nothing))
+    of_iterations[found_before] = found_before + 1
+    found = substitutes_of(texel_job, hidden, light, of_iterations)
+    replaced = np.flatnonzero(found != np.arange(len(nothing)))
+    assert np.array_equal(replaced, [inside, found_before])
+    beside = np.abs(np.stack(np.divmod(found[replaced], 6)) - np.stack(np.divmod(replaced, 6)))
+    assert (beside.max(axis=0) == 1).all()
+
+
+def test_means_need_no_memory_for_patches_without_candidates(monkeypatch):
+    """Only the last of many patches is invalid."""
+    largest, bincount = [], np.bincount
+    monkeypatch.setattr(np, "bincount", lambda *a: largest.append(len(bincount(*a))) or bincount(*a))
+    light, front = ramp()
+    front[-1, -1] = 0
+    found = substitutes(floor(), near(WIDTH**2), gathered_by(light, front))
+    assert found[-1] != WIDTH**2 - 1 and max(largest) == 1

@@ -31,7 +31,8 @@ def find_fingerprints(
     The first digest covers its faces, its place in the world and the atlas, its materials, and whether its
     light is stored in vertices. The second covers all light sources.
 
-    surroundings:  lights in world space, the world's light, and light groups
+    surroundings:  lights in world space, the world's light, light groups, and a working space other than
+                   Rec.709
     """
     looks: list[bytes] = []
     for material in materials:

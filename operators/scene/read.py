@@ -14,6 +14,7 @@ from ...engine.errors import SceneError
 from ...engine.object_message import first_line, object_message
 from ...engine.progress import Progress, finished
 from ...engine.scene.model import NO_LIGHTMAP, Mesh, Scene
+from ..working_space import is_rec709, working_space
 from .fingerprints import combined, find_fingerprints, in_the_world
 from .invalid_values import replace_invalid_values
 from .light.lights import SceneLights
@@ -295,7 +296,9 @@ class _SceneReading:
     def _fingerprints(self) -> Slices[dict[int, str]]:
         """Return the fingerprint of each object that gets a lightmap, with its instances, by session uid."""
         groups = self._light_groups, self._world_group
-        light = (*in_the_world(self._lights, self._origin), self._world, *groups)
+        # Left out in Rec.709, so that fingerprints of older files stay valid.
+        space = () if is_rec709() else (working_space(),)
+        light = (*in_the_world(self._lights, self._origin), self._world, *groups, *space)
         found = yield from find_fingerprints(self._readings, self._places, self._materials, light)
         by_source: dict[int, list[str]] = {}
         for reading, fingerprint in zip(self._readings, found, strict=True):

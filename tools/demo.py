@@ -62,7 +62,7 @@ def lightmap_picture(image: str, folder: Path) -> Path:
     pictures = load("operators.result.pictures")
 
     path = folder / f"{image}.png"
-    pictures.write_png(pictures.exposed(pictures.read_pixels(bpy.data.images[image])), path)
+    pictures.write_png(pictures.exposed(pictures.rec709_pixels(bpy.data.images[image])), path)
     return path
 
 

@@ -26,17 +26,18 @@ from ..result.destination import blend_from, try_folder
 from ..result.directional_images import all_directional_images, directional_images
 from ..result.file_names import file_name, numbered_names
 from ..result.files import reason, replace_all, staging_folder
-from ..result.images import rec709_pixels
 from ..result.light_mixer import group_images
-from ..result.light_states import baked_groups, manifest_states, mixed_light
+from ..result.light_states import baked_groups, factors, manifest_states, mixed_light
 from ..result.lightmap_files import LightmapFile
 from ..result.manifest import NAME, VERSION, is_ours, read_manifest, write_manifest
 from ..result.moved_charts import warn_changed_uvs
+from ..result.pictures import read_pixels, rec709_pixels
 from ..result.preview import hide_preview, previewed, show_preview
 from ..result.shadow_mask_images import sun_mask
 from ..result.state_files import STATE
 from ..rollback import Rollback
 from ..scene import SceneContext
+from ..working_space import to_rec709
 from .baked_probes import baked_probes
 from .complete_maps import complete_maps
 from .encoded import EncodedLightmap, encode
@@ -250,7 +251,8 @@ class _Export:
             raise EngineError(_UNREADABLE.format(self._path.name))
         gltf, output = read_gltf(self._made / self._path.name), _shown_output(scene)
         lit = [LitNode(index, surface) for index, surface in zip(hooks.nodes, hooks.lit, strict=True)]
-        states = manifest_states(scene) if any(self._groups.values()) else {}
+        listed = scene.hemibake.light_states if any(self._groups.values()) else ()
+        states = {state.name: factors(state) for state in listed}
         stems = _stems(self._path.stem, {name: name for name in states})
         maps = self._godot_maps(scene, states)
         probes = {name: godot_probes(*volume) for name, volume in baked_probes(scene).items()}
@@ -265,8 +267,8 @@ class _Export:
         )
 
         def mix(image: bpy.types.Image, state: str) -> np.ndarray:
-            parts = {name: _finite_pixels(part) for name, part in self._groups[image].items()}
-            return mixed_light(parts, states[state])
+            parts = {name: _finite(part, read_pixels(part)) for name, part in self._groups[image].items()}
+            return to_rec709(mixed_light(parts, states[state]))
 
         def facts(image: bpy.types.Image) -> dict:
             return {**self._facts(image, hooks.lit), "output": output}
@@ -435,7 +437,11 @@ def _stems(stem: str, names: Mapping[Any, str]) -> dict:
 
 def _finite_pixels(image: bpy.types.Image) -> np.ndarray:
     """Return a lightmap's light, see `rec709_pixels`; raises EngineError for NaN or infinite values."""
-    pixels = rec709_pixels(image)
+    return _finite(image, rec709_pixels(image))
+
+
+def _finite(image: bpy.types.Image, pixels: np.ndarray) -> np.ndarray:
+    """Return the pixels of a lightmap; raises EngineError for NaN or infinite values."""
     if not np.isfinite(pixels).all():
         raise EngineError(_NOT_FINITE.format(image.name))
     return pixels

@@ -15,14 +15,14 @@ from ...engine.errors import EngineError
 from ...engine.outputs import RATIO_MAPS
 from ..lookup import find
 from ..rollback import Rollback
-from ..working_space import REC709, from_rec709, is_rec709, to_rec709
+from ..working_space import REC709, from_rec709, is_rec709
 from .destination import Destination
 from .exr import rgba, write_exr
 from .files import reason, replace_all, staging_folder
 from .light_states import states_section
 from .lightmap_files import LightmapFile, lightmap_files
 from .manifest import NAME, write_manifest
-from .pictures import read_pixels
+from .pictures import DATA, holds_colours
 from .probe_files import ProbeFile, probe_sections
 from .reflection_files import ReflectionFile, reflection_sections
 
@@ -32,9 +32,6 @@ MARK = "hemibake_atlas"
 #: Custom property of an image: True if a bake packed it: without a folder, after a write error,
 #: or in Live.
 _PACKED = "hemibake_packed"
-
-#: Color space of images without colors, if the working space is not Rec.709.
-_DATA = "Non-Color"
 
 
 def map_name(atlas: str, output: str) -> str:
@@ -126,22 +123,11 @@ def store(
     return files
 
 
-def holds_colours(image: bpy.types.Image) -> bool:
-    """Return True if Blender converts the pixels of a lightmap image to its working space."""
-    return image.colorspace_settings.name != _DATA
-
-
-def rec709_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Return the light of a lightmap image, (h, w, 3) float32, linear Rec.709; data maps as they are."""
-    pixels = read_pixels(image)
-    return to_rec709(pixels) if holds_colours(image) else pixels
-
-
 def _set_space(image: bpy.types.Image) -> None:
     """Set the color space of a lightmap image."""
     suffixes = tuple(map_name("", output) for output in RATIO_MAPS)
     is_ratio = not is_rec709() and image[MARK].endswith(suffixes)
-    space = _DATA if is_ratio else REC709
+    space = DATA if is_ratio else REC709
     if image.colorspace_settings.name != space:
         image.colorspace_settings.name = space
 

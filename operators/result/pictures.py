@@ -11,9 +11,13 @@ import bpy
 import numpy as np
 
 from ...engine.scene.color import linear_to_srgb
+from ..working_space import to_rec709
 from .destination import blend_from
 from .files import replace_all, staging_folder
 from .manifest import NAME, is_ours, read_manifest, write_manifest
+
+#: Color space of images without colors, if the working space is not Rec.709.
+DATA = "Non-Color"
 
 
 def write_pictures(images: Sequence[bpy.types.Image], folder: Path) -> list[str]:
@@ -27,7 +31,7 @@ def write_pictures(images: Sequence[bpy.types.Image], folder: Path) -> list[str]
     with staging_folder(folder) as staging:
         staged = [staging / f"{index}.png" for index in range(len(names))]
         for image, path in zip(images, staged, strict=True):
-            write_png(exposed(read_pixels(image)), path)
+            write_png(exposed(rec709_pixels(image)), path)
         facts = [{"blend": blend_from(folder), "picture_of": name} for name in shown]
         write_manifest(staging / NAME, folder, staged, names, facts)
         replace_all([staging / NAME, *staged], [folder / name for name in (NAME, *names)], staging)
@@ -44,14 +48,25 @@ def _free_name(folder: Path, stem: str) -> str:
 
 
 def read_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Return an image's colours, (h, w, 3) float32, first row at the bottom."""
+    """Return an image's colours in the working space, (h, w, 3) float32, first row at the bottom."""
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
     return pixels.reshape(*reversed(image.size), -1)[..., :3]
 
 
+def holds_colours(image: bpy.types.Image) -> bool:
+    """Return True if Blender converts the pixels of a lightmap image to its working space."""
+    return image.colorspace_settings.name != DATA
+
+
+def rec709_pixels(image: bpy.types.Image) -> np.ndarray:
+    """Return the light of a lightmap image, (h, w, 3) float32, linear Rec.709; data maps as they are."""
+    pixels = read_pixels(image)
+    return to_rec709(pixels) if holds_colours(image) else pixels
+
+
 def exposed(pixels: np.ndarray) -> np.ndarray:
-    """Convert linear colours to sRGB in [0, 1].
+    """Convert linear Rec.709 colours to sRGB in [0, 1].
 
     The exposure makes the 99th percentile of the largest channel of all texels that are not black white.
     Brighter texels are clipped.

@@ -19,7 +19,7 @@ from ..scene.uvs.lightmap_layer import layer_triangles
 from ..scene.uvs.uv_faults import covered_texels, is_finite, is_inside
 from ..scene.uvs.uv_targets import evaluated_mesh
 from ..working_space import to_rec709
-from .images import holds_colours
+from .pictures import holds_colours
 
 #: Owner of a texel.
 _NOBODY, _BAKED, _KEPT = range(3)

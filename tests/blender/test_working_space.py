@@ -5,10 +5,14 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from engine.scene.color import srgb_to_linear
+from engine.scene.color import linear_to_srgb, srgb_to_linear
 from tests.blender.test_alpha_modes import emitted
+from tests.blender.test_export import export
+from tests.blender.test_light_states import add_state, baked, lit, stage
 from tests.blender.test_world import world
 from tests.blender.things import bpy_link, furnace, material, part, pixels, read_scene, report, square
+
+__all__ = ["baked", "lit", "stage"]
 
 COLOUR = (0.2, 0.5, 0.7)
 
@@ -249,3 +253,56 @@ def test_conversions_make_no_float64_copy_of_a_map(matrix):
     assert np.array_equal(converted, (colours @ matrix.T.astype(float)).astype(np.float32))
     assert space.from_rec709(converted) == pytest.approx(colours, abs=1e-6)
     assert peak < 2 * colours.nbytes
+
+
+def test_states_for_godot_are_mixed_in_the_working_space(matrix, baked, tmp_path):
+    """The factor of a group multiplies its light in the working space, as in the preview."""
+    import bpy
+
+    factors = {"Day": (0.4, 0.1, 0.3), "Night": (1, 0.5, 0.2)}
+    add_state(baked, "Dusk", **{group: (factor, 2.0) for group, factor in factors.items()})
+    image = bpy.data.images["Lightmap"]
+    groups = {name: found for name, (found,) in
+              part("operators.result.light_mixer").group_images(baked, [image]).items()}  # fmt: skip
+    mixed = sum(2 * np.array(factors.get(name, (0.5,) * 3)) * pixels(found)[..., :3]
+                for name, found in groups.items())  # fmt: skip
+    export(tmp_path / "export" / "room.glb", engine="GODOT")
+    (path,) = (tmp_path / "export").glob("*state Dusk.exr")
+    loaded = bpy.data.images.load(str(path), check_existing=False)
+    loaded.colorspace_settings.name = "Non-Color"
+    right = mixed @ matrix.T
+    assert {"Day", "Night"} <= set(groups)
+    assert pixels(loaded)[..., :3] == pytest.approx(right, abs=2e-3 * right.max())
+
+
+@pytest.mark.parametrize("space", ["Linear Rec.709", "Non-Color"])
+def test_pictures_show_rec709(matrix, space, tmp_path):
+    """Maps without colors stay."""
+    import bpy
+
+    colour = (0.4, 0.5, 0.7)
+    image = texture(colour, True, space)
+    image.filepath_raw = str(tmp_path / "Lightmap.exr")
+    (path,) = part("operators.result.pictures").write_pictures([image], tmp_path)
+    shown = bpy.data.images.load(path)
+    shown.colorspace_settings.name = "Non-Color"
+    right = colour if space == "Non-Color" else matrix @ colour
+    right = linear_to_srgb(np.float32(right / np.max(right)))
+    assert pixels(shown)[0, 0, :3] == pytest.approx(right, abs=4e-3)
+
+
+def test_objects_baked_in_another_working_space_have_changed(matrix, tmp_path):
+    """Gray colors stay the same numbers, but colored bounces differ."""
+    import bpy
+
+    square("Square", surface=material(emission=1.0))
+    settings = bpy.context.scene.hemibake
+    settings.resolution, settings.directory = 8, str(tmp_path)
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    settings.target = "CHANGED"
+    with pytest.raises(RuntimeError, match="Nothing has changed"):
+        bpy.ops.hemibake.bake()
+    bpy.ops.wm.set_working_color_space(working_space="Linear Rec.709")
+    assert bpy.ops.hemibake.bake() == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="Nothing has changed"):
+        bpy.ops.hemibake.bake()

@@ -21,6 +21,7 @@ from .bake_run import ATTEMPTS, Bake, BakeRun, Steps
 from .bake_settings import read_settings
 from .live_watch import LiveWatch
 from .lookup import find_all
+from .preview_switch import follow_again
 from .result.images import pack_for_bake
 from .result.preview import refresh_preview
 from .result.probe_images import update_probes
@@ -303,6 +304,7 @@ class LiveRun(BakeRun):
         self._watch.end()
         self._work.close()
         self._stop_following()
+        follow_again()
 
     def _stop_following(self) -> None:
         if self._followed is not None:

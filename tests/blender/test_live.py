@@ -405,7 +405,10 @@ def test_disabling_the_extension_ends_live_and_stores_the_lightmap(operator, con
     lit_room()
     start(operator, context)
     settle(operator, context)
+    shown = part("operators.preview_switch")._shown
+    shown.active = bpy.context.scene.session_uid
     part("operators.worker_manager").owner.stop()
+    assert shown.active is None
     assert window.is_as_before() and not part("operators.worker_manager").owner.busy
     assert bpy.data.images["Lightmap"].packed_file is not None
     handlers = [*bpy.app.handlers.depsgraph_update_post, *bpy.app.handlers.undo_post]

@@ -1,5 +1,7 @@
 """Scenes that share objects keep lightmaps of their own, and the preview follows the scene of the window."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,97 @@ def test_a_second_window_shows_the_lightmaps_of_its_scene_at_a_click(scenes):
     with bpy.context.temp_override(scene=second, view_layer=second.view_layers[0]):
         bpy.ops.hemibake.preview()
     assert floor.material_slots[0].material == bpy.data.materials["Grey"]
+
+
+@pytest.fixture
+def switch(scenes):
+    """Return the module that follows the pointer; both scenes are baked, and the second one is shown."""
+    import bpy
+
+    module = part("operators.preview_switch")
+    for scene in scenes[:2]:
+        bake(scene)
+    bpy.ops.hemibake.preview()
+    module._shown.forget()
+    yield module
+    module._timer.stop()
+    module._shown.forget()
+
+
+def move_to(switch, scene):
+    """Move the pointer twice in a window of a scene, one of two windows; return the call that waits."""
+    import bpy
+
+    bpy.context.window.scene = scene
+    window = SimpleNamespace(as_pointer=lambda: scene.session_uid)
+    manager = SimpleNamespace(windows=(window, None))
+    context = SimpleNamespace(window_manager=manager, window=window, scene=scene)
+    operator = switch.HEMIBAKE_OT_follow_window
+    for _ in range(2):
+        if operator.poll(context):
+            assert operator.invoke(None, context, None) == {"PASS_THROUGH"}
+    waiting = switch._timer._call
+    return waiting if waiting is not None and bpy.app.timers.is_registered(waiting) else None
+
+
+def test_the_preview_follows_a_pointer_that_stays(scenes, switch):
+    """A pointer that has moved on switches nothing, and disabling the add-on drops what waits."""
+    import bpy
+
+    first, second, floor = scenes
+    crossed = move_to(switch, first)
+    move_to(switch, second)
+    assert crossed() is None and light_shown(floor) == pytest.approx(3, rel=0.02)
+    stays = move_to(switch, first)
+    assert stays() is None and light_shown(floor) == pytest.approx(1, rel=0.02)
+    back = move_to(switch, second)
+    switch._timer.stop()
+    assert not bpy.app.timers.is_registered(back)
+
+
+def test_a_pointer_disturbs_no_bake_and_no_modal_operator(scenes, switch, monkeypatch):
+    first, _, floor = scenes
+    running = part("operators.worker_manager").owner
+    monkeypatch.setattr(running, "running", object())
+    assert move_to(switch, first) is None and switch._shown.active is None
+    running.running = None
+    waiting = move_to(switch, first)
+    running.running = object()
+    assert waiting() > 0 and light_shown(floor) == pytest.approx(3, rel=0.02)
+    running.running = None
+    names = ["TRANSFORM_OT_translate", "HEMIBAKE_OT_bake"]
+    modal = SimpleNamespace(modal_operators=[SimpleNamespace(bl_idname=name) for name in names])
+    manager = SimpleNamespace(windows=[modal])
+    with monkeypatch.context() as patch:
+        patch.setattr(switch, "bpy", SimpleNamespace(context=SimpleNamespace(window_manager=manager)))
+        assert waiting() > 0
+        del modal.modal_operators[0]
+        assert not switch._is_modal()
+    assert waiting() is None and light_shown(floor) == pytest.approx(1, rel=0.02)
+
+
+def test_an_undo_frees_no_preview_in_use(scenes, switch):
+    """A switch by the pointer has no undo step, so the preview is set aside, also on unshared objects."""
+    import bpy
+
+    first, second, floor = scenes
+    grey, lone = bpy.data.materials["Grey"], bpy.data.objects["Lone"]
+    for scene in (first, second):
+        move_to(switch, scene)()
+    assert switch._shown.followed == [first.session_uid, second.session_uid]
+    assert light_shown(lone) == pytest.approx(1, rel=0.02)
+    for before, after in (("undo_pre", "undo_post"), ("redo_pre", "redo_post")):
+        for handler in getattr(bpy.app.handlers, before):
+            handler(second)
+        assert floor.material_slots[0].material == grey
+        assert lone.material_slots[0].material == bpy.data.materials["Lone"]
+        for handler in getattr(bpy.app.handlers, after):
+            handler(second)
+        switch._timer._call()
+        assert light_shown(floor) == pytest.approx(3, rel=0.02)
+    switch.follow_again()
+    switch._expect_undo()
+    assert light_shown(floor) == pytest.approx(3, rel=0.02)
 
 
 def test_scene_without_a_bake_shows_materials_until_it_is_left(scenes):

@@ -52,12 +52,33 @@ def windows(window):
     )
 
 
+def move_to(window, place, scene):
+    """Move the pointer to a place, and wait until the lightmaps of a scene are shown."""
+    for step in range(3):
+        window.move(place[0] + 5 * step, place[1])
+        window.ask("None")
+    window.wait_for(SHOWN.format(scene))
+
+
 def test_the_preview_follows_the_pointer(window):
     for place, scene in ((LEFT, "Scene"), (RIGHT, "Second"), (LEFT, "Scene")):
-        for step in range(3):
-            window.move(place[0] + 5 * step, place[1])
-            window.ask("None")
-        window.wait_for(SHOWN.format(scene))
+        move_to(window, place, scene)
+
+
+def test_the_pointer_keeps_the_undo_history(window):
+    """A redo is left after the switch, and undo and redo show the same lightmaps."""
+    move_to(window, LEFT, "Scene")
+    height = "bpy.data.objects['Shared'].location.z"
+    inside = "with bpy.context.temp_override(**view3d()):\n    "
+    window.run(f"{height} = 1.0")
+    window.run(f"{inside}bpy.ops.ed.undo_push(message='Lift')")
+    window.run(f"{inside}bpy.ops.ed.undo()")
+    move_to(window, RIGHT, "Second")
+    for step, wanted in (("redo", 1.0), ("undo", 0.0), ("redo", 1.0), ("undo", 0.0)):
+        window.run(f"{inside}bpy.ops.ed.{step}()")
+        assert window.ask(height) == wanted
+        window.wait_for(SHOWN.format("Second"))
+    move_to(window, LEFT, "Scene")
 
 
 def test_a_disabled_add_on_leaves_no_key(window):

@@ -28,7 +28,7 @@ _HIDDEN = (
 
 _STAYS = (
     "{}: its strength and color and the sky stay the same along the sun path. For a sky that fits a time, "
-    "bake it alone, with that Sun Elevation."
+    "bake that time without a sun path, with its Sun Elevation in the Sky Texture."
 )
 
 #: Name of a Sky Texture's sun in names of light groups.

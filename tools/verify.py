@@ -60,10 +60,10 @@ def main() -> None:
         for line in found:
             print(line, flush=True)
             if line.startswith("| "):
-                rows.append(line[: line.rindex("|") + 1])
+                rows.append(_row_of(line))
             if options.table:
                 write_table(options.table, rows, list(scenes.SCENES), bpy.app.version_string)
-    failed = [_cells(row)[0] for row in rows if _cells(row)[-1] != _GOOD]
+    failed = [_cells(row)[0] for row in rows if _misses(row)]
     if failed:
         raise SystemExit(f"Above the limits: {', '.join(failed)}.")
 
@@ -87,7 +87,7 @@ def in_turn(scenes, names: Iterable[str], options: argparse.Namespace) -> Iterat
         try:
             found = verify(bpy.context, samples, scenes.ORIGINALS.get(name), scenes.GROUPS.get(name))
         except error_type() as error:
-            yield f"| {name} | not baked: {error} |" + " |" * (len(_TITLES) - 2)
+            yield _not_baked(name, str(error))
             continue
         with quiet_stdout():
             write_difference(found.difference, options.out / f"{name}.png")
@@ -120,14 +120,27 @@ def in_processes(names: Iterable[str], options: argparse.Namespace) -> Iterator[
                 "--only",
                 name,
             )
-            printed = subprocess.run(command, stdout=subprocess.PIPE, text=True).stdout.strip()
+            done = subprocess.run(command, stdout=subprocess.PIPE, text=True)
         finally:
             shares.put(share)
-        return printed or f"| {name} | not baked: the process has ended |" + " |" * (len(_TITLES) - 2)
+        return result_line(name, done.stdout, done.returncode)
 
     with ThreadPoolExecutor(jobs) as pool:
         for ended in as_completed([pool.submit(run, name) for name in names]):
             yield ended.result()
+
+
+def result_line(name: str, printed: str, status: int) -> str:
+    """Return the last line about a scene of the output of its process, or the row of a scene without result.
+
+    A process that fails for another reason than the limits has no result.
+
+    status:  exit status of the process
+    """
+    lines = [line for line in printed.splitlines() if line.startswith((f"| {name} |", f"{name}: "))]
+    if lines and (status == 0 or (status == 1 and _misses(lines[-1]))):
+        return lines[-1]
+    return _not_baked(name, f"the process ended with status {status}")
 
 
 def parse() -> argparse.Namespace:
@@ -135,7 +148,11 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--only", nargs="+", metavar="NAME", help="scenes to run; all without it")
     parser.add_argument("--samples", type=int, default=1024, help="per texel, in each of two bakes of Cycles")
     parser.add_argument(
-        "--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="folder of files"
+        "--scenes",
+        type=Path,
+        default=ROOT.parent / "shared" / "scenes",
+        help="folder of .blend and .glb files, which are not part of the repository; scenes whose files it "
+        "lacks are left out",
     )
     parser.add_argument(
         "--texel-samples", type=int, help="as the setting of that name; its default without it"
@@ -218,6 +235,21 @@ def write_table(path: Path, rows: list[str], order: list[str], version: str) -> 
     head_row, rule = f"| {' | '.join(_TITLES)} |", "|---" * len(_TITLES) + "|"
     lines = [_MARKS[0], f"Blender {version}.", "", head_row, rule, *rows, _MARKS[1]]
     path.write_text(head + "\n".join(lines) + tail, encoding="utf-8")
+
+
+def _not_baked(name: str, reason: str) -> str:
+    """Return the row of a scene without result."""
+    return f"| {name} | not baked: {reason} |" + " |" * (len(_TITLES) - 2)
+
+
+def _row_of(line: str) -> str:
+    """Return the row of a line, without the time after it."""
+    return line[: line.rindex("|") + 1]
+
+
+def _misses(line: str) -> bool:
+    """Return True for the row of a scene that misses its limits or was not baked."""
+    return line.startswith("| ") and _cells(_row_of(line))[-1] != _GOOD
 
 
 def _cells(row: str) -> list[str]:

@@ -233,7 +233,7 @@ class BakeRun:
             notes = [_NO_GROUPS] if scene.hemibake.sun_times.strip() else []
             self._read = replace(self._read, notes=(*self._read.notes, *notes))
         elif times := sun_times(scene.hemibake.sun_times):
-            self._read, self._sun_path = place_suns(self._read, scene, times, self._target)
+            self._read, self._sun_path = place_suns(self._read, self._context, times, self._target)
 
     def _foresee(self, objects: Sequence[bpy.types.Object], resolution: int) -> None:
         """Set the approximate amounts of work in the progress before the scene is read."""

@@ -17,9 +17,11 @@ from ...engine.scene.sun_path import is_sun, sun_direction, with_sun_positions
 from ..compat import light_nodes
 from .fingerprints import combined
 from .light.light_node_reader import LightNodeReader
+from .light.sky_sun import has_overlapping_suns
 from .materials.sockets import ComplexError
 from .objects.visible import visible_objects
 from .read import ReadScene
+from .scene_context import SceneContext
 
 _HIDDEN = (
     "Light '{}': no sun light that renders show, so it has no sun path. Show it in renders, or choose "
@@ -29,6 +31,11 @@ _HIDDEN = (
 _STAYS = (
     "{}: its strength and color and the sky stay the same along the sun path. For a sky that fits a time, "
     "bake that time without a sun path, with its Sun Elevation in the Sky Texture."
+)
+
+_SEVERAL_DISCS = (
+    "World '{}': several sun discs, of which the sun path can move only one. Turn off Sun Disc in all but one "
+    "Sky Texture."
 )
 
 #: Name of a Sky Texture's sun in names of light groups.
@@ -102,7 +109,7 @@ def _surely_emits(tree: bpy.types.NodeTree, name: str) -> bool:
 
 
 def place_suns(
-    read: ReadScene, scene: bpy.types.Scene, times: Mapping[str, float], target: str
+    read: ReadScene, context: SceneContext, times: Mapping[str, float], target: str
 ) -> tuple[ReadScene, SunPath]:
     """Return the scene with its sun at several times, and their light groups.
 
@@ -111,8 +118,8 @@ def place_suns(
 
     Raises SceneError if the sun is missing or not unique, and for bakes of some objects.
     """
-    _check_target(scene, target)
-    sun, place = _chosen_sun(read, scene), scene.hemibake
+    _check_target(context.scene, target)
+    sun, place = _chosen_sun(read, context), context.scene.hemibake
     of_world = any(light.of_world for light in read.scene.lights if light.name == sun)
     label = _SKY_SUN if of_world else sun
     directions: dict[str, np.ndarray] = {}
@@ -135,24 +142,30 @@ def place_suns(
     return moved, SunPath(groups)
 
 
-def _chosen_sun(read: ReadScene, scene: bpy.types.Scene) -> str:
+def _chosen_sun(read: ReadScene, context: SceneContext) -> str:
     """Return the name of the sun light of the path, or of the sky's sun without one; raises SceneError."""
-    suns = [light for light in read.scene.lights if is_sun(light)]
-    names, of_sky = (
-        list(dict.fromkeys(light.name for light in suns if light.of_world == of_world))
-        for of_world in (False, True)
-    )
+    scene, suns = context.scene, [light for light in read.scene.lights if is_sun(light)]
+    names = list(dict.fromkeys(light.name for light in suns if not light.of_world))
     chosen = scene.hemibake.sun_light
     if chosen is not None and chosen.name not in names:
         raise SceneError(_HIDDEN.format(chosen.name))
     if chosen is not None:
         return chosen.name
-    if not names and not of_sky:
-        raise SceneError(
-            f"Scene '{scene.name}': no sun light for the sun path. Add one, or empty the times of Sun Path."
-        )
     _check_single(scene, names)
-    return (names or of_sky)[0]
+    return names[0] if names else _sky_sun(context, [light.name for light in suns if light.of_world])
+
+
+def _sky_sun(context: SceneContext, discs: Sequence[str]) -> str:
+    """Return the name of the only sun disc of the world, from the names of all; raises SceneError."""
+    world = context.world
+    if world is not None and (len(discs) > 1 or (not discs and has_overlapping_suns(world))):
+        raise SceneError(_SEVERAL_DISCS.format(world.name))
+    if not discs:
+        raise SceneError(
+            f"Scene '{context.scene.name}': no sun light for the sun path. Add one, or empty the times of "
+            "Sun Path."
+        )
+    return discs[0]
 
 
 def _check_target(scene: bpy.types.Scene, target: str) -> None:

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.blender.test_world import sky_texture, world
+from tests.blender.test_world import skies_in_a_group, sky_texture, world
 from tests.blender.things import INWARD, bpy_link, material, mesh_object, part, pixels, report, square
 from tests.json_schema import faults
 
@@ -296,6 +296,22 @@ def test_the_sun_of_a_sky_texture_moves_and_the_sky_stays(monkeypatch):
     assert noon - night == pytest.approx(sun * towards(settings, 12)[2], rel=0.01)
     assert ten - night == pytest.approx(sun * towards(settings, 10)[2], rel=0.01)
     assert any("the sky stay the same along the sun path" in text for text in report()["warnings"])
+
+
+@pytest.mark.parametrize("apart", [60, 0.3])
+def test_the_sun_of_a_sky_texture_must_be_the_only_one(apart, monkeypatch):
+    """Discs that overlap are not converted to lights, and count all the same."""
+    import bpy
+
+    panorama = part("operators.scene.light.refined_panorama")
+    monkeypatch.setattr(panorama, "_ROWS", (16, 32))
+    monkeypatch.setattr(panorama, "_TILE", 8)
+    square()
+    tree, background = world()
+    skies_in_a_group(tree, background, (50, 20, 0.5), (50, 20 + apart, 0.5))
+    prepare(["12:00"])
+    with pytest.raises(RuntimeError, match="several sun discs, .* Turn off Sun Disc in all but one"):
+        bpy.ops.hemibake.bake()
 
 
 def test_a_path_below_the_horizon_leaves_the_other_light():

@@ -117,6 +117,24 @@ def _disc(node: bpy.types.Node) -> SunDisc:
     return SunDisc(direction, max(node.sun_size, _SMALLEST))
 
 
+def has_overlapping_suns(world: bpy.types.World) -> bool:
+    """Return True if sun discs of a world overlap, so that `take_suns` leaves them on."""
+    return _overlap(_discs(sky_nodes(node_tree(world))))
+
+
+def _discs(nodes: Sequence[bpy.types.Node]) -> list[SunDisc]:
+    """Return the different sun discs of nodes."""
+    discs: list[SunDisc] = []
+    for disc in map(_disc, nodes):
+        if not any(disc.is_same(known) for known in discs):
+            discs.append(disc)
+    return discs
+
+
+def _overlap(discs: Sequence[SunDisc]) -> bool:
+    return any(one.overlaps(other) for number, one in enumerate(discs) for other in discs[:number])
+
+
 def take_suns(world: bpy.types.World, name: str, notes: list[str]) -> list[Light]:
     """Turn off the sun discs of a world and return them as sun lights without position and light group.
 
@@ -127,11 +145,8 @@ def take_suns(world: bpy.types.World, name: str, notes: list[str]) -> list[Light
     name:   name of the original world
     """
     nodes = sky_nodes(node_tree(world))
-    discs: list[SunDisc] = []
-    for disc in map(_disc, nodes):
-        if not any(disc.is_same(known) for known in discs):
-            discs.append(disc)
-    if any(one.overlaps(other) for number, one in enumerate(discs) for other in discs[:number]):
+    discs = _discs(nodes)
+    if _overlap(discs):
         notes.append(
             f"World '{name}': sun discs overlap and are baked as an image of low resolution. "
             "Turn off Sun Disc in all but one Sky Texture."

@@ -236,6 +236,25 @@ def test_other_layers_and_which_is_active_stay(name):
     assert np.array_equal(loop_uvs(copy), before) and not np.array_equal(loop_uvs(obj), before)
 
 
+@pytest.mark.parametrize("own", ["", "Lightmap"])
+def test_repacking_in_edit_mode_keeps_charts(own):
+    import bpy
+
+    bpy.context.scene.hemibake.resolution = 61
+    objects = [arch("First"), furnace("Second")]
+    bpy.ops.hemibake.unwrap()
+    chosen_lightmap()
+    objects[0].hemibake.own_uv_layer = own
+    shape = edges(objects[0])
+    objects[1].hemibake.lightmap_scale = 0.5
+    bpy.context.view_layer.objects.active = objects[0]
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert call("repack") == {"FINISHED"}
+    assert bpy.context.mode == "EDIT_MESH"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert edges(objects[0]) / edges(objects[0]).max() == pytest.approx(shape / shape.max(), rel=0.06)
+
+
 def test_repacking_twice_changes_nothing():
     import bpy
 

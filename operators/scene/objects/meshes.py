@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -62,7 +63,13 @@ def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def read_uvs(layer: bpy.types.MeshUVLoopLayer) -> np.ndarray:
-    """Return the UVs of a layer at the loops of its mesh, (l, 2) float32."""
+    """Return the UVs of a layer at the loops of its mesh, (l, 2) float32; in edit mode as edited."""
+    mesh = layer.id_data
+    if mesh.is_editmode:
+        edited = bmesh.from_edit_mesh(mesh)
+        key = edited.loops.layers.uv[layer.name]
+        uvs = [loop[key].uv[:] for face in edited.faces for loop in face.loops]
+        return np.array(uvs, np.float32).reshape(-1, 2)
     return read_array(layer.uv, "vector", 2, np.float32)
 
 

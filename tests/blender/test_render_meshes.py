@@ -289,6 +289,38 @@ def test_scatters_in_instanced_collections_are_those_of_renders():
     assert [entry.name for entry in read_scene().instances] == ["Grass"] * 2
 
 
+@pytest.mark.parametrize("kind", ["VERTS", "FACES"])
+def test_children_hidden_in_renders_are_not_shown_on_vertices_or_faces(kind):
+    """A node group of the parent makes no instances of them."""
+    import bpy
+
+    child, parent = square("Child"), square("Parent")
+    child.parent, child.hide_render = parent, True
+    parent.instance_type = kind
+    tree, (start, end) = geometry_nodes(parent)
+    tree.links.new(start.outputs[0], end.inputs[0])
+    bpy.context.view_layer.update()
+    assert not uses_render()
+    assert read_scene().instances == ()
+    child.hide_render = False
+    assert {entry.name for entry in read_scene().instances} == {"Child"}
+
+
+def test_lightmap_uvs_in_modifiers_do_not_ask_for_the_graph_of_renders():
+    import bpy
+
+    obj = subdivided("Ball", render_levels=1)
+    bpy.ops.hemibake.unwrap()
+    assert any(modifier.type == "NODES" for modifier in obj.modifiers)
+    scatter("Points", "GeometryNodeObjectInfo", square("Grass"))
+    group = bpy.data.collections.new("Group")
+    group.objects.link(bpy.data.objects.new("Member", bpy.data.objects["Grass"].data))
+    empty = bpy_link(bpy.data.objects.new("Empty", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", group
+    bpy.context.view_layer.update()
+    assert not uses_render()
+
+
 def test_an_object_in_edit_mode_is_read_as_it_is_edited():
     import bmesh
     import bpy

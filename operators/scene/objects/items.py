@@ -14,6 +14,9 @@ import numpy as np
 #: persistent id of the instance.
 ItemKey = tuple[int, int | None, tuple[int, ...]]
 
+#: Types of instancers that show their children.
+_OF_CHILDREN = ("VERTS", "FACES")
+
 
 @dataclass(frozen=True)
 class SceneItem:
@@ -106,7 +109,8 @@ def is_rendered(source: bpy.types.Object, instancer: bpy.types.Object | None, mo
     """Return True if renders show an object or instance of a dependency graph.
 
     The graph of renders contains only what they show. In that of the viewport, instances of an object that
-    itself is hidden in renders count if Geometry Nodes or particles make them.
+    itself is hidden in renders count if Geometry Nodes or particles make them, and not if vertices or faces
+    of the object's parent do.
 
     source:     the original object
     instancer:  the original object that makes the instance; None for an object itself
@@ -114,7 +118,15 @@ def is_rendered(source: bpy.types.Object, instancer: bpy.types.Object | None, mo
     """
     if mode == "RENDER" or not source.hide_render:
         return True
-    return instancer is not None and scatters(instancer)
+    if instancer is None or (instancer.instance_type in _OF_CHILDREN and _descends(source, instancer)):
+        return False
+    return scatters(instancer)
+
+
+def _descends(obj: bpy.types.Object, ancestor: bpy.types.Object) -> bool:
+    """Return True if an object is a child of another, or a child of its children."""
+    parent = obj.parent
+    return parent is not None and (parent == ancestor or _descends(parent, ancestor))
 
 
 def scatters(obj: bpy.types.Object) -> bool:

@@ -27,6 +27,9 @@ _RESOLUTIONS = {
 #: Custom property of the node groups that store lightmap UVs, which give both meshes the same light.
 UV_GROUP = "hemibake_uv_layer"
 
+#: Custom property of the objects whose vertices hold lightmap UVs for these node groups.
+UV_CARRIER = "hemibake_uvs"
+
 #: Modifiers whose result depends only on their own object.
 _INDEPENDENT = {
     "BEVEL", "BUILD", "DECIMATE", "EDGE_SPLIT", "MULTIRES", "REMESH", "SKIN", "SMOOTH", "SOLIDIFY", "SUBSURF",
@@ -164,7 +167,7 @@ def _scatter_hidden(instancers: Iterable[bpy.types.Object]) -> bool:
     whole. Instances inside an instanced collection do not tell which object makes them.
     """
     makers = {obj for obj in instancers if scatters(obj)}
-    hidden = {obj for obj in bpy.data.objects if obj.hide_render}
+    hidden = {obj for obj in bpy.data.objects if obj.hide_render and UV_CARRIER not in obj}
     if not makers or not hidden:
         return False
     collections = {group for group in bpy.data.collections if not hidden.isdisjoint(group.all_objects)}

@@ -20,7 +20,7 @@ import numpy as np
 
 from ...lookup import find
 from ...rollback import Rollback
-from ..objects.render_differences import UV_GROUP
+from ..objects.render_differences import UV_CARRIER, UV_GROUP
 
 #: Name of the modifier and of the node that refers to the carrier; also part of the names of the datablocks.
 NAME = "Lightmap UVs"
@@ -34,9 +34,6 @@ _VIEWPORT = "hemibake_viewport"
 #: Names of the extra nodes of a group that also stores UVs for the viewport's mesh; the first is the Object
 #: Info node.
 _VIEWPORT_NODES = tuple(f"{NAME} {part}" for part in ("of viewport", "is viewport", "switch", "count"))
-
-#: Custom property that marks carriers.
-_CARRIER = "hemibake_uvs"
 
 
 def new_uv_group(
@@ -143,7 +140,7 @@ def remove_unused_uvs() -> None:
     """
     for group in [group for group in bpy.data.node_groups if _LAYER in group and not group.users]:
         bpy.data.node_groups.remove(group)
-    for carrier in [obj for obj in bpy.data.objects if _CARRIER in obj]:
+    for carrier in [obj for obj in bpy.data.objects if UV_CARRIER in obj]:
         for collection in carrier.users_collection:
             if collection.is_editable:
                 collection.objects.unlink(carrier)
@@ -157,7 +154,7 @@ def remove_unused_uvs() -> None:
 def _new_carrier(points: bpy.types.Mesh) -> bpy.types.Object:
     """Return a new object that is hidden from the viewport, renders and selection in each scene."""
     carrier = bpy.data.objects.new(points.name, points)
-    carrier[_CARRIER] = True
+    carrier[UV_CARRIER] = True
     carrier.hide_viewport = carrier.hide_render = carrier.hide_select = True
     return carrier
 

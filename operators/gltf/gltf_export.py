@@ -67,7 +67,10 @@ _UNREADABLE = "'{}': Godot reads no files with quotation marks or backslashes in
 _AXES = "(x, -z, y) of a normal (x, y, z) in the glTF file"
 _NOT_FINITE = "The lightmap '{}' has texels that are NaN or infinite. Bake again, or correct its image."
 _DARK = "Without a lightmap, so dark where the engine has no lights: {}."
-_MOVING = "Dynamic, so dark where the engine shows no light probes: {}. Bake light probes and load them in the engine."
+_MOVING = (
+    "Dynamic, so dark where the engine shows no light probes: {}. Bake light probes and load them in the "
+    "engine."
+)
 
 _CLEAR = (
     "Transparent, but opaque in an unlit file: {}. Export for an engine with lightmaps to keep transparency."

@@ -34,8 +34,8 @@ _STAYS = (
 )
 
 _SEVERAL_DISCS = (
-    "World '{}': several sun discs, of which the sun path can move only one. Turn off Sun Disc in all but one "
-    "Sky Texture."
+    "World '{}': several sun discs, of which the sun path can move only one. Turn off Sun Disc in all but "
+    "one Sky Texture."
 )
 
 #: Name of a Sky Texture's sun in names of light groups.

@@ -309,9 +309,10 @@ def test_children_hidden_in_renders_are_not_shown_on_vertices_or_faces(kind):
 def test_lightmap_uvs_in_modifiers_do_not_ask_for_the_graph_of_renders():
     import bpy
 
-    obj = subdivided("Ball", render_levels=1)
-    bpy.ops.hemibake.unwrap()
-    assert any(modifier.type == "NODES" for modifier in obj.modifiers)
+    obj, subdivision = row()
+    subdivision.levels = subdivision.render_levels
+    unwrap_missing([obj], 64, part("operators.rollback").Rollback())
+    assert obj.modifiers[-1].type == "NODES"
     scatter("Points", "GeometryNodeObjectInfo", square("Grass"))
     group = bpy.data.collections.new("Group")
     group.objects.link(bpy.data.objects.new("Member", bpy.data.objects["Grass"].data))

@@ -538,7 +538,10 @@ def register_files(folder: Path) -> None:
 
 
 def _open_blend(path: Path) -> None:
+    """Open a file in Object Mode, so that its meshes can be changed."""
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
     bpy.context.scene.hemibake.directory = "//"
 
 

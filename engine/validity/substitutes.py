@@ -53,9 +53,10 @@ def substitute_patches(
 ) -> np.ndarray | None:
     """Return the substitute of each patch, (n,) int64, valid patches themselves; None if all are valid.
 
-    The substitute is the candidate whose light is closest to the harmonic mean of all candidates. Under a
-    thin wall with light on one side that mean is dark, so the dark side takes no light of the lit side.
-    Elsewhere it has less bias than the darkest candidate. A patch without candidates is its own substitute.
+    The substitute is the brightest candidate that is not brighter than the harmonic mean of all candidates.
+    Under a thin wall with light on one side that mean is dark, so the dark side takes no light of the lit
+    side. Elsewhere it has less bias than the darkest candidate, and a brighter one would add energy. A patch
+    without candidates is its own substitute.
 
     patch_scene:  patches of the scene, or patch groups
     invalid:      (n,) bool, invalid patches
@@ -68,8 +69,9 @@ def substitute_patches(
 
     light = channel_sum(light_of(neighbour)).astype(np.float64)
 
-    # The first pair of each patch is the closest to the mean.
-    order = np.lexsort((np.abs(light - _harmonic_means(light, patch)), patch))
+    # The first pair of each patch is the closest to the mean that is not brighter.
+    above = light - _harmonic_means(light, patch)
+    order = np.lexsort((np.abs(above), above > 0, patch))
     patch, first = np.unique(patch[order], return_index=True)
     result = np.arange(len(invalid))
     result[patch] = neighbour[order[first]]

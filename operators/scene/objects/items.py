@@ -10,6 +10,8 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
+from .render_differences import scatters
+
 #: Key of an object or instance: session uids of the source object and of the instancer, if any, and Blender's
 #: persistent id of the instance.
 ItemKey = tuple[int, int | None, tuple[int, ...]]
@@ -127,11 +129,6 @@ def _descends(obj: bpy.types.Object, ancestor: bpy.types.Object) -> bool:
     """Return True if an object is a child of another, or a child of its children."""
     parent = obj.parent
     return parent is not None and (parent == ancestor or _descends(parent, ancestor))
-
-
-def scatters(obj: bpy.types.Object) -> bool:
-    """Return True if an object may make instances by Geometry Nodes or particles."""
-    return any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for modifier in obj.modifiers)
 
 
 def name_hash(name: str) -> int:

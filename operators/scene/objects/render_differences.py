@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator
 import bpy
 
 from ..scene_context import SceneContext
-from .items import scatters
 from .render_settings import level_settings
 from .visible import visible_objects
 
@@ -181,8 +180,11 @@ def _scatter_hidden(instancers: Iterable[bpy.types.Object]) -> bool:
 
 def is_instancer(obj: bpy.types.Object) -> bool:
     """Return True if an object may make instances."""
-    if obj.instance_type != "NONE":
-        return True
+    return obj.instance_type != "NONE" or scatters(obj)
+
+
+def scatters(obj: bpy.types.Object) -> bool:
+    """Return True if an object may make instances by Geometry Nodes or particles."""
     return any(
         modifier.type in ("NODES", "PARTICLE_SYSTEM") and not _keeps_uvs(modifier)
         for modifier in obj.modifiers

@@ -66,7 +66,7 @@ class SavedRows:
         return self._saved
 
     def write(self, found: int) -> None:
-        """If a checkpoint is due, write finished rows before `found`, as many as its time limit allows."""
+        """Write finished rows before `found` if a checkpoint is due, as many as its time limit allows."""
         if found > self._saved and self._checkpoint.due:
             self._write(min(found, self._saved + max(1, self._checkpoint.room // self._row)))
 

@@ -75,7 +75,7 @@ def may_gather(scene: Scene, surfaces: PatchMaterials, settings: Settings) -> bo
 
 
 def check_patches(compute: ComputeDevice | None, triangles: int, patches: int, gathers: bool = True) -> None:
-    """Raise SettingsError if there are more patches than a radiosity texture holds, or memory is short.
+    """Raise SettingsError if the patches do not fit a radiosity texture, or the scene the device's memory.
 
     gathers:  False if no patch gathers light, see `may_gather`
     """

@@ -156,7 +156,7 @@ class SessionCache:
         return self._rays
 
     def find_substitutes(self, patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
-        """Return the candidates for substitutes; see `validity.substitutes.find_substitutes`."""
+        """Return the pairs of `substitutes.find_substitutes`, cached for the same patches and mask."""
         return self._substitutes.get(
             (patch_scene.patches, hidden), lambda: find_substitutes(patch_scene, hidden)
         )

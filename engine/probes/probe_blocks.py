@@ -19,9 +19,9 @@ _VALUES = ("coefficients", "validity", "positions", "distances")
 
 
 class ProbeBlocks:
-    """Blocks of consecutive probes of an interrupted bake, and of this one, by index of the volume.
+    """Finished blocks of consecutive probes: those of an interrupted bake, and new ones.
 
-    Blocks are written to the checkpoint when it is due, as many as its time limit allows.
+    New blocks are written whenever a checkpoint is due, as many as its time limit allows.
     """
 
     def __init__(self, checkpoint: Checkpoint, key: Callable[[], str]) -> None:

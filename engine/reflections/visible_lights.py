@@ -1,4 +1,4 @@
-"""Lights that cameras see, in cube maps: lights with Camera visibility, and the suns of the sky."""
+"""Lights that reflection cubes show: lights with Camera visibility, and the suns of the sky."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def without_sun_positions(scene: Scene, groups: set[str]) -> Scene:
 
 
 def is_sun(light: Light) -> bool:
-    """Return True for a sun that emits light, also that of a sky texture."""
+    """Return True if a light is a sun and emits light; the sun of a Sky Texture counts, too."""
     return light.kind == "sun" and bool(light.strength.any())
 
 

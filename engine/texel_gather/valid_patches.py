@@ -34,7 +34,9 @@ def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None
 def substitutes_of(
     texel_job: TexelGatherJob, hidden: np.ndarray, settled: Values, of_groups: np.ndarray | None
 ) -> np.ndarray | None:
-    """Return the substitute of each sender of light, (m,) int64, for a final gather; None if all are valid.
+    """Return the patch whose light each sender emits in a final gather, (m,) int64; None if all are valid.
+
+    Senders are patches or patch groups. A valid one emits its own light, an invalid one that of a neighbour.
 
     hidden:     (n,) bool, invalid patches, see `invalid_patches`
     settled:    (m, 3) float32, E/pi of the senders
@@ -48,9 +50,10 @@ def substitutes_of(
 def _invalid_groups(
     texel_job: TexelGatherJob, hidden: np.ndarray, of_groups: np.ndarray | None
 ) -> np.ndarray:
-    """Return a mask of invalid patch groups, (m,) bool, which have the light of their representatives.
+    """Return a mask of the invalid patch groups, (m,) bool.
 
-    A group is invalid if its representative is, or if the iterations replaced its light.
+    A group has the light of its representative patch. It is invalid if that patch is, or if the iterations
+    replaced its light.
 
     hidden, of_groups:  see `substitutes_of`
     """

@@ -76,7 +76,7 @@ def segment(
 
 
 def _store(made: Segments, members: np.ndarray, segments: Segments, first: int) -> int:
-    """Store the charts of a piece among those of its mesh; return their number.
+    """Copy the charts of a piece into the arrays of its mesh; return the number of charts.
 
     members:  (k,) int64, triangles of the piece
     first:    number of its first chart

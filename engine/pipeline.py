@@ -358,7 +358,8 @@ def _made(
     job = texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))
     gathered = yield from stages.run(
-        stages.texels, gather_texel_samples(texels, atlases, contacts, solution, validity)
+        stages.texels,
+        gather_texel_samples(texels, atlases, contacts, solution, validity, stages.supersampling),
     )
 
     # Light groups are solved separately with the visibility of the solution of all light.

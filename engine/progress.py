@@ -30,6 +30,9 @@ _STEP = 0.004
 #: early, such as unwrapping, says nothing about the speed of the device that works next.
 _FASTEST = 1.0
 
+#: Minimum fraction of a stage's seconds that its units take (chosen).
+_LEAST = 0.1
+
 #: A guess of remaining time below this fraction of the time spent so far is ignored.
 _NEGLIGIBLE = 0.1
 
@@ -70,6 +73,8 @@ class Stage:
     pace:      expected seconds for each unit
     measured:  True if the pace was measured by earlier work or a trial; False for a guess
     like:      stage of the same kind of work, whose known pace replaces a guess
+    ratio:     seconds for each unit relative to a unit of `like`
+    overhead:  expected seconds besides the units, such as loading programs; spread over the units
     forecast:  remaining seconds as the work reports them once reliable, else NaN
     guess:     the same from the start, reliable or not; NaN if the work reports none
     done:      completed units
@@ -81,6 +86,8 @@ class Stage:
     pace: float = 0.0
     measured: bool = False
     like: Stage | None = None
+    ratio: float = 1.0
+    overhead: float = 0.0
     forecast: float = math.nan
     guess: float = math.nan
     done: float = 0.0
@@ -113,7 +120,7 @@ class Stage:
     @property
     def expected_pace(self) -> float:
         """Expected seconds per unit of work, from earlier work or a guess, not from this stage."""
-        return self.pace if self._alike is None else self._alike._likely_pace
+        return self.pace if self._alike is None else self.ratio * self._alike._likely_pace
 
     @property
     def own_pace(self) -> float:
@@ -125,6 +132,11 @@ class Stage:
         return seconds / done if done > 0 and seconds > 0 else math.nan
 
     @property
+    def work_pace(self) -> float:
+        """Seconds per unit of this stage without the overhead, at least `_LEAST` of `own_pace`."""
+        return max(self.own_pace - self.overhead / self.done, _LEAST * self.own_pace)
+
+    @property
     def _alike(self) -> Stage | None:
         return self.like if not self.measured and self.like is not None and self.like.known else None
 
@@ -134,7 +146,8 @@ class Stage:
 
         The mean is geometric, since paces are wrong by factors in either direction.
         """
-        expected, seconds = self.expected_pace, self.seconds - self._start[1]
+        overhead = self.overhead / self.amount if self.amount > 0 else 0.0
+        expected, seconds = self.expected_pace + overhead, self.seconds - self._start[1]
         if math.isnan(self.own_pace) or expected <= 0:
             return expected
         trust = seconds / (seconds + (_GUESS if self._alike is None and not self.measured else _PRIOR))
@@ -264,7 +277,7 @@ class Schedule:
         The ratio corrects guesses of later stages: compiling drivers and other programs slow them too.
         """
         begun = [stage for stage in self._stages[: self._current + 1] if stage.seconds > 0]
-        expected = sum(stage.pace * (stage.done or stage.amount) for stage in begun)
+        expected = sum(stage.pace * (stage.done or stage.amount) + stage.overhead for stage in begun)
         return max(_FASTEST, (self._spent + _PRIOR) / (expected + _PRIOR))
 
 

@@ -141,6 +141,7 @@ class Session:
     ) -> Generator[Progress, None, BakeResult]:
         """Bake a validated scene with the devices and data of the last bake."""
         stages = BakeStages(Extent.of(scene), settings, self._paces)
+        before = self._devices
         devices = self._take(scene, settings)
 
         from .bake_state import ignore
@@ -149,7 +150,7 @@ class Session:
 
         kept, self._kept = self._kept or SessionCache(), None
         kept.checkpoints = _checkpoints(settings)
-        stages.opened(ray_speed(devices))
+        stages.opened(ray_speed(devices), first=devices is not before)
         try:
             shares = settings.scheduler == ALL_DEVICES and devices.has_peers
             with _workers(replace(settings, scheduler="") if shares else settings) as workers:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,7 +38,7 @@ from ..settings import Settings
 from ..solve.solution import Solution
 from ..validity.invalid import is_invalid
 from ..validity.push_off import joined_push_offs
-from ..visibility.sample_counts import ray_count
+from ..visibility.sample_counts import expected_samples, ray_count
 from .light_group_final_gather import gather_light_groups, of_all_light
 from .light_group_solver import LightGroupSolution
 from .texel_sample_points import TexelGatherJob, TexelSamplePoints, with_other_sides
@@ -104,7 +104,12 @@ class TexelSampleLight:
 
 
 def gather_texel_samples(
-    texel_job: TexelGatherJob, atlases: int, contacts: Contacts, solution: Solution, front: np.ndarray
+    texel_job: TexelGatherJob,
+    atlases: int,
+    contacts: Contacts,
+    solution: Solution,
+    front: np.ndarray,
+    found: Callable[[int, int], None],
 ) -> Generator[float, None, TexelSampleLight]:
     """Gather light at the texel samples of a solution; yield the fraction done.
 
@@ -113,6 +118,7 @@ def gather_texel_samples(
     contacts:  contacts of the patches
     solution:  solution of all light
     front:     (n,) float32, validity from `valid_front`
+    found:     called with the numbers of texel samples and of the rays of each, before the gather
     """
     if texel_job.job.settings.texel_samples == 1 or texel_job.choice.method == "none":
         return _nothing()
@@ -128,6 +134,7 @@ def gather_texel_samples(
     if not len(samples):
         return _nothing("No texel needs more than one sample.")
     settings = _settings_of_samples(texel_job.job.settings, count)
+    found(len(samples), expected_samples(settings))
     substitute = substitutes_of(texel_job, known.hidden, solution.settled, solution.substitute)
     radiance, remote = radiance_of(texel_job.solved, solution.settled, substitute), texel_job.job.remote
     if texel_job.job.parts.sides is not None:

@@ -5,6 +5,7 @@ import pytest
 
 from engine import progress
 from engine.plan.iterations_left import iterations_left
+from engine.plan.solver_choice import SolverChoice
 from engine.plan.stages import BakeStages, Extent
 from engine.progress import Schedule, Stage, finished, format_seconds_left
 from engine.settings import Settings
@@ -159,6 +160,38 @@ def test_work_that_tells_its_own_time_is_believed(clock, pace):
 )
 def test_sweeps_are_foretold_from_the_fall_of_the_residual(residuals, settings, expected):
     assert iterations_left(residuals, settings, 0.8) == expected
+
+
+def test_last_stages_of_a_first_bake_are_expected_from_visibility(clock):
+    """Seconds of nine squares in a room of 33 x 33 texels: most are spent on loading programs."""
+    lengths = {"visibility": 0.48, "bounces": 0.09, "texels": 0.26, "images": 0.08}
+    settings = Settings(resolution=33, samples=8192)
+    stages = BakeStages(Extent(1, 18, 0), settings, {})
+    stages.opened(1.0, first=True)
+    for stage, seconds in ((stages.patches, 0.15), (stages.choosing, 0.26)):
+        stages.begin(stage)
+        clock.now += seconds
+        stages.end()
+    stages.chosen(SolverChoice("cached", "rays", 8192, (), patches=741))
+    left = sum(lengths.values())
+    for name, seconds in lengths.items():
+        for step in stages.run(getattr(stages, name), work(clock, seconds, 5)):
+            if name == "texels" and step.fraction == 0:
+                stages.supersampling(1016, 2048)
+            if step.fraction in (0.4, 0.8):
+                assert step.seconds_left == pytest.approx(left - step.fraction * seconds, rel=0.4)
+        left -= seconds
+
+
+def test_overhead_of_a_first_bake_is_not_learned_as_pace(clock):
+    paces = {}
+    stages = BakeStages(Extent(1, 18, 0), Settings(resolution=33), paces)
+    stages.opened(1.0, first=True)
+    stages.begin(stages.patches)
+    clock.now += 0.14 + 0.05
+    stages.listed(601, 0.5)
+    stages.learn()
+    assert 0 < paces["Preparing texels"] * stages.patches.amount < 0.05
 
 
 def test_paces_of_a_bake_serve_the_next_one(clock):

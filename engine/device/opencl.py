@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ class _LazyModule:
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the package; raises DeviceError if that cannot be imported."""
-        return getattr(load_opencl(), name)
+        return getattr(sys.modules.get("pyopencl") or load_opencl(), name)
 
 
 def load_opencl() -> ModuleType:

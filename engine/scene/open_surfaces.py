@@ -7,7 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..array_ops import joined_rows, largest_in_rows, map_blocks, map_slabs, run_numbers, run_starts
+from ..array_ops import (
+    joined_rows,
+    largest_in_rows,
+    map_blocks,
+    map_slabs,
+    order_of_hashes,
+    run_numbers,
+    run_starts,
+)  # fmt: skip
 from .memo import Memo
 from .model import Mesh
 
@@ -90,7 +98,7 @@ def closed_meshes(positions: Sequence[np.ndarray]) -> list[bool]:
         starts = np.cumsum(counts[chosen]) - counts[chosen]
         largest = np.maximum.reduceat(_largest_coordinates(corners), starts)
         edges = _edge_keys(corners, np.repeat(_cell(largest), counts[chosen]), shift)
-        closed[chosen] = np.bitwise_xor.reduceat(np.bitwise_xor.reduce(edges, axis=1), starts) == 0
+        closed[chosen] = np.bitwise_xor.reduceat(edges[:, 0] ^ edges[:, 1] ^ edges[:, 2], starts) == 0
     return list(closed)
 
 
@@ -108,7 +116,8 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
         # The second grid tests the edges that the first leaves over; paired edges do not change parities.
         keys = _edge_keys(positions if len(some) == count else positions[some], cells[some], shift)
         keys = keys.ravel() if len(left) == 3 * count else keys[np.searchsorted(some, left // 3), left % 3]
-        left, keys = left[keys != 0], keys[keys != 0]
+        if not (has_length := keys != 0).all():
+            left, keys = left[has_length], keys[has_length]
         is_odd, neighbours = _paired(keys)
         joined.append(left[neighbours] // 3)
         left = left[is_odd]
@@ -169,7 +178,7 @@ def _paired(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns a mask of keys that occur an odd number of times, (k,) bool, and the indices of pairs of equal
     keys that connect all equal ones, (p, 2) int64.
     """
-    order = np.argsort(keys)
+    order = order_of_hashes(keys)
     ordered = keys[order]
     starts = run_starts(ordered)
     lengths = np.diff(np.append(starts, len(keys)))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from engine import array_ops
 from engine.array_ops import (
     all_in_rows,
     any_in_rows,
@@ -45,3 +46,13 @@ def test_one_nonzero_entry_anywhere_is_found(shape):
             one = values.copy()
             one.flat[place] = entry
             assert has_nonzero(one)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 9973, 300_007])
+@pytest.mark.parametrize("mask", [0xFFFFFFFFFFFFFFFF, 0xF0000000000003FF, 0xFF])
+def test_order_of_hashes_sorts_them_even_if_leading_bits_clash(count, mask):
+    keys = np.random.default_rng(count).integers(0, 2**64, count // 2 + 1, dtype=np.uint64)
+    keys = np.concatenate([keys, keys[::-1]])[:count] & np.uint64(mask)
+    order = array_ops.order_of_hashes(keys)
+    assert (np.sort(order) == np.arange(count)).all()
+    assert (keys[order] == np.sort(keys)).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import moderngl
@@ -43,17 +44,23 @@ OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f1"),), _SUM)
 
 _TYPES = {"u4": np.uint32, "f4": np.float32, "f1": np.uint8}
 
+#: Rows of texels above the highest corner in which drawings may still cover texels: conservative coverage
+#: extends triangles by one texel, and snapped UVs move by half a texel.
+_ROWS_ABOVE = 2
+
 
 def draw_charts(
     graphics: GraphicsContext, drawing: Drawing, uvs: np.ndarray, resolution: int
 ) -> list[np.ndarray]:
-    """Draw triangles with UVs, (t, 3, 2) float32, into render targets of the lightmap's size.
+    """Draw triangles with UVs, (t, 3, 2) float32, into render targets of the lightmap's width.
 
-    Returns one array, (r * r, components), for each target; 0 where nothing is drawn.
+    Returns one array, (h * r, components), for each target; 0 where nothing is drawn. Rows above the first h
+    have no charts.
     """
-    if not len(uvs):
-        return [np.zeros((resolution**2, size), _TYPES[kind]) for size, kind in drawing.targets]
-    context, size = graphics.context, (resolution, resolution)
+    height = _rows_with_charts(uvs, resolution)
+    if not height:
+        return [np.zeros((0, size), _TYPES[kind]) for size, kind in drawing.targets]
+    context, size = graphics.context, (resolution, height)
     targets = [context.texture(size, components, dtype=kind) for components, kind in drawing.targets]
     depth = context.depth_renderbuffer(size)
     framebuffer = context.framebuffer(targets, depth)
@@ -64,6 +71,7 @@ def draw_charts(
     vertices = context.vertex_array(program, [(buffer, "2f", "in_uv")])
 
     # Draw all charts in one call.
+    framebuffer.viewport = (0, 0, resolution, resolution)
     framebuffer.use()
     framebuffer.clear(depth=1.0)
     _keep(context, drawing.kept)
@@ -78,6 +86,14 @@ def draw_charts(
     graphics.check("drawing lightmap UVs")
     graphics.discard(vertices, buffer, framebuffer, depth, *targets)
     return images
+
+
+def _rows_with_charts(uvs: np.ndarray, resolution: int) -> int:
+    """Return the number of rows of texels up to the highest chart, 0 without charts; all for invalid UVs."""
+    if not len(uvs):
+        return 0
+    top = float(uvs[..., 1].max()) * resolution + _ROWS_ABOVE
+    return resolution if not top < resolution else max(math.ceil(top), 1)
 
 
 def _keep(context: moderngl.Context, kept: int) -> None:

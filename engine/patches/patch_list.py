@@ -142,7 +142,7 @@ def _patches_in(
 ) -> PatchList:
     """Return the patches of one atlas."""
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
-    number, barycentric = draw_charts(graphics, drawing, triangles.uvs[chosen], resolution)
+    number, barycentric = draw_charts(graphics, drawing, taken(triangles.uvs, chosen), resolution)
     texel = np.flatnonzero(number[:, 0] != 0)
     triangle = taken(np.r_[np.int32(-1), chosen], taken(number[:, 0], texel))
     weights = _on_triangle(taken(barycentric.view(np.uint64)[:, 0], texel).view(np.float32).reshape(-1, 2))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..array_ops import any_in_rows
+from ..array_ops import any_in_rows, taken
 from ..device.gl_context import GraphicsContext
 from ..errors import OverlapError
 from ..object_message import counted, object_message
@@ -37,8 +37,8 @@ def _border_texels_in(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the border texels of one atlas and the touching triangle nearest to each centre."""
     chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
-    (number,) = draw_charts(graphics, TOUCHED, triangles.uvs[chosen], len(covered))
-    texel = np.flatnonzero((number[:, 0] > 0) & (covered.ravel() == 0))
+    (number,) = draw_charts(graphics, TOUCHED, taken(triangles.uvs, chosen), len(covered))
+    texel = np.flatnonzero((number[:, 0] > 0) & (covered.ravel()[: len(number)] == 0))
     return atlas * covered.size + texel, chosen[number[texel, 0] - 1]
 
 
@@ -91,9 +91,9 @@ def check_overlap(
     """
     found = []
     for atlas in range(len(scene.atlases)):
-        uvs = triangles.uvs[triangles.atlas == atlas]
+        uvs = taken(triangles.uvs, np.flatnonzero(triangles.atlas == atlas))
         (count,) = draw_charts(graphics, OVERLAP, uvs, patches.resolution)
-        found.append(atlas * len(count) + np.flatnonzero(count[:, 0] > 1))
+        found.append(atlas * patches.resolution**2 + np.flatnonzero(count[:, 0] > 1))
     keys = np.concatenate(found)
     place = np.searchsorted(patches.key, keys).clip(max=len(patches) - 1)
     twice = place[patches.key[place] == keys]

@@ -6,6 +6,8 @@ import pytest
 
 from engine import Material, Scene, SceneError
 from engine.object_message import objects_of
+from engine.patches import chart_raster
+from engine.patches.chart_raster import ALIGNED, OVERLAP, PATCHES, TOUCHED
 from engine.patches.chart_texels import ChartTexels
 from engine.patches.geometry import patch_geometry
 from engine.patches.patch_list import list_patches
@@ -224,3 +226,17 @@ def test_aligned_quads_are_covered_whole_or_not_at_all(graphics, resolution):
         assert found == {(y, x) for y in range(y0, y1) for x in range(x0, x1)} or x1 == x0 or y1 == y0
         assert len(patches) and patches.barycentric.min() >= 0
         np.testing.assert_allclose(patches.barycentric.sum(axis=1), 1, atol=1e-6)
+
+
+@pytest.mark.parametrize("top", [0.002, 0.31, 0.994, 1.0, 1.7, float("nan")])
+@pytest.mark.parametrize("drawing", [PATCHES, ALIGNED, TOUCHED, OVERLAP])
+def test_rows_above_all_charts_are_not_drawn_and_have_nothing(graphics, monkeypatch, drawing, top):
+    resolution = 37
+    uvs = np.random.default_rng(5).random((29, 3, 2)).astype(np.float32) * np.float32([1, 0.3])
+    uvs[7, 1, 1] = top
+    low = chart_raster.draw_charts(graphics, drawing, uvs, resolution)
+    monkeypatch.setattr(chart_raster, "_rows_with_charts", lambda uvs, resolution: resolution)
+    for some, every in zip(low, chart_raster.draw_charts(graphics, drawing, uvs, resolution), strict=True):
+        assert len(some) % resolution == 0 and np.array_equal(some, every[: len(some)])
+        assert not every[len(some) :].any()
+    assert len(low[0]) < resolution**2 or not top < 0.9

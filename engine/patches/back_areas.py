@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..array_ops import all_in_rows, taken
 from ..scene.triangles import Triangles
 from .geometry import PatchGeometry
 from .patch_list import PatchList
@@ -38,10 +39,11 @@ def back_areas(
     # Texels of the others.
     number = np.full(len(triangles.mesh), -1, np.int32)
     number[blocks] = np.arange(len(blocks), dtype=np.int32)
-    block = number[patches.triangle]
-    on_block = np.flatnonzero(block >= 0)
-    larger = on_block[~is_small[block[on_block]]]
-    mine = block[larger]
+    first = patches.count_in(int(triangles.atlas[blocks].min())) if len(blocks) else len(patches)
+    block = number[patches.triangle[first:]]
+    on_block = first + np.flatnonzero(block >= 0)
+    block = block[on_block - first]
+    larger, mine = on_block[~is_small[block]], block[~is_small[block]]
     row, column = np.divmod(patches.texel[larger], patches.resolution)
     span = np.rint(width[mine] + BACKS.low + BACKS.high)
     share = _share(column - low[mine, 0], row - low[mine, 1], span)
@@ -57,8 +59,9 @@ def _blocks_of(triangles: Triangles, backs: np.ndarray) -> np.ndarray:
     """
     front = np.flatnonzero(backs >= 0)
     back = backs[front]
-    is_mirrored = (triangles.uvs[back] == triangles.uvs[front][:, [0, 2, 1]]).all(axis=(1, 2))
-    is_point = (triangles.uvs[back] == triangles.uvs[back][:, :1]).all(axis=(1, 2))
+    own, flipped = taken(triangles.uvs, back), taken(triangles.uvs, front)[:, [0, 2, 1]]
+    is_mirrored = all_in_rows((own == flipped).reshape(-1, 6))
+    is_point = all_in_rows((own == own[:, :1]).reshape(-1, 6))
     blocks: np.ndarray = back[~is_mirrored | is_point].astype(np.int64)
     return blocks
 

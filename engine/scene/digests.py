@@ -5,17 +5,20 @@ from __future__ import annotations
 import hashlib
 import weakref
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass
 
 import numpy as np
 
+from ..array_ops import map_slabs
 from .cutouts import transmission_maps, transmittances
 from .model import Material, Mesh, Scene
 from .texture import Texture
 
 #: Arrays of a mesh that determine its patches and their visibility.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
+
+#: Arrays of a mesh of back faces; its other arrays follow from those of its front faces.
+_OF_BACKS = ("uvs", "material")
 
 #: Bytes of a short hash, used in file names, and of other hashes.
 _SHORT, _LONG = 20, 64
@@ -92,8 +95,10 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
     maps = [texture for material in scene.materials for texture in transmission_maps(material)]
     for mesh in scene.meshes:
-        digest.feed([mesh.name, mesh.atlas, mesh.front, *(getattr(mesh, name) for name in _GEOMETRY)])
-        digest.feed_uvs(mesh, maps)
+        names = _GEOMETRY if mesh.front is None else _OF_BACKS
+        digest.feed([mesh.name, mesh.atlas, mesh.front, *(getattr(mesh, name) for name in names)])
+        if mesh.front is None:
+            digest.feed_uvs(mesh, maps)
     for material in scene.materials:
         for entry in transmittances(material.transmission):
             digest.feed([entry.offset, entry.scale, entry.threshold, entry.fresnel])
@@ -109,7 +114,8 @@ def surfaces_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     digest = _Digest(known)
     maps = [texture for material in scene.materials for texture in _maps(material)]
     for mesh in scene.meshes:
-        digest.feed_uvs(mesh, maps)
+        if mesh.front is None:
+            digest.feed_uvs(mesh, maps)
     for material in scene.materials:
         digest.feed([material.reflectance, material.emission, material.translucency, material.back is None])
         if material.back is not None:
@@ -155,9 +161,12 @@ def _bytes_of(array: np.ndarray) -> memoryview:
 
 def _tree_digest(array: np.ndarray) -> bytes:
     """Return the hash of a large array: its pieces are hashed in threads, then their hashes (Merkle 1980)."""
-    values, digest = _bytes_of(array), hashlib.blake2b()
-    pieces = [values[first : first + _PIECE] for first in range(0, len(values), _PIECE)]
-    with ThreadPoolExecutor() as threads:
-        for piece in threads.map(lambda piece: hashlib.blake2b(piece).digest(), pieces):
-            digest.update(piece)
-    return digest.digest()
+    values = _bytes_of(array)
+    pieces = [b""] * -(-len(values) // _PIECE)
+
+    def hash_pieces(slab: slice) -> None:
+        for number in range(slab.start, slab.stop):
+            pieces[number] = hashlib.blake2b(values[number * _PIECE : (number + 1) * _PIECE]).digest()
+
+    map_slabs(len(pieces), _PIECE, hash_pieces)
+    return hashlib.blake2b(b"".join(pieces)).digest()

@@ -23,6 +23,10 @@ from ..visibility.views.directions import r2_sequence
 #: (chosen).
 _DARK = 0.02
 
+#: Number of evenly spaced patches that show which objects are surely not dark, and the multiple of the limit
+#: that the mean of an object's sampled patches must exceed (chosen).
+_SAMPLED, _SURELY = 1 << 16, 4.0
+
 #: Minimum light of lit back faces as a fraction of the scene's light (chosen).
 _LIT = 0.1
 
@@ -56,14 +60,23 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
     triangles, patches = job.parts.triangles, job.parts.geometry.triangle
     if not len(patches):
         return []
-    light = luminance(irradiance)
-    level, meshes = max(float(light.mean(dtype=np.float64)), _open_light(scene)), len(scene.meshes)
-    of_patch = taken(triangles.mesh, patches)
-    count, total = np.bincount(of_patch, minlength=meshes), np.bincount(of_patch, light, meshes)
-    emits = np.bincount(of_patch[_emitters(job)], minlength=meshes) > 0
+    meshes = len(scene.meshes)
+    emits = np.bincount(triangles.mesh[patches[_emitters(job)]], minlength=meshes) > 0
     mapped = np.array([mesh.atlas < atlases for mesh in scene.meshes], bool)
-    is_dark = (count > 0) & (total <= _DARK * level * count) & mapped & ~emits
-    dark = _open_meshes(scene, np.flatnonzero(is_dark & ~_passes_light(scene)))
+    examined = mapped & ~emits & ~_passes_light(scene)
+
+    # Few patches show that most objects are not dark.
+    some = slice(None, None, max(1, len(patches) // _SAMPLED))
+    light = luminance(irradiance[some])
+    level = max(float(light.mean(dtype=np.float64)), _open_light(scene))
+    count, total = _light_of_meshes(triangles.mesh[patches[some]], light, meshes)
+    examined &= total <= _SURELY * _DARK * level * count
+    if not examined.any():
+        return []
+    of_patch = taken(triangles.mesh, patches)
+    chosen = np.flatnonzero(taken(examined, of_patch))
+    count, total = _light_of_meshes(of_patch[chosen], luminance(irradiance[chosen]), meshes)
+    dark = _open_meshes(scene, np.flatnonzero((count > 0) & (total <= _DARK * level * count)))
     if not dark:
         return []
     lit = _BackLight(scene, job, irradiance)
@@ -73,6 +86,15 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
         if (back := lit.mean_of(index)) > _LIT * level and total[index] < _DARK * back * count[index]
     ]
     return [object_message(_SENTENCE, list(dict.fromkeys(names)))] if names else []
+
+
+def _light_of_meshes(mesh: np.ndarray, light: np.ndarray, meshes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of patches of each mesh, (m,) int64, and the sum of their light, (m,) float64.
+
+    mesh:   (k,) int32, mesh of each patch
+    light:  (k,) float32
+    """
+    return np.bincount(mesh, minlength=meshes), np.bincount(mesh, light, meshes)
 
 
 def _emitters(job: SolveJob) -> np.ndarray:

@@ -121,7 +121,10 @@ def invalid_patches(texel_job: TexelGatherJob, front: np.ndarray, contacts: Cont
 
 
 def _inside(texel_job: TexelGatherJob, tested: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
-    """Test a mask of patches with probe rays; return a mask of those inside geometry, (n,) bool both."""
+    """Test a mask of patches with probe rays; return a mask of those inside geometry, (n,) bool both.
+
+    tested: no patch that back faces light, see `Contacts.backlit`
+    """
     parts, all_rays, number = texel_job.job.parts, texel_job.job.rays, int(np.count_nonzero(tested))
     if not number:
         return tested
@@ -129,7 +132,6 @@ def _inside(texel_job: TexelGatherJob, tested: np.ndarray, lit: cl.Buffer | np.n
     all_of_them = 2 * number > texel_job.job.count
     points = all_rays if all_of_them else all_rays.of(parts.part(tested))
     inside = find_inside(points, points.count, 1.0, parts.geometry.steps.geometric, lit)
-    inside &= ~texel_job.lighting.lit_by_backs(points)
     if all_of_them:
         return inside & tested
     found = np.zeros_like(tested)

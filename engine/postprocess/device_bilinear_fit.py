@@ -17,7 +17,7 @@ from .device_bilinear_equations import DeviceBilinearEquations
 _NAMES = (
     "sum_points", "spread_along_links", "spread_along_seams", "widen_ranges", "ranges_of_seams", "bound",
     "range_of_all", "differences", "begin_run", "cg_curvature", "advance", "cg_direction", "add_up",
-    "clamp_bounds", "keep_texels",
+    "descend", "clamp_bounds", "keep_texels",
 )  # fmt: skip
 
 #: Maximum iterations of the unconstrained and the bounded run, and iterations between tests for convergence.
@@ -25,6 +25,10 @@ _STEPS, _FEWER, _LOOK = 20, 6, 4
 
 #: Work items of a group in the kernels that sum, and of the group that adds the groups' partial sums.
 _GROUP, _ADDING = 64, 256
+
+#: Unknowns up to which one work group runs all iterations, so that launches do not take more time than the
+#: work (chosen).
+_SMALL = 256
 
 #: Results that kernel `add_up` computes from sums; numbers as in kernels/postprocess/bilinear_fit.cl.
 _ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
@@ -50,6 +54,8 @@ class DeviceBilinearFit:
         self._group = self._kernels["cg_curvature"].group(_GROUP)[0]
         self._adding = self._kernels["add_up"].group(_ADDING)[0]
         self._groups = -(-int(count) // self._group)
+        fits = self._kernels["descend"].group(self._group)[0] == self._group
+        self._is_small = fits and int(count) <= min(_SMALL, self._group * self._adding)
         self._size = np.uint32(equations.size)
         self._reserve(1)
 
@@ -166,8 +172,9 @@ class DeviceBilinearFit:
         """Run Jacobi-preconditioned conjugate gradients (Shewchuk 1994) on unknowns not at a bound."""
         vectors, inverse, run = self._vectors, self._equations.inverse, self._run_numbers
         solution, residual, direction = (vectors[name] for name in ("solution", "residual", "direction"))
-        if first:
-            cl.enqueue_fill_buffer(self._compute.queue, self._held, np.zeros(1, np.uint8), 0, self._held.size)
+        if self._is_small:
+            self._descend_at_once(first, steps)
+            return
         self._difference(solution)
         self._summed(
             "begin_run", _ENOUGH if first else _ENERGY, *self._rows, inverse, vectors["right"], self._held,
@@ -185,6 +192,18 @@ class DeviceBilinearFit:
                 "advance", _RATIO, inverse, direction, vectors["change"], run, solution, residual, self._sums
             )
             self._run("cg_direction", inverse, residual, run, direction)
+
+    def _descend_at_once(self, first: bool, steps: int) -> None:
+        """Run all iterations with one work group per image; the sums have the order of `_descend`."""
+        equations, vectors = self._equations, self._vectors
+        names = ("residual", "direction", "change")
+        self._kernels["descend"](
+            self._compute.queue, (self._group, self._images), (self._group, 1), *self._rows,
+            equations.columns, equations.entries, equations.inverse, vectors["right"], self._held,
+            vectors["solution"], self._products, *(vectors[name] for name in names), self._run_numbers,
+            np.int32(first), np.int32(steps), self._rows_of_seams, self._count,
+            cl.LocalMemory(16 * self._group), cl.LocalMemory(16 * self._adding), np.int32(self._adding),
+        )  # fmt: skip
 
     def _difference(self, values: cl.Buffer) -> None:
         """Look up a vector of unknowns on both sides of each seam row; store the difference."""

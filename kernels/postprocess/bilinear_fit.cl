@@ -217,18 +217,20 @@ __kernel void range_of_all(__global const float4 *low, __global const float4 *hi
     }
 }
 
+// Returns the difference between both sides of a seam.
+float4 difference_at(const int8 c, const float8 e, __global const float4 *values)
+{
+    return e.s0 * values[c.s0] + e.s1 * values[c.s1] + e.s2 * values[c.s2] + e.s3 * values[c.s3] + e.s4 * values[c.s4]
+        + e.s5 * values[c.s5] + e.s6 * values[c.s6] + e.s7 * values[c.s7];
+}
+
 // Stores the difference between both sides of each seam.
 __kernel void differences(__global const int8 *columns, __global const float8 *entries, __global const float4 *values,
                           __global float4 *products, const int unknowns, const int count)
 {
     const int seam = get_global_id(0);
-    if (seam >= count)
-        return;
-    values += IMAGE * unknowns;
-    const int8 c = columns[seam];
-    const float8 e = entries[seam];
-    products[IMAGE * count + seam] = e.s0 * values[c.s0] + e.s1 * values[c.s1] + e.s2 * values[c.s2]
-        + e.s3 * values[c.s3] + e.s4 * values[c.s4] + e.s5 * values[c.s5] + e.s6 * values[c.s6] + e.s7 * values[c.s7];
+    if (seam < count)
+        products[IMAGE * count + seam] = difference_at(columns[seam], entries[seam], values + IMAGE * unknowns);
 }
 
 // Returns a row of the normal equations times a vector. products: seam differences of that vector.
@@ -251,8 +253,8 @@ float4 free_channels(const uchar held)
     return (float4)(held & 1 ? 0.0f : 1.0f, held & 2 ? 0.0f : 1.0f, held & 4 ? 0.0f : 1.0f, 0.0f);
 }
 
-// Sums values over the work group and stores the partial sum of an image.
-void add_group(const float4 value, __local float4 *partial, __global float4 *sums)
+// Sums values over the work group; the sum is partial[0] of item 0.
+void sum_group(const float4 value, __local float4 *partial)
 {
     const int item = get_local_id(0);
     partial[item] = value;
@@ -261,7 +263,13 @@ void add_group(const float4 value, __local float4 *partial, __global float4 *sum
         if (item < step)
             partial[item] += partial[item + step];
     }
-    if (item == 0)
+}
+
+// Sums values over the work group and stores the partial sum of an image.
+void add_group(const float4 value, __local float4 *partial, __global float4 *sums)
+{
+    sum_group(value, partial);
+    if (get_local_id(0) == 0)
         sums[IMAGE * get_num_groups(0) + get_group_id(0)] = partial[0];
 }
 
@@ -360,6 +368,85 @@ __kernel void add_up(__global const float4 *sums, const int groups, const int ma
     if (made == RATIO)
         run[RATIO] = busy ? sum / run[ENERGY] : (float4)(0.0f);
     run[ENERGY] = sum;
+}
+
+// Runs all iterations of a small system in one work group per image: begin_run, differences, cg_curvature, advance,
+// cg_direction and add_up, with sums in the same order. totals: partial sums of each chunk of a group's size; `width`,
+// a power of two, is at least the number of chunks. Ends when all channels are below the threshold.
+__kernel void descend(EQUATIONS, __global const int8 *columns, __global const float8 *entries,
+                      __global const float *inverse, __global const float4 *right, __global const uchar *held,
+                      __global float4 *solution, __global float4 *products, __global float4 *residual,
+                      __global float4 *direction, __global float4 *change, __global float4 *run, const int first,
+                      const int steps, const int rows, const int count, __local float4 *partial,
+                      __local float4 *totals, const int width)
+{
+    const int item = get_local_id(0), items = get_local_size(0);
+    right += IMAGE * count, held += IMAGE * count, solution += IMAGE * count, residual += IMAGE * count;
+    direction += IMAGE * count, change += IMAGE * count, products += IMAGE * rows, run += NUMBERS * IMAGE;
+    float4 enough = run[ENOUGH], energy = (float4)(0.0f), step = energy, ratio = energy;
+
+    // Phase 0 starts the run; then each iteration has a phase for the curvature and one for the step.
+    for (int phase = 0; phase <= 2 * steps; ++phase) {
+        const bool starts_run = phase == 0, is_curvature = phase % 2;
+        if (is_curvature && !any(energy > enough))
+            break;
+        if (starts_run || is_curvature) {
+            __global const float4 *values = starts_run ? solution : direction;
+            for (int seam = item; seam < rows; seam += items)
+                products[seam] = difference_at(columns[seam], entries[seam], values);
+            barrier(CLK_GLOBAL_MEM_FENCE);
+        }
+        for (int chunk = 0; chunk * items < count; ++chunk) {
+            const int unknown = chunk * items + item;
+            float4 part = (float4)(0.0f);
+            if (unknown < count && starts_run) {
+                const float4 product = row_times(neighbours, factors, linked, starts, seams, shares, solution,
+                                                 products, unknown, count);
+                const float4 r = free_channels(held[unknown]) * (right[unknown] - product);
+                residual[unknown] = r;
+                direction[unknown] = inverse[unknown] * r;
+                part = inverse[unknown] * r * r;
+            } else if (unknown < count && is_curvature) {
+                const float4 q = free_channels(held[unknown])
+                    * row_times(neighbours, factors, linked, starts, seams, shares, direction, products, unknown,
+                                count);
+                change[unknown] = q;
+                part = q * direction[unknown];
+            } else if (unknown < count) {
+                solution[unknown] += step * direction[unknown];
+                const float4 r = residual[unknown] - step * change[unknown];
+                residual[unknown] = r;
+                part = inverse[unknown] * r * r;
+            }
+            sum_group(part, partial);
+            if (item == 0)
+                totals[chunk] = partial[0];
+            barrier(CLK_LOCAL_MEM_FENCE);
+        }
+        for (int i = (count + items - 1) / items + item; i < width; i += items)
+            totals[i] = (float4)(0.0f);
+        for (int half_width = width / 2; half_width > 0; half_width /= 2) {
+            barrier(CLK_LOCAL_MEM_FENCE);
+            for (int i = item; i < half_width; i += items)
+                totals[i] += totals[i + half_width];
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        const float4 sum = totals[0];
+        const int4 busy = energy > enough;
+        if (is_curvature) {
+            step = busy && sum > 0.0f ? energy / sum : (float4)(0.0f);
+        } else {
+            if (starts_run && first)
+                enough = TOLERANCE * TOLERANCE * sum;
+            ratio = busy ? sum / energy : (float4)(0.0f);
+            energy = sum;
+            for (int unknown = item; !starts_run && unknown < count; unknown += items)
+                direction[unknown] = inverse[unknown] * residual[unknown] + ratio * direction[unknown];
+        }
+        barrier(CLK_GLOBAL_MEM_FENCE | CLK_LOCAL_MEM_FENCE);
+    }
+    if (item == 0)
+        run[ENOUGH] = enough;
 }
 
 // Clamps unknowns to their bounds, and marks the clamped channels as held.

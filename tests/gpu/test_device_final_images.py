@@ -12,7 +12,7 @@ from engine.device.cl_device import ComputeDevice
 from engine.direct.contact import Contacts
 from engine.patches.patch_list import PatchList
 from engine.patches.seams import Seams, no_seams
-from engine.postprocess import device_images
+from engine.postprocess import device_bilinear_fit, device_images
 from engine.postprocess.bilinear import footprints
 from engine.postprocess.device_bilinear_equations import DeviceBilinearEquations
 from engine.postprocess.device_bilinear_fit import DeviceBilinearFit
@@ -317,3 +317,19 @@ def test_outputs_that_are_made_together_have_the_bits_of_each_alone(
         and (np.array(made) == alone).all()
         and alone.any(axis=(1, 2, 3, 4)).sum() == 4
     )
+
+
+@pytest.mark.parametrize("seed", [0, 3, 5])
+def test_one_work_group_makes_the_bits_of_many_launches(
+    compute: ComputeDevice, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """Systems of a few hundred unknowns with seams: images of which one has no light."""
+    case = strips(seed)
+    texels, values = lit(case, seed)
+    monkeypatch.setattr(device_bilinear_fit, "_SMALL", 1024)
+    display = DeviceFinalImages(compute, *case)
+    assert display._fit is not None and display._fit._is_small and display._fit._count > 64
+    at_once = display.images(texels, values)
+    monkeypatch.setattr(device_bilinear_fit, "_SMALL", 0)
+    launched = DeviceFinalImages(compute, *case).images(texels, values)
+    assert at_once.any() and (at_once == launched).all()

@@ -90,8 +90,14 @@ def _outward(ends: np.ndarray, opposite: np.ndarray) -> np.ndarray:
 
 def _texels(uvs: np.ndarray, resolution: int) -> np.ndarray:
     """Return twice the lightmap area of triangles with UVs (t, 3, 2), (t,) float32, square texels."""
-    (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]).T * resolution for k in (1, 2))
-    area: np.ndarray = np.abs(u1 * v2 - u2 * v1)
+    area = np.empty(len(uvs), np.float32)
+
+    def measure(block: slice) -> None:
+        corners = uvs[block]
+        (u1, v1), (u2, v2) = ((corners[:, k] - corners[:, 0]).T * resolution for k in (1, 2))
+        area[block] = np.abs(u1 * v2 - u2 * v1)
+
+    map_blocks(len(uvs), 28, measure)
     return area
 
 
@@ -129,20 +135,29 @@ def _hashed(values: np.ndarray, factors: np.ndarray) -> np.ndarray:
 
 
 def _alone(keys: np.ndarray) -> np.ndarray:
-    """Return a mask of the keys that occur once, (n,) bool.
+    """Return a mask of the keys that occur once, (n,) bool; overwrites the keys, (n,) uint64, to save memory.
 
     Indices replace the low bits of the keys, so that one sort orders both. Keys that collide are dropped:
     about two of three million edges of closed charts.
     """
     bits = np.uint64(max(1, len(keys).bit_length()))
-    ordered = keys >> bits
-    ordered <<= bits
-    ordered |= np.arange(len(keys), dtype=np.uint64)
-    ordered.sort()
-    high, same = ordered >> bits, np.zeros(len(keys) + 1, bool)
-    same[1:-1] = high[1:] == high[:-1]
-    alone = np.zeros(len(keys), bool)
-    alone[ordered[~(same[1:] | same[:-1])] & (np.uint64(1) << bits) - np.uint64(1)] = True
+
+    def put_index(block: slice) -> None:
+        keys[block] >>= bits
+        keys[block] <<= bits
+        keys[block] |= np.arange(block.start, block.stop, dtype=np.uint64)
+
+    map_blocks(len(keys), 8, put_index)
+    keys.sort()
+    same, alone = np.zeros(len(keys) + 1, bool), np.zeros(len(keys), bool)
+
+    def compare(block: slice) -> None:
+        last = min(block.stop + 1, len(keys))
+        high = keys[block.start : last] >> bits
+        same[block.start + 1 : last] = high[1:] == high[:-1]
+
+    map_blocks(len(keys), 8, compare)
+    alone[keys[~(same[1:] | same[:-1])] & (np.uint64(1) << bits) - np.uint64(1)] = True
     return alone
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..array_ops import map_blocks
+from ..array_ops import joined_rows, map_blocks
 from .model import Scene
 
 #: Approximate number of triangles from which the median corner is computed.
@@ -134,15 +134,20 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
     counts = [len(mesh.positions) for mesh in scene.meshes]
     return Triangles(
         positions=positions,
-        normals=np.concatenate([mesh.normals for mesh in scene.meshes]).astype(np.float32, copy=False),
-        uvs=np.concatenate([mesh.uvs for mesh in scene.meshes]).astype(np.float32, copy=False),
-        material=np.concatenate([mesh.material for mesh in scene.meshes]).astype(np.int32, copy=False),
+        normals=_joined([mesh.normals for mesh in scene.meshes], np.float32),
+        uvs=_joined([mesh.uvs for mesh in scene.meshes], np.float32),
+        material=_joined([mesh.material for mesh in scene.meshes], np.int32),
         mesh=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         atlas=np.repeat(np.array([mesh.atlas for mesh in scene.meshes], np.int32), counts),
         origin=origin.astype(np.float64),
         span=span,
         backs=_backs(scene),
     )
+
+
+def _joined(arrays: list[np.ndarray], dtype: type) -> np.ndarray:
+    """Concatenate arrays of meshes, contiguous and of a type; the array of a single mesh is not copied."""
+    return np.ascontiguousarray(joined_rows(arrays), dtype)
 
 
 def _backs(scene: Scene) -> np.ndarray | None:

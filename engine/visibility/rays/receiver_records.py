@@ -38,7 +38,7 @@ RECEIVER = DeviceStruct(
 )
 
 #: Number of triangles whose records are converted at once (chosen).
-_CONVERTED = 1 << 18
+_CONVERTED = 1 << 16
 
 #: Texel steps, normal and area that all patches of a triangle share.
 TEXEL_STEP = DeviceStruct(

@@ -20,6 +20,7 @@ from ..visibility.sampler import directional_options
 from .emitter_lists import EmitterLists, joined_emitters, visible_fraction
 from .emitters import EMITTER, SampledTriangles
 from .light_tree import LIGHT_NODE, build_light_tree
+from .modulation import is_modulated
 from .sky import Sky
 
 #: Storage blocks of shaders/direct/.
@@ -48,6 +49,9 @@ class ShaderShadowRays:
         self._scene, self._tracer, self._settings = receivers, receivers.tracer, settings
         self._count = receivers.count
         self._features = tuple(option.removeprefix("-D").lower() for option in directional_options(settings))
+        self._rows = 4 if settings.directional else 1
+        if any(is_modulated(lamp) for lamp in lamps):
+            self._features += ("modulated",)
         self._emitters = EmitterLists(lamps, parts.triangles, bright, sky)
         height, width = sky.distribution.size
         self._uniforms = {
@@ -109,14 +113,14 @@ class ShaderShadowRays:
         """Return E/pi and unshadowed luminance of all emitters in the lists, (n, 4) float32, and the L1."""
         joined = joined_emitters(lists, self._settings.light_samples)
         if joined is None:
-            rows = 3 * self._count if self._features else 0
+            rows = (self._rows - 1) * self._count
             return np.zeros((self._count, 4), np.float32), np.zeros((rows, 4), np.float32)
         return (yield from self._light(*joined))
 
     def _light(self, emitters: np.ndarray, budget: int) -> Generator[float, None, _Rows]:
         """Return E/pi and its unshadowed luminance from some emitters at all patches, and the L1."""
         graphics, tree = self._scene.graphics, build_light_tree(emitters)
-        rows = (4 if self._features else 1) * self._count
+        rows = self._rows * self._count
         results = reserve_storage(graphics, 16 * rows)
         buffers = {
             RECORDS: self._scene.receivers,

@@ -278,8 +278,10 @@ Sample sample_emitter(const int e, const Receiver r, const vec3 p, const vec2 u)
         s = sample_triangle(e, r, p, u);
     else
         s = sample_sky(u);
+#ifdef MODULATED
     if (emitters[e].modulation > 0)
         s.light *= modulation(emitters[e].modulation, -s.direction, s.distance);
+#endif
     return s;
 }
 
@@ -361,10 +363,13 @@ bool is_far(const int e, const Receiver r)
 // the direction differs across the texel.
 float own_strength(const int e, const vec3 away, const float distance)
 {
-    if (emitters[e].modulation == 0)
-        return emitters[e].luminance;
-    vec3 factor = modulation(emitters[e].modulation, away, distance);
-    return luminance(strength_of(e) * factor) + 0.05 * emitters[e].luminance;
+#ifdef MODULATED
+    if (emitters[e].modulation > 0) {
+        vec3 factor = modulation(emitters[e].modulation, away, distance);
+        return luminance(strength_of(e) * factor) + 0.05 * emitters[e].luminance;
+    }
+#endif
+    return emitters[e].luminance;
 }
 
 // Estimates the unshadowed irradiance from a point or spot light, see `emitter_weight`.

@@ -2,7 +2,8 @@
 #include "bvh_traversal.glsl"
 
 // Modulation of lights by their shader nodes: an angular profile (IES or baked) and a distance falloff. The same
-// algorithm as kernels/direct/modulation.cl.
+// algorithm as kernels/direct/modulation.cl. MODULATED is defined for scenes with such lights: compiling it takes
+// llvmpipe as long as all other code of direct.comp.
 
 // Tables of the light's samples, see engine/direct/shader_shadow_rays.py.
 layout(std430, binding = 6) readonly buffer LightTables { uint light_tables[]; };
@@ -11,6 +12,7 @@ uniform int first_modulations, first_profiles;
 float table_float(const int i) { return uintBitsToFloat(light_tables[i]); }
 vec3 table_vec3(const int i) { return vec3(table_float(i), table_float(i + 1), table_float(i + 2)); }
 
+#ifdef MODULATED
 // Number of 32-bit words of a record `Modulation`, and offsets of its last fields.
 #define MODULATION_WORDS 12
 #define MODULATION_PROFILE 9
@@ -79,3 +81,4 @@ vec3 modulation(const int number, const vec3 away, const float distance)
     }
     return factor;
 }
+#endif

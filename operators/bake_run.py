@@ -263,13 +263,10 @@ class BakeRun:
         self._destination = self._destination_of(bpy.data.filepath)
         partial = self._target != "ALL"
         self._kept = PreservedTexels(self._context, self._read, self._names, self._settings, partial)
-        self._images = self._begin_images()
-
-    def _begin_images(self) -> ProgressImages:
-        """Return the images of the chosen names, and expect to save them."""
+        self._images = ProgressImages(
+            self._context, atlases, self._names, self._settings.resolution, self._kept, self._changes
+        )
         self._stages.expect(self._read.scene, self._settings, len(self._names))
-        atlases, resolution = self._read.scene.atlases, self._settings.resolution
-        return ProgressImages(self._context, atlases, self._names, resolution, self._kept, self._changes)
 
     def _destination_of(self, blend: str) -> Destination:
         """Return the lightmaps' destination for a path of the .blend; raises EngineError if invalid."""
@@ -453,14 +450,14 @@ class BakeRun:
         baked:    outputs of the bake in order
         outputs:  outputs to keep, in the same order
         """
-        atlases, shown = self._read.scene.atlases, self._pictures.uids
+        atlases = self._read.scene.atlases
         numbers = [
             baked.index(output) * len(atlases) + atlas for output in outputs for atlas in range(len(atlases))
         ]
         self._names = [self._names[number] for number in numbers]
         self._destination = self._destination.only(numbers)
-        self._images = self._begin_images()
-        self._images.uids = shown
+        self._pictures.limit_to(numbers)
+        self._stages.expect(self._read.scene, self._settings, len(numbers))
 
     def _show_finished(self, lightmap: BakeResult) -> np.ndarray:
         """Copy finished lightmaps to all images; return their pixels, (images, h, w, 3) float32."""

@@ -56,6 +56,10 @@ class ProgressImages:
             self.uids[index : index + 1] = [image.session_uid]
         return merged
 
+    def limit_to(self, numbers: Sequence[int]) -> None:
+        """Drop all other images, of which none has been shown; the first number is that of the first image."""
+        self._names = [self._names[number] for number in numbers]
+
     def found(self) -> list[bpy.types.Image]:
         """Return the images; None for missing ones."""
         return [find(bpy.data.images, uid) for uid in self.uids]

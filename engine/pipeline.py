@@ -131,7 +131,7 @@ def _bake(
     sharing = share(rays, devices.peers if shares else None, settings)
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
-    in_squares = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
+    in_groups = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
     lighting = DirectLighting(
         scene=scene,
         parts=patch_scene,
@@ -139,7 +139,7 @@ def _bake(
         settings=settings,
         elsewhere=remote,
         split=split,
-        meanwhile=partial(kept.inside, rays) if in_squares else None,
+        meanwhile=partial(kept.inside, rays) if in_groups else None,
     )
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)

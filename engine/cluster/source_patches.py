@@ -112,7 +112,7 @@ class ScenePatches(SourcePatches):
         self._probes: tuple[SentRadiance, ProbeGather] | None = None
 
     def probes(self, light: SentRadiance, choice: SolverChoice) -> ProbeGather:
-        """Return the gather of light probes from the light of all patches; the last one is cached."""
+        """Return the gather of light probes from the light of all patches; the last one is kept."""
         if self._probes is None or self._probes[0] is not light:
             self._probes, job = None, self._emitting
             what = TexelGatherJob(self._scene, job, job, choice, self.lighting)

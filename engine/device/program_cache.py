@@ -24,9 +24,11 @@ from .opencl import cl
 #: Threads that load cached programs, and maximum number of cached programs for each device.
 _THREADS, _MOST = 4, 96
 
-#: Minimum number of GPU programs for which builder processes are started, number of first programs that this
-#: process builds, and the minimum for PoCL.
-_MANY, _OWN, _FEW = 8, 3, 3
+#: Minimum number of missing programs for which builder processes are started, on GPUs and with PoCL.
+_MIN_GPU, _MIN_POCL = 8, 3
+
+#: Number of programs that this process builds itself, the first ones, while builder processes start.
+_OWN = 3
 
 #: Size of a program's checksum, bytes.
 _CHECKSUM = 16
@@ -100,7 +102,7 @@ class ProgramCache:
         self._file_names.update({name: file_name(program) for name, program in named.items()})
         missing = {name: named[name] for name in named if self._file_name(name) not in self._known}
         self._known.update(map(self._file_name, missing))
-        if self._folder is None or len(missing) < (_FEW if self._keeps_itself else _MANY):
+        if self._folder is None or len(missing) < (_MIN_POCL if self._keeps_itself else _MIN_GPU):
             return set() if self._keeps_itself else set(missing)
         others = missing if self._keeps_itself else dict(list(missing.items())[_OWN:])
         pace = self._read_paces().get(self._key, 1.0)

@@ -28,12 +28,11 @@ from .visibility_trial import SAMPLERS, choose_sampler, make_sampler, untried_vi
 #: Report sentence: all visibility samples are reused.
 _KEPT = "Visibility was kept from the last bake: geometry, UVs, transparency and settings are unchanged."
 
-#: Report sentence: stale samples are computed again.
+#: Report sentence: samples near moved objects were computed again, all others are reused.
 _MOVED = "Visibility was kept from the last bake, and recomputed where objects moved."
 
-#: Report sentence: samples of a cancelled bake are reused.
+#: Report sentence: the samples that a cancelled bake had computed are reused.
 _RESUMED = "Visibility of a cancelled bake was kept; the rest was computed."
-
 
 #: Report sentence: the samples of some patches are reused, since memory for all is missing.
 _LIMITED = (

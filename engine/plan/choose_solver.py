@@ -147,7 +147,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
     if is_adaptive(job):
         gathering = gathering_fraction(choice.patches / job.count, width)
         choice = replace(choice, final_samples=int(gathering * job.count * ray_count(job.settings)))
-        between = _interpolated(job, groups_job, solver, choice, _widths(job, groups))
+        between = _interpolated(job, groups_job, solver, choice, _groupings(job, groups))
         return GroupedSolution(solver, groups, between), choice, groups_job
     receivers = Receivers(job.parts, job.rays, job.sampled_light)
     final, samples = make_final_gather(groups_job, choice, receivers, job.settings)
@@ -192,10 +192,10 @@ def light_alone(settings: Settings) -> Settings:
 
 
 #: A patch grouping: group of each patch, (n,) uint32; representative patch of each group; width, texels.
-_Squares = tuple[np.ndarray, np.ndarray, int]
+_Grouping = tuple[np.ndarray, np.ndarray, int]
 
 
-def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
+def _groupings(job: SolveJob, groups: PatchGroups) -> list[_Grouping]:
     """Return the groupings for the interpolation: the solved groups, then the smaller ones."""
     inside = job.kept.inside(job.rays)
     smaller_representative = group_representatives(
@@ -206,15 +206,15 @@ def _widths(job: SolveJob, groups: PatchGroups) -> list[_Squares]:
 
 
 def _interpolated(
-    job: SolveJob, solved: SolveJob, solver: Solver, choice: SolverChoice, widths: Sequence[_Squares]
+    job: SolveJob, solved: SolveJob, solver: Solver, choice: SolverChoice, groupings: Sequence[_Grouping]
 ) -> InterpolatedGather:
     """Return the final gather that interpolates smooth patches and traces the others.
 
     job:     all patches
-    solved:  job of the patches, or of the first grouping of `widths`, that `solver` solves
+    solved:  job of the patches, or of the first grouping of `groupings`, that `solver` solves
     solver:  solution of `solved`
     choice:  choice of the gather
-    widths:  groupings, coarse to fine
+    groupings:  groupings, coarse to fine
     """
 
     def last_of(chosen: np.ndarray) -> FinalGather:
@@ -223,12 +223,12 @@ def _interpolated(
         return make_final_gather(solved, choice, receivers, job.settings)[0]
 
     # Groups have too few samples to detect geometry near the patches between them.
-    opening = openness(job.rays, _NEAR) if widths else None
+    opening = openness(job.rays, _NEAR) if groupings else None
     backs = None if job.parts.triangles.backs is None else patches_near_backs(job.rays, job.count)
     patches = np.arange(job.count)
     return InterpolatedGather(
         solver=solver,
-        squares=[Interpolation(job.rays, job.parts, *groups_job, opening, backs) for groups_job in widths],
+        groupings=[Interpolation(job.rays, job.parts, *grouping, opening, backs) for grouping in groupings],
         neighbours=Interpolation(
             rays=job.rays,
             parts=job.parts,

@@ -26,7 +26,7 @@ class IndependentEstimate:
     """Lightmaps from independent samples: their noise is uncorrelated with the noise of the baked ones.
 
     images:   (atlases, r, r, 3) float32, E/pi, for each light output, by name
-    centres:  (atlases, r, r) bool, texels with one sample at their centre, as the estimate has
+    centres:  (atlases, r, r) bool, texels that the bake samples at their centre only, like the estimate
     part:     rays of the estimate as a fraction of the rays of both
     """
 

@@ -149,7 +149,7 @@ class Checkpoint:
             self._shared.folder.remove(self.key)
 
     def _rows(self) -> list[tuple[str, int, int]]:
-        """Return the sampler, first patch and end of all stored rows, by file names."""
+        """Return the sampler, first patch and end patch of each file of rows, read from the file names."""
         if not self._looks:
             return []
         names = (_ROWS.fullmatch(path.name) for path in self._shared.folder.files(self.key))

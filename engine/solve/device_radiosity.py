@@ -127,7 +127,12 @@ class DeviceRadiosity:
         return IterationSums(products, sums[-3] * self.area, sums[-2] * self.area, sums[-1, 0] / self.count)
 
     def mix(self, weights: np.ndarray, ambient: np.ndarray, least: float) -> IterationStep:
-        """Compute the next irradiance from weighted columns and ambient light; return its change."""
+        """Set the irradiance to a weighted sum of earlier iterates plus an ambient term; return the change.
+
+        weights:  factor of each stored iterate, for each channel
+        ambient:  E/pi added to all patches, (3,)
+        least:    minimum E/pi in error weights
+        """
         self._mixture[:-1, :3], self._mixture[-1, :3] = weights, ambient
         self._mixture[:-1, 3] = weights[:, 0]
         cl.enqueue_copy(self._queue, self._weights, self._mixture, is_blocking=False)
@@ -212,7 +217,7 @@ class DeviceRadiosity:
         )  # fmt: skip
 
     def _read_sums(self, numbers: int) -> np.ndarray:
-        """Return the sums over all work items, (numbers, 3) float64."""
+        """Add the partial sums of all work items; return `numbers` vectors of three sums, float64."""
         self._add_up(
             self._queue, (self._adding * numbers,), (self._adding,),
             self._sums, np.int32(self._items), self._totals, cl.LocalMemory(16 * self._adding),

@@ -12,7 +12,7 @@ from .final_gather import FinalGather
 from .interpolation import Interpolation
 from .solver import Solver
 
-#: Functions that `_by_squares` calls: one fits planes to groups, the other gathers for chosen patches.
+#: Functions that `_by_groups` calls: one fits planes to groups, the other gathers for chosen patches.
 _Fit = Callable[[Interpolation, list[np.ndarray]], tuple[list[np.ndarray], np.ndarray]]
 _GatherFor = Callable[[list[np.ndarray], np.ndarray], Generator[float, None, None]]
 
@@ -26,7 +26,7 @@ class InterpolatedGather:
     Gathered irradiance that lies in a plane with the irradiance of neighbour patches is replaced by the
     plane's value, which has less noise.
 
-    squares:          fit planes to the solved groups, then to smaller squares; empty if patches are solved
+    groupings:        the solved groups, then smaller ones; fit planes to them; empty if patches are solved
     neighbours:       fits planes to the irradiance of patches
     sampled_light:    (n, 3) float32, E/pi of light sampled by shadow rays
     of_groups:        (m, 3) float32, the same for the groups
@@ -39,7 +39,7 @@ class InterpolatedGather:
     def __init__(
         self,
         solver: Solver,
-        squares: Sequence[Interpolation],
+        groupings: Sequence[Interpolation],
         neighbours: Interpolation,
         sampled_light: np.ndarray,
         of_groups: np.ndarray,
@@ -49,7 +49,7 @@ class InterpolatedGather:
         last_of: Callable[[np.ndarray], FinalGather],
     ) -> None:
         self._solver, self._last_of = solver, last_of
-        self._squares, self._neighbours = squares, neighbours
+        self._groupings, self._neighbours = groupings, neighbours
         self._of_groups, self._tolerance, self.separate_direct = of_groups, tolerance, separate_direct
         self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
         self._directional, self._l1 = directional, list[np.ndarray]()
@@ -72,12 +72,12 @@ class InterpolatedGather:
             if self._directional:
                 self._l1.append(np.asarray((yield from last.gather_l1())))
 
-        def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
-            values, fits = squares.fit(layers, beside, self._tolerance)
+        def fit(grouping: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+            values, fits = grouping.fit(layers, beside, self._tolerance)
             self._fitting.append(fits)
             return values, fits
 
-        self.gathered, *direct = yield from self._by_squares(self._layers(), fit, gather_for)
+        self.gathered, *direct = yield from self._by_groups(self._layers(), fit, gather_for)
         add_colors(self.gathered, sampled)
         if direct:
             self.direct = colors_of(direct[0])
@@ -106,16 +106,16 @@ class InterpolatedGather:
                 layer[patches, :3] = values - sampled[patches]
                 layer[patches, 3] = self.gathered[patches, 3]
 
-        def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
-            values, _ = squares.fit(layers, nothing, 0.0)
+        def fit(grouping: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+            values, _ = grouping.fit(layers, nothing, 0.0)
             return values, next(fitting)
 
-        layers = yield from self._by_squares(list(gathered), fit, gather_for)
+        layers = yield from self._by_groups(list(gathered), fit, gather_for)
         light = np.stack([colors_of(layer) for layer in layers])
         light += sampled_light
         return light
 
-    def _by_squares(
+    def _by_groups(
         self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float = 0.0
     ) -> Generator[float, None, list[np.ndarray]]:
         """Interpolate or gather the light of patches, (n, 4) float32 per layer, from groups, (m, 4).
@@ -126,8 +126,8 @@ class InterpolatedGather:
         gather_for:  replaces the light of patches, by index, in layers of all patches
         lowest:      lower bound of the light
         """
-        if self._squares:
-            values, own = yield from self._from_squares(layers, fit, gather_for, lowest)
+        if self._groupings:
+            values, own = yield from self._from_groups(layers, fit, gather_for, lowest)
         else:
             values, own = layers, np.ones(len(self.gathered), bool)
 
@@ -138,29 +138,32 @@ class InterpolatedGather:
                 layer[own & fits] = smoother[own & fits]
         return values
 
-    def _from_squares(
+    def _from_groups(
         self, layers: list[np.ndarray], fit: _Fit, gather_for: _GatherFor, lowest: float
     ) -> Generator[float, None, tuple[list[np.ndarray], np.ndarray]]:
-        """Interpolate from groups of decreasing size; return the light and a mask of gathering patches."""
-        solved, *smaller = self._squares
+        """Interpolate from groups of decreasing size; return the light.
+
+        The second array is a mask of the patches that gathered their own light.
+        """
+        solved, *smaller = self._groupings
         values, fits = fit(solved, layers)
         solved.put_back(layers, values, fits, lowest)
         left, own = ~fits, np.zeros_like(fits)
         steps = 1 + len(smaller)
-        for step, squares in enumerate(smaller):
-            leads = np.zeros_like(left)
-            leads[squares.representative] = True
-            leads &= left
-            if leads.any():
+        for step, grouping in enumerate(smaller):
+            chosen = np.zeros_like(left)
+            chosen[grouping.representative] = True
+            chosen &= left
+            if chosen.any():
                 yield from run_as_fraction(
-                    step / steps, (step + 1) / steps, gather_for(values, np.flatnonzero(leads))
+                    step / steps, (step + 1) / steps, gather_for(values, np.flatnonzero(chosen))
                 )
-            found, fits = fit(squares, [layer[squares.representative] for layer in values])
-            left &= ~leads
+            found, fits = fit(grouping, [layer[grouping.representative] for layer in values])
+            left &= ~chosen
             for layer, finer in zip(values, found, strict=True):
                 layer[left & fits] = finer[left & fits]
             left &= ~fits
-            own |= leads
+            own |= chosen
         if left.any():
             yield from run_as_fraction(1 - 1 / steps, 1, gather_for(values, np.flatnonzero(left)))
         return values, own | left
@@ -182,11 +185,11 @@ class InterpolatedGather:
                 layer[patches, 3] = self.gathered[patches, 3]
             yield 1.0
 
-        def fit(squares: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
-            values, _ = squares.fit(layers, nothing, 0.0, -np.inf)
+        def fit(grouping: Interpolation, layers: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+            values, _ = grouping.fit(layers, nothing, 0.0, -np.inf)
             return values, next(fitting)
 
-        axes = yield from self._by_squares(axes, fit, gather_for, -np.inf)
+        axes = yield from self._by_groups(axes, fit, gather_for, -np.inf)
         gathered: np.ndarray = np.stack([axis[:, :3] for axis in axes], axis=1)
         return gathered
 

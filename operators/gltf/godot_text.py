@@ -61,7 +61,10 @@ def import_settings(layers: int) -> str:
 
 
 def imports_layers(text: str, layers: int) -> bool:
-    """Return True if import settings, which Godot completes, read an image as this number of layers."""
+    """Return True if the text of a .import file splits an image into this number of layers, one per row.
+
+    Godot adds further settings to the file that the export writes.
+    """
     lines = {line.strip() for line in text.splitlines()}
     wanted = {f'importer="{_IMPORTER}"', "slices/horizontal=1", f"slices/vertical={layers}"}
     return wanted <= lines

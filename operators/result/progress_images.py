@@ -57,7 +57,7 @@ class ProgressImages:
         return merged
 
     def limit_to(self, numbers: Sequence[int]) -> None:
-        """Drop all other images, of which none has been shown; the first number is that of the first image."""
+        """Drop all other images, of which none has been shown. The first image must stay."""
         self._names = [self._names[number] for number in numbers]
 
     def found(self) -> list[bpy.types.Image]:

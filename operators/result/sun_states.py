@@ -72,7 +72,13 @@ def path_report(path: SunPath, reduced: ReducedGroups) -> str:
 
 
 def _mix(factor: tuple[float, float, float], count: int) -> Mix:
-    """Return color and strength of a group: a scene-linear factor times the number of positions."""
+    """Return color and strength of a group in one state.
+
+    The maps of a path share the light of all positions, so one position needs `count` times its factor.
+
+    factor:  scene-linear factor of the map from `ReducedGroups`
+    count:   number of sun positions
+    """
     values = np.array(factor, np.float64) * count
     strength = float(values.max())
     red, green, blue = (float(value) / strength for value in values) if strength > 0 else (1.0, 1.0, 1.0)

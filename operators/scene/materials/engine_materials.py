@@ -73,7 +73,7 @@ def to_material(name: str, sides: Sides) -> Material:
 
 
 def hide_from_rays(material: Material, from_shadow: bool, from_bounces: bool) -> Material:
-    """Return the material transparent for shadow rays, for gathered light or both; then it emits nothing."""
+    """Return a material that shadow rays, gather rays or both pass. If gather rays do, it emits nothing."""
     transmission = material.transmission
     if from_shadow:
         transmission = replace(transmission, shadow=CLEAR, shadow_back=None)

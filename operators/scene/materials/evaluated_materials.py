@@ -123,9 +123,9 @@ class EvaluatedMaterial:
 
 
 def _spread(values: np.ndarray, opacity: np.ndarray) -> np.ndarray:
-    """Return a quantity, (h, w, 3) float32, that clear texels have from opaque ones around them.
+    """Return a quantity, (h, w, 3) float32; clear texels get the mean of the opaque texels around them.
 
-    Else interpolation beside a clear texel would darken the opaque part of a texel, as at the rim of a leaf.
+    Without this, interpolation beside a clear texel would darken the opaque part, as at the rim of a leaf.
 
     opacity:  (h, w) float32
     """

@@ -46,7 +46,7 @@ class _Fractions:
         return self._known[socket.as_pointer()]
 
     def _of_input(self, socket: bpy.types.NodeSocket) -> float:
-        """Return the fraction for an input whose mixed shaders are known."""
+        """Return the fraction for a shader input from the computed fractions of the shaders that it mixes."""
         output = feeding_socket(socket)
         if not output.is_output:
             return 0.0

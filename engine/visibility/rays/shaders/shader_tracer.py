@@ -30,7 +30,7 @@ _FIRST, _SHORT, _LONG = 4 * _GROUP, 0.02, 0.05
 #: Stacks of shaders are a multiple of this: scenes share programs, which take seconds to build.
 _STACK = 32
 
-#: Most words of all states of a dispatch; chosen.
+#: Maximum size of the ray states of a dispatch, 32-bit words; chosen.
 _MAX_STATES = 1 << 22
 
 #: Uniform values by name.

@@ -36,11 +36,15 @@ def solve_job(scene: Scene, settings: Settings, compute: ComputeDevice | None = 
     graphics = GraphicsContext()
     try:
         compute = compute or ComputeDevice()
-        parts = make_patch_scene(graphics, compute, scene, settings)
-        emission, sky, rays = parts.surfaces.emission, unsampled_sky(scene.world), RayScene(compute, parts)
+        patch_scene = make_patch_scene(graphics, compute, scene, settings)
+        emission, sky, rays = (
+            patch_scene.surfaces.emission,
+            unsampled_sky(scene.world),
+            RayScene(compute, patch_scene),
+        )
         dark = np.zeros_like(emission)
-        area = parts.geometry.area
-        yield SolveJob(graphics, compute, parts, rays, emission, sky, dark, area, settings)
+        area = patch_scene.geometry.area
+        yield SolveJob(graphics, compute, patch_scene, rays, emission, sky, dark, area, settings)
     finally:
         graphics.release()
 

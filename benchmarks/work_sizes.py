@@ -113,7 +113,7 @@ def _seconds(compute: ProfiledCompute, name: str, work: Callable[[], None]) -> f
 def _looks(job: SolveJob) -> Callable[[], None]:
     """Return a function that traces the visibility samples of all patches."""
     compute = job.opencl
-    identity = RaySampler(compute, job.rays, job.parts, job.background, job.settings)
+    identity = RaySampler(compute, job.rays, job.patch_scene, job.background, job.settings)
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, identity.row_bytes * job.count)
     backs = BackfaceLight(compute, job.count, len(job.emission), directional=False)
 

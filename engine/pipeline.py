@@ -134,7 +134,7 @@ def _bake(
     in_groups = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
     lighting = DirectLighting(
         scene=scene,
-        parts=patch_scene,
+        patch_scene=patch_scene,
         rays=rays,
         settings=settings,
         elsewhere=remote,
@@ -163,7 +163,7 @@ def _bake(
     job = SolveJob(
         graphics=graphics,
         compute=compute,
-        parts=patch_scene,
+        patch_scene=patch_scene,
         rays=rays,
         emission=lighting.gathered_emission,
         sky=lighting.gathered_sky,
@@ -235,7 +235,7 @@ def _bake(
             *finishing.warnings,
         ),
         integrator=choice.integrator,
-        energy=solution.energy(solved.parts.surfaces.emission),
+        energy=solution.energy(solved.patch_scene.surfaces.emission),
     )
     return BakeResult(
         atlases=atlases,
@@ -327,7 +327,7 @@ def _settle(
             continue
         if warm:
             light = PreviousSolution.of(
-                solution, job.parts.patches, job.sampled_light, contacts, job.direct_sources
+                solution, job.patch_scene.patches, job.sampled_light, contacts, job.direct_sources
             )
             job.kept.light = light.prepared() if done else light
         if done:
@@ -356,7 +356,7 @@ def _made(
     validity:  (n,) float32, validity from `valid_front`
     """
     job = texels.job
-    made = yield from stages.run(stages.outputs, outputs.make(solution, job.parts.geometry))
+    made = yield from stages.run(stages.outputs, outputs.make(solution, job.patch_scene.geometry))
     gathered = yield from stages.run(
         stages.texels,
         gather_texel_samples(texels, atlases, contacts, solution, validity, stages.supersampling),

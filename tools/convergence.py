@@ -96,9 +96,11 @@ def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
         surfaces = PatchMaterials(prepared.reflectance, prepared.emission)
         texels = map_texels(prepared.scene, prepared.patches)
         cutouts, triangles = read_cutouts(prepared.scene), prepared.triangles
-        parts = PatchScene(triangles, cutouts, prepared.patches, prepared.geometry, surfaces, texels, ())
+        patch_scene = PatchScene(
+            triangles, cutouts, prepared.patches, prepared.geometry, surfaces, texels, ()
+        )
         sky = unsampled_sky(prepared.scene.world)
-        paper = PaperGather(graphics, ComputeDevice(), parts, prepared.emission, sky, settings)
+        paper = PaperGather(graphics, ComputeDevice(), patch_scene, prepared.emission, sky, settings)
         radiosity = HostRadiosity(paper, prepared.reflectance, prepared.emission, prepared.geometry.area)
         solution = Solver(radiosity, np.zeros_like(prepared.emission), settings)
         while not solution.done:

@@ -148,19 +148,19 @@ def _measure_hemicubes(
     scene: Scene, settings: Settings, truth: np.ndarray, known: np.ndarray
 ) -> dict[str, list]:
     """Return pairs of cost and error of hemicubes, of irradiance caching, and of interpolation of them."""
-    light, told, parts = _hemicubes(scene, settings, known)
+    light, told, patch_scene = _hemicubes(scene, settings, known)
     full = np.zeros_like(truth)
     full[known] = light
     found: dict[str, list] = {
         "hemicubes": [[1.0, _error(full, truth, known)]], "cached": [], "interpolated hemicubes": [],
     }  # fmt: skip
-    chart, geometry = _charts(known), parts.geometry
+    chart, geometry = _charts(known), patch_scene.geometry
     for tolerance in TOLERANCES:
         image, cost = _interpolated_charts(full, chart, tolerance)
         found["interpolated hemicubes"].append([cost, _error(image, truth, known)])
 
     # The first records are far apart.
-    row, column = np.divmod(parts.patches.texel, parts.patches.resolution)
+    row, column = np.divmod(patch_scene.patches.texel, patch_scene.patches.resolution)
     spacing = np.minimum((row | column) & -(row | column), 8)
     order = np.argsort(-np.where(row | column, spacing, 8), kind="stable")
     texel = float(np.sqrt(np.median(geometry.area)))
@@ -178,15 +178,15 @@ def _hemicubes(scene: Scene, settings: Settings, known: np.ndarray) -> tuple[np.
     session, outputs = Session(), ("direct", "indirect")
     changes = {"directions": "hemicube", "hemicube": WIDTH, "samples": 0, "outputs": outputs}
     lightmap = finished(session.bake(scene, replace(settings, **changes)))
-    parts, kept, compute = session._kept._parts, session._kept.samples, session._devices.compute
-    radiance = np.zeros((len(parts.patches) + 2, 3))
+    patch_scene, kept, compute = session._kept._patch_scene, session._kept.samples, session._devices.compute
+    radiance = np.zeros((len(patch_scene.patches) + 2, 3))
     gathered = sum(lightmap.passes[name] for name in outputs)[0][known]
-    radiance[1:-1] = np.asarray(parts.surfaces.reflectance) * gathered
+    radiance[1:-1] = np.asarray(patch_scene.surfaces.reflectance) * gathered
     rows = np.concatenate([_downloaded(compute, piece.cache, kept.sampling) for piece in kept.pieces])
     session.close()
 
     # Backs are dark, and may be near: records that see them serve nobody. All else that is no patch is far.
-    seen, geometry = rows.reshape(-1, 3 * WIDTH, WIDTH), parts.geometry
+    seen, geometry = rows.reshape(-1, 3 * WIDTH, WIDTH), patch_scene.geometry
     places = np.full((len(radiance), 3), np.inf)
     places[1:-1] = geometry.center
     nearest = 1e-3 * np.sqrt(geometry.area)[:, None, None]
@@ -197,7 +197,7 @@ def _hemicubes(scene: Scene, settings: Settings, known: np.ndarray) -> tuple[np.
         distance = np.where(seen[some] == 0, nearest[some], np.maximum(distance, nearest[some]))
         told.append(records(WIDTH, frame[some], radiance.mean(axis=1)[seen[some]], distance))
     joined = Records(*(np.concatenate([vars(part)[name] for part in told]) for name in vars(told[0])))
-    return joined.light, joined, parts
+    return joined.light, joined, patch_scene
 
 
 def _downloaded(compute: ComputeDevice, cache: cl.Buffer, sampling: SampleLayout) -> np.ndarray:

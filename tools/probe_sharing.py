@@ -192,12 +192,12 @@ def iteration(
 ) -> list[tuple[str, float, str]]:
     """Return the times of the parts of an iteration: in OpenGL alone, and with a copy to OpenCL."""
     scene, settings = nine_quad_room(), Settings(resolution=128, hemicube=hemicube, sample_emission=False)
-    parts = make_patch_scene(graphics, compute, scene, settings)
-    tiles = plan_tiles(settings, len(parts.patches), COPIED_RADIANCE_BYTES)
-    emission, sky = parts.surfaces.emission, np.zeros((1, 1, 3), np.float32)
+    patch_scene = make_patch_scene(graphics, compute, scene, settings)
+    tiles = plan_tiles(settings, len(patch_scene.patches), COPIED_RADIANCE_BYTES)
+    emission, sky = patch_scene.surfaces.emission, np.zeros((1, 1, 3), np.float32)
     target = RadianceTarget(graphics, tiles, emission, (0.0, 0.0, 0.0, 2.0))
     target.set_radiance(emission)
-    hemicubes = Hemicubes(graphics, parts, tiles, target, settings, again=True)
+    hemicubes = Hemicubes(graphics, patch_scene, tiles, target, settings, again=True)
     rows = []
     seconds = {"draw, glFinish": 0.0, "GLSL sum, nothing leaves": 0.0}
     glsl = (

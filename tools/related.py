@@ -59,8 +59,8 @@ class Room:
     def __init__(self, graphics: GraphicsContext, compute: ComputeDevice, settings: Settings) -> None:
         self.graphics, self.compute, self.settings = graphics, compute, settings
         self.scene = panel_box(settings.resolution)
-        self.parts: PatchScene = make_patch_scene(graphics, self.scene, settings)
-        self.rays = RayScene(compute, self.parts)
+        self.patch_scene: PatchScene = make_patch_scene(graphics, self.scene, settings)
+        self.rays = RayScene(compute, self.patch_scene)
         self.polygon = np.concatenate([mesh.face for mesh in self.scene.meshes])
         self._truth = irradiance(drive(self.scene, _truth_settings(settings.resolution)))
 
@@ -70,16 +70,16 @@ class Room:
 
     def job(self, settings: Settings) -> SolveJob:
         """Return the radiosity equation of the room."""
-        emission, area = self.parts.surfaces.emission, self.parts.geometry.area
+        emission, area = self.patch_scene.surfaces.emission, self.patch_scene.geometry.area
         dark, sky = np.zeros_like(emission), unsampled_sky(self.scene.world)
         return SolveJob(
-            self.graphics, self.compute, self.parts, self.rays, emission, sky, dark, area, settings
+            self.graphics, self.compute, self.patch_scene, self.rays, emission, sky, dark, area, settings
         )
 
     def seen(self) -> np.ndarray:
         """Return the patch + 1 in every texel of every patch's hemicube, (n, 3 N N)."""
-        job, count = self.job(self.settings), len(self.parts.patches)
-        identity = RaySampler(self.compute, self.rays, self.parts, job.background, self.settings)
+        job, count = self.job(self.settings), len(self.patch_scene.patches)
+        identity = RaySampler(self.compute, self.rays, self.patch_scene, job.background, self.settings)
         cache, light, part = (
             cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size * count)
             for size in (identity.row_bytes, 16, 4)
@@ -113,7 +113,7 @@ def main() -> None:
         graphics.release()
     for curve in curves:
         print(f"{curve.name}: {curve.error[-1]:.2%} after {curve.seconds[-1]:.2f} s")
-    _write(curves, len(room.parts.patches), options)
+    _write(curves, len(room.patch_scene.patches), options)
 
 
 def _options() -> argparse.Namespace:
@@ -150,9 +150,9 @@ def _gathered(room: Room, name: str, settings: Settings) -> Curve:
 
 def _shot(room: Room) -> list[Curve]:
     """Shoot until 0.01 % of the light is left, without and with the ambient term."""
-    watch, surfaces, geometry = Stopwatch(), room.parts.surfaces, room.parts.geometry
+    watch, surfaces, geometry = Stopwatch(), room.patch_scene.surfaces, room.patch_scene.geometry
     with watch:
-        seen, points = room.seen(), viewpoints(room.parts.triangles, geometry, room.settings)
+        seen, points = room.seen(), viewpoints(room.patch_scene.triangles, geometry, room.settings)
         polygon = room.polygon[geometry.triangle]
         shooting = Shooting(
             geometry, seen, points, polygon, surfaces.emission, np.asarray(surfaces.reflectance)
@@ -172,7 +172,7 @@ def _shot(room: Room) -> list[Curve]:
 
 def _virtual_lights(room: Room, particles: int) -> Curve:
     """Add up virtual point lights; nearer than a texel's width they count as so far away."""
-    triangles, geometry = room.parts.triangles, room.parts.geometry
+    triangles, geometry = room.patch_scene.triangles, room.patch_scene.geometry
     emission, reflectance = (
         np.stack([getattr(material, name) for material in room.scene.materials])[triangles.material]
         for name in ("emission", "reflectance")

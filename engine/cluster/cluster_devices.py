@@ -52,7 +52,7 @@ class ClusterDevices:
         shipped: DistributedScene,
         settings: Settings,
         folder: str,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         rays: RayScene,
         bright: SampledTriangles,
     ) -> None:
@@ -64,10 +64,10 @@ class ClusterDevices:
         """
         self._tasks, self._shipped, self._folder = tasks, shipped, folder
         self._memories = RadianceExchangePair(folder)
-        self._settings, self._parts = settings, parts
+        self._settings, self._patch_scene = settings, patch_scene
         self._back_to_back = _lies_back_to_back(rays, settings)
-        table = SceneTable.of_scene(parts, bright, self._back_to_back, folder)
-        self._patches = self._solved = ShippedPatches(tasks, parts.patches, table, folder)
+        table = SceneTable.of_scene(patch_scene, bright, self._back_to_back, folder)
+        self._patches = self._solved = ShippedPatches(tasks, patch_scene.patches, table, folder)
         self._blocks: dict[Span, Future] = {}
         self._probe_light: tuple[NumpyPickle, Future] | None = None
 
@@ -132,7 +132,7 @@ class ClusterDevices:
         """Switch the workers to patch groups and start to compute the groups' visibility."""
         table = PatchTable.of(texel_to_group, SparseRadiance.of(emission), self._back_to_back, self._folder)
         self._solved = ShippedPatches(
-            self._tasks, self._parts.patches.part(representative), table, self._folder
+            self._tasks, self._patch_scene.patches.part(representative), table, self._folder
         )
         self._find()
 

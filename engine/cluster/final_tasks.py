@@ -47,7 +47,7 @@ def _gathered(
     """Return the gather pass of a block, and the light that it gathered."""
     scene, (table, seen) = prepared(shipment), tables
     lookers, groups = scene.patches(table).part(rows), scene.sources(seen)
-    receivers = Receivers(lookers.parts, lookers.rays, np.zeros((lookers.count, 3), np.float32))
+    receivers = Receivers(lookers.patch_scene, lookers.rays, np.zeros((lookers.count, 3), np.float32))
     visibility = untried_visibility(lookers.settings)
     gather, _ = final_gather(groups.job, visibility, receivers, lookers.settings)
     return gather, finished(gather.gather_from(groups.table(light)))

@@ -96,13 +96,13 @@ class SceneTable(PatchTable):
 
     @classmethod
     def of_scene(
-        cls, parts: PatchScene, bright: SampledTriangles, back_to_back: bool, folder: str
+        cls, patch_scene: PatchScene, bright: SampledTriangles, back_to_back: bool, folder: str
     ) -> SceneTable:
         """Pack the patches of a scene and its sampled triangles.
 
         folder:  see `PatchTable.of`
         """
-        surfaces, stored = parts.surfaces, StoredArray.of(parts.texel_to_patch, folder)
+        surfaces, stored = patch_scene.surfaces, StoredArray.of(patch_scene.texel_to_patch, folder)
         glow, left = (
             SparseRadiance.among(radiance, surfaces.shining)
             for radiance in (surfaces.emission, bright.back_left)

@@ -44,12 +44,14 @@ class SourcePatches:
         self._light: HalfRadiance | MappedRadiance | None = None
         compute, emission = devices.compute, table.emission
         self._count, seen = emission.count, emission.of_all()
-        parts = triangles.seen(settings.resolution, seen, table.texel_to_patch.opened(), table.back_to_back)
-        none, rays = seen[:0], triangles.rays.of(parts)
+        patch_scene = triangles.seen(
+            settings.resolution, seen, table.texel_to_patch.opened(), table.back_to_back
+        )
+        none, rays = seen[:0], triangles.rays.of(patch_scene)
         self.job = SolveJob(
             graphics=devices.graphics,
             compute=compute,
-            parts=parts,
+            patch_scene=patch_scene,
             rays=rays,
             emission=seen,
             sky=sky.rest,
@@ -69,8 +71,8 @@ class SourcePatches:
         """Return a job whose receivers are the patches of these rows."""
         triangles, job = self._triangles, self.job
         opened = unpacked(rows).opened(triangles.triangles, triangles.steps, job.settings.resolution)
-        parts = job.parts.seen_from(*opened)
-        return replace(job, parts=parts, rays=job.rays.of(parts), kept=SessionCache())
+        patch_scene = job.patch_scene.seen_from(*opened)
+        return replace(job, patch_scene=patch_scene, rays=job.rays.of(patch_scene), kept=SessionCache())
 
     def table(self, light: HalfRadiance | MappedRadiance) -> cl.Buffer:
         """Upload the radiance of all sources, once for all blocks of an iteration."""
@@ -104,11 +106,13 @@ class ScenePatches(SourcePatches):
         super().__init__(devices, triangles, settings, sky, table)
         job = self.job = replace(self.job, settings=settings)
         backs = None if table.backs is None else table.backs.of_all()
-        surfaces = replace(job.parts.surfaces, emission=table.glow.of_all(), back_emission=backs)
+        surfaces = replace(job.patch_scene.surfaces, emission=table.glow.of_all(), back_emission=backs)
         bright = table.bright(len(triangles.triangles.mesh), job.emission)
-        parts = replace(job.parts, surfaces=surfaces)
-        self.lighting = DirectLighting(scene, parts, job.rays, settings, split=EmitterSplit(bright, sky))
-        self._scene, self._emitting = scene, replace(job, parts=parts)
+        patch_scene = replace(job.patch_scene, surfaces=surfaces)
+        self.lighting = DirectLighting(
+            scene, patch_scene, job.rays, settings, split=EmitterSplit(bright, sky)
+        )
+        self._scene, self._emitting = scene, replace(job, patch_scene=patch_scene)
         self._probes: tuple[SentRadiance, ProbeGather] | None = None
 
     def probes(self, light: SentRadiance, choice: SolverChoice) -> ProbeGather:

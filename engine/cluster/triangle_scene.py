@@ -38,8 +38,8 @@ class TriangleScene:
         """Join the meshes of a scene, including objects without lightmap, and build the BVH."""
         triangles, cutouts = join_meshes(scene), read_cutouts(scene)
         steps = texel_steps(triangles, resolution)
-        parts = _without_patches(triangles, steps, cutouts, resolution)
-        return cls(triangles, steps, cutouts, RayScene(compute, parts).of(parts))
+        patch_scene = _without_patches(triangles, steps, cutouts, resolution)
+        return cls(triangles, steps, cutouts, RayScene(compute, patch_scene).of(patch_scene))
 
     def seen(
         self, resolution: int, emission: np.ndarray, texel_to_patch: np.ndarray, back_to_back: bool

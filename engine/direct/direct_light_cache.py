@@ -19,20 +19,20 @@ from .stale_shadows import find_stale_shadows
 class DirectLightCache:
     """Direct light of n patches, and everything that determines it.
 
-    lights:     sampled lights and sample counts; see `ShadowRays.lights`
-    parts:      the patches and the geometry
-    receivers:  records of the patches, see `RayScene.receivers`
-    light:      (n, 3) float32, E/pi
-    l1:         L1 of the light, see `DirectLighting`
+    lights:       sampled lights and sample counts; see `ShadowRays.lights`
+    patch_scene:  the patches and the geometry
+    receivers:    records of the patches, see `RayScene.receivers`
+    light:        (n, 3) float32, E/pi
+    l1:           L1 of the light, see `DirectLighting`
     """
 
     lights: tuple
-    parts: PatchScene
+    patch_scene: PatchScene
     receivers: cl.Buffer
     light: np.ndarray
     l1: np.ndarray
 
-    def changed(self, casting: ShadowRays, parts: PatchScene, rays: RayScene) -> np.ndarray | None:
+    def changed(self, casting: ShadowRays, patch_scene: PatchScene, rays: RayScene) -> np.ndarray | None:
         """Return the patches, (k,) int32 ascending, whose light may have changed; None if all may have.
 
         The stored light of all other patches equals a new computation bit for bit.
@@ -41,9 +41,9 @@ class DirectLightCache:
         """
         if not same_values(self.lights, casting.lights):
             return None
-        if parts.triangles is self.parts.triangles:
+        if patch_scene.triangles is self.patch_scene.triangles:
             return np.zeros(0, np.int32)
-        moved = moved_triangles(self.parts, parts)
+        moved = moved_triangles(self.patch_scene, patch_scene)
         if moved is None:
             return None
         if not len(moved):

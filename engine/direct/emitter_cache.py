@@ -33,17 +33,17 @@ class EmitterCache:
         """Drop the contacts, which change with the set of emissive patches."""
         self._contacts.clear()
 
-    def split(self, world: np.ndarray, parts: PatchScene, settings: Settings) -> EmitterSplit:
+    def split(self, world: np.ndarray, patch_scene: PatchScene, settings: Settings) -> EmitterSplit:
         """Return the emission of surfaces and world split into sampled light and light for the gather."""
 
-        def triangles(parts: PatchScene) -> SampledTriangles:
-            inputs = parts.surfaces.emission, parts.surfaces.back_emission
-            return self._triangles.get(inputs, lambda: choose_sampled_triangles(parts))
+        def triangles(patch_scene: PatchScene) -> SampledTriangles:
+            inputs = patch_scene.surfaces.emission, patch_scene.surfaces.back_emission
+            return self._triangles.get(inputs, lambda: choose_sampled_triangles(patch_scene))
 
         def sky(world: np.ndarray) -> Sky:
             return self._sky.get((world,), lambda: split_sky(world))
 
-        return split_light(world, parts, settings, triangles, sky)
+        return split_light(world, patch_scene, settings, triangles, sky)
 
     def contacts(self, lighting: DirectLighting) -> Contacts:
         """Return the contacts of the patches; see `DirectLighting.contacts`."""

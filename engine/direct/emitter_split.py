@@ -23,7 +23,7 @@ class EmitterSplit:
 
 def split_light(
     world: np.ndarray,
-    parts: PatchScene,
+    patch_scene: PatchScene,
     settings: Settings,
     bright: Callable[[PatchScene], SampledTriangles] = choose_sampled_triangles,
     split: Callable[[np.ndarray], Sky] = split_sky,
@@ -35,7 +35,7 @@ def split_light(
     bright:  chooses the triangles to sample
     split:   splits the world
     """
-    chosen = bright(parts) if settings.sample_emission else no_bright_triangles(parts)
+    chosen = bright(patch_scene) if settings.sample_emission else no_bright_triangles(patch_scene)
     return EmitterSplit(chosen, sky_of(world, settings, split))
 
 

@@ -97,12 +97,12 @@ class SampledTriangles:
     shining: np.ndarray
 
 
-def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
+def choose_sampled_triangles(patch_scene: PatchScene) -> SampledTriangles:
     """Choose triangles that shadow rays sample: those much brighter than the mean of all emissive ones."""
-    geometry, surfaces, cutouts = parts.geometry, parts.surfaces, parts.cutouts
+    geometry, surfaces, cutouts = patch_scene.geometry, patch_scene.surfaces, patch_scene.cutouts
     glowing = surfaces.shining
-    sources = _emissive_triangles(parts, glowing)
-    material, area = parts.triangles.material[sources.number], geometry.steps.whole
+    sources = _emissive_triangles(patch_scene, glowing)
+    material, area = patch_scene.triangles.material[sources.number], geometry.steps.whole
     sides = [surfaces.emission]
     if surfaces.back_emission is not None:
         sides.append(surfaces.back_emission)
@@ -115,7 +115,7 @@ def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
     )
 
     # One-sided triangles do not emit from the back: their back faces are separate triangles.
-    back = np.where(parts.triangles.one_sided[sources.number, None], 0, back)
+    back = np.where(patch_scene.triangles.one_sided[sources.number, None], 0, back)
     brightness = np.maximum(luminance(front), luminance(back))
     light = np.zeros(len(area))
     light[sources.number] = brightness * area[sources.number]
@@ -133,7 +133,7 @@ def choose_sampled_triangles(parts: PatchScene) -> SampledTriangles:
         uniform &= ~cutouts.varies[material]
     radiance = front[index].astype(np.float32), back[index].astype(np.float32)
     return SampledTriangles(
-        sources.number[index], *radiance, uniform[index], left[0], left[-1], _shining(parts)
+        sources.number[index], *radiance, uniform[index], left[0], left[-1], _shining(patch_scene)
     )
 
 
@@ -151,30 +151,32 @@ class _Sources:
     nearest: np.ndarray
 
 
-def _emissive_triangles(parts: PatchScene, glowing: np.ndarray) -> _Sources:
+def _emissive_triangles(patch_scene: PatchScene, glowing: np.ndarray) -> _Sources:
     """Return the triangles that show emissive patches; glowing: (m,) int64, these patches."""
-    nearest = np.full(len(parts.triangles.mesh), -1)
+    nearest = np.full(len(patch_scene.triangles.mesh), -1)
     if len(glowing):
-        is_glowing = np.zeros(len(parts.surfaces.emission) + 1, bool)
+        is_glowing = np.zeros(len(patch_scene.surfaces.emission) + 1, bool)
         is_glowing[glowing + 1] = True
-        alone = np.flatnonzero(parts.geometry.on_triangle == 0)
+        alone = np.flatnonzero(patch_scene.geometry.on_triangle == 0)
         for first in range(0, len(alone), _BLOCK):
             some = alone[first : first + _BLOCK]
-            entry = _entries_at_centroids(parts, some)
+            entry = _entries_at_centroids(patch_scene, some)
             nearest[some] = np.where(is_glowing[entry], entry - 1, -1)
-    triangle = parts.geometry.triangle[glowing]
+    triangle = patch_scene.geometry.triangle[glowing]
     is_source = nearest >= 0
     is_source[triangle] = True
     number = np.flatnonzero(is_source)
     return _Sources(number, np.searchsorted(number, triangle), nearest[number])
 
 
-def _entries_at_centroids(parts: PatchScene, triangles: np.ndarray) -> np.ndarray:
+def _entries_at_centroids(patch_scene: PatchScene, triangles: np.ndarray) -> np.ndarray:
     """Return the entry of the index map at the centroid of triangles, (k,) int64: patch + 1, or 0."""
-    resolution = parts.texel_to_patch.shape[-1]
-    first, second, third = parts.triangles.uvs[triangles].transpose(1, 2, 0)
+    resolution = patch_scene.texel_to_patch.shape[-1]
+    first, second, third = patch_scene.triangles.uvs[triangles].transpose(1, 2, 0)
     x, y = ((first + second + third) / 3 * resolution).astype(int).clip(0, resolution - 1)
-    entries: np.ndarray = parts.texel_to_patch[parts.triangles.atlas[triangles], y, x].astype(np.int64)
+    entries: np.ndarray = patch_scene.texel_to_patch[patch_scene.triangles.atlas[triangles], y, x].astype(
+        np.int64
+    )
     return entries
 
 
@@ -185,19 +187,19 @@ def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
     return left
 
 
-def no_bright_triangles(parts: PatchScene) -> SampledTriangles:
+def no_bright_triangles(patch_scene: PatchScene) -> SampledTriangles:
     """Choose no triangle for shadow rays, so that the gather handles the emission of all surfaces."""
-    none, surfaces = np.zeros((0, 3), np.float32), parts.surfaces
+    none, surfaces = np.zeros((0, 3), np.float32), patch_scene.surfaces
     chosen = np.zeros(0, int), none, none, np.zeros(0, bool)
-    return SampledTriangles(*chosen, surfaces.emission, surfaces.emission_of_backs, _shining(parts))
+    return SampledTriangles(*chosen, surfaces.emission, surfaces.emission_of_backs, _shining(patch_scene))
 
 
-def _shining(parts: PatchScene) -> np.ndarray:
+def _shining(patch_scene: PatchScene) -> np.ndarray:
     """Return a mask of triangles on which at least one patch emits from its back, (t,) bool."""
-    surfaces, shining = parts.surfaces, np.zeros(len(parts.triangles.mesh), bool)
+    surfaces, shining = patch_scene.surfaces, np.zeros(len(patch_scene.triangles.mesh), bool)
     backs = surfaces.back_emission
     patches = surfaces.shining if backs is None else np.flatnonzero(any_in_rows(backs))
-    shining[parts.geometry.triangle[patches]] = True
+    shining[patch_scene.geometry.triangle[patches]] = True
     return shining
 
 

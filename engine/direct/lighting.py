@@ -38,7 +38,7 @@ class DirectLighting:
     def __init__(
         self,
         scene: Scene,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         rays: RayScene,
         settings: Settings,
         elsewhere: ShadowCaster | None = None,
@@ -51,9 +51,9 @@ class DirectLighting:
         split:      both parts of the emission; None to compute them
         meanwhile:  called while other processes cast rays
         """
-        self._scene, self._parts, self._settings = scene, parts, settings
+        self._scene, self._patch_scene, self._settings = scene, patch_scene, settings
         self._ray_scene, self._meanwhile = rays, meanwhile
-        self._lamps = [lamp.relative_to(parts.triangles.origin) for lamp in shining_lights(scene)]
+        self._lamps = [lamp.relative_to(patch_scene.triangles.origin) for lamp in shining_lights(scene)]
         self._shadow_rays: ShadowCaster | None = None
         self._elsewhere = elsewhere
         self._near: Contacts | None = None
@@ -61,12 +61,12 @@ class DirectLighting:
         self._changed: np.ndarray | None = None
         self.warnings: list[str] = []
         self.l1 = self._no_l1()
-        split = split or split_light(scene.world, parts, settings)
+        split = split or split_light(scene.world, patch_scene, settings)
         self._bright, self._sky = split.bright, split.sky
         self.gathered_emission, self.gathered_sky = self._bright.gathered_emission, self._sky.rest
         same = self._bright.back_left is self.gathered_emission
         self.backs_left = None if same else self._bright.back_left
-        shines = self._lamps or scene.world.any() or len(parts.surfaces.shining)
+        shines = self._lamps or scene.world.any() or len(patch_scene.surfaces.shining)
         if settings.light_outputs and not shines:
             self.warnings.append(
                 "Nothing emits light: the lightmaps are black. Add a light, an emissive material or a world."
@@ -78,7 +78,7 @@ class DirectLighting:
             return
         casting = self._casting()
         if isinstance(casting, ShadowRays):
-            self._changed = last.changed(casting, self._parts, self._ray_scene)
+            self._changed = last.changed(casting, self._patch_scene, self._ray_scene)
             self._last = None if self._changed is None else last
 
     @property
@@ -91,7 +91,7 @@ class DirectLighting:
         casting = self._casting() if self._samples_any else None
         if not isinstance(casting, ShadowRays):
             return None
-        return DirectLightCache(casting.lights, self._parts, self._ray_scene.receivers, light, self.l1)
+        return DirectLightCache(casting.lights, self._patch_scene, self._ray_scene.receivers, light, self.l1)
 
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of the sampled light, (n, 3) float32; yield progress 0..1."""
@@ -149,8 +149,8 @@ class DirectLighting:
 
     def left_to_hemicubes(self, group: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Return one light group's emission for the gather: of fronts, of the sky, and of backs."""
-        groups, triangles = light_groups(self._scene), self._parts.triangles
-        mine = groups.meshes[triangles.mesh[self._parts.geometry.triangle]] == group
+        groups, triangles = light_groups(self._scene), self._patch_scene.triangles
+        mine = groups.meshes[triangles.mesh[self._patch_scene.geometry.triangle]] == group
         sky = self.gathered_sky if groups.world == group else np.zeros((1, 1, 3), np.float32)
         backs = None if self.backs_left is None else self.backs_left * mine[:, None]
         return self.gathered_emission * mine[:, None], sky, backs
@@ -172,7 +172,7 @@ class DirectLighting:
 
     def lit_by_backs(self, points: RayScene) -> np.ndarray:
         """Return a mask of points whose rays hit mostly back faces, one of them emissive, (n,) bool."""
-        triangles = self._parts.triangles
+        triangles = self._patch_scene.triangles
         shining = self._bright.shining[: triangles.solid]
         if not shining.any():
             return np.zeros(points.count, bool)
@@ -211,7 +211,7 @@ class DirectLighting:
 
     def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays | ShaderShadowRays:
         """Return the caster of shadow rays for the receivers of a ray scene."""
-        lights = self._parts, self._lamps, self._bright, self._sky, settings
+        lights = self._patch_scene, self._lamps, self._bright, self._sky, settings
         if points.shaders is not None:
             return ShaderShadowRays(points.shaders, *lights)
         return ShadowRays(points, *lights)
@@ -220,6 +220,6 @@ class DirectLighting:
         """Return the caster of shadow rays, created on first use; add warnings about enclosed lights."""
         if self._shadow_rays is None:
             rays = self._ray_scene.caster
-            self.warnings += warn_enclosed_lights(rays, self._scene, self._parts.triangles, self._lamps)
+            self.warnings += warn_enclosed_lights(rays, self._scene, self._patch_scene.triangles, self._lamps)
             self._shadow_rays = self._elsewhere or self._cast_from(self._ray_scene, self._settings)
         return self._shadow_rays

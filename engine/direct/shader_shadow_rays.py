@@ -40,7 +40,7 @@ class ShaderShadowRays:
     def __init__(
         self,
         receivers: ShaderScene,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         lamps: Sequence[Light],
         bright: SampledTriangles,
         sky: Sky,
@@ -52,10 +52,10 @@ class ShaderShadowRays:
         self._rows = 4 if settings.directional else 1
         if any(is_modulated(lamp) for lamp in lamps):
             self._features += ("modulated",)
-        self._emitters = EmitterLists(lamps, parts.triangles, bright, sky)
+        self._emitters = EmitterLists(lamps, patch_scene.triangles, bright, sky)
         height, width = sky.distribution.size
         self._uniforms = {
-            "resolution": parts.patches.resolution,
+            "resolution": patch_scene.patches.resolution,
             "sky_width": width,
             "sky_height": height,
             "sky_count": len(sky.distribution.listed),
@@ -70,7 +70,7 @@ class ShaderShadowRays:
                 "sky_pixels": sky.distribution.pixels,
                 "cumulative": sky.distribution.cumulative,
                 "listed": sky.distribution.listed,
-                **(_glow_arrays(parts) if len(bright.triangles) else {}),
+                **(_glow_arrays(patch_scene) if len(bright.triangles) else {}),
             },
         )
 
@@ -138,12 +138,12 @@ class ShaderShadowRays:
         return read_rows(results, self._count), read_rows(results, rows - self._count, self._count)
 
 
-def _glow_arrays(parts: PatchScene) -> dict[str, np.ndarray]:
+def _glow_arrays(patch_scene: PatchScene) -> dict[str, np.ndarray]:
     """Return the look-up tables of emissive surfaces: radiance of both sides, index map and UVs."""
-    surfaces = parts.surfaces
+    surfaces = patch_scene.surfaces
     return {
         "radiance": to_float4(surfaces.emission, first=1),
         "back_radiance": to_float4(surfaces.emission_of_backs, first=1),
-        "texel_to_patch": parts.texel_to_patch.astype(np.uint32, copy=False),
-        "uvs": parts.triangles.uvs.astype(np.float32, copy=False),
+        "texel_to_patch": patch_scene.texel_to_patch.astype(np.uint32, copy=False),
+        "uvs": patch_scene.triangles.uvs.astype(np.float32, copy=False),
     }

@@ -64,25 +64,25 @@ _Work = Callable[["ShadowRays"], "tuple[Kernel, tuple]"]
 class ShadowRays:
     """Shadow rays from the patches of `receivers` to all sampled lights.
 
-    parts:   the emitting scene
-    lamps:   the lights that emit
-    bright:  sampled emissive triangles
-    sky:     the sky, whose bright part is sampled
+    patch_scene:  the emitting scene
+    lamps:        the lights that emit
+    bright:       sampled emissive triangles
+    sky:          the sky, whose bright part is sampled
     """
 
     def __init__(
         self,
         receivers: RayScene,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         lamps: Sequence[Light],
         bright: SampledTriangles,
         sky: Sky,
         settings: Settings,
     ) -> None:
         compute, rays = receivers.compute, receivers.rays
-        self._scene, self._lights = receivers, (parts, lamps, bright, sky, settings)
+        self._scene, self._lights = receivers, (patch_scene, lamps, bright, sky, settings)
         self._compute, self._rays, self._settings = compute, rays, settings
-        self._count, self._triangles = receivers.count, len(parts.triangles.mesh).bit_length()
+        self._count, self._triangles = receivers.count, len(patch_scene.triangles.mesh).bit_length()
         options = directional_options(settings)
         (self._direct,) = rays.kernels(
             (*LIGHT_TREE_RECORDS, "direct.cl"), "sample_direct_light", options=options
@@ -90,16 +90,21 @@ class ShadowRays:
         self._receivers = receivers.receivers
         self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
 
-        self._emitters = EmitterLists(lamps, parts.triangles, bright, sky)
+        self._emitters = EmitterLists(lamps, patch_scene.triangles, bright, sky)
         tables = self._emitters.modulations, self._emitters.profiles
         self._modulations = tuple(upload(compute, array) for array in tables)
-        self._glow = glow_arguments(compute, parts, bright)
+        self._glow = glow_arguments(compute, patch_scene, bright)
         self._sky = sky_arguments(compute, sky.distribution)
 
         # Record all inputs of the light, for comparison by the next bake; surfaces include their emission
         # textures.
-        surfaces = parts.surfaces
-        shine = (surfaces.emission, surfaces.back_emission, parts.texel_to_patch, parts.triangles.uvs)
+        surfaces = patch_scene.surfaces
+        shine = (
+            surfaces.emission,
+            surfaces.back_emission,
+            patch_scene.texel_to_patch,
+            patch_scene.triangles.uvs,
+        )
         self.lights = (
             *self._emitters.lists, *tables, sky.bright, *(shine if len(bright.triangles) else ()),
             settings.light_samples, settings.seed, options,
@@ -244,19 +249,21 @@ class ShadowRays:
         yield from sliced_rows(self._compute.queue, rows, launch, size, from_end)
 
 
-def glow_arguments(compute: ComputeDevice, parts: PatchScene, bright: SampledTriangles) -> tuple:
+def glow_arguments(compute: ComputeDevice, patch_scene: PatchScene, bright: SampledTriangles) -> tuple:
     """Return kernel arguments of surfaces: radiance of both sides, texel map, UVs and resolution.
 
     Without sampled triangles the radiance is a dummy, since kernels do not read it.
     """
-    surfaces = parts.surfaces
+    surfaces = patch_scene.surfaces
     if len(bright.triangles):
         front = upload_float4_once(compute, surfaces.emission, first=1)
         back = upload_float4_once(compute, surfaces.emission_of_backs, first=1)
     else:
         front = back = zeros(compute, 16)
-    lookups = (upload_once(compute, array) for array in (parts.texel_to_patch, parts.triangles.uvs))
-    return (front, back, *lookups, np.int32(parts.patches.resolution))
+    lookups = (
+        upload_once(compute, array) for array in (patch_scene.texel_to_patch, patch_scene.triangles.uvs)
+    )
+    return (front, back, *lookups, np.int32(patch_scene.patches.resolution))
 
 
 def sky_arguments(compute: ComputeDevice, sky: SkyDistribution) -> tuple:

@@ -42,7 +42,7 @@ class PaperGather:
         self,
         graphics: GraphicsContext,
         compute: ComputeDevice | None,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         emission: np.ndarray,
         sky: np.ndarray,
         settings: Settings,
@@ -56,12 +56,12 @@ class PaperGather:
         # is fixed, not timed: both differ in the last bits, and equal bakes must give equal bits.
         copying = None if graphics.computes else compute
         tiles = plan_tiles(
-            settings, len(parts.patches), RADIANCE_BYTES if copying is None else COPIED_RADIANCE_BYTES
+            settings, len(patch_scene.patches), RADIANCE_BYTES if copying is None else COPIED_RADIANCE_BYTES
         )
         nothing = None if copying is None else _LOOK_UP
         half = settings.half_radiance and copying is None
         self._target = RadianceTarget(graphics, tiles, emission, nothing, half)
-        self._hemicubes = Hemicubes(graphics, parts, tiles, self._target, settings, again=True)
+        self._hemicubes = Hemicubes(graphics, patch_scene, tiles, self._target, settings, again=True)
         texture, depth = self._target.texture, self._hemicubes.depth
         self._integrator: Integrator
         if copying is None:
@@ -88,15 +88,15 @@ class GlslGather:
     def __init__(
         self,
         graphics: GraphicsContext,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         emission: np.ndarray,
         sky: np.ndarray,
         settings: Settings,
     ) -> None:
         """Create the hemicubes and the cache; parameters as in `PaperGather`."""
-        tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
+        tiles = plan_tiles(settings, len(patch_scene.patches), IDENTITY_BYTES)
         target = ItemBufferTarget(graphics, tiles)
-        self._hemicubes = Hemicubes(graphics, parts, tiles, target, settings)
+        self._hemicubes = Hemicubes(graphics, patch_scene, tiles, target, settings)
         self._integrator = GlslCachedIntegrator(graphics, tiles, target.texture, emission, sky)
 
     def gather(self, radiance: np.ndarray) -> Generator[float, None, np.ndarray]:

@@ -22,23 +22,28 @@ _NOTHING = np.zeros((1, 3, 3), np.float32)
 class StaleSamples:
     """Difference between the patches for which samples were cached and the current patches.
 
-    parts, rays:  current patches and rays
-    triangles:    (k, 3, 3) float32, metres from `Triangles.origin`: moved triangles at old and new positions
-    buffers:      the same on the device
-    begun:        True once some samples are updated; from then on the cache matches neither state
+    patch_scene, rays:  current patches and rays
+    triangles:          (k, 3, 3) float32, m from `Triangles.origin`: moved triangles at old and new positions
+    buffers:            the same on the device
+    begun:              True once some samples are updated; from then on the cache matches neither state
     """
 
     def __init__(
-        self, parts: PatchScene, rays: RayScene, triangles: np.ndarray, buffers: MovedBuffers, begun: bool
+        self,
+        patch_scene: PatchScene,
+        rays: RayScene,
+        triangles: np.ndarray,
+        buffers: MovedBuffers,
+        begun: bool,
     ) -> None:
-        self.parts, self.rays, self.triangles, self.buffers = parts, rays, triangles, buffers
+        self.patch_scene, self.rays, self.triangles, self.buffers = patch_scene, rays, triangles, buffers
         self.begun = begun
 
     @classmethod
     def between(
         cls,
         before: tuple[PatchScene, cl.Buffer],
-        parts: PatchScene,
+        patch_scene: PatchScene,
         rays: RayScene,
         begun: StaleSamples | None,
     ) -> StaleSamples | None:
@@ -47,12 +52,12 @@ class StaleSamples:
         before:  patches for which samples were cached, and their receivers
         begun:   an earlier difference, for which some samples are updated already
         """
-        triangles = moved_triangles(before[0], parts)
+        triangles = moved_triangles(before[0], patch_scene)
         if triangles is None:
             return None
         if begun is not None:
             triangles = np.concatenate([triangles, begun.triangles])
-        if len(triangles) > len(parts.triangles.mesh) + _MORE:
+        if len(triangles) > len(patch_scene.triangles.mesh) + _MORE:
             return None
         if not len(triangles):
             triangles = _NOTHING
@@ -61,7 +66,7 @@ class StaleSamples:
             return None
         views = _moved_views(rays, before[1], None if begun is None else begun.buffers.views)
         return cls(
-            parts,
+            patch_scene,
             rays,
             triangles,
             MovedBuffers(*hierarchy, cl.cltypes.make_float4(*ball_around(triangles)), views),

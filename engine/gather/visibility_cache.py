@@ -101,19 +101,19 @@ class VisibilityCache:
         self,
         compute: ComputeDevice,
         sampling: SampleLayout,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         rays: RayScene,
         emission: np.ndarray,
         directional: bool,
     ) -> None:
         """Create an empty cache.
 
-        parts:     receiving patches
-        rays:      rays from these patches
-        emission:  (m, 3) float32 radiance of the patches that samples may hit
+        patch_scene:  receiving patches
+        rays:         rays from these patches
+        emission:     (m, 3) float32 radiance of the patches that samples may hit
         """
-        self.compute, self.sampling, self.count = compute, sampling, len(parts.patches)
-        self._parts, self._receivers, self._emission = parts, rays.receivers, emission
+        self.compute, self.sampling, self.count = compute, sampling, len(patch_scene.patches)
+        self._patch_scene, self._receivers, self._emission = patch_scene, rays.receivers, emission
         self._moved: StaleSamples | None = None
         self.backs = BackfaceLight(compute, self.count, len(emission), directional)
         self.pieces: list[SampleRows] = []
@@ -240,7 +240,7 @@ class VisibilityCache:
                 seen = self.backs.found_with(rows.cache, rows.first)
                 for done in sampler.update_moved(rows.first, last, seen, moved.buffers):
                     yield (rows.first + done * (last - rows.first)) / self.count
-        self._parts, self._receivers, self._moved = moved.parts, moved.rays.receivers, None
+        self._patch_scene, self._receivers, self._moved = moved.patch_scene, moved.rays.receivers, None
 
     def _saved_rows(self, rows: SampleRows, checkpoint: Checkpoint) -> SavedRows:
         """Return the reader and writer of checkpoints for the sample rows of one buffer."""
@@ -258,13 +258,13 @@ class VisibilityCache:
         self.pieces.append(SampleRows(cache, first, last))
         return self.pieces[-1]
 
-    def holds_for(self, parts: PatchScene, rays: RayScene, emission: np.ndarray) -> bool:
+    def holds_for(self, patch_scene: PatchScene, rays: RayScene, emission: np.ndarray) -> bool:
         """Return True if the samples are valid for these patches with emission (m, 3) float32.
 
         rays: from these patches. Patch groups may differ from the cached ones, because light decides their
             borders. Missing samples will be computed with this emission; stale samples will be updated.
         """
-        if not self._follows(parts, rays):
+        if not self._follows(patch_scene, rays):
             return False
         if emission is self._emission or np.array_equal(emission, self._emission):
             return True
@@ -273,20 +273,20 @@ class VisibilityCache:
         self._emission = emission
         return True
 
-    def _follows(self, parts: PatchScene, rays: RayScene) -> bool:
+    def _follows(self, patch_scene: PatchScene, rays: RayScene) -> bool:
         """Return True if these are the cached patches, moved or not; record the geometry that moved.
 
         Rasterised hemicubes cannot be updated in part.
         """
-        there = self._parts if self._moved is None else self._moved.parts
-        if parts.triangles is there.triangles:
-            patches, mine = parts.patches, there.patches
+        there = self._patch_scene if self._moved is None else self._moved.patch_scene
+        if patch_scene.triangles is there.triangles:
+            patches, mine = patch_scene.patches, there.patches
             same = same_values(patches.texel, mine.texel) and same_values(patches.atlas, mine.atlas)
-            return same and same_values(parts.texel_to_patch, there.texel_to_patch)
+            return same and same_values(patch_scene.texel_to_patch, there.texel_to_patch)
         if self.sampling.name != RaySampler.name:
             return False
         begun = self._moved if self._moved is not None and self._moved.begun else None
-        self._moved = StaleSamples.between((self._parts, self._receivers), parts, rays, begun)
+        self._moved = StaleSamples.between((self._patch_scene, self._receivers), patch_scene, rays, begun)
         return self._moved is not None
 
     @property

@@ -66,7 +66,7 @@ def _reused_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
         return None
     if cache.others and (settings.warm_start or settings.by_light_groups):
         return None
-    if not cache.holds_for(job.parts, job.rays, job.back_emission):
+    if not cache.holds_for(job.patch_scene, job.rays, job.back_emission):
         return None
     sampling, found = cache.sampling, cache.complete
     facts = (sampling.name, sampling.samples, (_reason_of(cache),))
@@ -143,7 +143,7 @@ def caching_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
 
 def _empty_cache(job: SolveJob, sampling: SampleLayout) -> VisibilityCache:
     """Return an empty visibility cache for the patches of a job."""
-    seen = (job.parts, job.rays, job.back_emission, job.settings.directional)
+    seen = (job.patch_scene, job.rays, job.back_emission, job.settings.directional)
     return VisibilityCache(job.opencl, sampling, *seen)
 
 
@@ -154,7 +154,7 @@ def _new_parts(job: SolveJob, most: int) -> DeviceParts:
 
     most:  maximum number of patches in its cache
     """
-    sampler = RaySampler(job.opencl, job.rays, job.parts, job.background, job.settings)
+    sampler = RaySampler(job.opencl, job.rays, job.patch_scene, job.background, job.settings)
     sampling = SampleLayout.of(sampler)
     return DeviceParts(_empty_cache(job, sampling), sampler, static_light(job, sampling), most)
 
@@ -210,7 +210,7 @@ def _peer_streams(job: SolveJob) -> list[PeerStream]:
 def _ray_sampler(job: SolveJob, peer: ComputeDevice) -> RaySampler:
     """Return the ray sampler of a job on another device."""
     there = job.on(peer)
-    return RaySampler(peer, there.rays, there.parts, there.background, there.settings)
+    return RaySampler(peer, there.rays, there.patch_scene, there.background, there.settings)
 
 
 def _cached_gather(job: SolveJob, cache: VisibilityCache, sampler: VisibilitySampler | None) -> DeviceGather:

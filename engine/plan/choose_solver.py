@@ -114,14 +114,16 @@ def _solver(
 def _substitutes(job: SolveJob, contacts: Contacts, gathered: Seen) -> np.ndarray | None:
     """Return the substitute of each patch, (n,) int64, from the first iteration; None if all are valid."""
     hidden = is_invalid(gathered.front, contacts)
-    return substitute_patches(job.parts, hidden, gathered.light_of, job.kept.find_substitutes)
+    return substitute_patches(job.patch_scene, hidden, gathered.light_of, job.kept.find_substitutes)
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:
     """Return a solution that solves for patch groups, then gathers for each patch."""
     inside = job.kept.inside(job.rays)
-    representative = group_representatives(job.rays, job.parts, job.first_radiance, inside, width, job.mapped)
-    groups = PatchGroups(job.rays, job.parts, job.area, representative, width)
+    representative = group_representatives(
+        job.rays, job.patch_scene, job.first_radiance, inside, width, job.mapped
+    )
+    groups = PatchGroups(job.rays, job.patch_scene, job.area, representative, width)
     emission = groups.mean(job.emission)
     backs = None if job.backs is None else groups.mean(job.backs)
     if job.remote is not None:
@@ -132,7 +134,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
     groups_job = replace(
         job,
         settings=_settings_of_groups(job),
-        parts=groups.parts,
+        patch_scene=groups.patch_scene,
         rays=groups.rays,
         emission=emission,
         backs=backs,
@@ -149,7 +151,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
         choice = replace(choice, final_samples=int(gathering * job.count * ray_count(job.settings)))
         between = _interpolated(job, groups_job, solver, choice, _groupings(job, groups))
         return GroupedSolution(solver, groups, between), choice, groups_job
-    receivers = Receivers(job.parts, job.rays, job.sampled_light)
+    receivers = Receivers(job.patch_scene, job.rays, job.sampled_light)
     final, samples = make_final_gather(groups_job, choice, receivers, job.settings)
     return GroupedSolution(solver, groups, final), replace(choice, final_samples=samples), groups_job
 
@@ -199,7 +201,7 @@ def _groupings(job: SolveJob, groups: PatchGroups) -> list[_Grouping]:
     """Return the groupings for the interpolation: the solved groups, then the smaller ones."""
     inside = job.kept.inside(job.rays)
     smaller_representative = group_representatives(
-        job.rays, job.parts, job.first_radiance, inside, _SMALLER, job.mapped
+        job.rays, job.patch_scene, job.first_radiance, inside, _SMALLER, job.mapped
     )
     smaller = numbered(smaller_representative)
     return [(groups.group, groups.representative, groups.width), (*smaller, _SMALLER)]
@@ -218,20 +220,22 @@ def _interpolated(
     """
 
     def last_of(chosen: np.ndarray) -> FinalGather:
-        parts = job.parts.part(chosen)
-        receivers = Receivers(parts, job.rays.of(parts), job.sampled_light[chosen])
+        patch_scene = job.patch_scene.part(chosen)
+        receivers = Receivers(patch_scene, job.rays.of(patch_scene), job.sampled_light[chosen])
         return make_final_gather(solved, choice, receivers, job.settings)[0]
 
     # Groups have too few samples to detect geometry near the patches between them.
     opening = openness(job.rays, _NEAR) if groupings else None
-    backs = None if job.parts.triangles.backs is None else patches_near_backs(job.rays, job.count)
+    backs = None if job.patch_scene.triangles.backs is None else patches_near_backs(job.rays, job.count)
     patches = np.arange(job.count)
     return InterpolatedGather(
         solver=solver,
-        groupings=[Interpolation(job.rays, job.parts, *grouping, opening, backs) for grouping in groupings],
+        groupings=[
+            Interpolation(job.rays, job.patch_scene, *grouping, opening, backs) for grouping in groupings
+        ],
         neighbours=Interpolation(
             rays=job.rays,
-            parts=job.parts,
+            patch_scene=job.patch_scene,
             group=patches,
             representative=patches,
             width=1,
@@ -258,7 +262,7 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     radiosity = DeviceRadiosity(
         compute=job.opencl,
         sweep=sweep,
-        reflectance=job.parts.surfaces.reflectance,
+        reflectance=job.patch_scene.surfaces.reflectance,
         emission=job.front_emission,
         area=job.area,
         sampled_light=job.sampled_light,
@@ -267,7 +271,7 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
         indirect=job.indirect,
         sparse=_begins_sparse(job, sweep),
         direct=job.direct,
-        sides=job.parts.sides,
+        sides=job.patch_scene.sides,
         fronts=job.fronts,
     )
     return radiosity, choice
@@ -287,7 +291,7 @@ def _begins_sparse(job: SolveJob, sweep: DeviceGather) -> bool:
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     """Return the radiosity state in host memory, with hemicubes by OpenGL or by the paper's method."""
     gather, choice = _choose_gather(job)
-    reflectance = colors_on_host(job.parts.surfaces.reflectance)
+    reflectance = colors_on_host(job.patch_scene.surfaces.reflectance)
     indirect, direct = (
         None if light is None else colors_on_host(light) for light in (job.indirect, job.direct)
     )
@@ -301,7 +305,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
         columns=job.columns,
         indirect=indirect,
         direct=direct,
-        sides=job.parts.sides,
+        sides=job.patch_scene.sides,
         fronts=job.fronts,
     )
     return radiosity, choice
@@ -310,7 +314,7 @@ def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
 def _choose_gather(job: SolveJob) -> tuple[Gather, SolverChoice]:
     """Return the gather that draws hemicubes and sums them, and the choice with its reasons."""
     settings, samples = job.settings, 3 * job.settings.hemicube**2
-    seen = (job.parts, job.back_emission, job.sky, settings)
+    seen = (job.patch_scene, job.back_emission, job.sky, settings)
     tiles, why = plan_tiles(settings, job.count, IDENTITY_BYTES), "the settings request the paper's method"
     if settings.method != "paper":
         if job.rays.shaders is not None and (settings.visibility != "raster" or settings.directional):
@@ -328,7 +332,7 @@ def _choose_gather(job: SolveJob) -> tuple[Gather, SolverChoice]:
 
 def _shader_gather(job: SolveJob, shaders: ShaderScene) -> tuple[Gather, SolverChoice]:
     """Return the gather that traces samples with compute shaders, and the choice with its reasons."""
-    gather = ShaderGather(shaders, job.parts, job.back_emission, job.sky, job.settings)
+    gather = ShaderGather(shaders, job.patch_scene, job.back_emission, job.sky, job.settings)
     reason = "OpenGL casts rays and sums light: there is no OpenCL device."
     method = "cached" if gather.keeps_all else "stream"
     return gather, SolverChoice(method, "rays", gather.samples, (reason,), "glsl")

@@ -94,7 +94,7 @@ def _interpolates(job: SolveJob) -> bool:
         and job.compute.processor
         and settings.has_indirect
         and settings.patch_groups != 1
-        and job.parts.sides is None
+        and job.patch_scene.sides is None
         and settings.method in ("auto", "cached")
     )
 
@@ -104,7 +104,7 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
     settings, count = job.settings, job.count
     if job.compute is None or settings.method == "paper" or not settings.has_indirect:
         return 1, ()
-    if job.parts.sides is not None:
+    if job.patch_scene.sides is not None:
         return 1, ("Every patch is solved separately: some surfaces are translucent.",)
     if settings.patch_groups:
         return settings.patch_groups, ("The settings request patch groups.",)
@@ -118,7 +118,7 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
             f"{count:,} texels."
         )
         return width, (reason,) if width > 1 else ()
-    needed = most_samples(settings) * count * sample_bytes(count, job.parts.cutouts.tinted)
+    needed = most_samples(settings) * count * sample_bytes(count, job.patch_scene.cutouts.tinted)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
     reason = (

@@ -23,12 +23,12 @@ from .visibility_trial import make_sampler
 class Receivers:
     """Points of a final gather: patches or texel samples.
 
-    parts:          points as patches, with the scene's triangles
+    patch_scene:    points as patches, with the scene's triangles
     rays:           ray tracer with the points as origins
     sampled_light:  (n, 3) float32, E/pi of light from shadow rays
     """
 
-    parts: PatchScene
+    patch_scene: PatchScene
     rays: RayScene
     sampled_light: np.ndarray
 
@@ -46,7 +46,7 @@ def make_final_gather(
         final, samples = RemoteGatherPass(solved.opencl, solved.remote, sampled, solved.count), choice.samples
     else:
         final, samples = final_gather(solved, choice.visibility, receivers, settings)
-    reflectance = solved.parts.surfaces.reflectance
+    reflectance = solved.patch_scene.surfaces.reflectance
     last = FinalGather(
         final,
         receivers.sampled_light,
@@ -70,10 +70,10 @@ def final_gather(
 
 def receiver_job(solved: SolveJob, receivers: Receivers, settings: Settings) -> SolveJob:
     """Return a job whose rays start at the receivers and hit patches of `solved`."""
-    patch_scene = solved.parts.seen_from(receivers.parts.patches, receivers.parts.geometry)
+    patch_scene = solved.patch_scene.seen_from(receivers.patch_scene.patches, receivers.patch_scene.geometry)
     return replace(
         solved,
-        parts=patch_scene,
+        patch_scene=patch_scene,
         rays=receivers.rays,
         sampled_light=receivers.sampled_light,
         settings=settings,

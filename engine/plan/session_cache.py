@@ -64,7 +64,7 @@ class SessionCache:
     light: PreviousSolution | None = None
     sampled: DirectLightCache | None = None
     key: tuple | None
-    _parts: PatchScene | None
+    _patch_scene: PatchScene | None
     _follows: bool
     _rays: RayScene | None
     _top: UpperLevels | None
@@ -84,7 +84,7 @@ class SessionCache:
 
     def clear(self) -> None:
         """Drop all data that depends on geometry."""
-        self._parts = self._rays = self._top = self.samples = None
+        self._patch_scene = self._rays = self._top = self.samples = None
         self._follows = False
         for data in (
             self.emitters, self.texels, self.background, self._inside, self._substitutes, self.probes,
@@ -124,26 +124,26 @@ class SessionCache:
         arrays = self._arrays if settings.warm_start else None
         key = (geometry_digest(scene, arrays), *visibility_settings(settings))
         surfaces = surfaces_digest(scene, arrays)
-        before = self._parts if settings.warm_start and self.key and self.key[1:] == key[1:] else None
+        before = self._patch_scene if settings.warm_start and self.key and self.key[1:] == key[1:] else None
         if key != self.key or (self._follows and not settings.warm_start):
             samples, rays = self.samples, self._rays
             self.clear()
             if before:
                 self.samples, self._top = samples, rays.top if rays else None
-        if self._parts is None:
+        if self._patch_scene is None:
             self._follows = before is not None
             followed = (before, self._surfaces_of) if before else None
-            self._parts = make_patch_scene(graphics, compute, scene, settings, followed)
+            self._patch_scene = make_patch_scene(graphics, compute, scene, settings, followed)
         elif surfaces != self._surfaces_key:
             last = self._surfaces_of
-            known = None if last is None else KnownSurfaces(last, self._parts.surfaces)
-            made = patch_surfaces(compute, scene, self._parts.geometry, settings.resolution, known)
-            if not made.shine_as(self._parts.surfaces):
+            known = None if last is None else KnownSurfaces(last, self._patch_scene.surfaces)
+            made = patch_surfaces(compute, scene, self._patch_scene.geometry, settings.resolution, known)
+            if not made.shine_as(self._patch_scene.surfaces):
                 self.emitters.clear_contacts()
-            self._parts = self._parts.with_surfaces(made)
+            self._patch_scene = self._patch_scene.with_surfaces(made)
         self.key, self._surfaces_key = key, surfaces
         self._surfaces_of = scene if settings.warm_start else None
-        return self._parts
+        return self._patch_scene
 
     def ray_scene(
         self, graphics: GraphicsContext, compute: ComputeDevice | None, patch_scene: PatchScene

@@ -38,7 +38,7 @@ class SolveJob:
     """Radiosity equation of a bake.
 
     graphics, compute:  OpenGL context and OpenCL device; None without OpenCL
-    parts:              patches of the scene
+    patch_scene:        patches of the scene
     rays:               ray tracer with the patches as origins
     emission:           (n, 3) float32, radiance of each patch toward other patches
     sky:                (h, w, 3) float32, radiance, equirectangular, without the part that lights sample
@@ -57,7 +57,7 @@ class SolveJob:
 
     graphics: GraphicsContext
     compute: ComputeDevice | None
-    parts: PatchScene
+    patch_scene: PatchScene
     rays: RayScene
     emission: np.ndarray
     sky: np.ndarray
@@ -77,15 +77,15 @@ class SolveJob:
     @property
     def count(self) -> int:
         """Number of patches."""
-        return len(self.parts.patches)
+        return len(self.patch_scene.patches)
 
     @property
     def fronts(self) -> int:
         """Number of patches on front faces, which come first; back faces use the last atlases."""
-        triangles = self.parts.triangles
+        triangles = self.patch_scene.triangles
         if triangles.backs is None:
             return self.count
-        return int(np.count_nonzero(self.parts.geometry.triangle < triangles.solid)) or self.count
+        return int(np.count_nonzero(self.patch_scene.geometry.triangle < triangles.solid)) or self.count
 
     @property
     def opencl(self) -> ComputeDevice:
@@ -122,11 +122,11 @@ class SolveJob:
         """Files of visibility samples and light of these patches."""
         # Checkpoints refer to each other. The key refers neither to the job nor to the session cache, since
         # their OpenGL objects would live on in a cycle.
-        parts, back_emission = self.parts, self.back_emission
+        patch_scene, back_emission = self.patch_scene, self.back_emission
         devices = [self.graphics.name]
         if self.compute is not None:
             devices.append(device_digest(self.compute.device))
-        key = partial(_visibility_key, parts, back_emission, devices, self.kept.key, self.settings)
+        key = partial(_visibility_key, patch_scene, back_emission, devices, self.kept.key, self.settings)
         return self.kept.checkpoints.of(key)
 
     def on(self, peer: ComputeDevice) -> SolveJob:
@@ -149,7 +149,7 @@ class SolveJob:
         if samples is None or not samples.complete:
             return None
         light = self.emission, self.back_emission, self.sky, self.sampled_light
-        return DirectSources(weakref.ref(samples), self.parts.triangles, *light)
+        return DirectSources(weakref.ref(samples), self.patch_scene.triangles, *light)
 
     @cached_property
     def first_radiance(self) -> np.ndarray:
@@ -157,8 +157,8 @@ class SolveJob:
 
         Computed column by column, which saves memory for an (n, 3) temporary.
         """
-        light, reflectance = self.sampled_light, colors_on_host(self.parts.surfaces.reflectance)
-        radiance: np.ndarray = channel_sum(self.parts.surfaces.emission)
+        light, reflectance = self.sampled_light, colors_on_host(self.patch_scene.surfaces.reflectance)
+        radiance: np.ndarray = channel_sum(self.patch_scene.surfaces.emission)
 
         def add_reflected(rows: slice) -> None:
             column = np.empty_like(radiance[rows])
@@ -172,8 +172,8 @@ class SolveJob:
     def light_key(self) -> tuple:
         """Everything that determines the light of the patches, given their visibility and gather."""
         settings = self.settings
-        reflectance = colors_on_host(self.parts.surfaces.reflectance)
-        own = self.parts.surfaces.own
+        reflectance = colors_on_host(self.patch_scene.surfaces.reflectance)
+        own = self.patch_scene.surfaces.own
         arrays = (self.emission, self.back_emission, self.sky, self.sampled_light, reflectance, self.area)
         return (*arrays, own, settings.accelerate, settings.tolerance, self.columns, self.remote is not None)
 
@@ -205,7 +205,7 @@ class SolveJob:
 
 
 def _visibility_key(
-    parts: PatchScene,
+    patch_scene: PatchScene,
     back_emission: np.ndarray,
     devices: list[str],
     cache_key: tuple | None,
@@ -217,7 +217,7 @@ def _visibility_key(
     devices:        names and digests of the devices
     cache_key:      `SessionCache.key`
     """
-    where = (parts.patches.texel, parts.patches.atlas, parts.texel_to_patch)
-    points = (parts.geometry.triangle, parts.geometry.barycentric, back_emission)
+    where = (patch_scene.patches.texel, patch_scene.patches.atlas, patch_scene.texel_to_patch)
+    points = (patch_scene.geometry.triangle, patch_scene.geometry.barycentric, back_emission)
     made_by = (source_digest(), *devices, cache_key, visibility_settings(settings))
     return digest_of((*where, *points, *made_by))

@@ -49,7 +49,7 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
     if wanted != "auto":
         why = (
             "Some surfaces are tinted, which requires rays."
-            if job.parts.cutouts.tinted
+            if job.patch_scene.cutouts.tinted
             else f"The settings request {wanted}."
         )
         return makers[wanted](), [why], math.nan
@@ -71,7 +71,7 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
         reasons.append(f"No other method was tried: {reason_to_stop}.")
     if "raster" in rates:
         drawing, texels = _drawing_rates(job)
-        drawing.learn(len(job.parts.triangles.positions), rates["raster"] * texels)
+        drawing.learn(len(job.patch_scene.triangles.positions), rates["raster"] * texels)
 
     # Release the memory of the rejected sampler.
     chosen = tried.pop(best)
@@ -84,7 +84,7 @@ def _why_alone(job: SolveJob, sampler: VisibilitySampler, rate: float) -> str:
     """Return the reason not to try raster, given a rate in patches per second; empty if it is tried."""
     if rate * _SHORT > job.count * visibility_passes(job, sampler):
         return f"{sampler.name} need {job.count / rate:.2g} s for all texels"
-    (drawing, texels), triangles = _drawing_rates(job), len(job.parts.triangles.positions)
+    (drawing, texels), triangles = _drawing_rates(job), len(job.patch_scene.triangles.positions)
     drawn = min(drawing.bound(triangles) / texels, hemicubes_bound(job.graphics.name, triangles))
     if rate > _CLEARLY * drawn:
         return f"raster reaches at most {drawn:,.0f} on this device"
@@ -101,8 +101,10 @@ def _drawing_rates(job: SolveJob) -> tuple[DrawingRates, int]:
 def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
     """Return a constructor for each sampler by name, the sampler with the shorter trial first."""
     return {
-        "rays": lambda: RaySampler(job.opencl, job.rays, job.parts, job.background, job.settings),
-        "raster": lambda: RasterSampler(job.graphics, job.opencl, job.parts, job.background, job.settings),
+        "rays": lambda: RaySampler(job.opencl, job.rays, job.patch_scene, job.background, job.settings),
+        "raster": lambda: RasterSampler(
+            job.graphics, job.opencl, job.patch_scene, job.background, job.settings
+        ),
     }
 
 

@@ -85,7 +85,7 @@ def gather_probes(
         job = replace(what.job, emission=emission, sky=sky, backs=backs, part_of=what.job)
         lights.append(_radiance(job, light, substitute))
     part = _gather_of_volumes(what, lights, bool(groups))
-    made, before, origin = list[ProbeGrid](), 0, what.job.parts.triangles.origin
+    made, before, origin = list[ProbeGrid](), 0, what.job.patch_scene.triangles.origin
     for number, volume in enumerate(volumes):
         done = before / total, (before + volume.count) / total
         made.append((yield from run_as_fraction(*done, _grid(volume, part(number), tuple(groups), origin))))
@@ -123,9 +123,9 @@ def _light_key(what: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: Li
 
     lights:  radiance of all light, then of each light group
     """
-    parts, settings = what.job.parts, what.job.settings
-    emitters = emitters_of(parts, what.lighting)
-    of_lights = light_parts(emitters, parts, what.lighting, settings, groups)
+    patch_scene, settings = what.job.patch_scene, what.job.settings
+    emitters = emitters_of(patch_scene, what.lighting)
+    of_lights = light_parts(emitters, patch_scene, what.lighting, settings, groups)
     direct = [value for of_light in of_lights for part in of_light for value in part.key]
     received = [value for light in lights for value in SentRadiance.of(what.job.opencl, light).key]
     volumes = [value for volume in what.scene.probe_volumes for value in (volume.matrix, volume.resolution)]
@@ -205,12 +205,12 @@ class ProbeGather:
         self._direct = ProbeLights(
             self._compute,
             self._rays,
-            what.job.parts,
+            what.job.patch_scene,
             what.lighting,
             self._settings,
             groups,
         )
-        self._origin = what.job.parts.triangles.origin
+        self._origin = what.job.patch_scene.triangles.origin
         self._drop_rows_of_others()
 
     def part(
@@ -324,7 +324,7 @@ class ProbeGather:
         reach = np.maximum(np.abs(points), np.abs(points + self._origin)).max(axis=1)
         margin = np.maximum(_MARGIN * volume.spacing, OF_COORDINATE * reach)
         settings = self._settings
-        sources, seed = self._what.job.parts, settings.seed + first
+        sources, seed = self._what.job.patch_scene, settings.seed + first
         limit = distance_limit(volume, settings)
         return ProbeRows(
             compute=self._compute,

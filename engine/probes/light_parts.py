@@ -41,15 +41,15 @@ class LightPart:
         return self.digest, self.factor
 
 
-def emitters_of(parts: PatchScene, lighting: DirectLighting) -> EmitterLists:
+def emitters_of(patch_scene: PatchScene, lighting: DirectLighting) -> EmitterLists:
     """Return all sampled emitters of a scene."""
     lamps, split = lighting.emitters
-    return EmitterLists(lamps, parts.triangles, split.bright, split.sky)
+    return EmitterLists(lamps, patch_scene.triangles, split.bright, split.sky)
 
 
 def light_parts(
     emitters: EmitterLists,
-    parts: PatchScene,
+    patch_scene: PatchScene,
     lighting: DirectLighting,
     settings: Settings,
     groups: LightGroups | None,
@@ -66,7 +66,7 @@ def light_parts(
     # Shadow rays are traced again only if something that emits light to be sampled has changed.
     common = _Digests(
         _digest(repr(settings.light_samples).encode(), emitters.modulations, emitters.profiles),
-        _digest(b"surfaces", *(_radiance(parts) if len(split.bright.triangles) else ())),
+        _digest(b"surfaces", *(_radiance(patch_scene) if len(split.bright.triangles) else ())),
         _digest(repr(sky.size).encode(), sky.listed, sky.pixels),
     )
     lists_of_lights = [
@@ -100,9 +100,9 @@ def _digest(start: bytes, *arrays: np.ndarray) -> bytes:
     return digest.digest()
 
 
-def _radiance(parts: PatchScene) -> tuple[np.ndarray, np.ndarray]:
+def _radiance(patch_scene: PatchScene) -> tuple[np.ndarray, np.ndarray]:
     """Return the radiance of both faces of all patches."""
-    return parts.surfaces.emission, parts.surfaces.emission_of_backs
+    return patch_scene.surfaces.emission, patch_scene.surfaces.emission_of_backs
 
 
 def _of_surfaces(emitters: np.ndarray) -> np.ndarray:

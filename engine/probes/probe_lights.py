@@ -28,7 +28,7 @@ class ProbeLights:
         self,
         compute: ComputeDevice,
         rays: RayTracer,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         lighting: DirectLighting,
         settings: Settings,
         groups: LightGroups | None = None,
@@ -36,12 +36,12 @@ class ProbeLights:
         """Make the tables of all light and of each light group, if there are any."""
         self._compute, self._rays, self._seed = compute, rays, settings.seed
         _, split = lighting.emitters
-        emitters = emitters_of(parts, lighting)
+        emitters = emitters_of(patch_scene, lighting)
         self._tables = [upload(compute, array) for array in (emitters.modulations, emitters.profiles)]
-        self._glow = glow_arguments(compute, parts, split.bright)
+        self._glow = glow_arguments(compute, patch_scene, split.bright)
         self._sky = sky_arguments(compute, split.sky.distribution)
-        self._parts = light_parts(emitters, parts, lighting, settings, groups)
-        self._size = int(parts.triangles.mesh.size).bit_length()
+        self._parts = light_parts(emitters, patch_scene, lighting, settings, groups)
+        self._size = int(patch_scene.triangles.mesh.size).bit_length()
 
     def project(self, probes: ProbeRows) -> Generator[float, None, np.ndarray]:
         """Return the direct light of probes, (n, 1 + g, 9, 3) float32: of all light and of g light groups.

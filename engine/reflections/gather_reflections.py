@@ -52,7 +52,7 @@ def gather_reflections(
     size = job.settings.reflection_size
     spheres, warnings = _fitting(texel_job.scene.reflection_spheres, size)
     light = _patch_light(texel_job, solution, is_invalid(front, contacts), images.get("combined"))
-    tracer = CubeTracer(job.opencl, job.rays.rays, texel_job.scene, job.parts, light)
+    tracer = CubeTracer(job.opencl, job.rays.rays, texel_job.scene, job.patch_scene, light)
     made = list[ReflectionCube]()
     for number, sphere in enumerate(spheres):
         begin, width = number / len(spheres), 1 / len(spheres)
@@ -88,7 +88,7 @@ def _patch_light(
     invalid:   (n,) bool, invalid patches
     combined:  (atlases, r, r, 3) float32, E/pi; None if it is no output
     """
-    patches = texel_job.job.parts.patches
+    patches = texel_job.job.patch_scene.patches
     light = np.empty((len(patches), 4), np.float32)
     light[:, :3] = colors_on_host(solution.light)
     light[:, 3] = np.where(invalid, _INVALID_WEIGHT, 1)

@@ -46,16 +46,21 @@ class PatchLight:
 class CubeTracer:
     """Rays of cube maps through a scene with known light.
 
-    scene:   scene with charts for all objects
-    parts:   its patches
-    light:   light of the patches
+    scene:        scene with charts for all objects
+    patch_scene:  its patches
+    light:        light of the patches
     """
 
     def __init__(
-        self, compute: ComputeDevice, rays: RayTracer, scene: Scene, parts: PatchScene, light: PatchLight
+        self,
+        compute: ComputeDevice,
+        rays: RayTracer,
+        scene: Scene,
+        patch_scene: PatchScene,
+        light: PatchLight,
     ) -> None:
-        self._compute, self._rays, self._scene, self._parts = compute, rays, scene, parts
-        triangles = self._triangles = parts.triangles
+        self._compute, self._rays, self._scene, self._patch_scene = compute, rays, scene, patch_scene
+        triangles = self._triangles = patch_scene.triangles
         self._colors = SurfaceColors(scene.materials)
         self._textures = dict[int, cl.Buffer]()
         self._kept_bytes = 0
@@ -64,14 +69,14 @@ class CubeTracer:
         )
         (self._shade,) = compute.kernels("shade_cube.cl", "add_textured")
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
-        arrays = triangles.uvs, triangles.atlas, parts.texel_to_patch
+        arrays = triangles.uvs, triangles.atlas, patch_scene.texel_to_patch
         lookups = (upload_once(compute, array) for array in arrays)
         sky = np.atleast_3d(scene.world.astype(np.float32)).reshape(-1, 3)
         height, width = scene.world.shape[:2] if scene.world.ndim == 3 else (1, 1)
         padded = np.zeros((len(light.light) + 2, 4), np.float32)
         padded[1:-1] = light.light
         self._inputs = (
-            *rays.arguments, *lookups, np.int32(parts.patches.resolution), backs,
+            *rays.arguments, *lookups, np.int32(patch_scene.patches.resolution), backs,
             upload_once(compute, triangles.material), upload(compute, self._colors.constants),
             np.int32(self._colors.count), upload(compute, padded), np.int32(triangles.solid),
             np.float32(light.dark), upload(compute, to_float4(sky)), np.int32(width), np.int32(height),

@@ -24,7 +24,7 @@ class Interpolation:
     def __init__(
         self,
         rays: RayScene,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         group: np.ndarray,
         representative: np.ndarray,
         width: int,
@@ -42,11 +42,12 @@ class Interpolation:
         self._compute, self._receivers = rays.compute, rays.receivers
         source = RECEIVER, "interpolate.cl"
         self._interpolate, self._spread = self._compute.kernels(source, "interpolate", "spread")
-        patches = parts.patches
+        patches = patch_scene.patches
         numbers = group.astype(np.int32), representative.astype(np.int32)
         self._count = len(patches)
         self._where = (
-            upload_once(self._compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
+            upload_once(self._compute, patch_scene.texel_to_patch),
+            np.int32(patches.resolution), np.int32(width),
             *(upload_once(self._compute, array) for array in (patches.atlas, patches.texel)),
             *(upload(self._compute, array) for array in numbers),
         )  # fmt: skip

@@ -37,36 +37,45 @@ class PatchGroups:
     """
 
     def __init__(
-        self, rays: RayScene, parts: PatchScene, area: np.ndarray, representative: np.ndarray, width: int
+        self,
+        rays: RayScene,
+        patch_scene: PatchScene,
+        area: np.ndarray,
+        representative: np.ndarray,
+        width: int,
     ) -> None:
         """Form groups.
 
-        rays    rays from the patches
-        parts   the patches
-        area    (n,) float32, m^2
+        rays            rays from the patches
+        patch_scene     the patches
+        area            (n,) float32, m^2
         representative  (n,) uint32, see `group_representatives`
         """
         self.width = width
         self.group, self.representative = numbered(representative)
-        self._rays, self._parts, self._area = rays, parts, area
-        self._means = _GroupMeans(rays.compute, parts, representative, self.representative, width)
+        self._rays, self._patch_scene, self._area = rays, patch_scene, area
+        self._means = _GroupMeans(rays.compute, patch_scene, representative, self.representative, width)
         entries = np.zeros(len(self.group) + 1, np.uint32)
         np.add(self.group, 1, out=entries[1:], casting="unsafe")
-        self.texel_to_group = taken(entries, parts.texel_to_patch.ravel()).reshape(parts.texel_to_patch.shape)
+        self.texel_to_group = taken(entries, patch_scene.texel_to_patch.ravel()).reshape(
+            patch_scene.texel_to_patch.shape
+        )
 
     @cached_property
-    def parts(self) -> PatchScene:
+    def patch_scene(self) -> PatchScene:
         """The groups as a PatchScene, with mean materials and the geometry of the representatives."""
-        parts, representative = self._parts, self.representative
+        patch_scene, representative = self._patch_scene, self.representative
         surfaces = PatchMaterials(
-            self.mean(colors_on_host(parts.surfaces.reflectance)),
-            self.mean(parts.surfaces.emission),
-            None if parts.surfaces.back_emission is None else self.mean(parts.surfaces.back_emission),
+            self.mean(colors_on_host(patch_scene.surfaces.reflectance)),
+            self.mean(patch_scene.surfaces.emission),
+            None
+            if patch_scene.surfaces.back_emission is None
+            else self.mean(patch_scene.surfaces.back_emission),
         )
         return replace(
-            parts,
-            patches=parts.patches.part(representative),
-            geometry=parts.geometry.part(representative),
+            patch_scene,
+            patches=patch_scene.patches.part(representative),
+            geometry=patch_scene.geometry.part(representative),
             surfaces=surfaces,
             texel_to_patch=self.texel_to_group,
             source_count=None,
@@ -82,7 +91,7 @@ class PatchGroups:
     @cached_property
     def rays(self) -> RayScene:
         """Rays from the groups."""
-        return self._rays.of(self.parts)
+        return self._rays.of(self.patch_scene)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of patch values over each group, (n, ...) -> (m, ...) float32."""
@@ -115,16 +124,16 @@ class _GroupMeans:
     def __init__(
         self,
         compute: ComputeDevice,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         representative: np.ndarray,
         leading: np.ndarray,
         width: int,
     ) -> None:
-        self._compute, self._count, patches = compute, len(leading), parts.patches
+        self._compute, self._count, patches = compute, len(leading), patch_scene.patches
         (self._kernel,) = compute.kernels("group_means.cl", "group_means")
         some = representative, leading.astype(np.uint32), patches.atlas[leading]
         self._groups = (
-            upload_once(compute, parts.texel_to_patch), np.int32(patches.resolution), np.int32(width),
+            upload_once(compute, patch_scene.texel_to_patch), np.int32(patches.resolution), np.int32(width),
             upload_once(compute, patches.texel), *(upload(compute, array) for array in some),
         )  # fmt: skip
 
@@ -151,7 +160,7 @@ def numbered(representative: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def group_representatives(
     rays: RayScene,
-    parts: PatchScene,
+    patch_scene: PatchScene,
     radiance: np.ndarray,
     inside: np.ndarray,
     width: int,
@@ -167,16 +176,16 @@ def group_representatives(
     width     side of the squares, texels
     mapped    number of patches in lightmaps, which come first; None for all on front faces
     """
-    compute, patches = rays.compute, parts.patches
+    compute, patches = rays.compute, patch_scene.patches
     (group_patches,) = compute.kernels((RECEIVER, "patch_groups.cl"), "group_patches")
-    lookup, texels = upload_once(compute, parts.texel_to_patch), upload_once(compute, patches.texel)
-    arrays = (parts.geometry.material, radiance, inside.view(np.uint8))
+    lookup, texels = upload_once(compute, patch_scene.texel_to_patch), upload_once(compute, patches.texel)
+    arrays = (patch_scene.geometry.material, radiance, inside.view(np.uint8))
     materials, light, apart = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))
     squares = -(-patches.resolution // (_SQUARES * width)) * _SQUARES
     group = group_patches.group(_SQUARES, _SQUARES, 1)
     group_patches(
-        compute.queue, (squares, squares, len(parts.texel_to_patch)), group,
+        compute.queue, (squares, squares, len(patch_scene.texel_to_patch)), group,
         lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers,
         light, np.float32(radiance.mean(dtype=np.float64)), apart, leaders,
     )  # fmt: skip
@@ -184,7 +193,7 @@ def group_representatives(
     cl.enqueue_copy(compute.queue, result, leaders)
     if mapped is not None:
         result[mapped:] = np.arange(mapped, len(result), dtype=np.uint32)
-    elif parts.triangles.backs is not None:
-        backs = np.flatnonzero(parts.geometry.triangle >= parts.triangles.solid)
+    elif patch_scene.triangles.backs is not None:
+        backs = np.flatnonzero(patch_scene.geometry.triangle >= patch_scene.triangles.solid)
         result[backs] = backs
     return result

@@ -58,8 +58,8 @@ class Finishing:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Messages for the user; warm starts skip an estimate that would delay each of their bakes."""
-        scene, parts, known = self._texels.scene, self._job.parts, self.refined.known
-        buried = warn_buried(scene, parts, known)
+        scene, patch_scene, known = self._texels.scene, self._job.patch_scene, self.refined.known
+        buried = warn_buried(scene, patch_scene, known)
         turned: list[str] = []
         if not self._job.settings.warm_start:
             turned = warn_lit_back_faces(scene, self._job, self._solution.irradiance, len(known))
@@ -83,7 +83,7 @@ class Finishing:
         yield stages.begin(stages.images)
         off_centre = unblocked = None
         if seams:
-            off_centre = self._job.kept.texels.off_centre_patches(self._job.compute, self._job.parts)
+            off_centre = self._job.kept.texels.off_centre_patches(self._job.compute, self._job.patch_scene)
             unblocked = self._in_sight(seams.result())
         final = FinalLightmaps(self.refined, off_centre, unblocked)
         images = {name: final.image(image) for name, image in quiet.items()}
@@ -103,7 +103,7 @@ class Finishing:
         """
         texels, lit = self.refined, self._lit
         shown = {name: texels.values(values, lit.values.get(name)) for name, values in self._made.items()}
-        normals = texels.values(self._job.parts.geometry.normal, lit.normals)
+        normals = texels.values(self._job.patch_scene.geometry.normal, lit.normals)
 
         # Denoising uses an independent estimate to separate noise from detail.
         values, part = yield from run_as_fraction(
@@ -127,7 +127,7 @@ class Finishing:
             return seams
         job, texels = self._job, self.refined
         light = texels.on_device(job.opencl, *self._light_of_texels())
-        return drop_blocked_seams(seams, job.parts, job.rays, light, texels.known, texels.invalid)
+        return drop_blocked_seams(seams, job.patch_scene, job.rays, light, texels.known, texels.invalid)
 
     def _refined_texels(self) -> RefinedTexels:
         """Return the texel values from patches, texel samples and the fit at thin walls."""

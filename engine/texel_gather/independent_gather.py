@@ -40,13 +40,13 @@ def gather_independent_estimate(
     lighting = texel_job.lighting.of(job.rays, settings)
     sampled = yield from run_as_fraction(0.0, 0.5, lighting.gather())
     last, _ = make_final_gather(
-        texel_job.solved, texel_job.choice, Receivers(job.parts, job.rays, sampled), settings
+        texel_job.solved, texel_job.choice, Receivers(job.patch_scene, job.rays, sampled), settings
     )
     radiance = radiance_of(texel_job.solved, solution.settled, solution.substitute)
     yield from run_as_fraction(0.5, 1.0, last.gather_from(radiance))
     rays = ray_count(settings)
     outputs = {name: light_output(name, last) for name in job.settings.light_outputs}
-    sides = job.parts.sides
+    sides = job.patch_scene.sides
     light: dict[str, Values] = {
         name: both_sides(sides, np.asarray(values)) if sides else values for name, values in outputs.items()
     }

@@ -54,14 +54,14 @@ def gather_light_groups(
         look = _look(some, choice, receivers, settings)
         sent = [
             reflected_light(
-                colors_on_host(groups[number].parts.surfaces.reflectance), settled[number], substitute
+                colors_on_host(groups[number].patch_scene.surfaces.reflectance), settled[number], substitute
             )
             for number in together
         ]
         found = yield from run_as_fraction(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))
         light[together] += found.transpose(1, 0, 2)
     for count, number in enumerate(apart, bool(together)):
-        where = Receivers(receivers.parts, receivers.rays, sampled[number])
+        where = Receivers(receivers.patch_scene, receivers.rays, sampled[number])
         last, _ = make_final_gather(groups[number], choice, where, settings)
         yield from run_as_fraction(
             count / looks, (count + 1) / looks, last.gather(settled[number], substitute)

@@ -31,7 +31,7 @@ def light_by_groups(
     if texel_job.choice.method == "none":
         return {name: np.zeros((texel_job.job.count, 3), np.float32) for name in names}, {}
     sampled = yield from run_as_fraction(0.0, 0.1, texel_job.lighting.gather_by_group())
-    sampled = np.stack([both_sides(texel_job.job.parts.sides, light) for light in sampled])
+    sampled = np.stack([both_sides(texel_job.job.patch_scene.sides, light) for light in sampled])
     left = map(texel_job.lighting.left_to_hemicubes, range(len(names)))
     sources = [
         GroupEmission(emission, sky, light, backs)

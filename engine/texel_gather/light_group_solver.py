@@ -118,7 +118,7 @@ def _of_patches(
     settled = [light[:, :3] for light in gathered]
 
     def gather(patches: np.ndarray | slice) -> Generator[float, None, np.ndarray]:
-        looking = job.parts if isinstance(patches, slice) else job.parts.part(patches)
+        looking = job.patch_scene if isinstance(patches, slice) else job.patch_scene.part(patches)
         rays = job.rays if isinstance(patches, slice) else job.rays.of(looking)
         receivers = Receivers(looking, rays, job.sampled_light[patches])
         lit = np.ascontiguousarray(sampled[:, patches])
@@ -197,11 +197,11 @@ def _solved_together(
         for part, scale in zip(parts, scales, strict=True)
     ]
     sweep = LightGroupGather(job.opencl, kept, [static_light(part, kept.sampling) for part in bright])
-    sampled, sides = _beside(part.sampled_light for part in bright), job.parts.sides
+    sampled, sides = _beside(part.sampled_light for part in bright), job.patch_scene.sides
     radiosity = _Radiosity(
         job.opencl,
         sweep,
-        np.repeat(colors_on_host(job.parts.surfaces.reflectance), len(parts), axis=0),
+        np.repeat(colors_on_host(job.patch_scene.surfaces.reflectance), len(parts), axis=0),
         upload_float4(job.opencl, _beside(part.emission for part in bright), first=1),
         np.repeat(job.area, len(parts)),
         sampled,

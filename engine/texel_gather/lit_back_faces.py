@@ -57,7 +57,7 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
     irradiance:  (n, 3) float32, E/pi of all patches
     atlases:     number of the user's lightmaps
     """
-    triangles, patches = job.parts.triangles, job.parts.geometry.triangle
+    triangles, patches = job.patch_scene.triangles, job.patch_scene.geometry.triangle
     if not len(patches):
         return []
     meshes = len(scene.meshes)
@@ -99,7 +99,7 @@ def _light_of_meshes(mesh: np.ndarray, light: np.ndarray, meshes: int) -> tuple[
 
 def _emitters(job: SolveJob) -> np.ndarray:
     """Return the patches whose front face emits light, (k,) int64."""
-    surfaces = job.parts.surfaces
+    surfaces = job.patch_scene.surfaces
     return surfaces.shining[any_in_rows(surfaces.emission[surfaces.shining])]
 
 
@@ -144,10 +144,10 @@ class _BackLight:
     """Estimate of the light of back faces, from the solved patches."""
 
     def __init__(self, scene: Scene, job: SolveJob, irradiance: np.ndarray) -> None:
-        self._triangles, self._tracer = job.parts.triangles, job.rays.caster
+        self._triangles, self._tracer = job.patch_scene.triangles, job.rays.caster
         self._lamps = [lamp for lamp in shining_lights(scene) if lamp.casts_shadow]
         self._sky = float(luminance(scene.world.reshape(-1, 3)).mean(dtype=np.float64))
-        surfaces, triangle = job.parts.surfaces, job.parts.geometry.triangle
+        surfaces, triangle = job.patch_scene.surfaces, job.patch_scene.geometry.triangle
         sent = luminance(surfaces.emission + surfaces.reflectance * irradiance)
         count = np.bincount(triangle, minlength=len(self._triangles.mesh))
         self._radiance = np.bincount(triangle, sent, len(count)) / np.maximum(count, 1)

@@ -128,16 +128,16 @@ def gather_texel_samples(
     known = PatchLight(channel_sums(solution.light), front, invalid_patches(texel_job, front, contacts))
     asked, clipper = (
         texel_job.job.settings.texel_samples,
-        texel_job.job.kept.texels.clipper(compute, texel_job.job.parts),
+        texel_job.job.kept.texels.clipper(compute, texel_job.job.patch_scene),
     )
-    samples, count = display_samples(clipper, texel_job.job.parts, atlases, known, asked)
+    samples, count = display_samples(clipper, texel_job.job.patch_scene, atlases, known, asked)
     if not len(samples):
         return _nothing("No texel needs more than one sample.")
     settings = _settings_of_samples(texel_job.job.settings, count)
     found(len(samples), expected_samples(settings))
     substitute = substitutes_of(texel_job, known.hidden, solution.settled, solution.substitute)
     radiance, remote = radiance_of(texel_job.solved, solution.settled, substitute), texel_job.job.remote
-    if texel_job.job.parts.sides is not None:
+    if texel_job.job.patch_scene.sides is not None:
         # Remote devices do not store the weights of both sides of a surface, so this device gathers.
         texel_job, remote = replace(texel_job, solved=replace(texel_job.solved, remote=None)), None
     if remote is not None:
@@ -162,7 +162,7 @@ def light_groups_in_texels(
     settings = of_all_light(_settings_of_samples(texel_job.job.settings, lit.count))
     light: list[np.ndarray] = []
     for batch, done in _batches(lit.samples):
-        both, sides = with_other_sides(batch, texel_job.job.parts)
+        both, sides = with_other_sides(batch, texel_job.job.patch_scene)
         points = TexelSamplePoints(texel_job, both, settings)
         found = yield from run_as_fraction(*done, _gather_groups(texel_job, groups, lit.substitute, points))
         light.append(np.stack([both_sides(sides, group)[: len(batch)] for group in found]))
@@ -182,7 +182,7 @@ def _gather_groups(
     lighting = texel_job.lighting.of(points.rays, points.settings)
     sampled = yield from run_as_fraction(0.0, 0.3, lighting.gather_by_group())
     solved, settled = [group.solved for group in groups], [group.settled for group in groups]
-    receivers = Receivers(points.parts, points.rays, sampled[0])
+    receivers = Receivers(points.patch_scene, points.rays, sampled[0])
     gathering = gather_light_groups(
         solved, settled, texel_job.choice, receivers, sampled, points.settings, substitute
     )
@@ -232,7 +232,7 @@ def gather_at(
     radiance:  exitant radiance of the senders on the device, float4, between two black entries
     """
     count = len(samples)
-    samples, sides = with_other_sides(samples, texel_job.job.parts)
+    samples, sides = with_other_sides(samples, texel_job.job.patch_scene)
     points = TexelSamplePoints(texel_job, samples, settings)
     push_offs = points.push_out(
         texel_job.lighting.lit_by_backs(points.rays), lit_backs_of(texel_job, radiance)
@@ -242,10 +242,10 @@ def gather_at(
     # Gather direct light, then all other light from the radiance of the patches.
     lighting = texel_job.lighting.of(points.rays, settings)
     sampled = yield from run_as_fraction(0.1, 0.3, lighting.gather())
-    receivers = Receivers(points.parts, points.rays, sampled)
+    receivers = Receivers(points.patch_scene, points.rays, sampled)
     last, _ = make_final_gather(texel_job.solved, texel_job.choice, receivers, settings)
     yield from run_as_fraction(0.3, 0.8, last.gather_from(radiance))
-    outputs, geometry = Outputs(texel_job.scene, settings, lighting), points.parts.geometry
+    outputs, geometry = Outputs(texel_job.scene, settings, lighting), points.patch_scene.geometry
     received = last if sides is None else BlendedLight(last, sides)
     made = yield from run_as_fraction(0.8, 1.0, outputs.make(received, geometry))
     values = {name: np.asarray(light) for name, light in made.items()}
@@ -269,15 +269,15 @@ def _joined(
         joined_rows([getattr(batch, name) for batch in lit]) for name in ("visible", "normals", "irradiance")
     )
     values = {name: joined_rows([batch.values[name] for batch in lit]) for name in lit[0].values}
-    parts = texel_job.job.parts
-    keys = samples.keys(parts.patches.resolution)
+    patch_scene = texel_job.job.patch_scene
+    keys = samples.keys(patch_scene.patches.resolution)
     reason = (
         f"Light was gathered at {len(keys):,} more points in {len(run_starts(keys)):,} texels whose light or "
         "surface is not uniform."
     )
     light = channel_sum(irradiance)
-    inside = in_thin_walls(parts, samples, push_offs, visible, light)
-    warnings = warn_thin_walls(texel_job.scene, parts, samples, push_offs, inside)
+    inside = in_thin_walls(patch_scene, samples, push_offs, visible, light)
+    warnings = warn_thin_walls(texel_job.scene, patch_scene, samples, push_offs, inside)
     return TexelSampleLight(
         samples=samples,
         visible=visible,

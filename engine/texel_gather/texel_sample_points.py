@@ -47,29 +47,31 @@ class TexelGatherJob:
     def steps(self, side: float) -> TexelSteps:
         """Return the world-space steps of a sample on each triangle; `side` samples along u and v."""
         if side not in self._steps:
-            self._steps[side] = self.job.parts.geometry.steps.scaled(1 / side)
+            self._steps[side] = self.job.patch_scene.geometry.steps.scaled(1 / side)
         return self._steps[side]
 
 
-def with_other_sides(samples: TexelSamples, parts: PatchScene) -> tuple[TexelSamples, Sides | None]:
+def with_other_sides(samples: TexelSamples, patch_scene: PatchScene) -> tuple[TexelSamples, Sides | None]:
     """Add a point on the other side to each sample of a translucent surface; return samples and pairs.
 
     The pairs are None if there are no translucent surfaces.
 
-    samples:  texel samples
-    parts:    patches of the texels
+    samples:      texel samples
+    patch_scene:  patches of the texels
     """
-    if parts.sides is None:
+    if patch_scene.sides is None:
         return samples, None
-    resolution = parts.patches.resolution
+    resolution = patch_scene.patches.resolution
     row, column = np.divmod(samples.texel, resolution)
-    entry = parts.texel_to_patch[samples.atlas, row, column].astype(np.int64)
-    own = np.concatenate([np.ones((1, 3), np.float32), own_sides(len(parts.patches), parts.sides)])[entry]
+    entry = patch_scene.texel_to_patch[samples.atlas, row, column].astype(np.int64)
+    own = np.concatenate(
+        [np.ones((1, 3), np.float32), own_sides(len(patch_scene.patches), patch_scene.sides)]
+    )[entry]
     chosen = np.flatnonzero((own < 1).any(axis=1))
     if not len(chosen):
         return samples, None
     there = samples.part(chosen)
-    backs = parts.triangles.backs
+    backs = patch_scene.triangles.backs
     triangle = there.triangle if backs is None else backs[there.triangle]
     others = replace(there, triangle=triangle, barycentric=there.barycentric[:, [0, 2, 1]])
     pairs = np.stack([chosen, len(samples) + np.arange(len(chosen))], axis=1)
@@ -79,9 +81,9 @@ def with_other_sides(samples: TexelSamples, parts: PatchScene) -> tuple[TexelSam
 class TexelSamplePoints:
     """Texel samples as receivers of a final gather.
 
-    settings:  settings of the gather for each of the `texel_samples` samples of a texel
-    parts:     samples as patches, with the scene's triangles
-    rays:      ray tracer with the samples as origins
+    settings:     settings of the gather for each of the `texel_samples` samples of a texel
+    patch_scene:  samples as patches, with the scene's triangles
+    rays:         ray tracer with the samples as origins
     """
 
     def __init__(self, texel_job: TexelGatherJob, samples: TexelSamples, settings: Settings) -> None:
@@ -93,13 +95,17 @@ class TexelSamplePoints:
         self._place(samples)
 
     def _place(self, samples: TexelSamples) -> None:
-        parts = self._job.parts
-        geometry = PatchGeometry(parts.triangles, self._steps, samples.triangle, samples.barycentric)
+        patch_scene = self._job.patch_scene
+        geometry = PatchGeometry(patch_scene.triangles, self._steps, samples.triangle, samples.barycentric)
         patches = PatchList(
-            parts.patches.resolution, samples.atlas, samples.texel, samples.triangle, samples.barycentric
+            patch_scene.patches.resolution,
+            samples.atlas,
+            samples.texel,
+            samples.triangle,
+            samples.barycentric,
         )
-        self.samples, self.parts = samples, parts.seen_from(patches, geometry)
-        self.rays = self._job.rays.of(self.parts)
+        self.samples, self.patch_scene = samples, patch_scene.seen_from(patches, geometry)
+        self.rays = self._job.rays.of(self.patch_scene)
 
     def push_out(self, lit: np.ndarray, lit_backs: cl.Buffer | None) -> PushOffs:
         """Move samples inside geometry to just outside of it; return the push-offs.
@@ -109,20 +115,20 @@ class TexelSamplePoints:
         lit:        (s,) bool, samples that a back face lights, which never count as inside
         lit_backs:  see `validity.lit_backs`
         """
-        samples, parts = self.samples, self.parts
+        samples, patch_scene = self.samples, self.patch_scene
         push_offs = push_off_points(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
         push_offs = push_offs.without(lit)
         inside = np.flatnonzero(push_offs.inside)
         inside = inside[any_in_rows(take_rows(push_offs.offset, inside))]
         if not len(inside):
             return push_offs
-        moved, stays = pushed_barycentrics(parts.geometry.part(inside), push_offs.offset[inside])
+        moved, stays = pushed_barycentrics(patch_scene.geometry.part(inside), push_offs.offset[inside])
         inside, moved = inside[stays], moved[stays]
         push_offs.inside[inside] = False
         barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
         position = samples.position.copy()
         barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]
         triangle = samples.triangle[inside]
-        position[inside] = on_lightmap(parts.triangles, triangle, moved, parts.patches.resolution)
+        position[inside] = on_lightmap(patch_scene.triangles, triangle, moved, patch_scene.patches.resolution)
         self._place(replace(samples, barycentric=barycentric, weight=weight, position=position))
         return push_offs

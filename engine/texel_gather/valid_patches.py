@@ -27,7 +27,7 @@ def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None
     """
     if not solved.settings.has_indirect:
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
-    reflectance = solved.parts.surfaces.reflectance
+    reflectance = solved.patch_scene.surfaces.reflectance
     return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, substitute)
 
 
@@ -44,7 +44,7 @@ def substitutes_of(
     """
     if texel_job.solved is not texel_job.job:
         hidden = _invalid_groups(texel_job, hidden, of_groups)
-    return substitute_patches(texel_job.solved.parts, hidden, partial(values_at, settled))
+    return substitute_patches(texel_job.solved.patch_scene, hidden, partial(values_at, settled))
 
 
 def _invalid_groups(
@@ -57,7 +57,7 @@ def _invalid_groups(
 
     hidden, of_groups:  see `substitutes_of`
     """
-    entries = texel_job.job.parts.texel_to_patch.ravel()[texel_job.solved.parts.patches.key]
+    entries = texel_job.job.patch_scene.texel_to_patch.ravel()[texel_job.solved.patch_scene.patches.key]
     invalid: np.ndarray = hidden[entries.astype(np.int64) - 1]
     if of_groups is not None:
         invalid |= of_groups != np.arange(len(of_groups))
@@ -67,7 +67,7 @@ def _invalid_groups(
 def lit_backs_of(texel_job: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
     """Return flags on the device: triangles whose back face emits or reflects light."""
     solved = texel_job.solved
-    return lit_backs(solved.opencl, solved.parts, radiance, len(solved.emission))
+    return lit_backs(solved.opencl, solved.patch_scene, radiance, len(solved.emission))
 
 
 def _lit_backs(texel_job: TexelGatherJob, settled: Values) -> cl.Buffer | np.ndarray | None:
@@ -79,9 +79,9 @@ def _lit_backs(texel_job: TexelGatherJob, settled: Values) -> cl.Buffer | np.nda
     if solved.compute is not None:
         return lit_backs_of(texel_job, radiance_of(solved, settled))
     if not solved.settings.has_indirect:
-        return lit_backs_on_host(solved.parts, solved.emission)
-    reflectance, light = colors_on_host(solved.parts.surfaces.reflectance), colors_on_host(settled)
-    return lit_backs_on_host(solved.parts, solved.emission + reflectance * light[:, :3])
+        return lit_backs_on_host(solved.patch_scene, solved.emission)
+    reflectance, light = colors_on_host(solved.patch_scene.surfaces.reflectance), colors_on_host(settled)
+    return lit_backs_on_host(solved.patch_scene, solved.emission + reflectance * light[:, :3])
 
 
 def valid_front(
@@ -98,11 +98,11 @@ def valid_front(
     solution:  solution of all light
     """
     job, front = texel_job.job, solution.front
-    if job.parts.triangles.backs is None or texel_job.choice.method == "none":
+    if job.patch_scene.triangles.backs is None or texel_job.choice.method == "none":
         return front
     lit = _lit_backs(texel_job, solution.settled)
     unsure = ~(is_invalid(front, contacts) | contacts.backlit)
-    unsure[job.parts.patches.count_in(atlases) :] = False
+    unsure[job.patch_scene.patches.count_in(atlases) :] = False
     return np.where(_inside(texel_job, unsure, lit), np.float32(0), front)
 
 
@@ -115,7 +115,7 @@ def invalid_patches(texel_job: TexelGatherJob, front: np.ndarray, contacts: Cont
     front:  (n,) float32, validity from `valid_front`
     """
     hidden = is_invalid(front, contacts)
-    if texel_job.job.parts.triangles.backs is None:
+    if texel_job.job.patch_scene.triangles.backs is None:
         hidden |= _inside(texel_job, is_doubtful(front) & ~(hidden | contacts.backlit), None)
     return hidden
 
@@ -125,13 +125,17 @@ def _inside(texel_job: TexelGatherJob, tested: np.ndarray, lit: cl.Buffer | np.n
 
     tested: no patch that back faces light, see `Contacts.backlit`
     """
-    parts, all_rays, number = texel_job.job.parts, texel_job.job.rays, int(np.count_nonzero(tested))
+    patch_scene, all_rays, number = (
+        texel_job.job.patch_scene,
+        texel_job.job.rays,
+        int(np.count_nonzero(tested)),
+    )
     if not number:
         return tested
     # Many patches are tested together with all others, whose records are on the device already.
     all_of_them = 2 * number > texel_job.job.count
-    points = all_rays if all_of_them else all_rays.of(parts.part(tested))
-    inside = find_inside(points, points.count, 1.0, parts.geometry.steps.geometric, lit)
+    points = all_rays if all_of_them else all_rays.of(patch_scene.part(tested))
+    inside = find_inside(points, points.count, 1.0, patch_scene.geometry.steps.geometric, lit)
     if all_of_them:
         return inside & tested
     found = np.zeros_like(tested)

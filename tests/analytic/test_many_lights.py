@@ -28,11 +28,11 @@ class Bench:
     def make_patch_scene(self, scene: Scene) -> PatchScene:
         return make_patch_scene(self.graphics, self.compute, scene, SETTINGS)
 
-    def light(self, scene: Scene, parts: PatchScene, **settings: int) -> np.ndarray:
+    def light(self, scene: Scene, patch_scene: PatchScene, **settings: int) -> np.ndarray:
         """Return E/pi of the green channel at each patch."""
         chosen = dataclasses.replace(SETTINGS, **settings)
-        rays = RayScene(self.compute, parts)
-        return finished(DirectLighting(scene, parts, rays, chosen).gather())[:, 1]
+        rays = RayScene(self.compute, patch_scene)
+        return finished(DirectLighting(scene, patch_scene, rays, chosen).gather())[:, 1]
 
 
 @pytest.fixture(scope="module")
@@ -75,11 +75,12 @@ def test_many_lamps_bring_what_they_bring_alone(bench):
     sun = Light("Sun", "sun", np.zeros(3), np.eye(3), np.full(3, 0.3, np.float32), half_angle=0.1)
     lamps = (*mixed_lamps(40), sun)
     scene = Scene((floor(2.0), roof), (BLACK,), lights=lamps)
-    parts = bench.make_patch_scene(scene)
+    patch_scene = bench.make_patch_scene(scene)
     alone = sum(
-        bench.light(dataclasses.replace(scene, lights=(lamp,)), parts, light_samples=1024) for lamp in lamps
+        bench.light(dataclasses.replace(scene, lights=(lamp,)), patch_scene, light_samples=1024)
+        for lamp in lamps
     )
-    seeds = [bench.light(scene, parts, light_samples=4, seed=seed) for seed in range(40)]
+    seeds = [bench.light(scene, patch_scene, light_samples=4, seed=seed) for seed in range(40)]
     mean, noise = np.mean(seeds, axis=0), np.std(seeds, axis=0) / np.sqrt(len(seeds))
     assert (np.abs(mean - alone) < 5 * noise + 5e-3 * alone.max()).all()
     assert mean.sum() == pytest.approx(alone.sum(), abs=4 * np.sqrt((noise**2).sum()), rel=1e-3)
@@ -104,8 +105,8 @@ def test_a_ceiling_of_small_lamps(bench):
 
 def test_the_same_lamps_give_the_same_bits(bench):
     scene = Scene((floor(2.0),), (BLACK,), lights=mixed_lamps(100))
-    parts = bench.make_patch_scene(scene)
-    assert (bench.light(scene, parts) == bench.light(scene, parts)).all()
+    patch_scene = bench.make_patch_scene(scene)
+    assert (bench.light(scene, patch_scene) == bench.light(scene, patch_scene)).all()
 
 
 def test_suns_only(bench):

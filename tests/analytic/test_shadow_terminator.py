@@ -123,10 +123,10 @@ def lifted(*meshes):
     dark = np.zeros((len(here.patches), 3), np.float32)
     texels, surfaces = map_texels(scene, here.patches), PatchMaterials(dark, dark)
     cutouts = read_cutouts(scene)
-    parts = PatchScene(here.triangles, cutouts, here.patches, here.geometry, surfaces, texels, ())
+    patch_scene = PatchScene(here.triangles, cutouts, here.patches, here.geometry, surfaces, texels, ())
     compute = ComputeDevice()
     records = RECEIVER.array(len(here.patches))
-    rays = RayScene(compute, parts)
+    rays = RayScene(compute, patch_scene)
     cl.enqueue_copy(compute.queue, records, rays.receivers)
     return records["lifted"]
 

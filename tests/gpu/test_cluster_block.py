@@ -15,9 +15,11 @@ from tests.analytic.scenes import nine_quad_room
 
 def test_samples_go_with_their_block_at_once(graphics, compute):
     settings, scene = Settings(resolution=19, samples=16, visibility="rays"), nine_quad_room()
-    parts = SessionCache().make_patch_scene(graphics, compute, scene, settings)
-    table = SceneTable.of_scene(parts, split_light(scene.world, parts, settings).bright, False, "")
-    rows = PatchRows.of(parts.patches, "").part(3, 50)
+    patch_scene = SessionCache().make_patch_scene(graphics, compute, scene, settings)
+    table = SceneTable.of_scene(
+        patch_scene, split_light(scene.world, patch_scene, settings).bright, False, ""
+    )
+    rows = PatchRows.of(patch_scene.patches, "").part(3, 50)
     block = find(ScenePayload.of(scene, settings, local=True), table, rows)
     samples = weakref.ref(block.found._gather._sweep._kept)
     gc.disable()

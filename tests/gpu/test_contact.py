@@ -190,17 +190,22 @@ def stacks(shift):
 def test_probes_find_the_same_without_opencl(graphics, compute, shift):
     """Contacts, light of back faces and ways out of things, by compute shaders."""
     scene = stacks(shift)
-    parts = make_patch_scene(graphics, compute, scene, dataclasses.replace(SETTINGS, resolution=128))
-    pair = RayScene(compute, parts), RayScene(None, parts, shaders=ShaderScene(graphics, parts))
+    patch_scene = make_patch_scene(graphics, compute, scene, dataclasses.replace(SETTINGS, resolution=128))
+    pair = (
+        RayScene(compute, patch_scene),
+        RayScene(None, patch_scene, shaders=ShaderScene(graphics, patch_scene)),
+    )
     (hidden, apart), (our_hidden, our_apart) = (find_contacts(rays, rays.count) for rays in pair)
     assert 100 < (hidden | apart).sum() < len(hidden) / 2
     assert (hidden != our_hidden).mean() < 2e-3 and (apart != our_apart).mean() < 2e-3
-    shines = np.arange(parts.triangles.solid) % 3 == 0
+    shines = np.arange(patch_scene.triangles.solid) % 3 == 0
     lit, our_lit = (
-        patches_lit_by_backs(rays, rays.count, shines, parts.triangles.positions) for rays in pair
+        patches_lit_by_backs(rays, rays.count, shines, patch_scene.triangles.positions) for rays in pair
     )
     assert lit.any() and (lit != our_lit).mean() < 5e-3
-    theirs, ours = (push_off_points(rays, rays.count, 1.5, parts.geometry.steps.geometric) for rays in pair)
+    theirs, ours = (
+        push_off_points(rays, rays.count, 1.5, patch_scene.geometry.steps.geometric) for rays in pair
+    )
     same = (theirs.inside == ours.inside) & (theirs.wall == ours.wall)
     assert theirs.inside.any() and same.mean() > 0.99
 
@@ -212,8 +217,10 @@ def test_probes_find_the_same_without_opencl(graphics, compute, shift):
 @pytest.mark.parametrize("shift", [NEAR, FAR])
 def test_patches_in_front_of_all_that_shines_see_none_of_its_backs(graphics, compute, shift, monkeypatch):
     """They do not look, and what all others see is the same as if everyone looked."""
-    parts = make_patch_scene(graphics, compute, stacks(shift), dataclasses.replace(SETTINGS, resolution=128))
-    scene, positions = RayScene(compute, parts), parts.triangles.positions
+    patch_scene = make_patch_scene(
+        graphics, compute, stacks(shift), dataclasses.replace(SETTINGS, resolution=128)
+    )
+    scene, positions = RayScene(compute, patch_scene), patch_scene.triangles.positions
     normals = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
     for axis in np.eye(3):
         # Faces that look along an axis, those first that are in front of fewest patches.
@@ -222,8 +229,8 @@ def test_patches_in_front_of_all_that_shines_see_none_of_its_backs(graphics, com
         for count, least in ((0, 0), (2, 0), (10, 20)):
             shines = np.zeros(len(positions), bool)
             shines[along[:count]] = True
-            lit = patches_lit_by_backs(scene, len(parts.patches), shines, positions)
+            lit = patches_lit_by_backs(scene, len(patch_scene.patches), shines, positions)
             with monkeypatch.context() as patched:
                 patched.setattr(contact, "_PLANES", -1)
-                everyone = patches_lit_by_backs(scene, len(parts.patches), shines, positions)
+                everyone = patches_lit_by_backs(scene, len(patch_scene.patches), shines, positions)
             assert (lit == everyone).all() and lit.sum() >= least

@@ -33,18 +33,22 @@ def few_are_enough(monkeypatch):
 @pytest.fixture(scope="module")
 def room(graphics, compute):
     """The patches of a room of quads, groups of them, and what interpolates between these."""
-    parts = make_patch_scene(graphics, compute, nine_quad_room(), Settings(resolution=128))
-    rays = RayScene(compute, parts)
-    dark = np.zeros(len(parts.patches), np.float32)
+    patch_scene = make_patch_scene(graphics, compute, nine_quad_room(), Settings(resolution=128))
+    rays = RayScene(compute, patch_scene)
+    dark = np.zeros(len(patch_scene.patches), np.float32)
     groups = PatchGroups(
         rays,
-        parts,
-        parts.geometry.area,
-        group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH),
+        patch_scene,
+        patch_scene.geometry.area,
+        group_representatives(rays, patch_scene, dark, patches_inside(rays, len(dark)), WIDTH),
         WIDTH,
     )
     opening = openness(rays, 2.0)
-    return parts, groups, Interpolation(rays, parts, groups.group, groups.representative, WIDTH, opening)
+    return (
+        patch_scene,
+        groups,
+        Interpolation(rays, patch_scene, groups.group, groups.representative, WIDTH, opening),
+    )
 
 
 def light_of(groups, values, front=1.0):
@@ -73,8 +77,8 @@ def test_light_that_lies_in_a_plane_is_met(room):
 
 def test_what_planes_take_from_curved_light_is_put_back(room):
     """Planes lie below a dome of light: in coarse maps that was most of what *Adaptive* was too dark."""
-    parts, groups, interpolation = room
-    off = parts.geometry.center - parts.geometry.center.mean(axis=0)
+    patch_scene, groups, interpolation = room
+    off = patch_scene.geometry.center - patch_scene.geometry.center.mean(axis=0)
     dome = (5 - 0.1 * (off**2).sum(axis=1)).astype(np.float32)
     layers = [light_of(groups, dome)]
     values, fits = interpolation.fit(layers, np.zeros(len(dome), np.float32), 0.05)
@@ -86,8 +90,8 @@ def test_what_planes_take_from_curved_light_is_put_back(room):
 
 
 def test_light_that_is_put_back_is_not_below_none(room):
-    parts, groups, interpolation = room
-    dip = np.maximum(np.abs(parts.geometry.center[:, 0] - 0.83) - 0.1, 0).astype(np.float32)
+    patch_scene, groups, interpolation = room
+    dip = np.maximum(np.abs(patch_scene.geometry.center[:, 0] - 0.83) - 0.1, 0).astype(np.float32)
     layers, nothing = [light_of(groups, dip)], np.zeros(len(dip), np.float32)
     values, fits = interpolation.fit(layers, nothing, 1.0)
     signed = [values[0].copy()]
@@ -98,11 +102,11 @@ def test_light_that_is_put_back_is_not_below_none(room):
 
 def test_noise_of_single_patches_is_taken_out_and_steps_stay(room, compute):
     """Planes through the light of nine patches have a third of its noise; what is a step keeps to itself."""
-    parts = room[0]
-    rays, each = RayScene(compute, parts), np.arange(len(parts.patches))
-    neighbours = Interpolation(rays, parts, each, each, 1, openness(rays, 2.0))
-    step = np.where(parts.geometry.center[:, 0] > 0.83, 3, 1).astype(np.float32)
-    exact = step + parts.geometry.center @ np.float32([0.3, -0.2, 0.5])
+    patch_scene = room[0]
+    rays, each = RayScene(compute, patch_scene), np.arange(len(patch_scene.patches))
+    neighbours = Interpolation(rays, patch_scene, each, each, 1, openness(rays, 2.0))
+    step = np.where(patch_scene.geometry.center[:, 0] > 0.83, 3, 1).astype(np.float32)
+    exact = step + patch_scene.geometry.center @ np.float32([0.3, -0.2, 0.5])
     noise = 0.03 * np.random.default_rng(5).standard_normal(len(exact)).astype(np.float32)
     layer = np.ones((len(exact), 4), np.float32)
     layer[:, :3] = (exact + noise)[:, None]
@@ -114,8 +118,8 @@ def test_noise_of_single_patches_is_taken_out_and_steps_stay(room, compute):
 
 
 def test_values_of_both_signs_are_met_where_they_are_asked_for(room):
-    parts, groups, interpolation = room
-    plane = parts.geometry.center @ np.float32([0.3, -0.2, 0.5]) - 0.4
+    patch_scene, groups, interpolation = room
+    plane = patch_scene.geometry.center @ np.float32([0.3, -0.2, 0.5]) - 0.4
     assert (plane < -0.1).any() and (plane > 0.1).any()
     even, nothing = np.ones(len(plane), np.float32), np.zeros(len(plane), np.float32)
     layers = [light_of(groups, even), light_of(groups, plane)]
@@ -126,8 +130,8 @@ def test_values_of_both_signs_are_met_where_they_are_asked_for(room):
 
 
 def test_patches_at_a_step_do_not_fit(room):
-    parts, groups, _ = room
-    step = np.where(parts.geometry.center[:, 0] > 0.83, 3.0, 1.0)
+    patch_scene, groups, _ = room
+    step = np.where(patch_scene.geometry.center[:, 0] > 0.83, 3.0, 1.0)
     (values,), fits = fit(room, [light_of(groups, step)])
     assert values[fits] == pytest.approx(step[fits], rel=1e-3)
     assert 0.3 < fits.mean() < 0.95
@@ -135,27 +139,27 @@ def test_patches_at_a_step_do_not_fit(room):
 
 def test_charts_side_by_side_do_not_mix(room):
     """Each quad has a light of its own: what fits has that of its quad, though charts are 2 texels apart."""
-    parts, groups, _ = room
-    own = 1 + (parts.geometry.triangle // 2).astype(np.float32)
+    patch_scene, groups, _ = room
+    own = 1 + (patch_scene.geometry.triangle // 2).astype(np.float32)
     (values,), fits = fit(room, [light_of(groups, own)])
     assert fits.mean() > 0.8
     assert values[fits] == pytest.approx(own[fits], rel=1e-4)
 
 
 def test_groups_that_see_backs_do_not_count(room):
-    parts, groups, _ = room
-    inside = parts.geometry.center[:, 0] > 1.0
+    patch_scene, groups, _ = room
+    inside = patch_scene.geometry.center[:, 0] > 1.0
     front = np.where(inside[groups.representative], 0.5, 1.0)
     (values,), fits = fit(room, [light_of(groups, np.where(inside, 100.0, 1.0), front)])
     assert values[fits] == pytest.approx(1.0, rel=1e-3)
-    far = parts.geometry.center[:, 0] > 1.5
+    far = patch_scene.geometry.center[:, 0] > 1.5
     assert far.any() and not fits[far].any()
 
 
 def test_other_light_of_a_patch_hides_what_is_left_over(room):
-    parts, groups, interpolation = room
-    noisy = 1 + 0.3 * np.random.default_rng(3).random(len(parts.patches)).astype(np.float32)
-    beside = np.where(parts.geometry.center[:, 1] > 1.0, 50, 0).astype(np.float32)
+    patch_scene, groups, interpolation = room
+    noisy = 1 + 0.3 * np.random.default_rng(3).random(len(patch_scene.patches)).astype(np.float32)
+    beside = np.where(patch_scene.geometry.center[:, 1] > 1.0, 50, 0).astype(np.float32)
     _, fits = interpolation.fit([light_of(groups, noisy)], beside, 0.02)
     assert fits[beside > 0].mean() > 0.75 and fits[beside == 0].mean() < 0.1
 
@@ -165,19 +169,19 @@ def test_patches_between_things_that_no_group_knows_do_not_fit(graphics, compute
     atlas = Atlas(160)
     floor = block(atlas, (-1, -1, -0.4), (1, 1, 0), "Floor")
     fins = [block(atlas, (x, -0.9, -0.01), (x + 0.004, 0.9, 0.09), "Fin") for x in (-0.034, 0.046)]
-    parts = make_patch_scene(
+    patch_scene = make_patch_scene(
         graphics, compute, scene_of([floor, *fins], world=np.ones(3, np.float32)), Settings(resolution=160)
     )
-    rays = RayScene(compute, parts)
-    dark = np.zeros(len(parts.patches), np.float32)
+    rays = RayScene(compute, patch_scene)
+    dark = np.zeros(len(patch_scene.patches), np.float32)
     group, representative = numbered(
-        group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
+        group_representatives(rays, patch_scene, dark, patches_inside(rays, len(dark)), WIDTH)
     )
-    interpolation = Interpolation(rays, parts, group, representative, WIDTH, openness(rays, 2.0))
+    interpolation = Interpolation(rays, patch_scene, group, representative, WIDTH, openness(rays, 2.0))
     even = np.ones((len(representative), 4), np.float32)
     _, fits = interpolation.fit([even], np.zeros(len(dark), np.float32), 0.02)
-    x, y, z = (parts.geometry.center + parts.triangles.origin).T
-    floor = (np.abs(z) < 1e-4) & (parts.geometry.geometric[:, 2] > 0.9) & (np.abs(y) < 0.8)
+    x, y, z = (patch_scene.geometry.center + patch_scene.triangles.origin).T
+    floor = (np.abs(z) < 1e-4) & (patch_scene.geometry.geometric[:, 2] > 0.9) & (np.abs(y) < 0.8)
     between, away = floor & (np.abs(x - 0.008) < 0.035), floor & (np.abs(np.abs(x) - 0.5) < 0.2)
     assert between.sum() > 30 and away.sum() > 300
     assert not fits[between].any() and fits[away].all()
@@ -225,10 +229,12 @@ def test_adaptive_bakes_have_as_much_light():
 
 def test_groups_of_bright_patches_are_as_even_as_others(graphics, compute):
     """Around a lamp below a ceiling light falls off within a square: its hidden part is not that in sight."""
-    parts = make_patch_scene(graphics, compute, nine_quad_room(), Settings(resolution=128))
-    rays, center = RayScene(compute, parts), parts.geometry.center
+    patch_scene = make_patch_scene(graphics, compute, nine_quad_room(), Settings(resolution=128))
+    rays, center = RayScene(compute, patch_scene), patch_scene.geometry.center
     radiance = (0.05 / (0.005 + ((center - center[len(center) // 3]) ** 2).sum(axis=1))).astype(np.float32)
-    representative = group_representatives(rays, parts, radiance, patches_inside(rays, len(radiance)), WIDTH)
+    representative = group_representatives(
+        rays, patch_scene, radiance, patches_inside(rays, len(radiance)), WIDTH
+    )
     apart = np.abs(radiance - radiance[representative])
     assert radiance.max() > 20 * radiance.mean()
     assert (apart <= 0.5 * radiance.mean() + 0.1 * radiance).all()
@@ -237,18 +243,20 @@ def test_groups_of_bright_patches_are_as_even_as_others(graphics, compute):
 
 def test_patches_without_lightmap_stay_alone(room, compute):
     """Those before them are grouped as without the limit."""
-    parts, _, _ = room
-    rays, dark = RayScene(compute, parts), np.zeros(len(parts.patches), np.float32)
+    patch_scene, _, _ = room
+    rays, dark = RayScene(compute, patch_scene), np.zeros(len(patch_scene.patches), np.float32)
     mapped = len(dark) // 3
-    representative = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH, mapped)
+    representative = group_representatives(
+        rays, patch_scene, dark, patches_inside(rays, len(dark)), WIDTH, mapped
+    )
     assert (representative[mapped:] == np.arange(mapped, len(dark))).all()
     assert len(np.unique(representative[:mapped])) < mapped / 2
 
 
 def test_leaders_are_in_the_middle_of_their_groups(room):
     """On the mean of all they are off by nothing, though squares of four have no texel in the middle."""
-    parts, groups, _ = room
-    resolution, texel = parts.patches.resolution, parts.patches.texel
+    patch_scene, groups, _ = room
+    resolution, texel = patch_scene.patches.resolution, patch_scene.patches.texel
     at = np.stack([texel % resolution, texel // resolution], axis=1).astype(float)
     members = np.bincount(groups.group)
     middle = np.stack([np.bincount(groups.group, weights=axis) / members for axis in at.T], axis=1)
@@ -345,11 +353,11 @@ def sunk_box():
 
 
 def test_patches_inside_of_things_and_outside_are_not_one(graphics, compute):
-    parts = make_patch_scene(graphics, compute, sunk_box(), Settings(resolution=160))
-    rays = RayScene(compute, parts)
-    dark = np.zeros(len(parts.patches), np.float32)
-    representative = group_representatives(rays, parts, dark, patches_inside(rays, len(dark)), WIDTH)
-    center, radius = parts.geometry.center + parts.triangles.origin, 0.2
+    patch_scene = make_patch_scene(graphics, compute, sunk_box(), Settings(resolution=160))
+    rays = RayScene(compute, patch_scene)
+    dark = np.zeros(len(patch_scene.patches), np.float32)
+    representative = group_representatives(rays, patch_scene, dark, patches_inside(rays, len(dark)), WIDTH)
+    center, radius = patch_scene.geometry.center + patch_scene.triangles.origin, 0.2
     on_floor = np.abs(center[:, 2]) < 1e-4
     inside = on_floor & (np.abs(center[:, :2] - (-0.01, 0.04)).max(axis=1) < radius)
     outside = on_floor & (np.abs(center[:, :2]).max(axis=1) > 0.4)

@@ -98,12 +98,12 @@ def stored(compute, samples: VisibilityCache) -> dict[str, np.ndarray]:
 
 def found_anew(session: Session, settings: Settings) -> VisibilityCache:
     """Return what the patches that a session keeps see, found by first looks."""
-    compute, parts = session._devices.compute, session._kept._parts
-    rays, emission = RayScene(compute, parts), session._kept.samples._emission
+    compute, patch_scene = session._devices.compute, session._kept._patch_scene
+    rays, emission = RayScene(compute, patch_scene), session._kept.samples._emission
     around = upload_background(compute, emission, np.zeros((1, 1, 3), np.float32))
-    identity = RaySampler(compute, rays, parts, around, settings)
+    identity = RaySampler(compute, rays, patch_scene, around, settings)
     samples = VisibilityCache(
-        compute, session._kept.samples.sampling, parts, rays, emission, settings.directional
+        compute, session._kept.samples.sampling, patch_scene, rays, emission, settings.directional
     )
     finished(samples.find(identity, Checkpoint(Checkpoints(), lambda: "")))
     return samples
@@ -207,23 +207,23 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
     for module in (patch_list, texel_coverage):
         monkeypatch.setattr(module, "draw_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
     for _ in range(6):
-        charts = session._kept._parts.triangles.uvs
+        charts = session._kept._patch_scene.triangles.uvs
         live.update(edit(live.scene, random))
         drawn.clear()
         next(live.converge())
         finished(live.converge())
-        parts = session._kept._parts
-        assert bool(drawn) == (not np.array_equal(charts, parts.triangles.uvs))
+        patch_scene = session._kept._patch_scene
+        assert bool(drawn) == (not np.array_equal(charts, patch_scene.triangles.uvs))
         devices = session._devices.graphics, session._devices.compute
         scene = finished(session._kept.with_places(*devices, live.scene, SETTINGS))
-        unknown = dataclasses.replace(parts, charts=None), None
+        unknown = dataclasses.replace(patch_scene, charts=None), None
         expected = make_patch_scene(*devices, scene, SETTINGS, unknown)
         for found, wanted in (
-            (parts.patches, expected.patches),
-            (parts.texel_to_patch, expected.texel_to_patch),
-            (np.asarray(parts.surfaces.reflectance), np.asarray(expected.surfaces.reflectance)),
-            (parts.surfaces.emission, expected.surfaces.emission),
-            (parts.geometry.center, expected.geometry.center),
-            (parts.warnings, expected.warnings),
+            (patch_scene.patches, expected.patches),
+            (patch_scene.texel_to_patch, expected.texel_to_patch),
+            (np.asarray(patch_scene.surfaces.reflectance), np.asarray(expected.surfaces.reflectance)),
+            (patch_scene.surfaces.emission, expected.surfaces.emission),
+            (patch_scene.geometry.center, expected.geometry.center),
+            (patch_scene.warnings, expected.warnings),
         ):
             assert same_values(found, wanted)

@@ -81,8 +81,8 @@ def made(graphics):
     def make(name):
         if name not in known:
             scene = with_places(SCENES[name](), SETTINGS.resolution, OpenSurfaces())
-            parts = make_patch_scene(graphics, None, scene, SETTINGS)
-            known[name] = scene, parts, ShaderScene(graphics, parts)
+            patch_scene = make_patch_scene(graphics, None, scene, SETTINGS)
+            known[name] = scene, patch_scene, ShaderScene(graphics, patch_scene)
         return known[name]
 
     return make
@@ -90,11 +90,11 @@ def made(graphics):
 
 def casters(compute, made, name):
     """Return both casters of a scene: shaders, then OpenCL."""
-    scene, parts, shaders = made(name)
-    split = split_light(scene.world, parts, SETTINGS)
-    lamps = [light.relative_to(parts.triangles.origin) for light in shining_lights(scene)]
-    rest = parts, lamps, split.bright, split.sky, SETTINGS
-    return ShaderShadowRays(shaders, *rest), ShadowRays(RayScene(compute, parts), *rest)
+    scene, patch_scene, shaders = made(name)
+    split = split_light(scene.world, patch_scene, SETTINGS)
+    lamps = [light.relative_to(patch_scene.triangles.origin) for light in shining_lights(scene)]
+    rest = patch_scene, lamps, split.bright, split.sky, SETTINGS
+    return ShaderShadowRays(shaders, *rest), ShadowRays(RayScene(compute, patch_scene), *rest)
 
 
 def differences(ours, theirs):
@@ -117,11 +117,11 @@ def test_light_is_that_of_opencl(opencl, made, name):
 def test_work_of_many_steps_goes_on_in_several_dispatches(opencl, made, monkeypatch):
     """Mesa's llvmpipe ends loops after 65,535 steps of an invocation."""
     monkeypatch.setitem(SCENES, "long", SCENES["many"])
-    scene, parts, shaders = made("long")
-    split = split_light(scene.world, parts, SETTINGS)
-    lamps = [light.relative_to(parts.triangles.origin) for light in shining_lights(scene)]
-    rest = parts, lamps, split.bright, split.sky, replace(SETTINGS, light_samples=97, ao_samples=1009)
-    pair = ShaderShadowRays(shaders, *rest), ShadowRays(RayScene(opencl, parts), *rest)
+    scene, patch_scene, shaders = made("long")
+    split = split_light(scene.world, patch_scene, SETTINGS)
+    lamps = [light.relative_to(patch_scene.triangles.origin) for light in shining_lights(scene)]
+    rest = patch_scene, lamps, split.bright, split.sky, replace(SETTINGS, light_samples=97, ao_samples=1009)
+    pair = ShaderShadowRays(shaders, *rest), ShadowRays(RayScene(opencl, patch_scene), *rest)
     for ours, theirs in (
         [finished(caster.sampled())[0] for caster in pair],
         [finished(caster.ambient_occlusion()) for caster in pair],
@@ -145,9 +145,9 @@ def test_masks_occlusion_and_light_groups_are_those_of_opencl(opencl, made):
 
 def test_records_of_receivers_are_those_of_opencl(graphics, opencl):
     scene = replace(scenes.sphere(), meshes=scenes.sphere().meshes)
-    parts = make_patch_scene(graphics, None, scene, replace(SETTINGS, resolution=64))
-    mine = receivers_on_host(parts.patches, parts.geometry)
-    buffer = pack_receivers(opencl, parts.patches, parts.geometry)
+    patch_scene = make_patch_scene(graphics, None, scene, replace(SETTINGS, resolution=64))
+    mine = receivers_on_host(patch_scene.patches, patch_scene.geometry)
+    buffer = pack_receivers(opencl, patch_scene.patches, patch_scene.geometry)
     theirs = np.zeros(len(mine), RECEIVER.dtype)
     cl.enqueue_copy(opencl.queue, theirs, buffer)
     assert (mine["rank"] == theirs["rank"]).all()

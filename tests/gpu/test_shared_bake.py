@@ -131,7 +131,7 @@ def test_both_devices_keep_visibility_for_the_next_bake() -> None:
 @pytest.mark.usefixtures("two_devices")
 def test_fast_device_keeps_no_more_samples_than_its_memory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     def half_of_the_samples(job: SolveJob) -> int:
-        size = _SETTINGS.samples * sample_bytes(job.count, job.parts.cutouts.tinted)
+        size = _SETTINGS.samples * sample_bytes(job.count, job.patch_scene.cutouts.tinted)
         return -(-size * job.count // 2)
 
     def late_take(rows: RowRange, wanted: int, least: int, from_end: bool = False) -> tuple[int, int] | None:

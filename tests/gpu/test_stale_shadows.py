@@ -66,9 +66,9 @@ def session():
 
 def cast_anew(session: Session, scene: Scene, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     """Return the light of shadow rays from all patches that a session keeps, and its L1."""
-    parts = session._kept._parts
-    rays = RayScene(session._devices.compute, parts)
-    lighting = DirectLighting(with_places(scene, settings.resolution), parts, rays, settings)
+    patch_scene = session._kept._patch_scene
+    rays = RayScene(session._devices.compute, patch_scene)
+    lighting = DirectLighting(with_places(scene, settings.resolution), patch_scene, rays, settings)
     return finished(lighting.gather()), lighting.l1
 
 
@@ -93,7 +93,7 @@ def test_light_is_that_of_all_shadow_rays(session, case, outputs):
         light, l1 = cast_anew(session, live.scene, settings)
         kept = session._kept.sampled
         assert light.any() and np.array_equal(kept.light, light) and np.array_equal(kept.l1, l1)
-        sampled.append(kept.parts is session._kept._parts)
+        sampled.append(kept.patch_scene is session._kept._patch_scene)
     assert all(sampled)
 
 

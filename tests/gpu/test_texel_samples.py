@@ -40,17 +40,17 @@ def parts_of(uvs):
     return SimpleNamespace(triangles=triangles, patches=patches, geometry=geometry)
 
 
-def display_samples(compute, parts, atlases, known, points):
+def display_samples(compute, patch_scene, atlases, known, points):
     """Return the samples, which have as many points in each texel as asked for."""
-    clipper = TexelClipper(compute, parts.triangles, RESOLUTION)
-    samples, found = module.display_samples(clipper, parts, atlases, known, points)
+    clipper = TexelClipper(compute, patch_scene.triangles, RESOLUTION)
+    samples, found = module.display_samples(clipper, patch_scene, atlases, known, points)
     assert found == points
     return samples
 
 
-def even(parts, light=1.0):
+def even(patch_scene, light=1.0):
     """Return patches that see no backs; light: of each, even unless it is (n,)."""
-    count = len(parts.patches)
+    count = len(patch_scene.patches)
     lights = np.broadcast_to(light, count).astype(np.float32)[:, None]
     return PatchLight(lights, np.ones(count), np.zeros(count, bool))
 
@@ -59,13 +59,13 @@ SQUARE = np.array([[(2, 3), (7, 3), (7, 9)], [(2, 3), (7, 9), (2, 9)]]) / 13
 
 
 def test_samples_lie_in_their_texel_and_on_their_triangle_and_weigh_what_is_covered(compute):
-    parts = parts_of(nasty_uvs()[:80])
-    samples = display_samples(compute, parts, 1, even(parts), 16)
+    patch_scene = parts_of(nasty_uvs()[:80])
+    samples = display_samples(compute, patch_scene, 1, even(patch_scene), 16)
     row, column = np.divmod(samples.texel, RESOLUTION)
     local = samples.position - np.stack([column, row], axis=1)
     assert local.min() > -1e-4 and local.max() < 1 + 1e-4
     assert samples.barycentric.min() > -1e-6 and samples.barycentric.sum(axis=1) == pytest.approx(1, abs=1e-5)
-    uv = np.einsum("sk,skd->sd", samples.barycentric, parts.triangles.uvs[samples.triangle])
+    uv = np.einsum("sk,skd->sd", samples.barycentric, patch_scene.triangles.uvs[samples.triangle])
     assert samples.position == pytest.approx(uv * RESOLUTION, abs=1e-4)
     count = np.bincount(samples.texel)
     assert count[count > 0].min() >= 8
@@ -73,14 +73,14 @@ def test_samples_lie_in_their_texel_and_on_their_triangle_and_weigh_what_is_cove
 
 
 def test_even_light_on_a_square_of_whole_texels_needs_no_samples(compute):
-    parts = parts_of(SQUARE)
-    assert len(display_samples(compute, parts, 1, even(parts), 16)) == 0
+    patch_scene = parts_of(SQUARE)
+    assert len(display_samples(compute, patch_scene, 1, even(patch_scene), 16)) == 0
 
 
 @pytest.mark.parametrize("points", [4, 16])
 def test_a_square_half_a_texel_off_has_samples_at_its_border(compute, points):
-    parts = parts_of(SQUARE + 0.5 / 13)
-    samples = display_samples(compute, parts, 1, even(parts), points)
+    patch_scene = parts_of(SQUARE + 0.5 / 13)
+    samples = display_samples(compute, patch_scene, 1, even(patch_scene), points)
     weight = np.bincount(samples.texel, samples.weight, RESOLUTION**2).reshape(RESOLUTION, RESOLUTION)
     assert weight.sum() == pytest.approx(10, rel=1e-5)
     assert weight[3, 3:7] == pytest.approx(0.5, rel=1e-4) and weight[3, 2] == pytest.approx(0.25, rel=1e-4)
@@ -90,21 +90,21 @@ def test_a_square_half_a_texel_off_has_samples_at_its_border(compute, points):
 
 def test_borders_of_large_charts_need_samples_where_nobody_covers_the_centre(compute):
     """A square 0.3 texels off covers texels below and left by 0.7, those above and right by 0.3."""
-    parts = parts_of(SQUARE + 0.3 / 13)
-    texel = np.unique(display_samples(compute, parts, 1, even(parts), 4).texel)
+    patch_scene = parts_of(SQUARE + 0.3 / 13)
+    texel = np.unique(display_samples(compute, patch_scene, 1, even(patch_scene), 4).texel)
     row, column = np.divmod(texel, RESOLUTION)
     assert ((row == 9) | (column == 7)).all() and len(texel) == 6 + 7 - 1
     strip = np.array([[(2, 3.3), (9, 3.3), (9, 4.1)], [(2, 3.3), (9, 4.1), (2, 4.1)]]) / 13
-    parts = parts_of(strip)
-    assert set(display_samples(compute, parts, 1, even(parts), 4).texel // RESOLUTION) == {3, 4}
+    patch_scene = parts_of(strip)
+    assert set(display_samples(compute, patch_scene, 1, even(patch_scene), 4).texel // RESOLUTION) == {3, 4}
 
 
 def test_an_edge_of_light_has_samples_on_both_sides_and_a_slope_none(compute):
-    parts = parts_of(SQUARE)
-    column = parts.patches.texel % RESOLUTION
-    slope = even(parts, 1 + 0.1 * column)
-    assert set(display_samples(compute, parts, 1, slope, 4).texel % RESOLUTION) <= {2, 6}
-    samples = display_samples(compute, parts, 1, even(parts, np.where(column < 4, 1, 3)), 4)
+    patch_scene = parts_of(SQUARE)
+    column = patch_scene.patches.texel % RESOLUTION
+    slope = even(patch_scene, 1 + 0.1 * column)
+    assert set(display_samples(compute, patch_scene, 1, slope, 4).texel % RESOLUTION) <= {2, 6}
+    samples = display_samples(compute, patch_scene, 1, even(patch_scene, np.where(column < 4, 1, 3)), 4)
     row, column = np.divmod(samples.texel, RESOLUTION)
     ends = (row == row.min()) | (row == row.max())
     assert set(column[~ends]) == {2, 3, 4} and set(column[ends]) == {2, 3, 4, 5}
@@ -134,32 +134,34 @@ def test_noise_of_a_dark_corner_is_no_edge_but_shadows_in_it_and_beside_it_are(c
 
 def test_borders_of_charts_have_samples_beside_light_that_is_hardly_even(compute):
     """A shadow may end beyond the last centres; what is as uneven in the middle of a chart is even enough."""
-    parts = parts_of(SQUARE)
-    row, column = np.divmod(parts.patches.texel, RESOLUTION)
+    patch_scene = parts_of(SQUARE)
+    row, column = np.divmod(patch_scene.patches.texel, RESOLUTION)
     inside, beside = ((row == here) & (column == 4) for here in (row.min() + 2, row.max() - 1))
-    assert not len(display_samples(compute, parts, 1, even(parts, np.where(inside, 1.07, 1)), 4))
-    texels = np.unique(display_samples(compute, parts, 1, even(parts, np.where(beside, 1.07, 1)), 4).texel)
+    assert not len(display_samples(compute, patch_scene, 1, even(patch_scene, np.where(inside, 1.07, 1)), 4))
+    texels = np.unique(
+        display_samples(compute, patch_scene, 1, even(patch_scene, np.where(beside, 1.07, 1)), 4).texel
+    )
     assert set(texels // RESOLUTION) == {row.max()} and set(texels % RESOLUTION) == {3, 4, 5}
 
 
 def test_both_sides_of_a_border_of_what_is_hidden_have_samples(compute):
-    parts = parts_of(SQUARE)
-    known = even(parts)
-    known.hidden[:] = parts.patches.texel % RESOLUTION < 4
-    assert set(display_samples(compute, parts, 1, known, 4).texel % RESOLUTION) == {3, 4}
+    patch_scene = parts_of(SQUARE)
+    known = even(patch_scene)
+    known.hidden[:] = patch_scene.patches.texel % RESOLUTION < 4
+    assert set(display_samples(compute, patch_scene, 1, known, 4).texel % RESOLUTION) == {3, 4}
 
 
 def test_a_triangle_far_smaller_than_a_texel_has_samples(compute):
     """The first is a sliver beside no patch, the second covers a twentieth of a texel, off its centre."""
     small = np.array([[(9.2, 5.2), (9.21, 5.2), (9.2, 5.22)], [(9.1, 9.1), (9.4, 9.1), (9.1, 9.4)]]) / 13
-    parts = parts_of(np.concatenate([SQUARE, small]))
-    samples = display_samples(compute, parts, 1, even(parts), 16)
+    patch_scene = parts_of(np.concatenate([SQUARE, small]))
+    samples = display_samples(compute, patch_scene, 1, even(patch_scene), 16)
     assert set(samples.triangle) == {3} and set(samples.texel) == {9 * RESOLUTION + 9}
 
 
 def test_texels_show_the_weighted_mean_of_visible_samples(compute):
-    parts = parts_of(SQUARE + 0.5 / 13)
-    samples = display_samples(compute, parts, 1, even(parts), 4)
+    patch_scene = parts_of(SQUARE + 0.5 / 13)
+    samples = display_samples(compute, patch_scene, 1, even(patch_scene), 4)
     values = np.random.default_rng(3).random((len(samples), 3)).astype(np.float32)
     visible = samples.texel % RESOLUTION != 2
     means = TexelMeans(compute, samples, visible, (1, RESOLUTION, RESOLUTION))
@@ -188,9 +190,9 @@ def test_too_many_points_become_fewer_in_every_texel_and_then_in_fewer_texels(
 ):
     """The border of a square half a texel off covers 22 texels in part."""
     monkeypatch.setattr(module, "_MOST_POINTS", most)
-    parts = parts_of(SQUARE + 0.5 / 13)
-    clipper = TexelClipper(compute, parts.triangles, RESOLUTION)
-    samples, found = module.display_samples(clipper, parts, 1, even(parts), 16)
+    patch_scene = parts_of(SQUARE + 0.5 / 13)
+    clipper = TexelClipper(compute, patch_scene.triangles, RESOLUTION)
+    samples, found = module.display_samples(clipper, patch_scene, 1, even(patch_scene), 16)
     assert found == points and len(samples) == points * texels
     assert len(np.unique(samples.texel)) == texels
 
@@ -201,8 +203,8 @@ def test_a_texel_with_many_triangles_has_no_more_points_than_others(compute):
     middle = np.array((10.0, 10.5))
     rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * 0.4 + middle
     fan = np.stack([np.broadcast_to(middle, (300, 2)), rim[:-1], rim[1:]], axis=1) / 13
-    parts = parts_of(np.concatenate([SQUARE, fan]))
-    samples = display_samples(compute, parts, 1, even(parts), 16)
+    patch_scene = parts_of(np.concatenate([SQUARE, fan]))
+    samples = display_samples(compute, patch_scene, 1, even(patch_scene), 16)
     assert (np.bincount(samples.texel)[[139, 140]] == 16).all() and len(samples) == 32
     covered = np.bincount(samples.texel, samples.weight)[[139, 140]]
     assert covered == pytest.approx(np.pi * 0.4**2 / 2, rel=1e-3)

@@ -24,10 +24,10 @@ def floor(resolution: int, size: int, world=(0.0, 0.0, 0.0)) -> Scene:
     return Scene((mesh,), (material("Black", 0.0),), world=np.asarray(world, np.float32))
 
 
-def ranks(compute, parts) -> np.ndarray:
+def ranks(compute, patch_scene) -> np.ndarray:
     """Return the rank of each patch: what is stored is twice that, and 1 more if a face crosses its texel."""
     numbers = RECEIVER.dtype.itemsize // 4
-    records = download(compute, RayScene(compute, parts).receivers, (len(parts.patches), numbers))
+    records = download(compute, RayScene(compute, patch_scene).receivers, (len(patch_scene.patches), numbers))
     found: np.ndarray = records.view(RECEIVER.dtype)["rank"][:, 0]
     return found >> 1
 
@@ -35,10 +35,10 @@ def ranks(compute, parts) -> np.ndarray:
 @pytest.mark.parametrize("resolution", [32, 37, 61])
 def test_ranks_follow_a_curve_from_texel_to_texel(graphics, compute, resolution):
     """Of the whole lightmap each texel has a rank of its own, and the next one is beside it."""
-    parts = make_patch_scene(
+    patch_scene = make_patch_scene(
         graphics, compute, floor(resolution, resolution - 4), Settings(resolution=resolution)
     )
-    found, texel = ranks(compute, parts), parts.patches.texel
+    found, texel = ranks(compute, patch_scene), patch_scene.patches.texel
     order = np.argsort(found)
     y, x = np.divmod(texel[order].astype(int), resolution)
     beside = np.diff(found[order]) == 1
@@ -49,10 +49,14 @@ def test_ranks_follow_a_curve_from_texel_to_texel(graphics, compute, resolution)
 
 def test_points_of_one_texel_follow_each_other(graphics, compute):
     """They go on where the last one ended, and no two texels share a rank."""
-    parts = make_patch_scene(graphics, compute, floor(16, 9), Settings(resolution=16))
-    chosen = np.repeat(np.arange(len(parts.patches)), 4)
-    many = replace(parts, patches=parts.patches.part(chosen), geometry=parts.geometry.part(chosen))
-    assert (ranks(compute, many).reshape(-1, 4) == 4 * ranks(compute, parts)[:, None] + np.arange(4)).all()
+    patch_scene = make_patch_scene(graphics, compute, floor(16, 9), Settings(resolution=16))
+    chosen = np.repeat(np.arange(len(patch_scene.patches)), 4)
+    many = replace(
+        patch_scene, patches=patch_scene.patches.part(chosen), geometry=patch_scene.geometry.part(chosen)
+    )
+    assert (
+        ranks(compute, many).reshape(-1, 4) == 4 * ranks(compute, patch_scene)[:, None] + np.arange(4)
+    ).all()
 
 
 @pytest.mark.parametrize("samples", [8, 16, 61])

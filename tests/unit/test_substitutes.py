@@ -133,8 +133,8 @@ def test_groups_stand_in_for_groups():
     number = np.unique(group, return_inverse=True)[1]
     light, front = np.zeros(number.max() + 1), np.zeros(number.max() + 1)
     front[number[~hidden]], light[number[~hidden]] = 1, 1 + number[~hidden]
-    parts = floor((number + 1).reshape(WIDTH, WIDTH))
-    found = substitutes(parts, near(len(light)), gathered_by(light, front))
+    patch_scene = floor((number + 1).reshape(WIDTH, WIDTH))
+    found = substitutes(patch_scene, near(len(light)), gathered_by(light, front))
     beside = np.unique(number[hidden & (column == 5)])
     assert (front[found[beside]] == 1).all()
     far = np.setdiff1d(number[hidden], beside)
@@ -146,13 +146,13 @@ def test_final_gathers_replace_groups_whose_representative_is_invalid():
     row, column = np.divmod(np.arange(WIDTH**2), WIDTH)
     group = np.unique(row // 2 * 6 + column // 2, return_inverse=True)[1]
     representative = np.unique(group, return_index=True)[1]
-    job = SimpleNamespace(parts=floor())
+    job = SimpleNamespace(patch_scene=floor())
     groups = floor((group + 1).reshape(WIDTH, WIDTH))
     nothing = np.zeros(len(representative))
     groups.patches = PatchList(
         WIDTH, nothing.astype(np.int64), representative, nothing, np.zeros((len(nothing), 2))
     )
-    texel_job = SimpleNamespace(job=job, solved=SimpleNamespace(parts=groups))
+    texel_job = SimpleNamespace(job=job, solved=SimpleNamespace(patch_scene=groups))
     light = np.tile(np.linspace(1, 2, len(nothing), dtype=np.float32)[:, None], (1, 3))
 
     inside, found_before, valid = group[2 * WIDTH + 2], group[6 * WIDTH + 6], group[4 * WIDTH + 8]

@@ -15,15 +15,15 @@ _PARALLEL = 0.999
 _PAIRS = 1 << 19
 
 
-def doubled_texels(parts, atlases: int) -> np.ndarray:
+def doubled_texels(patch_scene, atlases: int) -> np.ndarray:
     """Return the texels of the first atlases, (atlases, r, r) bool, whose centres lie on another triangle.
 
     Back faces of open surfaces, which the engine adds as triangles of their own, do not count.
 
-    parts: the engine's PatchScene.
+    patch_scene: the engine's PatchScene.
     """
-    geometry, patches = parts.geometry, parts.patches
-    surfaces = _Surfaces(parts.triangles)
+    geometry, patches = patch_scene.geometry, patch_scene.patches
+    surfaces = _Surfaces(patch_scene.triangles)
     first, count, others = surfaces.neighbours()
     doubled = np.zeros(len(patches), bool)
     solid = np.flatnonzero(geometry.triangle < len(count))

@@ -47,7 +47,7 @@ class Hemicubes:
     def __init__(
         self,
         graphics: GraphicsContext,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         tiles: Tiles,
         target: RasterTarget,
         settings: Settings,
@@ -55,13 +55,13 @@ class Hemicubes:
     ) -> None:
         self._tiles = tiles
         self._raster = HemicubeRaster(
-            graphics, tiles, parts.triangles, parts.cutouts, parts.texel_to_patch, target,
-            back_to_back=parts.back_to_back,
+            graphics, tiles, patch_scene.triangles, patch_scene.cutouts, patch_scene.texel_to_patch, target,
+            back_to_back=patch_scene.back_to_back,
         )  # fmt: skip
         self._slice = TimeSlicer(drawing_limits(tiles.per_layer))
         self._reversed_depth = graphics.reversed_depth
-        self._parts, self._settings = parts, settings
-        self.count = len(parts.patches)
+        self._patch_scene, self._settings = patch_scene, settings
+        self.count = len(patch_scene.patches)
         self._keeps = again and self.count <= _KEPT
         self._kept: dict[tuple[int, int], _Views] = {}
 
@@ -91,6 +91,6 @@ class Hemicubes:
         return views
 
     def _new_views(self, first: int, last: int) -> _Views:
-        geometry, reverse = self._parts.geometry.part(slice(first, last)), self._reversed_depth
-        points = viewpoints(self._parts.triangles, geometry, self._settings, reverse, first)
+        geometry, reverse = self._patch_scene.geometry.part(slice(first, last)), self._reversed_depth
+        points = viewpoints(self._patch_scene.triangles, geometry, self._settings, reverse, first)
         return _Views(points.frames, matrices(points.frame, points.eye, points.near, reverse))

@@ -31,21 +31,21 @@ class RasterSampler:
         self,
         graphics: GraphicsContext,
         compute: ComputeDevice,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         background: Background,
         settings: Settings,
     ) -> None:
         self._compute, self._queue, self._background = compute, compute.queue, background
-        self._tiles = plan_tiles(settings, len(parts.patches), IDENTITY_BYTES)
+        self._tiles = plan_tiles(settings, len(patch_scene.patches), IDENTITY_BYTES)
         self.batch = self._tiles.capacity
         target = ItemBufferTarget(graphics, self._tiles)
-        self._hemicubes = Hemicubes(graphics, parts, self._tiles, target, settings)
+        self._hemicubes = Hemicubes(graphics, patch_scene, self._tiles, target, settings)
         self._copy = HostCopy(compute, target.texture)
         multiplier = multiplier_map(settings.hemicube).ravel()
         self.multiplier: np.ndarray | None = multiplier
         self.samples = len(multiplier)
         self.tints: np.ndarray | None = None
-        size = sample_bytes(parts.sources)
+        size = sample_bytes(patch_scene.sources)
         self.row_bytes = size * self.samples
         options = (*identity_options(size), *directional_options(settings))
         (self._resolve,) = compute.kernels(

@@ -44,7 +44,7 @@ class RayScene:
     def __init__(
         self,
         compute: ComputeDevice | None,
-        parts: PatchScene,
+        patch_scene: PatchScene,
         before: UpperLevels | None = None,
         shaders: ShaderScene | None = None,
         bvh: Bvh | None = None,
@@ -54,7 +54,7 @@ class RayScene:
         before: `Bvh.top` of the same triangles at earlier positions; shaders: the same triangles and patches
         for compute shaders, where there is no OpenCL; bvh: of the triangles, if it exists
         """
-        self._compute, self._parts, self._before, self.shaders = compute, parts, before, shaders
+        self._compute, self._patch_scene, self._before, self.shaders = compute, patch_scene, before, shaders
         self._bvh = bvh
         self._twins: dict[ComputeDevice, RayScene] = {}
 
@@ -68,12 +68,12 @@ class RayScene:
     @property
     def count(self) -> int:
         """Number of patches."""
-        return len(self._parts.patches)
+        return len(self._patch_scene.patches)
 
     @property
     def on_backs(self) -> np.ndarray:
         """Patches of back faces, (n,) bool."""
-        on_backs: np.ndarray = self._parts.geometry.triangle >= self._parts.triangles.solid
+        on_backs: np.ndarray = self._patch_scene.geometry.triangle >= self._patch_scene.triangles.solid
         return on_backs
 
     @property
@@ -89,14 +89,14 @@ class RayScene:
         """Return a scene of the same triangles and patches on another device, created on first use."""
         self.shared = bool(self.peers)
         if peer not in self._twins:
-            self._twins[peer] = RayScene(peer, self._parts)
+            self._twins[peer] = RayScene(peer, self._patch_scene)
         return self._twins[peer]
 
-    def of(self, parts: PatchScene) -> RayScene:
+    def of(self, patch_scene: PatchScene) -> RayScene:
         """Return a scene of the same triangles with other patches, for one device."""
         if self.shaders is not None:
-            return RayScene(None, parts, shaders=self.shaders.of(parts))
-        other = RayScene(self._compute, parts)
+            return RayScene(None, patch_scene, shaders=self.shaders.of(patch_scene))
+        other = RayScene(self._compute, patch_scene)
         other.rays = self.rays
         return other
 
@@ -108,7 +108,9 @@ class RayScene:
     @cached_property
     def rays(self) -> RayTracer:
         """The triangles and their BVH."""
-        return RayTracer(self.compute, self._parts.triangles, self._parts.cutouts, self._before, self._bvh)
+        return RayTracer(
+            self.compute, self._patch_scene.triangles, self._patch_scene.cutouts, self._before, self._bvh
+        )
 
     @property
     def top(self) -> UpperLevels | None:
@@ -121,7 +123,7 @@ class RayScene:
 
         Ray offsets are limited, so that no origin lies beyond another face.
         """
-        records = pack_receivers(self.compute, self._parts.patches, self._parts.geometry)
+        records = pack_receivers(self.compute, self._patch_scene.patches, self._patch_scene.geometry)
         (place,) = self.rays.kernels((RECEIVER, "ray_offsets.cl"), "find_ray_offsets")
         self.rays.run(place, self.count, records, np.int32(self.count))
         return records

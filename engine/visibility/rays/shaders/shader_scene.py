@@ -18,30 +18,32 @@ from .shader_tracer import RECORDS, ShaderTracer
 class ShaderScene:
     """Triangles and patches of a bake on the OpenGL device; the counterpart of `RayScene`."""
 
-    def __init__(self, graphics: GraphicsContext, parts: PatchScene, bvh: HostBvh | None = None) -> None:
+    def __init__(
+        self, graphics: GraphicsContext, patch_scene: PatchScene, bvh: HostBvh | None = None
+    ) -> None:
         """Upload triangles and patches; bvh: BVH of the triangles, None to build it."""
-        self.graphics, self._parts, self._bvh = graphics, parts, bvh
+        self.graphics, self._patch_scene, self._bvh = graphics, patch_scene, bvh
 
     @property
     def count(self) -> int:
         """Number of patches."""
-        return len(self._parts.patches)
+        return len(self._patch_scene.patches)
 
-    def of(self, parts: PatchScene) -> ShaderScene:
+    def of(self, patch_scene: PatchScene) -> ShaderScene:
         """Return a scene of the same triangles with other patches."""
-        other = ShaderScene(self.graphics, parts)
+        other = ShaderScene(self.graphics, patch_scene)
         other.tracer = self.tracer
         return other
 
     @cached_property
     def tracer(self) -> ShaderTracer:
         """The triangles and their BVH."""
-        return ShaderTracer(self.graphics, self._parts.triangles, self._parts.cutouts, self._bvh)
+        return ShaderTracer(self.graphics, self._patch_scene.triangles, self._patch_scene.cutouts, self._bvh)
 
     @cached_property
     def receivers(self) -> moderngl.Buffer:
         """Receiver records of all patches, with ray origins on this side of all other faces."""
-        records = receivers_on_host(self._parts.patches, self._parts.geometry)
+        records = receivers_on_host(self._patch_scene.patches, self._patch_scene.geometry)
         buffer = storage_buffer(self.graphics, records)
         run = self.tracer.run("ray_offsets", self.count, {RECORDS: buffer}, {}, records=(RECEIVER,))
         for _ in run:

@@ -30,7 +30,7 @@ __kernel void add_background(__global const Front *cache, const int cached_from,
 
         // A uniform sky needs no directions.
         const float3 direction = directed ? sample_direction(&view, i, pattern, n) : view.normal;
-        const float3 sky_light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
+        const float3 sky_light = background_radiance(direction, sky, (int2)(sky_width, sky_height)).xyz;
         const float3 light = TINTED_BY(sky_light, row[i], tints);
         add_light(&seen, WEIGHT(i) * (float4)(light, 1.0f), l1_of_direction(direction, view.normal));
     }

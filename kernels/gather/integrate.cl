@@ -24,7 +24,7 @@ __kernel void multiply(__global const float4 *hemicubes, __global const float *m
     if (above && value.w > 1.5f) {
         const float3 right = vload3(0, frame->right), up = vload3(0, frame->up), normal = vload3(0, frame->normal);
         const float3 world = direction.x * right + direction.y * up + direction.z * normal;
-        value = (float4)(surroundings(world, sky, (int2)(sky_width, sky_height)).xyz, 1.0f);
+        value = (float4)(background_radiance(world, sky, (int2)(sky_width, sky_height)).xyz, 1.0f);
     }
     workspace[texel] = above ? value * multiplier[tile_y * n + tile_x] : (float4)(0.0f);
 }

@@ -28,7 +28,7 @@ __kernel void project_probes(__global const uint *rows, __global const uchar *ti
         float3 light;
         bool is_back = false;
         if (sample == SKY) {
-            light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
+            light = background_radiance(direction, sky, (int2)(sky_width, sky_height)).xyz;
         } else if (sample & BACK) {
             light = back_radiance[entry].xyz;
             is_back = true;

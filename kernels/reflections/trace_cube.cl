@@ -68,7 +68,7 @@ __kernel void trace_cube(RAYS_ARGUMENTS, __global const float2 *uvs, __global co
     if (hit.triangle < 0) {
         hits[to] = (int2)(-1);
         received[to] = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
-        radiance[to] = (float4)(tint * surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz, 0.0f);
+        radiance[to] = (float4)(tint * background_radiance(direction, sky, (int2)(sky_width, sky_height)).xyz, 0.0f);
         return;
     }
     const Hit shown = turned(&lightmaps, hit);

@@ -17,7 +17,7 @@ float3 texel_direction(const int x, const int y, const int n)
 
 // Returns the background radiance in a world-space direction: bilinear look-up in an equirectangular map whose row 0 is
 // at the bottom (Cycles, kernel/camera/projection.h).
-float4 surroundings(const float3 direction, __global const float4 *sky, const int2 size)
+float4 background_radiance(const float3 direction, __global const float4 *sky, const int2 size)
 {
     if (size.x * size.y == 1)
         return sky[0];

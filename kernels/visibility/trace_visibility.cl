@@ -60,7 +60,7 @@ __kernel void gather_rays(LOOK_ARGUMENTS, const int start, __global const float4
                                         RAY_TINTS(rays), &sum);
         const float3 tilt = l1_of_direction(direction, view.normal);
         if (ENTRY(kept) == outside) {
-            const float3 light = surroundings(direction, sky, (int2)(sky_width, sky_height)).xyz;
+            const float3 light = background_radiance(direction, sky, (int2)(sky_width, sky_height)).xyz;
             add_light(&of_sky, WEIGHT(i) * (float4)(TINTED_BY(light, kept, rays.tints), 1.0f), tilt);
         } else {
             const float3 light = radiance[ENTRY(kept)].xyz;

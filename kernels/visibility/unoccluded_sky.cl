@@ -44,7 +44,8 @@ void scale_to_sky(ViewSum *seen, const View *view, SAMPLES, const int samples, c
         return;
     float4 met = (float4)(0.0f);
     for (int i = get_local_id(0); i < samples; i += get_local_size(0))
-        met += surroundings(sample_direction(view, i, pattern, n), sky, (int2)(sky_width, sky_height)) * WEIGHT(i);
+        met +=
+            background_radiance(sample_direction(view, i, pattern, n), sky, (int2)(sky_width, sky_height)) * WEIGHT(i);
     const float3 all = fmax(sum_of_group(met, partial).xyz, 1e-20f);
     const float3 factor = clamp(unoccluded_irradiance(view->normal, open_sky) / all, 1.0f / MOST_OFF, MOST_OFF);
     seen->light.xyz *= factor;

@@ -25,7 +25,7 @@ void main()
             vec4 value = vec4(0.0, 0.0, 0.0, 1.0);
             uint entry = seen & ~BACK;
             if (seen == SURROUNDINGS)
-                value.rgb = surroundings(frame, direction);
+                value.rgb = background_radiance(frame, direction);
             else if (entry == seen)
                 front = seen;
             else

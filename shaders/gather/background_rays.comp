@@ -6,7 +6,7 @@
 #include "receiver.glsl"
 #include "view_samples.glsl"
 #include "visibility_sample.glsl"
-#include "surroundings.glsl"
+#include "background.glsl"
 #include "irradiance_l1.glsl"
 
 layout(local_size_x = 64) in;
@@ -35,7 +35,7 @@ void main()
             continue;
         vec3 direction = sample_direction(view, i), tilt = l1_of_direction(direction, view.normal);
         if (entry == outside) {
-            vec3 light = weight * TINTED_BY(surroundings(direction), kept);
+            vec3 light = weight * TINTED_BY(background_radiance(direction), kept);
             sky += light;
             open += weight;
             add_l1(sky_l1, light, tilt);

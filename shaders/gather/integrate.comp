@@ -11,7 +11,7 @@ const float FARTHEST = 1.0;
 uniform sampler2DArray hemicubes;
 uniform sampler2DArray depths;
 #ifdef SKY
-#define NOTHING surroundings(frame, direction)
+#define NOTHING background_radiance(frame, direction)
 #else
 uniform vec3 even_sky;
 #define NOTHING even_sky

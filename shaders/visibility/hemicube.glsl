@@ -44,7 +44,7 @@ uniform sampler2D sky;
 
 // Returns the background radiance in a world-space direction: bilinear look-up in an equirectangular map whose row 0 is
 // at the bottom (Cycles, kernel/camera/projection.h).
-vec3 surroundings(Frame frame, vec3 along)
+vec3 background_radiance(Frame frame, vec3 along)
 {
     vec3 direction = along.x * frame.right.xyz + along.y * frame.up.xyz + along.z * frame.normal.xyz;
     ivec2 size = textureSize(sky, 0);

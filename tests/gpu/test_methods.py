@@ -182,7 +182,7 @@ def test_numbers_of_many_patches_take_more_bits(monkeypatch, visibility):
 
 
 def test_65534_patches_have_numbers_of_16_bits():
-    """Beside these there are one for nothing and one for the surroundings."""
+    """Beside these there are one for nothing and one for the background."""
     assert (sample_counts.sample_bytes(65534), sample_counts.sample_bytes(65535)) == (2, 4)
 
 

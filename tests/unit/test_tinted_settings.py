@@ -33,5 +33,5 @@ def test_drawn_hemicubes_tell_that_tints_are_grey():
 
 
 def test_entries_of_all_patches_leave_room_for_a_tint():
-    """Two more entries are nothing and the surroundings."""
+    """Two more entries are nothing and the background."""
     assert MAX_PATCHES + 2 <= 1 << ENTRY_BITS and SIZE <= 1 << (32 - ENTRY_BITS)

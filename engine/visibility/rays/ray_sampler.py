@@ -69,7 +69,7 @@ class RaySampler:
         compute: ComputeDevice,
         receivers: RayScene,
         sources: PatchScene,
-        surroundings: Background,
+        background: Background,
         settings: Settings,
     ) -> None:
         self._compute, self._queue = compute, compute.queue
@@ -94,11 +94,11 @@ class RaySampler:
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
-            backs, surroundings.emission, surroundings.outside,
+            backs, background.emission, background.outside,
             upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
-        self._sky = surroundings.sky_arguments
+        self._sky = background.sky_arguments
         self._size = int(triangles.mesh.size).bit_length()
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:

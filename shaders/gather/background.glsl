@@ -26,7 +26,7 @@ vec3 mixed(const int first, const int width, const ivec4 at, const vec2 f)
 
 // Returns the background radiance in a world-space direction: bilinear look-up in an equirectangular map whose row 0 is
 // at the bottom (Cycles, kernel/camera/projection.h).
-vec3 surroundings(const vec3 direction)
+vec3 background_radiance(const vec3 direction)
 {
     if (sky_width * sky_height == 1)
         return view_vec3(first_sky);
@@ -58,6 +58,6 @@ vec3 factor_of_sky(const View view, const float part)
         return vec3(1.0);
     vec3 all = vec3(0.0);
     for (int i = 0; i < samples; ++i)
-        all += surroundings(sample_direction(view, i)) / float(samples);
+        all += background_radiance(sample_direction(view, i)) / float(samples);
     return clamp(unoccluded_irradiance(view.normal) / max(all, 1e-20), 1.0 / MOST_OFF, MOST_OFF);
 }

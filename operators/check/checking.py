@@ -31,9 +31,8 @@ from .faces import (
     check_zero_area,
 )
 from .finding import ERROR, INFO, WARNING, Checked, Finding
-from .levels import check_levels
 from .meshes import CheckedMesh, read_meshes
-from .surroundings import check_differences, check_images, check_light
+from .scene import check_differences, check_images, check_levels, check_light
 from .uvs import (
     ChartsOf,
     check_kept,
@@ -67,7 +66,7 @@ def check_scene(context: SceneContext) -> Slices[Checked]:
     except SceneError as error:
         targets, findings = set(), [Finding(ERROR, str(error))]
     yield None
-    findings += yield from _check_surroundings(context)
+    findings += yield from _check_scene(context)
     meshes = yield from read_meshes(context, visible_meshes(context))
     if not meshes:
         findings.append(
@@ -117,7 +116,7 @@ def _is_tinted(context: SceneContext) -> bool:
     return any(map(may_tint, worn))
 
 
-def _check_surroundings(context: SceneContext) -> Slices[list[Finding]]:
+def _check_scene(context: SceneContext) -> Slices[list[Finding]]:
     """Return findings on hidden objects, missing images, missing light and settings."""
     findings = [*check_differences(context)]
     if not context.scene.hemibake.uv_layer:

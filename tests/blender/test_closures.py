@@ -127,9 +127,7 @@ def evaluated(surface, glass=True):
         bpy.data.objects.remove(obj)
     part("engine.progress").finished(passes.finish_passes(pixels))
     made = part("operators.scene.materials.evaluated_materials").EvaluatedMaterial
-    angles = (
-        part("operators.scene.materials.glass_angles").glass_fresnel(surface.node_tree) if glass else None
-    )
+    angles = part("operators.scene.materials.closures").glass_fresnel(surface.node_tree) if glass else None
     return constants(made("Tree", pixels, 1.0, depends.by_side, False, angles).material())
 
 

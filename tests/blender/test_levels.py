@@ -197,9 +197,9 @@ def test_check_lists_levels_that_do_not_fit(objects):
     import bpy
 
     context = part("operators.scene").SceneContext(bpy.context)
-    (finding,) = part("operators.check.levels").check_levels(context, 64)
+    (finding,) = part("operators.check.scene").check_levels(context, 64)
     assert finding.objects == ("Far_LOD1",) and finding.severity == "WARNING"
-    assert part("operators.check.levels").check_levels(context, 4) == []
+    assert part("operators.check.scene").check_levels(context, 4) == []
 
 
 def first_level(obj):

@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 import bpy
+import numpy as np
 
+from ....engine.scene.transmission import Fresnel
 from ...compat import node_input
 from .gloss import GLOSSY, METALLIC, glossy_nodes, metal_nodes
 from .rough_diffuse import diffuse_roughness, rough_nodes
 from .socket_math import Operand, SocketMath
+from .tree_nodes import used_nodes
 
 #: The quantities of a surface that evaluations of its node tree return. "glass" is the part of "through" that
 #: falls with the angle of incidence.
@@ -25,6 +28,9 @@ GLASS, REFRACTION = "ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"
 #: Smallest Fresnel reflectance of glass that reflects light. The opaque fraction of glass would otherwise be
 #: too small for the engine, see `engine_materials.MAX_SHARED`.
 LEAST_MIRROR = 1 / 64
+
+#: Index of refraction where nodes determine it: Blender's default.
+_DEFAULT_IOR = 1.5
 
 #: Closures that emit light.
 EMITTERS = frozenset({"ShaderNodeEmission", "ShaderNodeBackground"})
@@ -95,6 +101,18 @@ def refractive_index(node: bpy.types.Node) -> float | None:
 def crossed_faces(node: bpy.types.Node) -> float:
     """Return the number of glass faces that light crosses at a closure of glass: 2 for thin walls."""
     return 2.0 if _is_thin(node) else 1.0
+
+
+def glass_fresnel(tree: bpy.types.NodeTree | None) -> Fresnel | None:
+    """Return the loss of light with the angle of incidence, for the mean IOR of a tree's glass closures.
+
+    All glass counts as thin walls if every closure of glass is one. None without glass.
+    """
+    nodes = [node for node in used_nodes(tree) if passes_glass(node)]
+    if not nodes:
+        return None
+    indices = [refractive_index(node) or _DEFAULT_IOR for node in nodes]
+    return Fresnel(float(np.mean(indices)), faces=min(map(crossed_faces, nodes)))
 
 
 def _mirrors(node: bpy.types.Node) -> bool:

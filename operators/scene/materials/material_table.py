@@ -21,13 +21,12 @@ from ..scene_watch import SceneWatch
 from ..slice_timer import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
-from .closures import is_hair
+from .closures import glass_fresnel, is_hair
 from .engine_materials import hide_from_rays, textures_of
 from .evaluated_materials import EvaluatedMaterial
 from .evaluated_passes import COVERED, Pixels, finish_passes, passes_of
 from .evaluation_cache import kept_evaluations
 from .evaluation_digest import evaluation_digest
-from .glass_angles import glass_fresnel
 from .materials import read_material
 from .mean_colors import mean_color
 from .normal_map_reflectance import surface_bumps

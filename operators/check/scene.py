@@ -1,4 +1,4 @@
-"""Checks for hidden objects, missing images and missing light."""
+"""Checks of the whole scene: hidden objects, missing images, missing light and levels of detail."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import bpy
 from ..compat import light_power, node_input, node_tree
 from ..levels import LevelFinder
 from ..object_properties import is_left_out
+from ..result.level_maps import TOO_FAR, far_levels
 from ..scene import SceneContext
 from ..scene.objects.render_differences import Geometry
 from ..scene.objects.visible import visible_objects
@@ -52,6 +53,14 @@ def check_differences(context: SceneContext) -> list[Finding]:
         ),
         *_check_geometry([obj.name for obj in differing], context.scene.hemibake.meshes == "RENDER"),
     ]
+
+
+def check_levels(context: SceneContext, width: int) -> list[Finding]:
+    """Return a finding on levels whose surface is far from the surface of their first level.
+
+    width:  width of the lightmaps, texels
+    """
+    return found(WARNING, TOO_FAR, far_levels(context, width))
 
 
 def _check_geometry(differing: list[str], as_rendered: bool) -> list[Finding]:

@@ -132,7 +132,7 @@ class ClusterDevices:
         """Switch the workers to patch groups and start to compute the groups' visibility."""
         table = PatchTable.of(texel_to_group, SparseRadiance.of(emission), self._back_to_back, self._folder)
         self._solved = ShippedPatches(
-            self._tasks, self._patch_scene.patches.part(representative), table, self._folder
+            self._tasks, self._patch_scene.patches.subset(representative), table, self._folder
         )
         self._find()
 
@@ -157,7 +157,7 @@ class ClusterDevices:
         self._blocks = {}
         spans, scene = cut(len(samples), _FEWEST_POINTS), (self._shipped.shipment, self._patches.table)
         how, seen = self._tasks.sent((choice, settings), "how"), (self._solved.table, self._light_sent(light))
-        parts = [self._tasks.sent(samples.part(slice(*span)), "samples") for span in spans]
+        parts = [self._tasks.sent(samples.subset(slice(*span)), "samples") for span in spans]
         tasks = [(*scene, part, *seen, how) for part in parts]
         begun = self._tasks.begin(final_tasks.light_at_samples, tasks)
         lit: dict[Span, GatheredSamples] = {}

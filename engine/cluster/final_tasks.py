@@ -69,5 +69,5 @@ def light_at_samples(
     (choice, settings), scene = how, prepared(shipment)
     patches, sources = scene.patches(table), scene.sources(solved)
     with patches.working():
-        what = scene.display(patches, sources, choice)
-        return finished(gather_at(what, sources.table(light), samples, settings))
+        texel_job = scene.display(patches, sources, choice)
+        return finished(gather_at(texel_job, sources.table(light), samples, settings))

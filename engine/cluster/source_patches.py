@@ -119,8 +119,8 @@ class ScenePatches(SourcePatches):
         """Return the gather of light probes from the light of all patches; the last one is kept."""
         if self._probes is None or self._probes[0] is not light:
             self._probes, job = None, self._emitting
-            what = TexelGatherJob(self._scene, job, job, choice, self.lighting)
+            texel_job = TexelGatherJob(self._scene, job, job, choice, self.lighting)
             lights = [light.opened(job.opencl)]
             # Blocks of the next bake may run on other workers.
-            self._probes = light, ProbeGather(what, lights, None, keeps_rows=False)
+            self._probes = light, ProbeGather(texel_job, lights, None, keeps_rows=False)
         return self._probes[1]

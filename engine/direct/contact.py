@@ -39,7 +39,7 @@ class Contacts:
     back_to_back: np.ndarray
     backlit: np.ndarray
 
-    def part(self, chosen: np.ndarray) -> Contacts:
+    def subset(self, chosen: np.ndarray) -> Contacts:
         """Return the contacts of some patches, by mask or indices."""
         return Contacts(self.covered[chosen], self.back_to_back[chosen], self.backlit[chosen])
 

@@ -100,7 +100,7 @@ def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: flo
             if mesh.atlas not in mirrors:
                 mirrors[mesh.atlas] = len(names)
                 names.append("(translucent backs)")
-            back = _flipped(mesh.part(mirrored), index[mirrored], numbers)
+            back = _flipped(mesh.subset(mirrored), index[mirrored], numbers)
             backs.append(replace(back, atlas=mirrors[mesh.atlas]))
         first = last
     if not backs:
@@ -111,7 +111,7 @@ def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: flo
 
 def _part(mesh: Mesh, chosen: np.ndarray) -> Mesh:
     """Return some triangles of a mesh by a mask, (t,) bool; the mesh itself, without copies, for all."""
-    return mesh if chosen.all() else mesh.part(chosen)
+    return mesh if chosen.all() else mesh.subset(chosen)
 
 
 def _is_opaque(scene: Scene) -> np.ndarray:

@@ -41,7 +41,7 @@ class BorderTexels:
     def __len__(self) -> int:
         return len(self.texel)
 
-    def part(self, chosen: np.ndarray) -> BorderTexels:
+    def subset(self, chosen: np.ndarray) -> BorderTexels:
         """Return a subset of the texels, by a mask or by indices."""
         return BorderTexels(self.texel[chosen], self.triangle[chosen])
 
@@ -90,7 +90,7 @@ class DeviceBorder:
         chosen:      (k,) int64, indices of border texels, at least one
         resolution:  width of the lightmaps, texels
         """
-        some, count = self._border.part(chosen), len(chosen)
+        some, count = self._border.subset(chosen), len(chosen)
         inputs = upload(self._compute, some.texel), upload(self._compute, some.triangle)
         output = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, 12 * count)
         arguments = (*inputs, self._uvs, np.int32(resolution), output, np.int32(count))

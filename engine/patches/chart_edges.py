@@ -36,7 +36,7 @@ class ChartEdges:
     def __len__(self) -> int:
         return len(self.atlas)
 
-    def part(self, chosen: np.ndarray) -> ChartEdges:
+    def subset(self, chosen: np.ndarray) -> ChartEdges:
         """Return a subset of the edges, by a mask or by indices."""
         return ChartEdges(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
@@ -71,7 +71,7 @@ def chart_edges(triangles: Triangles, atlases: int, resolution: int) -> ChartEdg
         _outward(texels, opposite),
         triangles.atlas[triangle],
     )
-    return edges.part((edges.length > 0) & (edges.texel_length > 0))
+    return edges.subset((edges.length > 0) & (edges.texel_length > 0))
 
 
 def end_keys(edges: ChartEdges) -> np.ndarray:

@@ -45,7 +45,7 @@ class EdgeBoxes:
         sides = self.high[:, :3].astype(np.float64) - self.low[:, :3]
         return np.ceil(np.log2(sides.max(axis=1))).astype(np.int64)
 
-    def part(self, chosen: np.ndarray) -> EdgeBoxes:
+    def subset(self, chosen: np.ndarray) -> EdgeBoxes:
         """Return a subset of the boxes, by indices."""
         return EdgeBoxes(self.low[chosen], self.high[chosen])
 

@@ -38,7 +38,7 @@ def edge_pairs(edges: ChartEdges, neighbours: EdgeNeighbours | None = None) -> E
     left = np.ones(len(edges), bool)
     left[whole.first] = left[whole.second] = False
     numbers = np.flatnonzero(left)
-    boxes, find = edge_boxes(edges.part(numbers)), neighbours or HostNeighbours()
+    boxes, find = edge_boxes(edges.subset(numbers)), neighbours or HostNeighbours()
     partly = [_compared(edges, numbers[first], numbers[second]) for first, second in find.overlapping(boxes)]
     return EdgePairs(
         np.concatenate([whole.first, *(pairs.first for pairs in partly)]),
@@ -72,7 +72,7 @@ def _compared(edges: ChartEdges, first: np.ndarray, second: np.ndarray) -> EdgeP
     run = (ends[:, 1] - ends[:, 0])[:, None]
     part_of_other = (common - ends[:, :1]) / np.where(run == 0, 1, run)
     part = np.stack([common, np.clip(part_of_other, 0, 1)], axis=1)
-    tolerance = np.maximum(tolerance_of(edges.part(first)), tolerance_of(edges.part(second)))
+    tolerance = np.maximum(tolerance_of(edges.subset(first)), tolerance_of(edges.subset(second)))
     steps = np.abs(_between(line, part[:, 0]) - _between(other, part[:, 1]))
     apart = largest_in_rows(steps.reshape(len(first), 6))
     overlap = (common[:, 1] - common[:, 0]) * np.sqrt(square)

@@ -70,7 +70,7 @@ def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry:
     outer &= around[:, 1:-1, 2:]
     np.greater(around[:, 1:-1, 1:-1], outer, out=outer)
     beside = texel_to_patch.ravel()[np.flatnonzero(outer)].astype(np.int64) - 1
-    distance, outward = _edges(geometry.part(beside), patches.resolution)
+    distance, outward = _edges(geometry.subset(beside), patches.resolution)
     row, column = np.divmod(patches.texel[beside], patches.resolution)
     step = np.where(np.abs(outward) > _LEADING, np.sign(outward), 0).astype(np.int64)
     atlas = patches.atlas[beside][:, None]

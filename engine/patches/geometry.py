@@ -66,7 +66,7 @@ class PatchGeometry:
         self.triangles, self.steps = triangles, steps
         self.triangle, self.barycentric, self._counts = triangle, barycentric, counts
 
-    def part(self, chosen: slice | np.ndarray) -> PatchGeometry:
+    def subset(self, chosen: slice | np.ndarray) -> PatchGeometry:
         """Return the geometry of a subset of the patches."""
         where = take_rows(self.triangle, chosen), take_rows(self.barycentric, chosen)
         return PatchGeometry(self.triangles, self.steps, *where)

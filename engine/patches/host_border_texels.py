@@ -44,7 +44,7 @@ class HostBorder:
 
     def middles(self, chosen: np.ndarray, resolution: int) -> np.ndarray:
         """Return the centroids of the parts of texels that triangles cover, (k, 3) float32 barycentrics."""
-        some = self._border.part(chosen)
+        some = self._border.subset(chosen)
         row, column = np.divmod(some.texel % resolution**2, resolution)
         corners = self._triangles.uvs[some.triangle].astype(np.float64) * resolution
         return clipped_centroids(corners, np.stack([column, row], axis=1)).astype(np.float32)

@@ -23,7 +23,7 @@ class HostNeighbours:
         """
         for level in np.unique(boxes.level):
             seeker = np.flatnonzero(boxes.level <= level)
-            for first, second in _in_one_cube(boxes.part(seeker), 2.0**level, boxes.level[seeker] == level):
+            for first, second in _in_one_cube(boxes.subset(seeker), 2.0**level, boxes.level[seeker] == level):
                 yield seeker[first], seeker[second]
 
 

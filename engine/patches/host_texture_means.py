@@ -23,7 +23,7 @@ def multiply_on_host(
 ) -> None:
     """Multiply patch values, (n, 3) float32, in place by the mean of their texture over the texel."""
     for textured, texture in maps:
-        values[textured.patch] *= _mean(geometry.part(textured.patch), meshes, textured, texture)
+        values[textured.patch] *= _mean(geometry.subset(textured.patch), meshes, textured, texture)
 
 
 def _mean(

@@ -101,7 +101,7 @@ class PatchList:
         """Return patches on the same texels and triangles, at other barycentrics, (n, 3) float32."""
         return replace(self, barycentric=barycentric, index=self._index)
 
-    def part(self, chosen: slice | np.ndarray) -> PatchList:
+    def subset(self, chosen: slice | np.ndarray) -> PatchList:
         """Return a subset of the patches, by a slice, a mask or indices."""
         return PatchList(self.resolution, *(take_rows(getattr(self, name), chosen) for name in _COLUMNS))
 

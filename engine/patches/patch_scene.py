@@ -52,9 +52,9 @@ class PatchScene:
     sides: Sides | None = None
     source_count: int | None = None
 
-    def part(self, chosen: np.ndarray | slice) -> PatchScene:
+    def subset(self, chosen: np.ndarray | slice) -> PatchScene:
         """Return a copy whose receivers are some of the patches; all patches remain sources."""
-        return self.seen_from(self.patches.part(chosen), self.geometry.part(chosen))
+        return self.seen_from(self.patches.subset(chosen), self.geometry.subset(chosen))
 
     def seen_from(self, patches: PatchList, geometry: PatchGeometry) -> PatchScene:
         """Return a copy whose receivers are other points on the same triangles.

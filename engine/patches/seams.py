@@ -32,7 +32,7 @@ class Seams:
     def __len__(self) -> int:
         return len(self.weight)
 
-    def part(self, chosen: np.ndarray) -> Seams:
+    def subset(self, chosen: np.ndarray) -> Seams:
         """Return a subset of the pairs, by a mask or by indices."""
         return Seams(self.atlas[chosen], self.texel[chosen], self.weight[chosen])
 
@@ -64,4 +64,4 @@ def seams_of(edges: ChartEdges, pairs: EdgePairs) -> Seams:
     atlas = edges.atlas[both][pair]
     off = np.abs(texel[:, 1] - texel[:, 0]) > _ONE_POINT
     apart = off[:, 0] | off[:, 1] | (atlas[:, 0] != atlas[:, 1])
-    return Seams(atlas, texel, (length / count)[pair]).part(apart)
+    return Seams(atlas, texel, (length / count)[pair]).subset(apart)

@@ -46,7 +46,7 @@ class TexelFragments:
         keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
         return keys
 
-    def part(self, chosen: np.ndarray | slice) -> TexelFragments:
+    def subset(self, chosen: np.ndarray | slice) -> TexelFragments:
         """Return a subset of the fragments, by a mask, indices or a slice."""
         columns = self.atlas, self.texel, self.triangle, self.area
         return TexelFragments(*(take_rows(column, chosen) for column in columns))
@@ -118,7 +118,7 @@ class TexelClipper:
         pieces = self._pieces(
             *(self._read(*pair) for pair in zip(found, [int(ends[-1])] * 3, kinds, strict=True))
         )
-        return pieces.part(order_of(pieces.keys(self._resolution)))
+        return pieces.subset(order_of(pieces.keys(self._resolution)))
 
     def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelFragments:
         """Return the fragments of triangles, (m,), in texels, (m,), of their atlases; drops empty ones."""
@@ -175,7 +175,7 @@ class TexelClipper:
     def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelFragments:
         """Drop fragments with negligible area."""
         pieces = TexelFragments(self._triangles.atlas[triangle], texel, triangle, area)
-        return pieces.part(area > _LEAST_PIECE)
+        return pieces.subset(area > _LEAST_PIECE)
 
     def _where(self, *arrays: np.ndarray) -> tuple:
         """Upload the texel arrays as int32; return their buffers and the resolution."""

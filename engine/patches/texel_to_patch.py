@@ -63,7 +63,7 @@ def index_map(
     thin = np.flatnonzero((nearest == 0) & inside)
     if len(thin):
         middle = texels.middles(thin, patches.resolution)
-        patches = _with_thin(compute, patches, border.part(thin), middle)
+        patches = _with_thin(compute, patches, border.subset(thin), middle)
         own = patches.on_texels(len(texel_to_patch))
         nearest, _ = texels.nearest_patches(patches, own)
         texel_to_patch, nearest[thin] = own.copy(), own.ravel()[border.texel[thin]]

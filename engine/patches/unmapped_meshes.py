@@ -133,7 +133,7 @@ def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
     if (atlas == atlas[0]).all():
         return [replace(mesh, uvs=uvs, atlas=int(atlas[0]))]
     mesh = replace(mesh, uvs=uvs)
-    return [replace(mesh.part(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
+    return [replace(mesh.subset(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
 
 
 def _largest_extent(meshes: list[Mesh]) -> float:

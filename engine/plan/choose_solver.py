@@ -143,7 +143,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
         indirect=None if job.indirect is None else groups.mean(colors_on_host(job.indirect)),
         direct=None,
         front=None,
-        contacts=job.contacts and job.contacts.part(groups.representative),
+        contacts=job.contacts and job.contacts.subset(groups.representative),
     )
     solver, choice = _solver(groups_job)
     if is_adaptive(job):
@@ -220,7 +220,7 @@ def _interpolated(
     """
 
     def last_of(chosen: np.ndarray) -> FinalGather:
-        patch_scene = job.patch_scene.part(chosen)
+        patch_scene = job.patch_scene.subset(chosen)
         receivers = Receivers(patch_scene, job.rays.of(patch_scene), job.sampled_light[chosen])
         return make_final_gather(solved, choice, receivers, job.settings)[0]
 

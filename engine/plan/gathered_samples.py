@@ -25,8 +25,8 @@ class GatheredSamples(NumpyPickle):
     irradiance: np.ndarray
     values: dict[str, np.ndarray]
 
-    def part(self, chosen: slice) -> GatheredSamples:
+    def subset(self, chosen: slice) -> GatheredSamples:
         """Return the samples of a slice."""
-        some = self.samples.part(chosen), self.push_offs.part(chosen)
+        some = self.samples.subset(chosen), self.push_offs.subset(chosen)
         rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
         return GatheredSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

@@ -58,7 +58,7 @@ def drop_blocked_seams(
     texels = np.where(known, np.uint8(_KNOWN), np.uint8(0)) | (entries > 0).view(np.uint8)
     marks = _compared(ray_scene.compute, seams, light, texels)
     some = np.flatnonzero(marks)
-    patches = _patches_beside(seams.part(some), entries, known)
+    patches = _patches_beside(seams.subset(some), entries, known)
     both = all_in_rows(patches >= 0)
     some, patches = some[both], patches[both]
 
@@ -66,7 +66,7 @@ def drop_blocked_seams(
     stands = (marks[some] & _OTHER_LIGHT > 0) & all_in_rows(invalid[patches])
     kept = np.ones(len(seams), bool)
     kept[some] = ~(stands | _something_between(patch_scene, ray_scene, patches))
-    return seams.part(kept)
+    return seams.subset(kept)
 
 
 def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ def _something_between(patch_scene: PatchScene, ray_scene: RayScene, patches: np
     """Return a mask, (m,) bool: True if the ray between two patches, (m, 2) int32, hits a steep face."""
     if not len(patches):
         return np.zeros(0, bool)
-    ends = [patch_scene.geometry.part(patches[:, side]) for side in (0, 1)]
+    ends = [patch_scene.geometry.subset(patches[:, side]) for side in (0, 1)]
     distance = np.linalg.norm(ends[1].center - ends[0].center, axis=1)[:, None]
     first, second = (end.center + _ABOVE * distance * end.geometric for end in ends)
     up = ends[0].geometric + ends[1].geometric

@@ -82,10 +82,10 @@ class FinalLightmaps:
         flat = centres.ravel()
         counts = patch < len(images.texel)
         counts[counts] = flat[images.texel[patch[counts]]]
-        points = points.part(counts)
+        points = points.subset(counts)
         texels = points.texels(images.patches.resolution)
         order = np.argsort(texels, kind="stable")
         self._off_centre_texels = texels[order]
         flat[self._texels.supersampled] = True
         flat[self._off_centre_texels] = False
-        return centres, points.part(order)
+        return centres, points.subset(order)

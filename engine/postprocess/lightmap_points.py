@@ -32,7 +32,7 @@ class LightmapPoints:
     def __len__(self) -> int:
         return len(self.atlas)
 
-    def part(self, chosen: np.ndarray) -> LightmapPoints:
+    def subset(self, chosen: np.ndarray) -> LightmapPoints:
         """Return a subset of the points, by a mask or by indices."""
         return LightmapPoints(self.atlas[chosen], self.position[chosen], self.weight[chosen])
 
@@ -59,7 +59,7 @@ def off_centre_patches(
         number, position = number[off], position[off]
     else:
         number = _found_thin(compute, triangles, patches)
-        position = _positions(triangles, patches.part(number))
+        position = _positions(triangles, patches.subset(number))
     return number, LightmapPoints(patches.atlas[number], position, np.ones(len(number), np.float32))
 
 

@@ -39,7 +39,7 @@ def borders_without_seam(edges: ChartEdges, pairs: EdgePairs) -> ChartBorders:
     """Return points along the chart edges that belong to no pair, including their ends."""
     free = np.ones(len(edges), bool)
     free[pairs.first] = free[pairs.second] = False
-    edges = edges.part(free)
+    edges = edges.subset(free)
     steps = np.ceil(_POINTS * edges.texel_length).astype(np.int64)
     edge = np.repeat(np.arange(len(edges)), steps + 1)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(steps + 1) - steps - 1, steps + 1)
@@ -80,7 +80,7 @@ def own_sides(seams: Seams, borders: ChartBorders, atlases: int, resolution: int
         moved = np.flatnonzero(foreign.any(axis=1))
         texel[moved, side], found = _moved(seams.texel[moved, side], foreign[moved])
         kept[moved[~found]] = False
-    return Seams(seams.atlas, texel, seams.weight).part(kept)
+    return Seams(seams.atlas, texel, seams.weight).subset(kept)
 
 
 class _BorderTexels:

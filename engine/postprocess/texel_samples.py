@@ -54,7 +54,7 @@ class TexelSamples(NumpyPickle):
         keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
         return keys
 
-    def part(self, chosen: slice | np.ndarray) -> TexelSamples:
+    def subset(self, chosen: slice | np.ndarray) -> TexelSamples:
         """Return the samples that a slice or a mask selects."""
         return TexelSamples(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 
@@ -105,7 +105,7 @@ def display_samples(
     entry = own.ravel()[np.flatnonzero(filled)]
     patch = entry[entry > 0].astype(np.int64) - 1
     whole = clipper.pieces_at(patch_scene.patches.triangle[patch], patch_scene.patches.texel[patch])
-    pieces = joined_pieces([border.part(chosen[key]), whole])
+    pieces = joined_pieces([border.subset(chosen[key]), whole])
     return _samples_of(clipper, pieces, resolution, points), points
 
 
@@ -169,7 +169,7 @@ def _samples_of(clipper: TexelClipper, pieces: TexelFragments, resolution: int, 
 
     # A stable sort merges fragments of border texels and of full texels, both already sorted.
     order = np.argsort(keys, kind="stable")
-    pieces, starts = pieces.part(order), run_starts(keys[order])
+    pieces, starts = pieces.subset(order), run_starts(keys[order])
     found = clipper.points_in_texels(pieces, starts, math.isqrt(points))
     return TexelSamples(
         found.atlas, found.texel, found.position, found.weight, found.triangle, found.barycentric

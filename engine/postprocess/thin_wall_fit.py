@@ -93,7 +93,7 @@ class ThinWallFit:
         points = joined_points(chosen, LightmapPoints(centres.atlas, centres.position, weight))
         self._order = np.argsort(points.texels(resolution), kind="stable")
         nowhere = np.zeros(known.shape, bool)
-        equations = DeviceBilinearEquations(compute, nowhere, points.part(self._order), no_seams())
+        equations = DeviceBilinearEquations(compute, nowhere, points.subset(self._order), no_seams())
         self._compute, self._fit = compute, DeviceBilinearFit(compute, equations, tight=True)
         self._unknown = np.searchsorted(equations.texel, self.texels)
 

@@ -58,7 +58,7 @@ _BLACK = 1e-30
 
 
 def gather_probes(
-    what: TexelGatherJob,
+    texel_job: TexelGatherJob,
     solution: Solution,
     front: np.ndarray,
     near: Contacts,
@@ -66,26 +66,26 @@ def gather_probes(
 ) -> Generator[float, None, tuple[ProbeGrid, ...]]:
     """Return the light of all probe volumes of a scene; yield the fraction done.
 
-    what:      patches and direct light
-    solution:  solution of all light
-    front:     (n,) float32, validity of the patches, see `valid_front`
-    near:      contacts of the patches
-    groups:    (n, 3) float32, E/pi of the patches, by light group in order; empty without light groups
+    texel_job:  patches and direct light
+    solution:   solution of all light
+    front:      (n,) float32, validity of the patches, see `valid_front`
+    near:       contacts of the patches
+    groups:     (n, 3) float32, E/pi of the patches, by light group in order; empty without light groups
     """
     # Patches emit their final light, also where groups of them were solved.
-    what, volumes = replace(what, solved=what.job), what.scene.probe_volumes
+    texel_job, volumes = replace(texel_job, solved=texel_job.job), texel_job.scene.probe_volumes
     total = sum(volume.count for volume in volumes)
     substitute = None
-    if what.choice.method != "none":
-        hidden = invalid_patches(what, front, near)
-        substitute = substitutes_of(what, hidden, solution.light, solution.substitute)
-    lights = [_radiance(what.job, solution.light, substitute)]
+    if texel_job.choice.method != "none":
+        hidden = invalid_patches(texel_job, front, near)
+        substitute = substitutes_of(texel_job, hidden, solution.light, solution.substitute)
+    lights = [_radiance(texel_job.job, solution.light, substitute)]
     for number, light in enumerate(groups.values()):
-        emission, sky, backs = what.lighting.left_to_hemicubes(number)
-        job = replace(what.job, emission=emission, sky=sky, backs=backs, part_of=what.job)
+        emission, sky, backs = texel_job.lighting.left_to_hemicubes(number)
+        job = replace(texel_job.job, emission=emission, sky=sky, backs=backs, part_of=texel_job.job)
         lights.append(_radiance(job, light, substitute))
-    part = _gather_of_volumes(what, lights, bool(groups))
-    made, before, origin = list[ProbeGrid](), 0, what.job.patch_scene.triangles.origin
+    part = _gather_of_volumes(texel_job, lights, bool(groups))
+    made, before, origin = list[ProbeGrid](), 0, texel_job.job.patch_scene.triangles.origin
     for number, volume in enumerate(volumes):
         done = before / total, (before + volume.count) / total
         made.append((yield from run_as_fraction(*done, _grid(volume, part(number), tuple(groups), origin))))
@@ -94,42 +94,44 @@ def gather_probes(
 
 
 def _gather_of_volumes(
-    what: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: bool
+    texel_job: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: bool
 ) -> Callable[[int], Generator[float, None, ProbePart]]:
     """Return a function that gathers a volume, by its number: here, or on devices of other processes.
 
     lights:  radiance of all light, then of each light group
     groups:  True if there are light groups
     """
-    volumes, remote, compute = what.scene.probe_volumes, what.job.remote, what.job.opencl
-    by_group = light_groups(what.scene) if groups else None
-    blocks = ProbeBlocks(what.job.checkpoint, lambda: _light_key(what, lights, by_group))
+    volumes, remote, compute = texel_job.scene.probe_volumes, texel_job.job.remote, texel_job.job.opencl
+    by_group = light_groups(texel_job.scene) if groups else None
+    blocks = ProbeBlocks(texel_job.job.checkpoint, lambda: _light_key(texel_job, lights, by_group))
     if remote is None:
-        gather = ProbeGather(what, lights, by_group)
+        gather = ProbeGather(texel_job, lights, by_group)
         return lambda number: gather.part(number, 0, volumes[number].count, blocks)
     # Bakes by other processes have no light groups.
     sent = SentRadiance.of(compute, lights[0])
 
     def elsewhere(number: int) -> Generator[float, None, ProbePart]:
         find, add = partial(blocks.find, number), partial(blocks.add, number)
-        gathering = remote.probes(sent, number, volumes[number].count, what.choice, find, add)
+        gathering = remote.probes(sent, number, volumes[number].count, texel_job.choice, find, add)
         return joined((yield from gathering))
 
     return elsewhere
 
 
-def _light_key(what: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: LightGroups | None) -> str:
+def _light_key(texel_job: TexelGatherJob, lights: Sequence[ProbeRadiance], groups: LightGroups | None) -> str:
     """Return a digest of everything besides the geometry that determines the light of probes.
 
     lights:  radiance of all light, then of each light group
     """
-    patch_scene, settings = what.job.patch_scene, what.job.settings
-    emitters = emitters_of(patch_scene, what.lighting)
-    of_lights = light_parts(emitters, patch_scene, what.lighting, settings, groups)
+    patch_scene, settings = texel_job.job.patch_scene, texel_job.job.settings
+    emitters = emitters_of(patch_scene, texel_job.lighting)
+    of_lights = light_parts(emitters, patch_scene, texel_job.lighting, settings, groups)
     direct = [value for of_light in of_lights for part in of_light for value in part.key]
-    received = [value for light in lights for value in SentRadiance.of(what.job.opencl, light).key]
-    volumes = [value for volume in what.scene.probe_volumes for value in (volume.matrix, volume.resolution)]
-    how = settings.probe_samples, settings.probe_distances, settings.seed, what.job.remote is None
+    received = [value for light in lights for value in SentRadiance.of(texel_job.job.opencl, light).key]
+    volumes = [
+        value for volume in texel_job.scene.probe_volumes for value in (volume.matrix, volume.resolution)
+    ]
+    how = settings.probe_samples, settings.probe_distances, settings.seed, texel_job.job.remote is None
     return digest_of((*direct, *received, *volumes, *how))
 
 
@@ -194,23 +196,23 @@ class ProbeGather:
 
     def __init__(
         self,
-        what: TexelGatherJob,
+        texel_job: TexelGatherJob,
         lights: Sequence[ProbeRadiance],
         groups: LightGroups | None,
         keeps_rows: bool = True,
     ) -> None:
-        self._what, self._lights, self._settings = what, lights, what.job.settings
+        self._texel_job, self._lights, self._settings = texel_job, lights, texel_job.job.settings
         self._keeps_rows = keeps_rows
-        self._compute, self._rays = what.job.opencl, what.job.rays.rays
+        self._compute, self._rays = texel_job.job.opencl, texel_job.job.rays.rays
         self._direct = ProbeLights(
             self._compute,
             self._rays,
-            what.job.patch_scene,
-            what.lighting,
+            texel_job.job.patch_scene,
+            texel_job.lighting,
             self._settings,
             groups,
         )
-        self._origin = what.job.patch_scene.triangles.origin
+        self._origin = texel_job.job.patch_scene.triangles.origin
         self._drop_rows_of_others()
 
     def part(
@@ -222,7 +224,7 @@ class ProbeGather:
 
         blocks:  finished blocks, which are not gathered again; None to gather all
         """
-        volume = self._what.scene.probe_volumes[number]
+        volume = self._texel_job.scene.probe_volumes[number]
         points = volume.points() - self._origin
         parts, batch_size = [], _batch_size(direction_count(self._settings.probe_samples))
         for start in range(first, last, batch_size):
@@ -296,7 +298,7 @@ class ProbeGather:
 
     def _kept_rows(self, volume: ProbeVolume, points: np.ndarray, first: int) -> ProbeRows:
         """Return the samples of probes from the session's cache, else new ones."""
-        cache, key = self._what.job.kept.probes, (*self._key(volume), first)
+        cache, key = self._texel_job.job.kept.probes, (*self._key(volume), first)
         known = cache.get(key)
         if isinstance(known, ProbeRows):
             return known
@@ -314,8 +316,8 @@ class ProbeGather:
 
     def _drop_rows_of_others(self) -> None:
         """Remove the samples of volumes that the scene does not have."""
-        cache = self._what.job.kept.probes
-        mine = {self._key(volume) for volume in self._what.scene.probe_volumes}
+        cache = self._texel_job.job.kept.probes
+        mine = {self._key(volume) for volume in self._texel_job.scene.probe_volumes}
         for key in [key for key in cache if key[:-1] not in mine]:
             del cache[key]
 
@@ -324,7 +326,7 @@ class ProbeGather:
         reach = np.maximum(np.abs(points), np.abs(points + self._origin)).max(axis=1)
         margin = np.maximum(_MARGIN * volume.spacing, OF_COORDINATE * reach)
         settings = self._settings
-        sources, seed = self._what.job.patch_scene, settings.seed + first
+        sources, seed = self._texel_job.job.patch_scene, settings.seed + first
         limit = distance_limit(volume, settings)
         return ProbeRows(
             compute=self._compute,
@@ -344,10 +346,10 @@ def distance_limit(volume: ProbeVolume, settings: Settings) -> float | None:
     return volume.reach if has_maps else None
 
 
-def probe_warnings(what: TexelGatherJob) -> tuple[str, ...]:
+def probe_warnings(texel_job: TexelGatherJob) -> tuple[str, ...]:
     """Return warnings about probes that cannot be baked, or that miss bounced light or distances."""
-    settings = what.job.settings
-    if what.job.compute is None:
+    settings = texel_job.job.settings
+    if texel_job.job.compute is None:
         return (
             "Light Probe Volumes: no OpenCL device, so only lightmaps are baked. Install an OpenCL driver, "
             "or switch Light Probes off.",
@@ -355,7 +357,7 @@ def probe_warnings(what: TexelGatherJob) -> tuple[str, ...]:
     warnings = [
         f"Light Probe Volume '{volume.name}': {volume.count:,} probes exceed the {MAX_DISTANCE_PROBES:,} "
         "that Probe Distances allows, so it has none. Lower its resolution, or split the volume."
-        for volume in what.scene.probe_volumes
+        for volume in texel_job.scene.probe_volumes
         if settings.probe_distances and volume.count > MAX_DISTANCE_PROBES
     ]
     if not settings.has_indirect:

@@ -90,7 +90,7 @@ class Mesh:
     light_group: str = ""
     front: np.ndarray | None = None
 
-    def part(self, chosen: np.ndarray) -> Mesh:
+    def subset(self, chosen: np.ndarray) -> Mesh:
         """Return the triangles that a mask selects."""
         arrays = {name: getattr(self, name)[chosen] for name in _TRIANGLE_ARRAYS}
         if self.front is not None:

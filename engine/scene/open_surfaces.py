@@ -61,7 +61,7 @@ class OpenSurfaces:
         if not parts:
             return np.zeros(0, bool)
         key = tuple((mesh.positions, some) for mesh, some in parts)
-        return self._parts.get(key, lambda: open_triangles([mesh.part(some) for mesh, some in parts]))
+        return self._parts.get(key, lambda: open_triangles([mesh.subset(some) for mesh, some in parts]))
 
     def _examine(self, positions: Sequence[np.ndarray]) -> None:
         """Find out which meshes are closed by themselves; forget all other meshes."""

@@ -118,11 +118,11 @@ def _replaced(before: tuple[Part, ...], after: tuple[Part, ...]) -> dict[int, Pa
     return {number: new for number, (old, new) in enumerate(pairs) if not same_values(old, new)}
 
 
-def _check_numbers(what: str, numbers: Iterable[int], count: int) -> None:
+def _check_numbers(kind: str, numbers: Iterable[int], count: int) -> None:
     """Raise SceneError if an index in `numbers` is not below `count`."""
     unknown = sorted(number for number in numbers if not 0 <= number < count)
     if unknown:
         raise SceneError(
-            f"Changes refer to index {unknown[0]} of the scene's {what}, but there are {count}. "
+            f"Changes refer to index {unknown[0]} of the scene's {kind}, but there are {count}. "
             "Start a new bake to add some."
         )

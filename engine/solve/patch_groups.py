@@ -74,8 +74,8 @@ class PatchGroups:
         )
         return replace(
             patch_scene,
-            patches=patch_scene.patches.part(representative),
-            geometry=patch_scene.geometry.part(representative),
+            patches=patch_scene.patches.subset(representative),
+            geometry=patch_scene.geometry.subset(representative),
             surfaces=surfaces,
             texel_to_patch=self.texel_to_group,
             source_count=None,

@@ -118,7 +118,7 @@ def _of_patches(
     settled = [light[:, :3] for light in gathered]
 
     def gather(patches: np.ndarray | slice) -> Generator[float, None, np.ndarray]:
-        looking = job.patch_scene if isinstance(patches, slice) else job.patch_scene.part(patches)
+        looking = job.patch_scene if isinstance(patches, slice) else job.patch_scene.subset(patches)
         rays = job.rays if isinstance(patches, slice) else job.rays.of(looking)
         receivers = Receivers(looking, rays, job.sampled_light[patches])
         lit = np.ascontiguousarray(sampled[:, patches])

@@ -196,7 +196,7 @@ def _batches(samples: TexelSamples) -> Iterator[tuple[TexelSamples, tuple[float,
         return
     for first in range(0, len(samples), _BATCH):
         last = min(first + _BATCH, len(samples))
-        yield samples.part(slice(first, last)), (first / len(samples), last / len(samples))
+        yield samples.subset(slice(first, last)), (first / len(samples), last / len(samples))
 
 
 def _why_centres_only(job: SolveJob, choice: SolverChoice) -> str:
@@ -252,7 +252,7 @@ def gather_at(
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~(is_invalid(last.gathered[:, 3], lighting.contacts()) | push_offs.inside)
     lit = GatheredSamples(points.samples, push_offs, visible, normals, received.irradiance, values)
-    return lit if sides is None else lit.part(slice(count))
+    return lit if sides is None else lit.subset(slice(count))
 
 
 def _joined(

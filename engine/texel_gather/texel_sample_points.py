@@ -70,7 +70,7 @@ def with_other_sides(samples: TexelSamples, patch_scene: PatchScene) -> tuple[Te
     chosen = np.flatnonzero((own < 1).any(axis=1))
     if not len(chosen):
         return samples, None
-    there = samples.part(chosen)
+    there = samples.subset(chosen)
     backs = patch_scene.triangles.backs
     triangle = there.triangle if backs is None else backs[there.triangle]
     others = replace(there, triangle=triangle, barycentric=there.barycentric[:, [0, 2, 1]])
@@ -122,7 +122,7 @@ class TexelSamplePoints:
         inside = inside[any_in_rows(take_rows(push_offs.offset, inside))]
         if not len(inside):
             return push_offs
-        moved, stays = pushed_barycentrics(patch_scene.geometry.part(inside), push_offs.offset[inside])
+        moved, stays = pushed_barycentrics(patch_scene.geometry.subset(inside), push_offs.offset[inside])
         inside, moved = inside[stays], moved[stays]
         push_offs.inside[inside] = False
         barycentric, weight = samples.barycentric.copy(), samples.weight.copy()

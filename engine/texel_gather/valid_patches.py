@@ -134,7 +134,7 @@ def _inside(texel_job: TexelGatherJob, tested: np.ndarray, lit: cl.Buffer | np.n
         return tested
     # Many patches are tested together with all others, whose records are on the device already.
     all_of_them = 2 * number > texel_job.job.count
-    points = all_rays if all_of_them else all_rays.of(patch_scene.part(tested))
+    points = all_rays if all_of_them else all_rays.of(patch_scene.subset(tested))
     inside = find_inside(points, points.count, 1.0, patch_scene.geometry.steps.geometric, lit)
     if all_of_them:
         return inside & tested

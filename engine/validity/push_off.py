@@ -54,7 +54,7 @@ class PushOffs:
             array[rows] = nothing
         return PushOffs(*others)
 
-    def part(self, chosen: slice) -> PushOffs:
+    def subset(self, chosen: slice) -> PushOffs:
         """Return the push-offs of a range of points."""
         return PushOffs(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
 

@@ -102,7 +102,7 @@ def _valid_neighbours(patch_scene: PatchScene, invalid: np.ndarray, texels: np.n
     entries = entries_around(patch_scene.texel_to_patch, texels)
     place, step = nonzero_entries(np.concatenate([[False], ~invalid])[entries])
     patch, neighbour = entries[place, 4] - 1, entries[place, step] - 1
-    here, there = patch_scene.geometry.part(patch), patch_scene.geometry.part(neighbour)
+    here, there = patch_scene.geometry.subset(patch), patch_scene.geometry.subset(neighbour)
     alike = np.einsum("pd,pd->p", here.geometric, there.geometric) > _ALIKE
     off = np.abs(np.einsum("pd,pd->p", there.center - here.center, here.geometric))
     alike &= off < _NEAR * patch_scene.geometry.steps.longer[here.triangle]

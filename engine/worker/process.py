@@ -157,14 +157,14 @@ class WorkerProcess:
             self._fail("ended in the middle of its work", self._job.remedy)
         self._fail("could not start", START_REMEDY)
 
-    def _fail(self, what: str, remedy: str) -> NoReturn:
+    def _fail(self, event: str, remedy: str) -> NoReturn:
         """End the process and raise WorkerError with its exit status and the end of its log."""
         code = self._end()
         tail = self._log_tail()
         self.stop()
         error = WorkerCrashError if _is_crash(code) else WorkerError
         failure = error(
-            f"The {self._job.name} process {what} (exit status {code}). {remedy} report it together with "
+            f"The {self._job.name} process {event} (exit status {code}). {remedy} report it together with "
             f"these lines.\n{tail}"
         )
         if isinstance(failure, WorkerCrashError):

@@ -36,7 +36,7 @@ NO_POINTS = points_at(np.zeros((0, 2)))
 
 def ordered(points):
     """Return points in the order of their texels."""
-    return points.part(np.argsort(points.texels(R), kind="stable"))
+    return points.subset(np.argsort(points.texels(R), kind="stable"))
 
 
 def lit(case, seed):

@@ -40,7 +40,7 @@ def room() -> Scene:
     mesh = base.meshes[0]
     faces = {"Room": [0, 2, 3, 4, 5, 6], "Pillar": [7], "Light": [8]}
     shown, pillar, light = (
-        dataclasses.replace(mesh.part(np.isin(mesh.face, chosen)), name=name)
+        dataclasses.replace(mesh.subset(np.isin(mesh.face, chosen)), name=name)
         for name, chosen in faces.items()
     )
     lights = (

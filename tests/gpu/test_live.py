@@ -30,9 +30,9 @@ def open_room() -> Scene:
     pillar, panel = mesh.face == 7, mesh.face == 6
     stays = (mesh.face != 1) & ~pillar & ~panel
     meshes = (
-        dataclasses.replace(mesh.part(stays), name="Room"),
-        dataclasses.replace(mesh.part(pillar), name="Pillar", atlas=NO_LIGHTMAP),
-        dataclasses.replace(mesh.part(panel), name="Panel"),
+        dataclasses.replace(mesh.subset(stays), name="Room"),
+        dataclasses.replace(mesh.subset(pillar), name="Pillar", atlas=NO_LIGHTMAP),
+        dataclasses.replace(mesh.subset(panel), name="Panel"),
     )
     world = np.random.default_rng(11).random((5, 9, 3), np.float32)
     return dataclasses.replace(room, meshes=meshes, world=world)

@@ -41,7 +41,7 @@ def open_room(offset: float = 0.0) -> Scene:
     mesh = dataclasses.replace(room.meshes[0], positions=room.meshes[0].positions + np.float32(offset))
     faces = {"Room": (0, 2, 3, 4, 5), "Pillar": (7,), "Panel": (6,), "Board": (8,)}
     meshes = [
-        dataclasses.replace(mesh.part(np.isin(mesh.face, some)), name=name) for name, some in faces.items()
+        dataclasses.replace(mesh.subset(np.isin(mesh.face, some)), name=name) for name, some in faces.items()
     ]
     meshes[1] = dataclasses.replace(meshes[1], atlas=NO_LIGHTMAP)
     world = np.random.default_rng(11).random((5, 9, 3), np.float32)

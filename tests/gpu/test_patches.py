@@ -62,7 +62,7 @@ def test_triangles_of_meshes_and_atlases_are_told_apart(graphics):
     """Three meshes, of which the first and the last share an atlas, and one without faces between them."""
     room = nine_quad_room().meshes[0]
     second = replace(one_quad((2, 2, 8, 4), 128, "Second"), atlas=1)
-    nothing = second.part(np.zeros(2, bool))
+    nothing = second.subset(np.zeros(2, bool))
     third = one_quad((0, 124, 7, 3), 128, "Third")
     scene = Scene((room, second, nothing, third), nine_quad_room().materials, ("First", "Second"))
     triangles = join_meshes(scene)
@@ -90,7 +90,7 @@ def test_patches_on_slivers_lie_on_their_triangles(graphics):
         [0] * count,
         1,
     )
-    slivers = square.part(square.subface == 0)
+    slivers = square.subset(square.subface == 0)
     slivers = replace(slivers, uvs=np.stack(corners, axis=1).clip(0, 1).astype(np.float32))
     scene = Scene((slivers,), (GREY,))
     patches = list_patches(graphics, scene, join_meshes(scene), 331)
@@ -197,8 +197,8 @@ def test_borders_of_many_slivers_are_those_of_the_host(graphics, compute):
         1,
     )
     positions = np.concatenate([uvs, np.zeros((count, 3, 1), np.float32)], axis=2)
-    slivers = replace(square.part(square.subface == 0), uvs=uvs, positions=positions)
-    parts = [replace(slivers.part(np.arange(count) % 3 == part), atlas=part // 2) for part in range(3)]
+    slivers = replace(square.subset(square.subface == 0), uvs=uvs, positions=positions)
+    parts = [replace(slivers.subset(np.arange(count) % 3 == part), atlas=part // 2) for part in range(3)]
     scene = Scene(tuple(parts), (GREY,), ("First", "Second"))
     covered, expected, _, wanted = grown(graphics, None, scene, resolution)
     _, patches, _, texel_to_patch = grown(graphics, compute, scene, resolution)

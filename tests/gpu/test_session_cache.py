@@ -39,8 +39,8 @@ def open_room() -> Scene:
     room = nine_quad_room()
     mesh = room.meshes[0]
     stays, pillar = mesh.face != 1, mesh.face == 7
-    shown = dataclasses.replace(mesh.part(stays & ~pillar), name="Room")
-    seen = dataclasses.replace(mesh.part(pillar), name="Pillar", atlas=NO_LIGHTMAP)
+    shown = dataclasses.replace(mesh.subset(stays & ~pillar), name="Room")
+    seen = dataclasses.replace(mesh.subset(pillar), name="Pillar", atlas=NO_LIGHTMAP)
     world = np.random.default_rng(11).random((5, 9, 3), np.float32)
     return dataclasses.replace(room, meshes=(shown, seen), world=world, lights=(lamp(1, 2, 1.5),))
 

@@ -69,7 +69,7 @@ def test_points_lie_in_their_texel_and_are_even_on_what_is_covered(compute):
     triangles = triangles_of(nasty_uvs())
     clipper = TexelClipper(compute, triangles, RESOLUTION)
     pieces = clipper.border_pieces(everywhere(1))
-    pieces = pieces.part(pieces.area > 1e-3)
+    pieces = pieces.subset(pieces.area > 1e-3)
     found, side = clipper.points_in_texels(pieces, np.arange(len(pieces)), 20), 20
     keys, points = pieces.triangle.astype(np.int64) * RESOLUTION**2 + pieces.texel, found.barycentric
     order = np.argsort(keys)

@@ -52,7 +52,7 @@ def test_points_of_one_texel_follow_each_other(graphics, compute):
     patch_scene = make_patch_scene(graphics, compute, floor(16, 9), Settings(resolution=16))
     chosen = np.repeat(np.arange(len(patch_scene.patches)), 4)
     many = replace(
-        patch_scene, patches=patch_scene.patches.part(chosen), geometry=patch_scene.geometry.part(chosen)
+        patch_scene, patches=patch_scene.patches.subset(chosen), geometry=patch_scene.geometry.subset(chosen)
     )
     assert (
         ranks(compute, many).reshape(-1, 4) == 4 * ranks(compute, patch_scene)[:, None] + np.arange(4)

@@ -38,7 +38,7 @@ def card(corner, across, along, name="Card"):
 def open_room(origin=(0, 0, 0)):
     """Return a room without its ceiling, seen from inside."""
     made = room(Atlas(RESOLUTION), np.add(origin, (0, 0, 0)), np.add(origin, (1.1, 0.9, 0.7)), "Room")
-    return made.part(made.face != 1)
+    return made.subset(made.face != 1)
 
 
 @pytest.fixture(scope="module", params=DEVICES)
@@ -89,7 +89,7 @@ def test_a_large_occluder_leaves_the_texel_of_rays_as_it_is():
 def test_a_box_without_a_bottom_shows_its_inside_only_above_the_floor(tracer, height, count):
     floor = card((-1, -1, 0), 3 * X, 3 * Y, "Floor")
     box = block(Atlas(RESOLUTION), (0.2, 0.2, height), (0.7, 0.6, height + 0.5), "Box")
-    assert with_visible(tracer, [floor, box.part(box.face != 0)]) == {"Floor": 0, "Box": count}
+    assert with_visible(tracer, [floor, box.subset(box.face != 0)]) == {"Floor": 0, "Box": count}
 
 
 def test_a_ray_through_an_edge_shows_nothing_of_the_inside_of_a_box(tracer):

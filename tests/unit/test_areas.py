@@ -20,7 +20,7 @@ def test_areas_of_each_mesh_and_material_sum_to_those_of_its_triangles():
     charts = [(1.3, 2.6, 9.9, 5.2), (14.7, 1.1, 3.3, 7.6), (22.2, 3.4, 10.45, 9.01)]
     first = quads(corners, charts, [0, 1, 0], width, "First")
     second = quads(corners[:1] * 2, [(3.6, 20.3, 21.4, 11.8)], [0], width, "Second")
-    empty = replace(second.part(np.zeros(2, bool)), name="Empty")
+    empty = replace(second.subset(np.zeros(2, bool)), name="Empty")
     scene = Scene((first, empty, second), (material("A", 0.5), material("B", 0.2)))
     prepared = prepare(scene, width)
     areas = surface_areas(prepared.triangles, prepared.patches, prepared.geometry)

@@ -21,7 +21,7 @@ def test_what_is_not_named_stays():
 
 
 def test_each_kind_of_change_replaces_its_part():
-    red, shape = material("Red", (0.9, 0, 0)), ROOM.meshes[0].part(np.arange(len(ROOM.meshes[0].face)) > 3)
+    red, shape = material("Red", (0.9, 0, 0)), ROOM.meshes[0].subset(np.arange(len(ROOM.meshes[0].face)) > 3)
     changes = SceneChanges((lamp("A"), lamp("B")), np.float32([1, 2, 3]), {2: red}, {}, {0: shape})
     scene = changes.of(ROOM)
     assert [light.name for light in scene.lights] == ["A", "B"] and scene.materials[2] is red

@@ -63,7 +63,7 @@ def test_a_scene_that_goes_far_away_gets_an_origin_of_its_own():
 
 def test_a_mesh_with_other_triangles_has_moved_as_a_whole():
     before, scene = parts(room(0, 0, 0)), room(0, 0, 0)
-    half = scene.meshes[1].part(np.array([True, False]))
+    half = scene.meshes[1].subset(np.array([True, False]))
     after = parts(Scene((scene.meshes[0], half, scene.meshes[2]), scene.materials), before)
     assert len(moved_triangles(before, after)) == 3
 

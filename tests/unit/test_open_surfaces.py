@@ -59,7 +59,7 @@ def test_parts_of_many_boxes_match_a_dictionary_of_edges(seed):
         corner, size = rng.integers(-30, 30, 3), rng.integers(1, 4, 3)
         whole = replace(CUBE, positions=(CUBE.positions * size + corner).astype(np.float32))
         kept = rng.random(12) < rng.choice([0.4, 0.9, 1.0, 1.0])
-        meshes += [whole.part(kept), *([whole.part(~kept)] if rng.random() < 0.5 else [])]
+        meshes += [whole.subset(kept), *([whole.subset(~kept)] if rng.random() < 0.5 else [])]
     assert open_triangles(meshes).tolist() == open_by_dictionaries(meshes)
 
 
@@ -69,7 +69,7 @@ def test_meshes_that_stay_are_not_examined_again(monkeypatch):
     monkeypatch.setattr(
         open_surfaces, "closed_meshes", lambda each: examined.append(len(each)) or closed_meshes(each)
     )
-    surfaces, meshes = OpenSurfaces(), [box(), sheet(), sheet((5, 5, 5)).part(np.zeros(2, bool))]
+    surfaces, meshes = OpenSurfaces(), [box(), sheet(), sheet((5, 5, 5)).subset(np.zeros(2, bool))]
     expected = [False] * 12 + [True] * 2
     assert surfaces.of(meshes).tolist() == expected
     assert surfaces.of([*meshes, box((7, 7, 7), (8, 8, 8))]).tolist() == expected + [False] * 12
@@ -83,7 +83,7 @@ def test_closed_meshes_have_no_open_triangle():
 
 
 def test_all_triangles_of_an_open_surface_are_open_and_those_of_closed_ones_are_not():
-    lidless = box((2, 0, 0), (2.5, 0.3, 0.3)).part(np.arange(12) > 1)
+    lidless = box((2, 0, 0), (2.5, 0.3, 0.3)).subset(np.arange(12) > 1)
     found = open_triangles([box(), lidless, box((5, 5, 5), (5.5, 5.7, 5.3)), sheet()])
     assert found.tolist() == [False] * 12 + [True] * 10 + [False] * 12 + [True] * 2
 
@@ -92,10 +92,10 @@ def test_parts_of_a_body_in_several_meshes_close_each_other_far_from_the_origin(
     """glTF splits bodies by material; world positions are off by rounding."""
     far = replace(box(), positions=box().positions + np.float32(1000.1))
     some = np.arange(12) < 5
-    other = far.part(~some)
+    other = far.subset(~some)
     other = replace(other, positions=np.nextafter(other.positions, np.float32(np.inf)))
-    assert not open_triangles([far.part(some), other]).any()
-    assert open_triangles([far.part(some)]).all()
+    assert not open_triangles([far.subset(some), other]).any()
+    assert open_triangles([far.subset(some)]).all()
 
 
 def test_triangles_without_an_area_do_not_open_a_mesh():

@@ -21,9 +21,9 @@ COLUMNS = ("atlas", "texel", "mesh", "face", "subface")
 def scene():
     """Two meshes in one atlas, one without faces, one with polygons of one and two triangles in another."""
     room = furnace(0.5, 1.0)
-    other = replace(room.meshes[0].part(np.arange(12) != 3), atlas=1)
+    other = replace(room.meshes[0].subset(np.arange(12) != 3), atlas=1)
     strip = quads(rectangle((0, 0, 2), (7, 0, 0), (0, 5, 0))[None], [(1, 23, 7, 5)], [0], 32, "Strip")
-    nothing = other.part(np.zeros(11, bool))
+    nothing = other.subset(np.zeros(11, bool))
     return replace(room, meshes=(*room.meshes, nothing, other, strip), atlases=("Room", "Other"))
 
 
@@ -138,7 +138,7 @@ def test_a_triangle_that_is_missing(path, scene):
 
 
 def test_no_patches_at_all(path, scene, patches):
-    write_patches(path, scene, patches.part(np.zeros(len(patches), bool)))
+    write_patches(path, scene, patches.subset(np.zeros(len(patches), bool)))
     with pytest.raises(PatchFileError, match="not in the scene"):
         read_patches(path, scene, SIZE)
 
@@ -153,12 +153,12 @@ def test_a_file_that_cannot_be_finished_leaves_the_one_before(path, scene, patch
 
     monkeypatch.setattr(Path, "write_bytes", fill_disk)
     with pytest.raises(PatchFileError, match="a.patches' cannot be written [(]No space left on device[)]"):
-        write_patches(path, scene, patches.part(np.arange(10)))
+        write_patches(path, scene, patches.subset(np.arange(10)))
     assert path.read_bytes() == before and list(path.parent.iterdir()) == [path]
 
 
 def test_a_file_is_replaced_whole(path, scene, patches):
-    write_patches(path, scene, patches.part(np.arange(10)))
+    write_patches(path, scene, patches.subset(np.arange(10)))
     assert len(read_patches(path, scene, SIZE)) == 10 and list(path.parent.iterdir()) == [path]
 
 

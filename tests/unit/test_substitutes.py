@@ -23,7 +23,7 @@ class Places:
         self.triangle = np.zeros(len(center), int)
         self.steps = SimpleNamespace(longer=np.ones(1))
 
-    def part(self, chosen):
+    def subset(self, chosen):
         return Places(self.center[chosen])
 
 

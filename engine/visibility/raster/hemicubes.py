@@ -91,6 +91,6 @@ class Hemicubes:
         return views
 
     def _new_views(self, first: int, last: int) -> _Views:
-        geometry, reverse = self._patch_scene.geometry.part(slice(first, last)), self._reversed_depth
+        geometry, reverse = self._patch_scene.geometry.subset(slice(first, last)), self._reversed_depth
         points = viewpoints(self._patch_scene.triangles, geometry, self._settings, reverse, first)
         return _Views(points.frames, matrices(points.frame, points.eye, points.near, reverse))

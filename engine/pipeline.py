@@ -49,7 +49,7 @@ from .texel_gather.finishing import Finishing
 from .texel_gather.light_group_outputs import light_by_groups
 from .texel_gather.texel_sample_gather import TexelSampleLight, gather_texel_samples
 from .texel_gather.texel_sample_points import TexelGatherJob
-from .texel_gather.valid_patches import valid_front
+from .texel_gather.valid_patches import patch_validity
 from .visibility.rays.ray_scene import RayScene
 
 #: Function that sends a scene to other processes. It returns a function that sends them the patches and
@@ -283,7 +283,7 @@ def _direct_light(
     """
     stages.sampling(lighting.part_to_sample)
     if previous:
-        store.hide(previous.front, previous.contacts)
+        store.hide(previous.validity, previous.contacts)
         if not lighting.part_to_sample:
             return (yield from stages.run(stages.direct, lighting.gather()))
     if previous and outputs.begin_with_direct:
@@ -305,7 +305,7 @@ def _settle(
     contacts: Contacts,
     atlases: int,
 ) -> Generator[Progress, None, np.ndarray]:
-    """Iterate until convergence; return the validity of the patches from `valid_front`.
+    """Iterate until convergence; return the validity of the patches from `patch_validity`.
 
     A warm start stores the solution for the next bake with each image. It skips the image of direct light if
     that was shown before, and images that follow faster than the display rate.
@@ -331,13 +331,13 @@ def _settle(
             )
             job.kept.light = light.prepared() if done else light
         if done:
-            validity = valid_front(texels, atlases, contacts, solution)
+            validity = patch_validity(texels, atlases, contacts, solution)
             store.hide(validity, contacts)
         elif shows and not hidden:
-            store.hide(solution.front, contacts)
+            store.hide(solution.validity, contacts)
             hidden = True
         yield stages.iterated(solution, store.display(outputs.light(solution)) if shows else None)
-    return solution.front if validity is None else validity
+    return solution.validity if validity is None else validity
 
 
 def _made(
@@ -353,7 +353,7 @@ def _made(
 
     atlases:   number of the user's lightmaps
     contacts:  contacts of the patches
-    validity:  (n,) float32, validity from `valid_front`
+    validity:  (n,) float32, validity from `patch_validity`
     """
     job = texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.patch_scene.geometry))
@@ -379,7 +379,7 @@ def _probes(
 ) -> Generator[Progress, None, tuple[tuple[ProbeGrid, ...], tuple[str, ...]]]:
     """Return the light of the probe volumes, and warnings; both are empty unless probes are baked.
 
-    validity:  (n,) float32, validity of the patches from `valid_front`
+    validity:  (n,) float32, validity of the patches from `patch_validity`
     contacts:  contacts of the patches
     made:      outputs of the patches by name, of which probes need the maps of light groups
     """
@@ -406,7 +406,7 @@ def _shown(
 ) -> Generator[Progress, None, tuple[dict[str, np.ndarray], tuple[ReflectionCube, ...], tuple[str, ...]]]:
     """Return the final images by output, the reflection cubes that show them, and warnings.
 
-    validity:  (n,) float32, validity of the patches from `valid_front`
+    validity:  (n,) float32, validity of the patches from `patch_validity`
     contacts:  contacts of the patches
     seams:     pairs of points with equal light; None to leave seams visible
     """

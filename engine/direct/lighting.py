@@ -183,9 +183,9 @@ class DirectLighting:
 
         A patch of a back face coincides with the front of the same face, which does not count as a cover.
         """
-        hidden, back_to_back = find_contacts(self._ray_scene, self._ray_scene.count)
+        covered, back_to_back = find_contacts(self._ray_scene, self._ray_scene.count)
         seen = ~self._ray_scene.on_backs
-        return hidden & seen, back_to_back & seen
+        return covered & seen, back_to_back & seen
 
     def of(self, points: RayScene, settings: Settings) -> DirectLighting:
         """Return a copy of this lighting for the points of another ray scene and for other settings."""

@@ -84,7 +84,7 @@ def solver_like(job: SolveJob, choice: SolverChoice, substitute: np.ndarray | No
     substitute of each patch; None if all are valid.
     """
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
-    part = replace(job, settings=settings, indirect=None, direct=None, front=None)
+    part = replace(job, settings=settings, indirect=None, direct=None, validity=None)
     return _solver(part, lambda _: substitute)[0]
 
 
@@ -106,15 +106,15 @@ def _solver(
         key=lambda: digest_of((*job.light_key, *gathered_by)),
         choose_substitutes=choose_substitutes,
         direct=job.direct,
-        front=job.front,
+        validity=job.validity,
     )
     return solver, replace(choice, patches=job.count)
 
 
 def _substitutes(job: SolveJob, contacts: Contacts, gathered: Seen) -> np.ndarray | None:
     """Return the substitute of each patch, (n,) int64, from the first iteration; None if all are valid."""
-    hidden = is_invalid(gathered.front, contacts)
-    return substitute_patches(job.patch_scene, hidden, gathered.light_of, job.kept.find_substitutes)
+    invalid = is_invalid(gathered.validity, contacts)
+    return substitute_patches(job.patch_scene, invalid, gathered.light_of, job.kept.find_substitutes)
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:
@@ -142,7 +142,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
         area=groups.area,
         indirect=None if job.indirect is None else groups.mean(colors_on_host(job.indirect)),
         direct=None,
-        front=None,
+        validity=None,
         contacts=job.contacts and job.contacts.subset(groups.representative),
     )
     solver, choice = _solver(groups_job)

@@ -46,17 +46,17 @@ class DirectSources:
 class PreviousSolution:
     """Light of n patches after a bake.
 
-    light:    (n, 4) float32, E/pi, and validity: fraction of the hemisphere without back faces
-    front:    (n,) float32, validity
-    sampled:  (n, 3) float32, E/pi from shadow rays
-    direct:   (n, 3) float32, E/pi before any reflection
+    light:     (n, 4) float32, E/pi, and validity: fraction of the hemisphere without back faces
+    validity:  (n,) float32, fraction of each hemisphere without back faces
+    sampled:   (n, 3) float32, E/pi from shadow rays
+    direct:    (n, 3) float32, E/pi before any reflection
     contacts: contacts of the patches
     sources:  everything that determines `direct`, see `SolveJob.direct_sources`; None if unknown
     """
 
     patches: PatchList
     light: Values
-    front: np.ndarray
+    validity: np.ndarray
     sampled: np.ndarray
     direct: Values
     contacts: Contacts
@@ -73,13 +73,13 @@ class PreviousSolution:
     ) -> PreviousSolution:
         """Return the current light of a solution; sampled: (n, 3) float32, E/pi from shadow rays."""
         light, direct = solution.so_far
-        return cls(patches, light, solution.front, sampled, direct, contacts, sources)
+        return cls(patches, light, solution.validity, sampled, direct, contacts, sources)
 
-    def front_of(self, sources: DirectSources | None) -> np.ndarray | None:
+    def validity_of(self, sources: DirectSources | None) -> np.ndarray | None:
         """Return the validity of the patches if their visibility has not changed, else None."""
         if sources is None or self.sources is None:
             return None
-        return self.front if sources.has_visibility_of(self.sources) else None
+        return self.validity if sources.has_visibility_of(self.sources) else None
 
     def direct_of(self, sources: DirectSources | None) -> Values | None:
         """Return E/pi before any reflection, (n, 3), if none of its sources has changed, else None."""
@@ -116,8 +116,8 @@ class PreviousSolution:
             of(self.contacts.covered), of(self.contacts.back_to_back), of(self.contacts.backlit)
         )
         light = of(rows_of(self.light), np.array([0, 0, 0, 1], np.float32))
-        front, direct = of(self.front, 1), colors_on_host(self.direct)
-        return PreviousSolution(patches, light, front, of(self.sampled), of(direct), contacts)
+        validity, direct = of(self.validity, 1), colors_on_host(self.direct)
+        return PreviousSolution(patches, light, validity, of(self.sampled), of(direct), contacts)
 
     def _numbers_of(self, patches: PatchList) -> tuple[np.ndarray, np.ndarray]:
         """Return the old patch at the texel of each new patch, (m,) int64, and a mask of existing ones."""

@@ -155,10 +155,10 @@ class SessionCache:
             self._rays = RayScene(compute, patch_scene, self._top, shaders, known(Bvh))
         return self._rays
 
-    def find_substitutes(self, patch_scene: PatchScene, hidden: np.ndarray) -> PatchPairs:
+    def find_substitutes(self, patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs:
         """Return the pairs of `substitutes.find_substitutes`, cached for the same patches and mask."""
         return self._substitutes.get(
-            (patch_scene.patches, hidden), lambda: find_substitutes(patch_scene, hidden)
+            (patch_scene.patches, invalid), lambda: find_substitutes(patch_scene, invalid)
         )
 
     def inside(self, rays: RayScene) -> np.ndarray:

@@ -48,7 +48,7 @@ class SolveJob:
     kept:               session cache of the patches
     indirect:           (n, 3) float32, E/pi of reflected light at the start of a warm start; None for none
     direct:             (n, 3) float32, E/pi of light before any reflection, if it is unchanged; else None
-    front:              (n,) float32, validity, if it is unchanged; else None
+    validity:           (n,) float32, fraction without back faces, if it is unchanged; else None
     part_of:            job of all light, if this job solves a part of it, such as a light group
     contacts:           contacts of the patches; None if unknown
     backs:              (n, 3) float32, radiance of each patch's back face; None if equal to `emission`
@@ -68,7 +68,7 @@ class SolveJob:
     kept: SessionCache = field(default_factory=SessionCache)
     indirect: Values | None = None
     direct: Values | None = None
-    front: np.ndarray | None = None
+    validity: np.ndarray | None = None
     part_of: SolveJob | None = None
     contacts: Contacts | None = None
     backs: np.ndarray | None = None
@@ -139,7 +139,7 @@ class SolveJob:
             return self
         sources = self.direct_sources
         return replace(
-            self, indirect=last.indirect, direct=last.direct_of(sources), front=last.front_of(sources)
+            self, indirect=last.indirect, direct=last.direct_of(sources), validity=last.validity_of(sources)
         )
 
     @property

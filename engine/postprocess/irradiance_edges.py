@@ -42,14 +42,14 @@ _ON_EDGE, _AT_AN_END = 1, 2
 class PatchLight:
     """Solution of the patches, after the iteration has converged.
 
-    light:   (n, 1) float32, E/pi, sum of the channels, contiguous
-    front:   (n,) float32, validity: fraction of the hemisphere without back faces
-    hidden:  (n,) bool, True for invalid patches
+    light:     (n, 1) float32, E/pi, sum of the channels, contiguous
+    validity:  (n,) float32, fraction of the hemisphere without back faces
+    invalid:   (n,) bool, True for invalid patches
     """
 
     light: Values
-    front: np.ndarray
-    hidden: np.ndarray
+    validity: np.ndarray
+    invalid: np.ndarray
 
 
 def find_edges(
@@ -80,7 +80,7 @@ def find_edges(
     # the noise.
     least = np.float32(_DARK * float(np.asarray(known.light).mean()))
     light, _ = rows_on_device(compute, known.light)
-    arrays = known.front.astype(np.float32, copy=False), known.hidden.view(np.uint8)
+    arrays = known.validity.astype(np.float32, copy=False), known.invalid.view(np.uint8)
     buffers = upload_once(compute, entries), light, *(upload(compute, array) for array in arrays)
     compute.run_texels(find, entries.shape, *buffers, least, off, marks)
     in_blocks = atlases, blocks, blocks

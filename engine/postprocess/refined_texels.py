@@ -43,7 +43,7 @@ class RefinedTexels:
         known = self.images.has_patch.copy()
         known.ravel()[self._invalid_texels] = False
         if self._means is not None:
-            known.ravel()[self._means.hidden] = False
+            known.ravel()[self._means.invalid] = False
             known.ravel()[self._means.texels] = True
         return known
 
@@ -61,7 +61,7 @@ class RefinedTexels:
         plain = self.images.has_patch.copy()
         plain.ravel()[self._invalid_texels] = False
         if self._means is not None:
-            plain.ravel()[self._means.texels] = plain.ravel()[self._means.hidden] = False
+            plain.ravel()[self._means.texels] = plain.ravel()[self._means.invalid] = False
         return plain
 
     @property

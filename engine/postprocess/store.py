@@ -59,7 +59,7 @@ class LightmapImages:
 
         Replaces the previous set, since objects may move.
 
-        validity:  (n,) float32, validity: fraction of the hemisphere without back faces; patches inside
+        validity:  (n,) float32, fraction of the hemisphere without back faces; patches inside
                    closed objects have low values
         contacts:  contacts of the patches; a covered patch is black whatever its rays hit
         """

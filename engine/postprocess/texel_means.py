@@ -44,8 +44,8 @@ class TexelMeans:
     visible:  (s,) bool, valid samples; texels without any are filled as invalid
     shape:    (atlases, r, r)
     texels:   (k,) int64, flat indices of texels with valid samples
-    hidden:   (h,) int64, flat indices of texels whose samples are all invalid
-    beyond:   (b,) int64, texels of `hidden` that are next to a mostly valid texel
+    invalid:  (h,) int64, flat indices of texels whose samples are all invalid
+    beyond:   (b,) int64, texels of `invalid` that are next to a mostly valid texel
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class TexelMeans:
         places = np.where(state & (_SEEN | _BEYOND), texels, NOWHERE).astype(np.uint32)
         self._shown_places, self._has_planes = upload(compute, places), bool((state & _CUT).any())
         seen = state & _SEEN > 0
-        self.texels, self.hidden, self.beyond = texels[seen], texels[~seen], texels[state & _BEYOND > 0]
+        self.texels, self.invalid, self.beyond = texels[seen], texels[~seen], texels[state & _BEYOND > 0]
 
         # Light, range and planes of the current values of each texel.
         self._light, self._changed, self._low, self._high = (self._buffer(16 * self._count) for _ in range(4))

@@ -60,16 +60,16 @@ _BLACK = 1e-30
 def gather_probes(
     texel_job: TexelGatherJob,
     solution: Solution,
-    front: np.ndarray,
-    near: Contacts,
+    validity: np.ndarray,
+    contacts: Contacts,
     groups: Mapping[str, Values],
 ) -> Generator[float, None, tuple[ProbeGrid, ...]]:
     """Return the light of all probe volumes of a scene; yield the fraction done.
 
     texel_job:  patches and direct light
     solution:   solution of all light
-    front:      (n,) float32, validity of the patches, see `valid_front`
-    near:       contacts of the patches
+    validity:   (n,) float32, validity of the patches, see `patch_validity`
+    contacts:   contacts of the patches
     groups:     (n, 3) float32, E/pi of the patches, by light group in order; empty without light groups
     """
     # Patches emit their final light, also where groups of them were solved.
@@ -77,8 +77,8 @@ def gather_probes(
     total = sum(volume.count for volume in volumes)
     substitute = None
     if texel_job.choice.method != "none":
-        hidden = invalid_patches(texel_job, front, near)
-        substitute = substitutes_of(texel_job, hidden, solution.light, solution.substitute)
+        invalid = invalid_patches(texel_job, validity, contacts)
+        substitute = substitutes_of(texel_job, invalid, solution.light, solution.substitute)
     lights = [_radiance(texel_job.job, solution.light, substitute)]
     for number, light in enumerate(groups.values()):
         emission, sky, backs = texel_job.lighting.left_to_hemicubes(number)

@@ -36,7 +36,7 @@ _BLACK = 1e-30
 def gather_reflections(
     texel_job: TexelGatherJob,
     solution: Solution,
-    front: np.ndarray,
+    validity: np.ndarray,
     contacts: Contacts,
     images: Mapping[str, np.ndarray],
 ) -> Generator[float, None, tuple[tuple[ReflectionCube, ...], tuple[str, ...]]]:
@@ -44,14 +44,14 @@ def gather_reflections(
 
     texel_job: patches and direct light
     solution:  solution of all light
-    front:     (n,) float32, validity of the patches, see `valid_front`
+    validity:  (n,) float32, validity of the patches, see `patch_validity`
     contacts:  contacts of the patches
     images:    final lightmaps, (atlases, r, r, 3) float32, by output; "combined" is shown where it exists
     """
     job = texel_job.job
     size = job.settings.reflection_size
     spheres, warnings = _fitting(texel_job.scene.reflection_spheres, size)
-    light = _patch_light(texel_job, solution, is_invalid(front, contacts), images.get("combined"))
+    light = _patch_light(texel_job, solution, is_invalid(validity, contacts), images.get("combined"))
     tracer = CubeTracer(job.opencl, job.rays.rays, texel_job.scene, job.patch_scene, light)
     made = list[ReflectionCube]()
     for number, sphere in enumerate(spheres):

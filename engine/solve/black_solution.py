@@ -23,7 +23,7 @@ class BlackSolution:
         self.energies: list[float] = []
         self.gathered = np.zeros((count, 4), np.float32)
         self.light = self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
-        self.so_far, self.front = (self.gathered, self.direct), self.gathered[:, 3]
+        self.so_far, self.validity = (self.gathered, self.direct), self.gathered[:, 3]
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:
         """Return zero L1, (n, 3, 3) float32."""

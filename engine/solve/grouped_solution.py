@@ -95,7 +95,7 @@ class GroupedSolution:
         return self.gathered, self.direct
 
     @property
-    def front(self) -> np.ndarray:
+    def validity(self) -> np.ndarray:
         """Fraction of each patch's hemisphere without back faces, (n,) float32."""
         return self.gathered[:, 3]
 

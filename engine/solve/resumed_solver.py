@@ -32,10 +32,17 @@ class ResumedSolver(Solver):
         key: Callable[[], str],
         choose_substitutes: ChooseSubstitutes | None = None,
         direct: Values | None = None,
-        front: np.ndarray | None = None,
+        validity: np.ndarray | None = None,
     ) -> None:
         super().__init__(
-            radiosity, sampled_light, settings, gathers_direct, reflected, choose_substitutes, direct, front
+            radiosity,
+            sampled_light,
+            settings,
+            gathers_direct,
+            reflected,
+            choose_substitutes,
+            direct,
+            validity,
         )
         self._checkpoint, self._key = checkpoint, key
         state = checkpoint.light(key)

@@ -73,7 +73,7 @@ class Solution(IrradianceParts, Protocol):
         ...
 
     @property
-    def front(self) -> np.ndarray:
+    def validity(self) -> np.ndarray:
         """Fraction of each patch's hemisphere without back faces, (n,) float32."""
         ...
 

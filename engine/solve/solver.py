@@ -20,7 +20,7 @@ class Seen(Protocol):
     """Light that the first iteration gathered; most arrays may be on the device."""
 
     @property
-    def front(self) -> np.ndarray:
+    def validity(self) -> np.ndarray:
         """Fraction of each patch's hemisphere without back faces, (n,) float32."""
         ...
 
@@ -63,7 +63,7 @@ class Solver:
     reflected:           (n, 3) float32, E/pi of the reflected light in the start state of the radiosity; None
                          for none
     direct:              (n, 3) float32, E/pi of the unreflected light in the start state; None for none
-    front:               (n,) float32, fraction of each hemisphere without back faces, if known
+    validity:            (n,) float32, fraction of each hemisphere without back faces, if known
     choose_substitutes:  returns `substitute` from the result of the first iteration; None for no substitutes
     substitute:          (n,) int64, patch whose reflected light replaces each patch's own, itself for most;
                          None for no substitutes, and before the first iteration
@@ -84,12 +84,12 @@ class Solver:
         reflected: Values | None = None,
         choose_substitutes: ChooseSubstitutes | None = None,
         direct: Values | None = None,
-        front: np.ndarray | None = None,
+        validity: np.ndarray | None = None,
     ) -> None:
         self.substitute: np.ndarray | None = None
         self._choose_substitutes = choose_substitutes
         self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
-        self._warm, self._front = reflected is not None, front
+        self._warm, self._validity = reflected is not None, validity
         self._begins_with_direct = self._warm and gathers_direct and direct is None
         self._limit, self._tolerance = settings.max_bounces, settings.tolerance
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
@@ -155,14 +155,14 @@ class Solver:
         return self._gathered
 
     @property
-    def front(self) -> np.ndarray:
+    def validity(self) -> np.ndarray:
         """Fraction of each patch's hemisphere without back faces, (n,) float32; equal in all iterations."""
-        if self._front is None:
+        if self._validity is None:
             light = self._newest_light
-            self._front = (
+            self._validity = (
                 light.fourth if isinstance(light, DeviceArray) else np.ascontiguousarray(light[:, 3])
             )
-        return self._front
+        return self._validity
 
     def light_of(self, patches: np.ndarray) -> np.ndarray:
         """Return E/pi of some patches, (k,) int64, as (k, 3) float32."""

@@ -135,7 +135,7 @@ class Finishing:
         if not len(lit.samples):
             return RefinedTexels(store)
         compute = self._job.opencl
-        refined = RefinedTexels(store, lit.means(compute, store.has_patch.shape), lit.hidden)
+        refined = RefinedTexels(store, lit.means(compute, store.has_patch.shape), lit.invalid)
         if not len(lit.inside):
             return refined
         shown = refined.on_device(compute, *self._light_of_texels())

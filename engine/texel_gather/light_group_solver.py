@@ -87,7 +87,7 @@ def solve_light_groups(
 def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: GroupEmission) -> SolveJob:
     """Return the solver's job for one light group."""
     if not isinstance(solution, GroupedSolution):
-        return replace(job, **vars(sources), part_of=job, indirect=None, direct=None, front=None)
+        return replace(job, **vars(sources), part_of=job, indirect=None, direct=None, validity=None)
     mean = solution.groups.mean
     return replace(
         solved,
@@ -98,7 +98,7 @@ def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: Group
         part_of=solved,
         indirect=None,
         direct=None,
-        front=None,
+        validity=None,
     )
 
 

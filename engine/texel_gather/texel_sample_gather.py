@@ -55,14 +55,14 @@ _BATCH = 1 << 19
 class TexelSampleLight:
     """Light at texel samples.
 
-    samples:   texel samples after push-off
-    visible:   (s,) bool, valid samples
-    normals:   (s, 3) float32, unit, world space; (0, 3) if nothing is denoised
-    light:     (s,) float32, E/pi of all light, sum of the channels
-    centres:   (n, 1) float32, E/pi of the patches, sum of the channels
-    inside:    (k,) int64, samples inside walls thinner than two texels
-    values:    (s, 3) or (s,) float32, value of each output, by name; empty without samples
-    hidden:    (n,) bool, invalid patches
+    samples:  texel samples after push-off
+    visible:  (s,) bool, valid samples
+    normals:  (s, 3) float32, unit, world space; (0, 3) if nothing is denoised
+    light:    (s,) float32, E/pi of all light, sum of the channels
+    centres:  (n, 1) float32, E/pi of the patches, sum of the channels
+    inside:   (k,) int64, samples inside walls thinner than two texels
+    values:   (s, 3) or (s,) float32, value of each output, by name; empty without samples
+    invalid:  (n,) bool, invalid patches
     substitute: (m,) int64, substitute of each sender of light; None if all are valid
     count:     samples of each texel
     reasons:   sentences for the report
@@ -76,7 +76,7 @@ class TexelSampleLight:
     centres: Values
     inside: np.ndarray
     values: dict[str, np.ndarray]
-    hidden: np.ndarray
+    invalid: np.ndarray
     substitute: np.ndarray | None
     count: int
     reasons: tuple[str, ...]
@@ -108,7 +108,7 @@ def gather_texel_samples(
     atlases: int,
     contacts: Contacts,
     solution: Solution,
-    front: np.ndarray,
+    validity: np.ndarray,
     found: Callable[[int, int], None],
 ) -> Generator[float, None, TexelSampleLight]:
     """Gather light at the texel samples of a solution; yield the fraction done.
@@ -117,7 +117,7 @@ def gather_texel_samples(
     atlases:   number of the user's lightmaps
     contacts:  contacts of the patches
     solution:  solution of all light
-    front:     (n,) float32, validity from `valid_front`
+    validity:  (n,) float32, validity from `patch_validity`
     found:     called with the numbers of texel samples and of the rays of each, before the gather
     """
     if texel_job.job.settings.texel_samples == 1 or texel_job.choice.method == "none":
@@ -125,7 +125,7 @@ def gather_texel_samples(
     compute, why = texel_job.job.compute, _why_centres_only(texel_job.job, texel_job.choice)
     if why or compute is None:
         return _nothing(why)
-    known = PatchLight(channel_sums(solution.light), front, invalid_patches(texel_job, front, contacts))
+    known = PatchLight(channel_sums(solution.light), validity, invalid_patches(texel_job, validity, contacts))
     asked, clipper = (
         texel_job.job.settings.texel_samples,
         texel_job.job.kept.texels.clipper(compute, texel_job.job.patch_scene),
@@ -135,7 +135,7 @@ def gather_texel_samples(
         return _nothing("No texel needs more than one sample.")
     settings = _settings_of_samples(texel_job.job.settings, count)
     found(len(samples), expected_samples(settings))
-    substitute = substitutes_of(texel_job, known.hidden, solution.settled, solution.substitute)
+    substitute = substitutes_of(texel_job, known.invalid, solution.settled, solution.substitute)
     radiance, remote = radiance_of(texel_job.solved, solution.settled, substitute), texel_job.job.remote
     if texel_job.job.patch_scene.sides is not None:
         # Remote devices do not store the weights of both sides of a surface, so this device gathers.
@@ -217,7 +217,7 @@ def _nothing(*reasons: str) -> TexelSampleLight:
         centres=nothing,
         inside=np.zeros(0, np.int64),
         values={},
-        hidden=none,
+        invalid=none,
         substitute=None,
         count=1,
         reasons=reasons,
@@ -286,7 +286,7 @@ def _joined(
         centres=known.light,
         inside=inside,
         values=values,
-        hidden=known.hidden,
+        invalid=known.invalid,
         substitute=substitute,
         count=count,
         reasons=(reason,),

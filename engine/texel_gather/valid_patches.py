@@ -32,36 +32,36 @@ def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None
 
 
 def substitutes_of(
-    texel_job: TexelGatherJob, hidden: np.ndarray, settled: Values, of_groups: np.ndarray | None
+    texel_job: TexelGatherJob, invalid: np.ndarray, settled: Values, of_groups: np.ndarray | None
 ) -> np.ndarray | None:
     """Return the patch whose light each sender emits in a final gather, (m,) int64; None if all are valid.
 
     Senders are patches or patch groups. A valid one emits its own light, an invalid one that of a neighbour.
 
-    hidden:     (n,) bool, invalid patches, see `invalid_patches`
+    invalid:    (n,) bool, invalid patches, see `invalid_patches`
     settled:    (m, 3) float32, E/pi of the senders
     of_groups:  (m,) int64, substitutes of the iterations, see `Solution.substitute`
     """
     if texel_job.solved is not texel_job.job:
-        hidden = _invalid_groups(texel_job, hidden, of_groups)
-    return substitute_patches(texel_job.solved.patch_scene, hidden, partial(values_at, settled))
+        invalid = _invalid_groups(texel_job, invalid, of_groups)
+    return substitute_patches(texel_job.solved.patch_scene, invalid, partial(values_at, settled))
 
 
 def _invalid_groups(
-    texel_job: TexelGatherJob, hidden: np.ndarray, of_groups: np.ndarray | None
+    texel_job: TexelGatherJob, invalid: np.ndarray, of_groups: np.ndarray | None
 ) -> np.ndarray:
     """Return a mask of the invalid patch groups, (m,) bool.
 
     A group has the light of its representative patch. It is invalid if that patch is, or if the iterations
     replaced its light.
 
-    hidden, of_groups:  see `substitutes_of`
+    invalid, of_groups:  see `substitutes_of`
     """
     entries = texel_job.job.patch_scene.texel_to_patch.ravel()[texel_job.solved.patch_scene.patches.key]
-    invalid: np.ndarray = hidden[entries.astype(np.int64) - 1]
+    invalid_groups: np.ndarray = invalid[entries.astype(np.int64) - 1]
     if of_groups is not None:
-        invalid |= of_groups != np.arange(len(of_groups))
-    return invalid
+        invalid_groups |= of_groups != np.arange(len(of_groups))
+    return invalid_groups
 
 
 def lit_backs_of(texel_job: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | None:
@@ -84,7 +84,7 @@ def _lit_backs(texel_job: TexelGatherJob, settled: Values) -> cl.Buffer | np.nda
     return lit_backs_on_host(solved.patch_scene, solved.emission + reflectance * light[:, :3])
 
 
-def valid_front(
+def patch_validity(
     texel_job: TexelGatherJob, atlases: int, contacts: Contacts, solution: Solution
 ) -> np.ndarray:
     """Return the validity of each patch, (n,) float32; 0 for patches inside geometry.
@@ -97,27 +97,27 @@ def valid_front(
     contacts:  contacts of the patches
     solution:  solution of all light
     """
-    job, front = texel_job.job, solution.front
+    job, validity = texel_job.job, solution.validity
     if job.patch_scene.triangles.backs is None or texel_job.choice.method == "none":
-        return front
+        return validity
     lit = _lit_backs(texel_job, solution.settled)
-    unsure = ~(is_invalid(front, contacts) | contacts.backlit)
+    unsure = ~(is_invalid(validity, contacts) | contacts.backlit)
     unsure[job.patch_scene.patches.count_in(atlases) :] = False
-    return np.where(_inside(texel_job, unsure, lit), np.float32(0), front)
+    return np.where(_inside(texel_job, unsure, lit), np.float32(0), validity)
 
 
-def invalid_patches(texel_job: TexelGatherJob, front: np.ndarray, contacts: Contacts) -> np.ndarray:
+def invalid_patches(texel_job: TexelGatherJob, validity: np.ndarray, contacts: Contacts) -> np.ndarray:
     """Return a mask of invalid patches, (n,) bool.
 
     Probe rays decide for doubtful patches, since rays from a patch inside a wall may hit the front of a
     ceiling in which the wall ends.
 
-    front:  (n,) float32, validity from `valid_front`
+    validity:  (n,) float32, validity from `patch_validity`
     """
-    hidden = is_invalid(front, contacts)
+    invalid = is_invalid(validity, contacts)
     if texel_job.job.patch_scene.triangles.backs is None:
-        hidden |= _inside(texel_job, is_doubtful(front) & ~(hidden | contacts.backlit), None)
-    return hidden
+        invalid |= _inside(texel_job, is_doubtful(validity) & ~(invalid | contacts.backlit), None)
+    return invalid
 
 
 def _inside(texel_job: TexelGatherJob, tested: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:

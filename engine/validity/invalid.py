@@ -34,22 +34,22 @@ class Contacts(Protocol):
         ...
 
 
-def is_invalid(front: np.ndarray, contacts: Contacts) -> np.ndarray:
+def is_invalid(validity: np.ndarray, contacts: Contacts) -> np.ndarray:
     """Return a mask of invalid points, (n,) bool: covered by a face, or inside geometry.
 
-    front:     (n,) float32, validity: fraction of the hemisphere without back faces
+    validity:  (n,) float32, fraction of the hemisphere without back faces
     contacts:  contacts of the points
     """
-    invalid: np.ndarray = contacts.covered | ((front < 1 - INVALID) & ~contacts.backlit)
+    invalid: np.ndarray = contacts.covered | ((validity < 1 - INVALID) & ~contacts.backlit)
     return invalid
 
 
-def is_doubtful(front: np.ndarray) -> np.ndarray:
+def is_doubtful(validity: np.ndarray) -> np.ndarray:
     """Return a mask of points that may be invalid, (n,) bool, for which probe rays decide.
 
-    front:  (n,) float32, validity
+    validity:  (n,) float32
     """
-    doubtful: np.ndarray = front < 1 - DOUBTFUL
+    doubtful: np.ndarray = validity < 1 - DOUBTFUL
     return doubtful
 
 

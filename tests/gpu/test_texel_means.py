@@ -54,7 +54,7 @@ def test_texels_beyond_what_is_seen_are_those_that_it_reads(compute):
     samples = samples_of_all_texels()
     means = TexelMeans(compute, samples, samples.position[:, 0] < 3.8, SHAPE)
     assert set(means.beyond % RESOLUTION) == {4} and len(means.beyond) == ATLASES * RESOLUTION
-    assert set(means.hidden % RESOLUTION) == {4, 5, 6}
+    assert set(means.invalid % RESOLUTION) == {4, 5, 6}
     assert len(TexelMeans(compute, samples, samples.position[:, 0] < 3.3, SHAPE).beyond) == 0
 
 

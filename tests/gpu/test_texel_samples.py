@@ -147,7 +147,7 @@ def test_borders_of_charts_have_samples_beside_light_that_is_hardly_even(compute
 def test_both_sides_of_a_border_of_what_is_hidden_have_samples(compute):
     patch_scene = parts_of(SQUARE)
     known = even(patch_scene)
-    known.hidden[:] = patch_scene.patches.texel % RESOLUTION < 4
+    known.invalid[:] = patch_scene.patches.texel % RESOLUTION < 4
     assert set(display_samples(compute, patch_scene, 1, known, 4).texel % RESOLUTION) == {3, 4}
 
 
@@ -165,7 +165,7 @@ def test_texels_show_the_weighted_mean_of_visible_samples(compute):
     values = np.random.default_rng(3).random((len(samples), 3)).astype(np.float32)
     visible = samples.texel % RESOLUTION != 2
     means = TexelMeans(compute, samples, visible, (1, RESOLUTION, RESOLUTION))
-    assert set(means.hidden % RESOLUTION) == {2} and not set(means.texels % RESOLUTION) & {2}
+    assert set(means.invalid % RESOLUTION) == {2} and not set(means.texels % RESOLUTION) & {2}
     for texel, mean in zip(means.texels, means.of(values)[: len(means.texels)], strict=True):
         mine = samples.texel == texel
         assert mean == pytest.approx(np.average(values[mine], axis=0, weights=samples.weight[mine]), rel=1e-5)

@@ -44,12 +44,12 @@ def floor(entries=None, height=None):
 def gathered_by(light, front):
     light, front = (np.asarray(values, np.float32).ravel() for values in (light, front))
     colors = np.stack([light, light / 2, 0 * light], axis=1)
-    return SimpleNamespace(front=front, light_of=colors.__getitem__)
+    return SimpleNamespace(validity=front, light_of=colors.__getitem__)
 
 
 def substitutes(patches, faces, gathered):
     """Return the substitutes of the patches that back faces or contacts make invalid."""
-    return substitute_patches(patches, is_invalid(gathered.front, faces), gathered.light_of)
+    return substitute_patches(patches, is_invalid(gathered.validity, faces), gathered.light_of)
 
 
 def near(count):

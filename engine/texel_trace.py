@@ -77,7 +77,7 @@ def _patch(state: BakeState, patch: int) -> Iterator[str]:
 def _validity(state: BakeState, patch: int) -> Iterator[str]:
     """Yield the measurements that decide if a patch lies inside geometry."""
     contacts, invalid = state.contacts, is_invalid(state.validity, state.contacts)[patch]
-    yield f"back faces       {1 - state.validity[patch]:.1%} of the view"
+    yield f"back faces       {max(0.0, 1 - float(state.validity[patch])):.1%} of the view"
     flags = [
         ("covered", contacts.covered),
         ("backlit", contacts.backlit),

@@ -84,7 +84,7 @@ def _current(
     devices: Devices, work: Generator[Progress, None, BakeResult]
 ) -> Generator[Progress, None, BakeResult]:
     """Run a bake with its OpenGL context current in each slice, and translate device failures."""
-    with devices.failures_told(), closing(work):
+    with devices.translated_failures(), closing(work):
         while True:
             devices.graphics.use()
             try:
@@ -185,7 +185,7 @@ def _bake(
     # Gather iterations until convergence (III.B, IV.C). They also measure which patches lie inside geometry;
     # with patch groups, the final gather does.
     texels = TexelGatherJob(scene, job, solved, choice, lighting)
-    validity = yield from _settle(stages, store, outputs, solution, texels, contacts, len(atlases))
+    validity = yield from _converge(stages, store, outputs, solution, texels, contacts, len(atlases))
 
     # Outputs at the patches, and at texel samples where texels are not uniform.
     made, gathered = yield from _made(stages, outputs, texels, len(atlases), contacts, solution, validity)
@@ -296,7 +296,7 @@ def _direct_light(
     return sampled
 
 
-def _settle(
+def _converge(
     stages: BakeStages,
     store: LightmapImages,
     outputs: Outputs,

@@ -101,7 +101,7 @@ class Session:
         if self._kept is None or self._devices is None:
             return False
         try:
-            with self._devices.failures_told():
+            with self._devices.translated_failures():
                 self._devices.graphics.use()
                 return self._kept.refresh_backs(self._devices.graphics, self._devices.compute)
         except DeviceMemoryError:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import bpy
 
 from .result.preview import hide_preview
-from .scene.messages import Troubles
+from .scene.messages import Issues
 from .scene.uvs.lightmap_layer import lightmap_layer
 from .scene.uvs.uv_modifier import remove_uv_modifiers, uv_modifiers
 from .scene.uvs.uv_targets import is_usable_layer
@@ -31,17 +31,17 @@ def apply_on_copies(
     Returns the copies, and sentences about objects that were not replaced. A copy keeps usable lightmap UVs
     and therefore its light. An object linked from another file is removed from the scene's collections.
     """
-    copies, troubles = [], Troubles()
+    copies, issues = [], Issues()
     for obj in objects:
-        trouble = _trouble(context, obj)
-        if trouble:
-            troubles.add(trouble, obj.name)
+        issue = _issue(context, obj)
+        if issue:
+            issues.add(issue, obj.name)
         else:
             copies.append(_replace(context, obj))
-    return copies, troubles.tell()
+    return copies, issues.tell()
 
 
-def _trouble(context: bpy.types.Context, obj: bpy.types.Object) -> str | None:
+def _issue(context: bpy.types.Context, obj: bpy.types.Object) -> str | None:
     """Return the reason why an object cannot be replaced, None if it can."""
     depsgraph = context.evaluated_depsgraph_get()
     if obj.is_editable and len(obj.modifiers) == len(uv_modifiers(obj)):

@@ -31,7 +31,7 @@ class DeviceFinder:
     def names(self) -> list[str]:
         """Names of the OpenCL devices, as `Settings.opencl_device` chooses them."""
         devices = self.found.devices if self.found else ()
-        return [device.name for device in devices if device.api == "OpenCL" and not device.trouble]
+        return [device.name for device in devices if device.api == "OpenCL" and not device.issue]
 
     def find(self, opencl_device: str | None) -> None:
         """Search for devices, and return when they are known."""

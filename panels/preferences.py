@@ -71,11 +71,11 @@ def _draw_devices(layout: bpy.types.UILayout, width: float) -> None:
 
 def _draw_device(layout: bpy.types.UILayout, device: DeviceInfo, width: float) -> None:
     """Draw name, memory, use, problem and driver of a device."""
-    icon = "ERROR" if device.trouble else "CHECKMARK" if device.use else "DOT"
+    icon = "ERROR" if device.issue else "CHECKMARK" if device.use else "DOT"
     draw_text(layout, f"{device.api}: {device.name}", width, icon)
     memory = f"{device.memory / 2**30:.1f} GiB" if device.memory else ""
     use = f"used for {device.use}" if device.use else "not used"
-    draw_text(layout, ", ".join(filter(None, [memory, use, device.trouble])), width, "BLANK1")
+    draw_text(layout, ", ".join(filter(None, [memory, use, device.issue])), width, "BLANK1")
     draw_text(layout, f"Driver {device.driver}", width, "BLANK1")
 
 

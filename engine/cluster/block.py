@@ -103,18 +103,18 @@ class BlockVisibility:
     def __init__(self, shipment: ScenePayload, table: PatchTable, rows: SentRows) -> None:
         self._first, self._sources = unpacked(rows).first, prepared(shipment).sources(table)
         with self._sources.working():
-            lookers = self._sources.part(rows)
-            sampler = make_sampler(lookers, untried_visibility(lookers.settings))
-            self.bytes = sampler.row_bytes * lookers.count
-            sweep, compute = caching_gather(lookers, sampler), lookers.opencl
-            self._gather = GatherPass(compute, sweep, np.zeros((lookers.count, 3), np.float32))
+            receivers_job = self._sources.part(rows)
+            sampler = make_sampler(receivers_job, untried_visibility(receivers_job.settings))
+            self.bytes = sampler.row_bytes * receivers_job.count
+            sweep, compute = caching_gather(receivers_job, sampler), receivers_job.opencl
+            self._gather = GatherPass(compute, sweep, np.zeros((receivers_job.count, 3), np.float32))
 
             # The block owns the samples, so they are removed from the job's session cache.
-            lookers.kept.clear()
+            receivers_job.kept.clear()
 
             # The first gather computes the visibility.
             gathered = self._gathered(self._sources.darkness)
-            seen = download(compute, self._gather.patches_seen, (lookers.count,))
+            seen = download(compute, self._gather.patches_seen, (receivers_job.count,))
             self.views = np.stack([gathered[:, 3], seen], axis=1)
 
     def gather(self, light: HalfRadiance | MappedRadiance) -> np.ndarray:

@@ -46,10 +46,12 @@ def _gathered(
 ) -> tuple[GatherPass, np.ndarray]:
     """Return the gather pass of a block, and the light that it gathered."""
     scene, (table, seen) = prepared(shipment), tables
-    lookers, groups = scene.patches(table).part(rows), scene.sources(seen)
-    receivers = Receivers(lookers.patch_scene, lookers.rays, np.zeros((lookers.count, 3), np.float32))
-    visibility = untried_visibility(lookers.settings)
-    gather, _ = final_gather(groups.job, visibility, receivers, lookers.settings)
+    receivers_job, groups = scene.patches(table).part(rows), scene.sources(seen)
+    receivers = Receivers(
+        receivers_job.patch_scene, receivers_job.rays, np.zeros((receivers_job.count, 3), np.float32)
+    )
+    visibility = untried_visibility(receivers_job.settings)
+    gather, _ = final_gather(groups.job, visibility, receivers, receivers_job.settings)
     return gather, finished(gather.gather_from(groups.table(light)))
 
 

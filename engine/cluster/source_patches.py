@@ -64,7 +64,7 @@ class SourcePatches:
     def working(self) -> Iterator[None]:
         """Run work on the devices of this worker; convert their failures to DeviceError."""
         self._devices.graphics.use()
-        with self._devices.failures_told():
+        with self._devices.translated_failures():
             yield
 
     def part(self, rows: SentRows) -> SolveJob:

@@ -254,7 +254,7 @@ def _probed(context: cl.Context) -> cl.Context:
     return context
 
 
-def trouble_with(device: cl.Device) -> str:
+def device_issue(device: cl.Device) -> str:
     """Return the reason why a device cannot build kernels; empty if it can."""
     try:
         _probed(cl.Context([device]))

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 class DeviceInfo:
     """Device of OpenGL or OpenCL.
 
-    api:      "OpenGL" or "OpenCL"
-    name:     OpenGL: renderer; OpenCL: platform and device, as in `Settings.opencl_device`
-    driver:   version of the driver
-    memory:   memory of an OpenCL device, bytes; 0 if unknown
-    use:      role in a bake, which completes "used for"; empty if unused
-    trouble:  reason why it cannot be used; empty if it can
+    api:     "OpenGL" or "OpenCL"
+    name:    OpenGL: renderer; OpenCL: platform and device, as in `Settings.opencl_device`
+    driver:  version of the driver
+    memory:  memory of an OpenCL device, bytes; 0 if unknown
+    use:     role in a bake, which completes "used for"; empty if unused
+    issue:   reason why it cannot be used; empty if it can
     """
 
     api: str
@@ -22,7 +22,7 @@ class DeviceInfo:
     driver: str = ""
     memory: int = 0
     use: str = ""
-    trouble: str = ""
+    issue: str = ""
 
 
 @dataclass(frozen=True)

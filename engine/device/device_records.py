@@ -56,13 +56,13 @@ class DeviceRecords:
         """Return a sentence about each skipped device, by digest."""
         return self._read(_SKIPPED)
 
-    def skip(self, device: DeviceKey, trouble: str) -> None:
+    def skip(self, device: DeviceKey, issue: str) -> None:
         """Let bakes skip a device.
 
-        trouble:  predicate of a sentence whose subject is the driver
+        issue:  predicate of a sentence whose subject is the driver
         """
         sentence = (
-            f"'{device.name}': its driver {trouble}, so bakes skip this driver version. "
+            f"'{device.name}': its driver {issue}, so bakes skip this driver version. "
             "Update the driver, or choose the device in Hemibake's preferences to use it anyway."
         )
         self._write(_SKIPPED, {**self.skipped(), device.digest: sentence})

@@ -69,7 +69,7 @@ class Devices:
         return self._peers
 
     @contextmanager
-    def failures_told(self) -> Iterator[None]:
+    def translated_failures(self) -> Iterator[None]:
         """Convert OpenGL errors and OpenCL memory errors inside the block to DeviceError."""
         try:
             yield

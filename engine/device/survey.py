@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..errors import DeviceError
-from .cl_device import ComputeDevice, device_name, found_devices, trouble_with
+from .cl_device import ComputeDevice, device_issue, device_name, found_devices
 from .device_info import DeviceInfo, DeviceSurvey
 from .gl_context import GraphicsContext
 from .opencl import cl
@@ -46,7 +46,7 @@ def _opencl(chosen: str | None, missing: list[str]) -> list[DeviceInfo]:
     found: dict[str, DeviceInfo] = {}
     for device in devices:
         name = device_name(device)
-        if name not in found or found[name].trouble:
+        if name not in found or found[name].issue:
             found[name] = _describe(device)
     try:
         used = device_name(ComputeDevice(opencl_device=chosen).device)
@@ -62,5 +62,5 @@ def _describe(device: cl.Device) -> DeviceInfo:
         device_name(device),
         device.driver_version.strip(),
         device.global_mem_size,
-        trouble=trouble_with(device),
+        issue=device_issue(device),
     )

@@ -66,9 +66,9 @@ class ThinWallFit:
 
         # Equations demand the light of samples next to the wall, of centres of fitted texels without samples,
         # and of texels that keep their value.
-        told = np.zeros(known.size, bool)
-        told[around] = True
-        self._samples = np.flatnonzero(visible & (samples.weight > 0) & told[keys])
+        is_around = np.zeros(known.size, bool)
+        is_around[around] = True
+        self._samples = np.flatnonzero(visible & (samples.weight > 0) & is_around[keys])
         beside, stays = np.zeros(known.size, bool), np.zeros(known.size, bool)
         beside[self.texels] = True
         farther = _around(around, known.shape, 1)

@@ -22,7 +22,9 @@ class BlackSolution:
         """Create the solution for `count` patches."""
         self.energies: list[float] = []
         self.gathered = np.zeros((count, 4), np.float32)
-        self.light = self.irradiance = self.direct = self.indirect = self.settled = self.gathered[:, :3]
+        self.light = self.irradiance = self.direct = self.indirect = self.source_irradiance = self.gathered[
+            :, :3
+        ]
         self.so_far, self.validity = (self.gathered, self.direct), self.gathered[:, 3]
 
     def gather_l1(self) -> Generator[float, None, np.ndarray]:

@@ -126,6 +126,6 @@ class GroupedSolution:
         return self._solver.substitute
 
     @property
-    def settled(self) -> Values:
+    def source_irradiance(self) -> Values:
         """E/pi of the groups, from which the final gather computes radiance, (m, 3) float32."""
         return self._solver.light

@@ -78,7 +78,7 @@ class Solution(IrradianceParts, Protocol):
         ...
 
     @property
-    def settled(self) -> Values:
+    def source_irradiance(self) -> Values:
         """E/pi of the sources, (m, 3) float32: of patches, or of patch groups."""
         ...
 

@@ -181,7 +181,7 @@ class Solver:
         return rest_of(self.irradiance, self.direct)
 
     @property
-    def settled(self) -> Values:
+    def source_irradiance(self) -> Values:
         """E/pi of the sources, (n, 3) float32; patches gather from each other, so it is their own."""
         return self.light
 

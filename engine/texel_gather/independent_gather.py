@@ -42,7 +42,7 @@ def gather_independent_estimate(
     last, _ = make_final_gather(
         texel_job.solved, texel_job.choice, Receivers(job.patch_scene, job.rays, sampled), settings
     )
-    radiance = radiance_of(texel_job.solved, solution.settled, solution.substitute)
+    radiance = radiance_of(texel_job.solved, solution.source_irradiance, solution.substitute)
     yield from run_as_fraction(0.5, 1.0, last.gather_from(radiance))
     rays = ray_count(settings)
     outputs = {name: light_output(name, last) for name in job.settings.light_outputs}

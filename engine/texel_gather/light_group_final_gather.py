@@ -27,7 +27,7 @@ def of_all_light(settings: Settings) -> Settings:
 
 def gather_light_groups(
     groups: Sequence[SolveJob],
-    settled: Sequence[np.ndarray],
+    source_irradiance: Sequence[np.ndarray],
     choice: SolverChoice,
     receivers: Receivers,
     sampled: np.ndarray,
@@ -39,38 +39,40 @@ def gather_light_groups(
     All groups without emission in the gather share one set of samples. Each other group samples again, since
     light of back faces is summed while visibility is computed.
 
-    groups:      job of each light group
-    settled:     (m, 3) float32 for each group, E/pi of the senders
-    sampled:     (g, n, 3) float32, E/pi of light from shadow rays
-    substitute:  (m,) int64, substitute patches, see `reflected_light`
+    groups:             job of each light group
+    source_irradiance:  (m, 3) float32 for each group, E/pi of the senders
+    sampled:            (g, n, 3) float32, E/pi of light from shadow rays
+    substitute:         (m,) int64, substitute patches, see `reflected_light`
     """
     light = sampled.copy()
     lit = [number for number, group in enumerate(groups) if group.lit]
     apart = [number for number in lit if groups[number].back_emission.any() or groups[number].emission.any()]
     together = [number for number in lit if number not in apart]
-    looks = len(apart) + bool(together)
+    passes = len(apart) + bool(together)
     if together:
         some = [groups[number] for number in together]
-        look = _look(some, choice, receivers, settings)
+        gather_pass = _gather_pass(some, choice, receivers, settings)
         sent = [
             reflected_light(
-                colors_on_host(groups[number].patch_scene.surfaces.reflectance), settled[number], substitute
+                colors_on_host(groups[number].patch_scene.surfaces.reflectance),
+                source_irradiance[number],
+                substitute,
             )
             for number in together
         ]
-        found = yield from run_as_fraction(0.0, 1 / looks, look.gather(np.stack(sent, axis=1)))
+        found = yield from run_as_fraction(0.0, 1 / passes, gather_pass.gather(np.stack(sent, axis=1)))
         light[together] += found.transpose(1, 0, 2)
     for count, number in enumerate(apart, bool(together)):
         where = Receivers(receivers.patch_scene, receivers.rays, sampled[number])
         last, _ = make_final_gather(groups[number], choice, where, settings)
         yield from run_as_fraction(
-            count / looks, (count + 1) / looks, last.gather(settled[number], substitute)
+            count / passes, (count + 1) / passes, last.gather(source_irradiance[number], substitute)
         )
         light[number] = last.irradiance
     return light
 
 
-def _look(
+def _gather_pass(
     groups: Sequence[SolveJob], choice: SolverChoice, receivers: Receivers, settings: Settings
 ) -> LightGroupPass:
     """Return a gather for light groups without emission, which share one set of visibility samples."""

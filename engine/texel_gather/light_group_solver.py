@@ -51,13 +51,13 @@ class GroupEmission:
 class LightGroupSolution:
     """Solution of one light group.
 
-    irradiance:  (n, 3) float32, E/pi of all patches
-    settled:     (m, 3) float32, E/pi of the senders: the patches, or patch groups
-    solved:      job that was solved
+    irradiance:         (n, 3) float32, E/pi of all patches
+    source_irradiance:  (m, 3) float32, E/pi of the senders: the patches, or patch groups
+    solved:             job that was solved
     """
 
     irradiance: np.ndarray
-    settled: np.ndarray
+    source_irradiance: np.ndarray
     solved: SolveJob
 
 
@@ -75,13 +75,13 @@ def solve_light_groups(
     job, solved = (replace(one, settings=of_all_light(one.settings)) for one in (job, solved))
     parts = [_part_of(job, solved, solution, sources) for sources in groups]
     gathered = yield from run_as_fraction(0.0, 0.5, _gathered(solved, choice, parts, solution.substitute))
-    settled = [light[:, :3] for light in gathered]
-    of_patches: Sequence[np.ndarray] | np.ndarray = settled
+    source_irradiance = [light[:, :3] for light in gathered]
+    of_patches: Sequence[np.ndarray] | np.ndarray = source_irradiance
     if isinstance(solution, GroupedSolution):
         sampled = np.stack([sources.sampled_light for sources in groups])
         gathering = _of_patches(job, parts, choice, solution, gathered, sampled)
         of_patches = yield from run_as_fraction(0.5, 1.0, gathering)
-    return [LightGroupSolution(*each) for each in zip(of_patches, settled, parts, strict=True)]
+    return [LightGroupSolution(*each) for each in zip(of_patches, source_irradiance, parts, strict=True)]
 
 
 def _part_of(job: SolveJob, solved: SolveJob, solution: Solution, sources: GroupEmission) -> SolveJob:
@@ -115,14 +115,16 @@ def _of_patches(
     gathered:  (m, 4) float32 for each light group, at patch groups
     sampled:   (g, n, 3) float32, E/pi from shadow rays
     """
-    settled = [light[:, :3] for light in gathered]
+    source_irradiance = [light[:, :3] for light in gathered]
 
     def gather(patches: np.ndarray | slice) -> Generator[float, None, np.ndarray]:
-        looking = job.patch_scene if isinstance(patches, slice) else job.patch_scene.subset(patches)
-        rays = job.rays if isinstance(patches, slice) else job.rays.of(looking)
-        receivers = Receivers(looking, rays, job.sampled_light[patches])
+        patch_scene = job.patch_scene if isinstance(patches, slice) else job.patch_scene.subset(patches)
+        rays = job.rays if isinstance(patches, slice) else job.rays.of(patch_scene)
+        receivers = Receivers(patch_scene, rays, job.sampled_light[patches])
         lit = np.ascontiguousarray(sampled[:, patches])
-        light = gather_light_groups(parts, settled, choice, receivers, lit, job.settings, solution.substitute)
+        light = gather_light_groups(
+            parts, source_irradiance, choice, receivers, lit, job.settings, solution.substitute
+        )
         return (yield from light)
 
     if not isinstance(solution.last, InterpolatedGather):
@@ -175,7 +177,7 @@ def _solved_alone(
 ) -> Generator[float, None, list[np.ndarray]]:
     """Solve one light group with visibility samples of its own; return its gathered light."""
     solver = solver_like(replace(part, kept=SessionCache()), choice, substitute)
-    yield from _settle(solver)
+    yield from _converge(solver)
     return [solver.gathered]
 
 
@@ -197,23 +199,23 @@ def _solved_together(
         for part, scale in zip(parts, scales, strict=True)
     ]
     sweep = LightGroupGather(job.opencl, kept, [static_light(part, kept.sampling) for part in bright])
-    sampled, sides = _beside(part.sampled_light for part in bright), job.patch_scene.sides
+    sampled, sides = _interleaved(part.sampled_light for part in bright), job.patch_scene.sides
     radiosity = _Radiosity(
         job.opencl,
         sweep,
         np.repeat(colors_on_host(job.patch_scene.surfaces.reflectance), len(parts), axis=0),
-        upload_float4(job.opencl, _beside(part.emission for part in bright), first=1),
+        upload_float4(job.opencl, _interleaved(part.emission for part in bright), first=1),
         np.repeat(job.area, len(parts)),
         sampled,
         job.gathers_direct,
         job.columns,
         sides=sides and sides.repeated(len(parts)),
     )
-    interleaved = None if substitute is None else _side_by_side(substitute, len(parts))
+    interleaved = None if substitute is None else _interleaved_indices(substitute, len(parts))
     solver = Solver(
         radiosity, sampled, job.settings, job.gathers_direct, choose_substitutes=lambda _: interleaved
     )
-    yield from _settle(solver)
+    yield from _converge(solver)
     light = solver.gathered.reshape(job.count, len(parts), 4)
     return [
         np.concatenate([light[:, number, :3] / scale, light[:, number, 3:]], axis=1)
@@ -230,7 +232,7 @@ class _Radiosity(DeviceRadiosity):
         return replace(sums, reflected=np.zeros_like(sums.reflected))
 
 
-def _settle(solver: Solver) -> Generator[float, None, None]:
+def _converge(solver: Solver) -> Generator[float, None, None]:
     """Iterate until convergence; yield the estimated fraction done."""
     while not solver.done:
         for _ in solver.iteration():
@@ -243,12 +245,12 @@ def _scale(part: SolveJob) -> np.float32:
     return np.float32(1 / max(sum(float(values.mean(dtype=np.float64)) for values in sources), _DARKEST))
 
 
-def _side_by_side(substitute: np.ndarray, groups: int) -> np.ndarray:
+def _interleaved_indices(substitute: np.ndarray, groups: int) -> np.ndarray:
     """Return the substitutes for interleaved groups, (m g,) int64: the groups of a patch are adjacent."""
     numbers: np.ndarray = groups * substitute[:, None] + np.arange(groups)
     return numbers.ravel()
 
 
-def _beside(values: Iterable[np.ndarray]) -> np.ndarray:
+def _interleaved(values: Iterable[np.ndarray]) -> np.ndarray:
     """Interleave values of groups, (m, 3) each, to (m g, 3): the groups of a patch are adjacent."""
     return np.stack(list(values), axis=1).reshape(-1, 3)

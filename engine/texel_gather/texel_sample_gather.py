@@ -135,8 +135,11 @@ def gather_texel_samples(
         return _nothing("No texel needs more than one sample.")
     settings = _settings_of_samples(texel_job.job.settings, count)
     found(len(samples), expected_samples(settings))
-    substitute = substitutes_of(texel_job, known.invalid, solution.settled, solution.substitute)
-    radiance, remote = radiance_of(texel_job.solved, solution.settled, substitute), texel_job.job.remote
+    substitute = substitutes_of(texel_job, known.invalid, solution.source_irradiance, solution.substitute)
+    radiance, remote = (
+        radiance_of(texel_job.solved, solution.source_irradiance, substitute),
+        texel_job.job.remote,
+    )
     if texel_job.job.patch_scene.sides is not None:
         # Remote devices do not store the weights of both sides of a surface, so this device gathers.
         texel_job, remote = replace(texel_job, solved=replace(texel_job.solved, remote=None)), None
@@ -181,10 +184,13 @@ def _gather_groups(
     """
     lighting = texel_job.lighting.of(points.rays, points.settings)
     sampled = yield from run_as_fraction(0.0, 0.3, lighting.gather_by_group())
-    solved, settled = [group.solved for group in groups], [group.settled for group in groups]
+    solved, source_irradiance = (
+        [group.solved for group in groups],
+        [group.source_irradiance for group in groups],
+    )
     receivers = Receivers(points.patch_scene, points.rays, sampled[0])
     gathering = gather_light_groups(
-        solved, settled, texel_job.choice, receivers, sampled, points.settings, substitute
+        solved, source_irradiance, texel_job.choice, receivers, sampled, points.settings, substitute
     )
     return (yield from run_as_fraction(0.3, 1.0, gathering))
 

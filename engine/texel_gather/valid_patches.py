@@ -20,7 +20,9 @@ from ..validity.substitutes import substitute_patches
 from .texel_sample_points import TexelGatherJob
 
 
-def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None = None) -> cl.Buffer:
+def radiance_of(
+    solved: SolveJob, source_irradiance: Values, substitute: np.ndarray | None = None
+) -> cl.Buffer:
     """Return the exitant radiance of patches on the device, float4 of each, from E/pi (m, 3).
 
     substitute:  (m,) int64, substitute patches, see `exitant_radiance`
@@ -28,23 +30,23 @@ def radiance_of(solved: SolveJob, settled: Values, substitute: np.ndarray | None
     if not solved.settings.has_indirect:
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
     reflectance = solved.patch_scene.surfaces.reflectance
-    return exitant_radiance(solved.opencl, solved.emission, reflectance, settled, substitute)
+    return exitant_radiance(solved.opencl, solved.emission, reflectance, source_irradiance, substitute)
 
 
 def substitutes_of(
-    texel_job: TexelGatherJob, invalid: np.ndarray, settled: Values, of_groups: np.ndarray | None
+    texel_job: TexelGatherJob, invalid: np.ndarray, source_irradiance: Values, of_groups: np.ndarray | None
 ) -> np.ndarray | None:
     """Return the patch whose light each sender emits in a final gather, (m,) int64; None if all are valid.
 
     Senders are patches or patch groups. A valid one emits its own light, an invalid one that of a neighbour.
 
-    invalid:    (n,) bool, invalid patches, see `invalid_patches`
-    settled:    (m, 3) float32, E/pi of the senders
-    of_groups:  (m,) int64, substitutes of the iterations, see `Solution.substitute`
+    invalid:            (n,) bool, invalid patches, see `invalid_patches`
+    source_irradiance:  (m, 3) float32, E/pi of the senders
+    of_groups:          (m,) int64, substitutes of the iterations, see `Solution.substitute`
     """
     if texel_job.solved is not texel_job.job:
         invalid = _invalid_groups(texel_job, invalid, of_groups)
-    return substitute_patches(texel_job.solved.patch_scene, invalid, partial(values_at, settled))
+    return substitute_patches(texel_job.solved.patch_scene, invalid, partial(values_at, source_irradiance))
 
 
 def _invalid_groups(
@@ -70,17 +72,20 @@ def lit_backs_of(texel_job: TexelGatherJob, radiance: cl.Buffer) -> cl.Buffer | 
     return lit_backs(solved.opencl, solved.patch_scene, radiance, len(solved.emission))
 
 
-def _lit_backs(texel_job: TexelGatherJob, settled: Values) -> cl.Buffer | np.ndarray | None:
+def _lit_backs(texel_job: TexelGatherJob, source_irradiance: Values) -> cl.Buffer | np.ndarray | None:
     """Return flags of triangles whose back face emits or reflects light, from E/pi (m, 3) of all patches.
 
     In NumPy if there is no OpenCL.
     """
     solved = texel_job.solved
     if solved.compute is not None:
-        return lit_backs_of(texel_job, radiance_of(solved, settled))
+        return lit_backs_of(texel_job, radiance_of(solved, source_irradiance))
     if not solved.settings.has_indirect:
         return lit_backs_on_host(solved.patch_scene, solved.emission)
-    reflectance, light = colors_on_host(solved.patch_scene.surfaces.reflectance), colors_on_host(settled)
+    reflectance, light = (
+        colors_on_host(solved.patch_scene.surfaces.reflectance),
+        colors_on_host(source_irradiance),
+    )
     return lit_backs_on_host(solved.patch_scene, solved.emission + reflectance * light[:, :3])
 
 
@@ -100,7 +105,7 @@ def patch_validity(
     job, validity = texel_job.job, solution.validity
     if job.patch_scene.triangles.backs is None or texel_job.choice.method == "none":
         return validity
-    lit = _lit_backs(texel_job, solution.settled)
+    lit = _lit_backs(texel_job, solution.source_irradiance)
     unsure = ~(is_invalid(validity, contacts) | contacts.backlit)
     unsure[job.patch_scene.patches.count_in(atlases) :] = False
     return np.where(_inside(texel_job, unsure, lit), np.float32(0), validity)

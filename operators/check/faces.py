@@ -26,20 +26,20 @@ def check_coordinates(
     meshes: Sequence[CheckedMesh],
 ) -> Generator[None, None, tuple[list[CheckedMesh], list[Finding]]]:
     """Return the meshes with usable coordinates, and findings on the others."""
-    boxes, troubles = [], []
+    boxes, issues = [], []
     for mesh in meshes:
         boxes.append(mesh.box)
         yield
     middle = middle_of(boxes)
     yield
     for box in boxes:
-        troubles.append(coordinate_issue(box, middle))
+        issues.append(coordinate_issue(box, middle))
         yield
     findings = []
-    for trouble in dict.fromkeys(filter(None, troubles)):
-        names = [mesh.name for mesh, its in zip(meshes, troubles, strict=True) if its == trouble]
-        findings += found(ERROR, f"{{}}: {trouble}", names)
-    return [mesh for mesh, its in zip(meshes, troubles, strict=True) if its is None], findings
+    for issue in dict.fromkeys(filter(None, issues)):
+        names = [mesh.name for mesh, its in zip(meshes, issues, strict=True) if its == issue]
+        findings += found(ERROR, f"{{}}: {issue}", names)
+    return [mesh for mesh, its in zip(meshes, issues, strict=True) if its is None], findings
 
 
 def check_normals(meshes: Sequence[CheckedMesh], centres: dict[str, np.ndarray]) -> Steps:

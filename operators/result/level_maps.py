@@ -84,18 +84,18 @@ def store_levels(
     width:  width of the lightmaps, texels
     """
     try:
-        levels, troubles = _read_levels(context, baked.keys())
+        levels, issues = _read_levels(context, baked.keys())
         hidden = _without_first(context)
     except EngineError as error:
         return {}, [str(error)]
     for level in levels:
         replace_layer(level.obj, LEVEL_UVS, level.surface.corner_uvs(level.mesh), Rollback())
         if level.distance * baked[level.first.session_uid].scale * width > FAR:
-            troubles.setdefault(TOO_FAR, []).append(level.obj.name)
+            issues.setdefault(TOO_FAR, []).append(level.obj.name)
     if hidden:
-        troubles[_HIDDEN] = hidden
+        issues[_HIDDEN] = hidden
     stored = {level.obj.session_uid: level.first.session_uid for level in levels}
-    return stored, [object_message(sentence, sorted(names)) for sentence, names in troubles.items()]
+    return stored, [object_message(sentence, sorted(names)) for sentence, names in issues.items()]
 
 
 def mark_levels(scene: bpy.types.Scene, stored: dict[int, int]) -> None:
@@ -158,19 +158,19 @@ def _read_levels(
     for first, level in pairs:
         users.setdefault(level.data, set()).add(first.data)
     surfaces: dict[int, tuple[UvProjection, float]] = {}
-    levels, troubles = [], dict[str, list[str]]()
+    levels, issues = [], dict[str, list[str]]()
     for first, level in pairs:
         mesh = meshes.get(level.session_uid)
-        trouble = _SHARED if len(users[level.data]) > 1 else _trouble(level, mesh)
+        issue = _SHARED if len(users[level.data]) > 1 else _issue(level, mesh)
         own = meshes.get(first.session_uid)
-        if trouble:
-            troubles.setdefault(trouble, []).append(level.name)
+        if issue:
+            issues.setdefault(issue, []).append(level.name)
         elif mesh is not None and own is not None and own.uvs is not None:
             if first.session_uid not in surfaces:
                 placed = _moved(own, _matrix(first))
                 surfaces[first.session_uid] = UvProjection(placed), _uv_density(placed)
             levels.append(_placed(level, first, mesh, *surfaces[first.session_uid]))
-    return levels, troubles
+    return levels, issues
 
 
 def _placed(
@@ -201,7 +201,7 @@ def _uv_density(mesh: UvMesh) -> float:
     return float(np.sqrt(flat / surface)) if surface > 0 else 0.0
 
 
-def _trouble(level: bpy.types.Object, mesh: UvMesh | None) -> str:
+def _issue(level: bpy.types.Object, mesh: UvMesh | None) -> str:
     """Return the sentence on why a level gets no UVs; empty if it can."""
     data = level.data
     if not len(data.polygons):

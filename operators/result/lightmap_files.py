@@ -58,15 +58,15 @@ class LightmapFile:
     @property
     def entry(self) -> dict:
         """Manifest entry of the file."""
-        told = {"format": self.format.name, "encoding": _in_words(self), "intensity": 1.0}
+        facts = {"format": self.format.name, "encoding": _in_words(self), "intensity": 1.0}
         if self.encoding is not None:
-            told |= {
+            facts |= {
                 "intensity": self.encoding.intensity,
                 "decode_texel": self.encoding.formula,
                 "range": self.encoding.largest,
                 **_parameters(self.encoding),
             }
-        return {**self.facts, **told}
+        return {**self.facts, **facts}
 
 
 def lightmap_files(
@@ -85,9 +85,9 @@ def lightmap_files(
     each = list(zip(lightmaps, destination.stems, destination.formats, facts, strict=True))
     for light, stem, chosen, fact in each:
         shown, output = chosen.shown, fact["output"]
-        told = fact if shown == chosen else {**fact, "shown_for": f"{stem}{chosen.endings[-1]}"}
+        entry = fact if shown == chosen else {**fact, "shown_for": f"{stem}{chosen.endings[-1]}"}
         encoding = shown.encoding(output, brightest[output])
-        yield LightmapFile(f"{stem}{shown.endings[0]}", shown, encoding, light, told)
+        yield LightmapFile(f"{stem}{shown.endings[0]}", shown, encoding, light, entry)
     for index, (light, stem, chosen, fact) in enumerate(each):
         if chosen.shown != chosen:
             encoding = chosen.encoding(fact["output"], brightest[fact["output"]])

@@ -74,11 +74,11 @@ def store_vertex_light(
             meshes = read_vertex_meshes(context, wanted, {entry.name for entry in read.instances})
     except EngineError as error:
         notes.append(str(error))
-    fitted, troubles = dict[str, VertexLight](), dict[str, list[str]]()
+    fitted, issues = dict[str, VertexLight](), dict[str, list[str]]()
     for obj in baked:
         record, mesh, light = writable_record(obj, scene), meshes.get(obj.session_uid), None
         if isinstance(mesh, str):
-            troubles.setdefault(mesh, []).append(obj.name)
+            issues.setdefault(mesh, []).append(obj.name)
         elif mesh is not None and mesh.uvs is not None:
             place = places[obj.session_uid]
             light = _store(obj, mesh, place.apply(mesh.uvs), lightmaps[place.atlas])
@@ -88,12 +88,12 @@ def store_vertex_light(
         record.on_vertices = light is not None
     coarse = [name for name, light in fitted.items() if light.error > _COARSE]
     if coarse:
-        troubles[_TOO_COARSE] = coarse
+        issues[_TOO_COARSE] = coarse
     entries = [
         {"object": name, "values": len(light.light), "error": light.error}
         for name, light in sorted(fitted.items())
     ]
-    notes += [object_message(sentence, sorted(names)) for sentence, names in troubles.items()]
+    notes += [object_message(sentence, sorted(names)) for sentence, names in issues.items()]
     return entries, notes
 
 
@@ -111,15 +111,15 @@ def read_vertex_meshes(
         found: dict[int, MeshArrays | str] = {}
         for obj in objects:
             is_shared = obj.name in instanced or obj.data.session_uid in several
-            trouble = SHARED if is_shared else _trouble(obj.data)
+            issue = SHARED if is_shared else _issue(obj.data)
             layer = lightmap_layer(obj, uv_layer)
-            found[obj.session_uid] = trouble or _read(obj, layer, evaluation)
+            found[obj.session_uid] = issue or _read(obj, layer, evaluation)
         return found
 
     return evaluate(context, read, objects)
 
 
-def _trouble(mesh: bpy.types.Mesh) -> str:
+def _issue(mesh: bpy.types.Mesh) -> str:
     """Return the sentence on why a mesh cannot get colors; empty if it can."""
     if not mesh.is_editable:
         return LINKED

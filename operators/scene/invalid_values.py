@@ -27,7 +27,7 @@ def replace_invalid_values(scene: Scene, notes: list[str]) -> Slices[Scene]:
     A sentence on each is appended to `notes`.
     """
 
-    def told(check: Callable[[Part], None], part: Part, instead: str) -> bool:
+    def reported(check: Callable[[Part], None], part: Part, instead: str) -> bool:
         try:
             check(part)
         except SceneError as error:
@@ -38,11 +38,11 @@ def replace_invalid_values(scene: Scene, notes: list[str]) -> Slices[Scene]:
 
     materials = []
     for material in scene.materials:
-        faulty = told(check_material, material, "Until then grey is baked.")
+        faulty = reported(check_material, material, "Until then grey is baked.")
         materials.append(Material(material.name, _GREY, _BLACK) if faulty else material)
         yield len(materials) / len(scene.materials)
     lights = tuple(
-        light for light in scene.lights if not told(check_light, light, "Until then it is not baked.")
+        light for light in scene.lights if not reported(check_light, light, "Until then it is not baked.")
     )
-    world = _BLACK if told(check_world, scene.world, "Until then a black one is baked.") else scene.world
+    world = _BLACK if reported(check_world, scene.world, "Until then a black one is baked.") else scene.world
     return replace(scene, materials=tuple(materials), lights=lights, world=world)

@@ -63,7 +63,7 @@ def attribute_in_the_way(uv_layer: str) -> str:
     )
 
 
-class Troubles:
+class Issues:
     """Objects by problem, collected while a scene is read."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...engine.scene.model import NO_LIGHTMAP, Mesh, Scene
-from .messages import OVERLAPPING, Troubles
+from .messages import OVERLAPPING, Issues
 from .read import ReadScene
 from .uvs.uv_faults import covered_texels
 
@@ -20,9 +20,9 @@ _ALLOWED_FRACTION = 0.005
 def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
     """Return the scene without overlapping charts: of overlapping objects all but the first are occluders."""
     overlapping = set(_overlapping(read.scene, resolution))
-    troubles = Troubles()
+    issues = Issues()
     for index in overlapping:
-        troubles.add(OVERLAPPING, read.scene.meshes[index].name)
+        issues.add(OVERLAPPING, read.scene.meshes[index].name)
     meshes = tuple(
         replace(mesh, atlas=NO_LIGHTMAP) if index in overlapping else mesh
         for index, mesh in enumerate(read.scene.meshes)
@@ -33,7 +33,7 @@ def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
         read,
         scene=replace(read.scene, meshes=meshes),
         entries=tuple(None if entry in gone else entry for entry in read.entries),
-        notes=(*read.notes, *troubles.tell()),
+        notes=(*read.notes, *issues.tell()),
         fingerprints={uid: digest for uid, digest in read.fingerprints.items() if uid not in objects},
     )
 

@@ -23,7 +23,7 @@ from .materials.engine_materials import textures_of
 from .materials.material_table import MaterialTable
 from .materials.pixels import PixelCache, PixelsNeededError
 from .materials.shader_bake import Move
-from .messages import Troubles
+from .messages import Issues
 from .objects.evaluation import Evaluation
 from .objects.items import SceneItem, scene_items
 from .objects.render_differences import uses_render
@@ -186,11 +186,11 @@ class _SceneReading:
         self, watch: SceneWatch, baked: set[int], uv_layer: str, resolution: int, notes: list[str]
     ) -> None:
         self._watch, self._uv_layer, self._resolution, self._notes = watch, uv_layer, resolution, notes
-        self._cache, self._troubles = PixelCache(notes), Troubles()
+        self._cache, self._issues = PixelCache(notes), Issues()
         self._several = multi_user_sources(uv_layer)
         glass = bool(watch.context.scene.hemibake.glass_transmits)
         self._table = MaterialTable(watch, uv_layer, self._several, notes, self._cache, glass)
-        self._reader = ItemReader(self._table, baked, uv_layer, notes, self._troubles)
+        self._reader = ItemReader(self._table, baked, uv_layer, notes, self._issues)
         self._lamps = SceneLights(notes)
         self._announced: set[int] = set()
         self._next = 0
@@ -208,11 +208,11 @@ class _SceneReading:
             yield from self._read_viewport()
         self._readings, self._origin = yield from self._reader.finish()
         self._atlases, self._places = yield from choose_places(
-            self._readings, self._several, self._resolution, self._troubles
+            self._readings, self._several, self._resolution, self._issues
         )
-        self._notes += self._troubles.tell()
+        self._notes += self._issues.tell()
         if not any(self._places):
-            seen = {reading.name for reading in self._readings} - self._troubles.names
+            seen = {reading.name for reading in self._readings} - self._issues.names
             raise SceneError(_nothing_left(seen, self._notes))
 
     def _read_viewport(self) -> Slices[None]:

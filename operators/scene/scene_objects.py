@@ -14,7 +14,7 @@ from ..object_properties import is_left_out
 from ..original_slots import own_slots, shown_materials
 from .materials.material_table import MaterialTable
 from .materials.tree_nodes import displaces
-from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Troubles
+from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINITE_UVS, Issues
 from .objects.coordinate_limits import coordinate_issue, middle_of
 from .objects.items import ItemKey, SceneItem
 from .objects.meshes import LIGHTMAP_UVS, Corners, MeshArrays, make_corners, read_mesh
@@ -129,13 +129,13 @@ class ItemReader:
     """
 
     def __init__(
-        self, table: MaterialTable, baked: set[int], uv_layer: str, notes: list[str], troubles: Troubles
+        self, table: MaterialTable, baked: set[int], uv_layer: str, notes: list[str], issues: Issues
     ) -> None:
         self._table, self._baked = table, baked
-        self._uv_layer, self._notes, self._troubles = uv_layer, notes, troubles
+        self._uv_layer, self._notes, self._issues = uv_layer, notes, issues
         self._unfinished: dict[_MeshKey, _Unfinished] = {}
         self._shapes: dict[_MeshKey, SharedMesh | str] = {}
-        self._uv_troubles: dict[_MeshKey, str | None] = {}
+        self._uv_issues: dict[_MeshKey, str | None] = {}
         self._items: list[tuple[_MeshKey, ReadObject]] = []
         self._degenerate: dict[str, int] = {}
         self._thinned: list[str] = []
@@ -209,7 +209,7 @@ class ItemReader:
             if corners.dropped:
                 self._degenerate[mesh.name] = corners.dropped
             self._shapes[key] = _shape(corners, mesh.slots, mesh.arrays.uvs)
-            self._uv_troubles[key] = _uv_trouble(corners.uvs)
+            self._uv_issues[key] = _uv_issue(corners.uvs)
             if not isinstance(self._shapes[key], str):
                 self._table.keep(mesh.item, mesh.slots)
             yield 0.0
@@ -231,9 +231,9 @@ class ItemReader:
         middle = middle_of(boxes)
         near = []
         for reading, box in zip(readings, boxes, strict=True):
-            trouble = coordinate_issue(box, middle)
-            if trouble:
-                self._troubles.add(trouble, reading.name)
+            issue = coordinate_issue(box, middle)
+            if issue:
+                self._issues.add(issue, reading.name)
             else:
                 near.append(reading)
             yield None
@@ -249,12 +249,12 @@ class ItemReader:
             shape = self._shapes[key]
             if isinstance(shape, str):
                 if shape != NO_FACES or reading.source not in instancers:
-                    self._troubles.add(shape, reading.name)
+                    self._issues.add(shape, reading.name)
                 continue
-            trouble = None if reading.atlas is None else self._uv_troubles[key]
-            if trouble:
-                self._troubles.add(trouble, reading.name)
-            yield replace(reading, shape=shape, atlas=None if trouble else reading.atlas)
+            issue = None if reading.atlas is None else self._uv_issues[key]
+            if issue:
+                self._issues.add(issue, reading.name)
+            yield replace(reading, shape=shape, atlas=None if issue else reading.atlas)
 
     def _reading(self, item: SceneItem, atlas: str | None) -> ReadObject:
         """Return the record of an object, to which its mesh is added later."""
@@ -318,7 +318,7 @@ def _shape(corners: Corners, slots: Sequence[int], uvs: np.ndarray | None) -> Sh
     return SharedMesh(corners, np.asarray(slots, np.int32)[index], _box(corners.positions), digest)
 
 
-def _uv_trouble(uvs: np.ndarray | None) -> str | None:
+def _uv_issue(uvs: np.ndarray | None) -> str | None:
     """Return the problem of lightmap UVs that are missing or not finite; None if there is none."""
     if uvs is None:
         return NO_UVS

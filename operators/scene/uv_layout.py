@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from .messages import NO_TILE, Troubles
+from .messages import NO_TILE, Issues
 from .overlap_layout import make_footprints, separate_overlaps
 from .scene_objects import ReadObject
 from .skyline_packing import GAP, Box, Corners, pack_tiles
@@ -32,7 +32,7 @@ Places = Slices[tuple[list[str], list[UvTransform | None]]]
 
 
 def choose_places(
-    readings: Sequence[ReadObject], several: set[int], resolution: int, troubles: Troubles
+    readings: Sequence[ReadObject], several: set[int], resolution: int, issues: Issues
 ) -> Places:
     """Return the names of all atlases, and the place of each object or instance, None for occluders.
 
@@ -41,7 +41,7 @@ def choose_places(
     readings:    objects and instances
     several:     session uids of UV sources that may be shared, see `multi_user_sources`
     resolution:  width of the atlases, texels
-    troubles:    collects objects that become occluders, because they have no place
+    issues:      collects objects that become occluders, because they have no place
     """
     tiled = _tiled(readings, several)
     places: list[UvTransform | None] = [None] * len(readings)
@@ -65,7 +65,7 @@ def choose_places(
         _set(places, members, (yield from _place_tiles(boxes, alone, base, resolution)))
     for reading, place in zip(readings, places, strict=True):
         if place is None and reading.atlas is not None:
-            troubles.add(NO_TILE, reading.name)
+            issues.add(NO_TILE, reading.name)
     atlases = dict.fromkeys([*kept, *(place.atlas for place in places if place is not None)])
     return list(atlases), places
 

@@ -141,7 +141,7 @@ def devices(monkeypatch):
         (
             found.DeviceInfo("OpenGL", "Card A", "4.6", use="drawing hemicubes"),
             found.DeviceInfo("OpenCL", "CUDA: Card A", "580.1", 3 << 30, "casting rays and summing light"),
-            found.DeviceInfo("OpenCL", "Portable Computing Language: cpu", "PoCL 3.0", trouble="no target"),
+            found.DeviceInfo("OpenCL", "Portable Computing Language: cpu", "PoCL 3.0", issue="no target"),
         ),
         ("There is a long sentence about what is missing here, and what to install. " * 3,),
     )

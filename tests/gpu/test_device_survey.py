@@ -20,7 +20,7 @@ def test_every_device_is_listed_once_and_the_one_of_a_bake_is_marked():
     assert opengl.api == "OpenGL" and opengl.use == "drawing hemicubes" and opengl.driver
     assert sorted(names) == sorted({device_name(device) for device in found_devices()})
     (used,) = [device for device in opencl if device.use]
-    assert used.name == device_name(ComputeDevice().device) and used.memory > 1 << 28 and not used.trouble
+    assert used.name == device_name(ComputeDevice().device) and used.memory > 1 << 28 and not used.issue
     assert not found.missing
 
 
@@ -98,14 +98,14 @@ def test_device_that_two_platforms_offer_is_listed_once_as_the_one_that_works(wo
         "Portable Computing Language: cpu",
     ]
     assert [bool(device.use) for device in cards] == [False, True, False]
-    assert not any(device.trouble for device in cards)
+    assert not any(device.issue for device in cards)
     assert cards[2].driver == "1.0" and cards[2].memory == 3 << 30
 
 
 def test_device_that_cannot_build_kernels_says_why(workstation):
     workstation[3].works = False
     *_, processor = survey.survey(None).devices
-    assert processor.trouble == "error: unknown target CPU 'generic'" and not processor.use
+    assert processor.issue == "error: unknown target CPU 'generic'" and not processor.use
 
 
 def test_device_whose_driver_lacks_functions_does_not_count(monkeypatch):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine import Light, Settings, finished
-from engine.device.cl_device import device_name, found_devices, trouble_with
+from engine.device.cl_device import device_issue, device_name, found_devices
 from engine.session import Session
 from tests.gpu.test_live import LIT, ROOM
 
@@ -16,7 +16,7 @@ SUN = Light("Sun", "sun", np.zeros(3), np.eye(3), np.float32([1, 1, 0.9]))
 PANEL = Light("Panel", "area", np.ones(3), np.eye(3), np.float32([2, 3, 1]), size=np.array([0.4, 0.2]))
 SCENE = dataclasses.replace(ROOM, lights=(*LIT, SUN, PANEL))
 
-_NAMES = [device_name(device) for device in found_devices() if not trouble_with(device)]
+_NAMES = [device_name(device) for device in found_devices() if not device_issue(device)]
 DEVICES = list(dict.fromkeys(_NAMES))
 
 

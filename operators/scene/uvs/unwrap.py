@@ -16,7 +16,7 @@ from ....engine.unwrap.segmentation import has_xatlas
 from ...chart_settings import read_cutting
 from ...lookup import find_all
 from ...rollback import Rollback
-from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Troubles, no_space_message
+from ..messages import WITHOUT_XATLAS, XATLAS_FAILED, Issues, no_space_message
 from ..objects.evaluation import Evaluation, evaluate
 from ..scene_context import SceneContext
 from .atlas_members import AtlasMembers
@@ -119,7 +119,7 @@ class _Unwrapping:
     ) -> None:
         self._context, self._uv_layer, self._anew = context, uv_layer, anew
         self._resolution, self._changes = resolution, changes
-        self._made, self._troubles = UnwrapSummary(), Troubles()
+        self._made, self._issues = UnwrapSummary(), Issues()
         self._left: list[int] = []
         self._failed: set[str] = set()
         self._moving: set[int] = set()
@@ -159,7 +159,7 @@ class _Unwrapping:
             self._store(pages, trial)
         if self._anew is not UvAction.NONE and self._left:
             trial.undo()
-            raise SceneError(" ".join(self._troubles.tell()))
+            raise SceneError(" ".join(self._issues.tell()))
         self._changes.add(trial.undo)
         self._packings.keep(pages, self._changes)
         project_for_viewport(self._context, find_all(bpy.data.objects, uids), self._uv_layer, self._changes)
@@ -208,10 +208,10 @@ class _Unwrapping:
             rest,
         )
 
-    def _leave(self, obj: bpy.types.Object, trouble: str) -> None:
+    def _leave(self, obj: bpy.types.Object, issue: str) -> None:
         """Skip an object and record the reason for the user."""
         self._left.append(obj.session_uid)
-        self._troubles.add(trouble, obj.name)
+        self._issues.add(issue, obj.name)
 
     def _pack(self, targets: Sequence[UnwrapMesh]) -> Generator[Progress | None, None, list[PackedPage]]:
         """Cut charts and pack them for each atlas and each shared mesh; return the pages."""
@@ -274,7 +274,7 @@ class _Unwrapping:
                 f"Modifiers of {{}} copy or create faces: a last modifier '{NAME}' stores their lightmap UVs."
             )
             self._made.notes.append(object_message(sentence, kept))
-        self._made.notes += self._troubles.tell()
+        self._made.notes += self._issues.tell()
 
 
 def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: Evaluation) -> bool:

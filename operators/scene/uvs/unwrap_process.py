@@ -81,10 +81,10 @@ def _after(
 ) -> Generator[Progress | None, None, Unwrapped]:
     """Run the second part of a task whose fraction `part` is done, and adapt its progress."""
 
-    def told(progress: Progress | None) -> Progress | None:
+    def scaled(progress: Progress | None) -> Progress | None:
         return progress and replace(progress, overall=part + (1 - part) * progress.overall)
 
-    return map_progress(work, told)
+    return map_progress(work, scaled)
 
 
 def _cut_side_by_side(
@@ -107,7 +107,7 @@ def _cut_side_by_side(
         ]
         left, cores = list(range(len(groups))), os.cpu_count() or 1
         while left:
-            told = False
+            changed = False
             for number in tuple(left[:cores]):
                 try:
                     progress = next(works[number])
@@ -117,9 +117,9 @@ def _cut_side_by_side(
                         known[index] = made
                     progress = Progress("Unwrapping", 1.0)
                 if progress is not None:
-                    done[number], told = progress.fraction, True
+                    done[number], changed = progress.fraction, True
             part = sum(done) / len(done)
-            yield Progress("Unwrapping", part, _CUTTING * part) if told else None
+            yield Progress("Unwrapping", part, _CUTTING * part) if changed else None
     return tuple(known)
 
 

@@ -160,10 +160,10 @@ def _read(
     if not len(mesh.polygons):
         return None
     positions = _world_positions(objects[0], mesh)
-    trouble = _trouble(mesh, positions, uv_layer)
-    if trouble:
+    issue = _issue(mesh, positions, uv_layer)
+    if issue:
         for obj in objects:
-            leave(obj, trouble)
+            leave(obj, issue)
         return None
     mesh.calc_loop_triangles()
     starts = np.r_[read_array(mesh.polygons, "loop_start", 1, np.int32)[:, 0], len(mesh.loops)]
@@ -181,7 +181,7 @@ def _read(
     )
 
 
-def _trouble(mesh: bpy.types.Mesh, positions: np.ndarray, uv_layer: str) -> str | None:
+def _issue(mesh: bpy.types.Mesh, positions: np.ndarray, uv_layer: str) -> str | None:
     """Return why a mesh with these world-space positions cannot have the layer; None if it can."""
     if len(mesh.uv_layers) >= MOST_LAYERS and uv_layer not in mesh.uv_layers:
         return MANY_LAYERS

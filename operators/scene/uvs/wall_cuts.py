@@ -74,7 +74,7 @@ def objects_on_walls(
     for obj in objects:
         if obj in walls or not obj.data.is_editable:
             continue
-        target = own_target([obj], lightmap_layer(obj, uv_layer), lambda other, trouble: None)
+        target = own_target([obj], lightmap_layer(obj, uv_layer), lambda other, issue: None)
         if target is not None and len(find_wall_edges(obj, target.mesh, standing)):
             found.append(obj)
     return found

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -57,6 +57,65 @@ from .visibility.rays.ray_scene import RayScene
 Ship = Callable[[Scene], Callable[[PatchScene, RayScene, SampledTriangles], RemoteDevices]]
 
 
+@dataclass(frozen=True)
+class _Request:
+    """Devices and inputs of a bake; see `bake`."""
+
+    devices: Devices
+    scene: Scene
+    settings: Settings
+    stages: BakeStages
+    kept: SessionCache
+    ship: Ship | None
+    shares: bool
+
+
+@dataclass(frozen=True)
+class _LitPatches:
+    """Patches of a bake with their direct light.
+
+    scene:        with charts for objects without a lightmap and for back faces
+    patch_scene:  the n patches
+    rays:         casts rays from all patches
+    lighting:     direct light, and the emission that is left to the gather
+    sampled:      (n, 3) float32, E/pi of light by shadow rays, with the light of the other side
+    outputs:      outputs of the bake
+    store:        makes images of values of the patches
+    previous:     solution of the last bake on a warm start
+    remote:       devices of other processes
+    notes:        report sentences on the devices that share the bake
+    """
+
+    scene: Scene
+    patch_scene: PatchScene
+    rays: RayScene
+    lighting: DirectLighting
+    sampled: np.ndarray
+    outputs: Outputs
+    store: LightmapImages
+    previous: PreviousSolution | None
+    remote: RemoteDevices | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Solution of a bake of n patches.
+
+    texels:    job and sampler of the final gathers
+    solution:  the converged irradiance
+    contacts:  contacts of the patches
+    validity:  (n,) float32, validity from `patch_validity`
+    atlases:   number of the user's lightmaps
+    """
+
+    texels: TexelGatherJob
+    solution: Solution
+    contacts: Contacts
+    validity: np.ndarray
+    atlases: int
+
+
 def bake(
     devices: Devices,
     scene: Scene,
@@ -75,9 +134,8 @@ def bake(
     """
     # On the first use of a device, wait for the programs of direct light. Other programs are built meanwhile.
     yield from stages.prepare(devices.compute, early=True)
-    return (
-        yield from _current(devices, _bake(devices, scene, settings, stages, kept, ship, inspect, shares))
-    )
+    request = _Request(devices, scene, settings, stages, kept, ship, shares)
+    return (yield from _current(devices, _bake(request, inspect)))
 
 
 def _current(
@@ -95,40 +153,114 @@ def _current(
             yield progress
 
 
-def _bake(
-    devices: Devices,
-    scene: Scene,
-    settings: Settings,
-    stages: BakeStages,
-    kept: SessionCache,
-    ship: Ship | None,
-    inspect: Inspect,
-    shares: bool,
-) -> Generator[Progress, None, BakeResult]:
+def _bake(request: _Request, inspect: Inspect) -> Generator[Progress, None, BakeResult]:
     """Run the stages of the bake."""
-    graphics, compute = devices.graphics, devices.compute
-    settings, notes = without_opencl(devices, scene, settings)
+    settings, notes = without_opencl(request.devices, request.scene, request.settings)
+    request = replace(request, settings=settings)
+    stages, atlases = request.stages, request.scene.atlases
+
+    # Patch list and direct light (III.A, IV.A).
+    lit = yield from _lit_patches(request)
+
+    # Background threads. They start late, since they would delay the first image of a warm start.
+    compute, kept = request.devices.compute, request.kept
+    areas, seams = kept.texels.begin(compute, lit.patch_scene, len(atlases), settings)
+
+    # Gather iterations until convergence (III.B, IV.C).
+    solved = yield from _solved(request, lit, areas)
+
+    # Outputs at the patches, and at texel samples where texels are not uniform.
+    made, gathered = yield from _made(stages, lit.outputs, solved)
+
+    # Radiance over the sphere at the probes of volumes, from the solved patches.
+    probes, probe_notes = yield from _probes(stages, solved, made)
+
+    # Final images: denoised, equal across seams, dilated (VI.B). Reflection cubes show them.
+    finishing = Finishing(lit.store, solved.texels, solved.solution, made, gathered)
+    passes, cubes, cube_notes = yield from _shown(stages, finishing, solved, seams)
+    patch_scene = solved.texels.job.patch_scene
+    inspect(
+        BakeState(
+            scene=lit.scene,
+            atlases=len(atlases),
+            settings=settings,
+            patch_scene=patch_scene,
+            rays=lit.rays,
+            contacts=solved.contacts,
+            solution=solved.solution,
+            validity=solved.validity,
+            outputs=made,
+            samples=gathered,
+            texels=finishing.refined,
+            images=passes,
+        )
+    )
+    warnings = (*notes, *patch_scene.warnings, *lit.lighting.warnings, *probe_notes, *cube_notes)
+    report = _report(request, lit, solved, finishing, warnings)
+    return BakeResult(
+        atlases=atlases,
+        image=lit.store.image(next(iter(made.values()))) if settings.centres else lit.store.no_image,
+        display=next(iter(passes.values())),
+        has_patch=lit.store.has_patch,
+        known=finishing.refined.known,
+        report=report,
+        passes=passes,
+        probes=probes,
+        reflections=cubes,
+    )
+
+
+def _report(
+    request: _Request, lit: _LitPatches, solved: _Solved, finishing: Finishing, warnings: tuple[str, ...]
+) -> Report:
+    """Return the report of a bake.
+
+    warnings:  of all stages but the finishing of images
+    """
+    graphics, compute = request.devices.graphics, request.devices.compute
+    choice, solution = solved.texels.choice, solved.solution
+    return Report(
+        patches=len(lit.patch_scene.patches),
+        method=choice.method,
+        visibility=choice.visibility,
+        samples=choice.samples,
+        reasons=(*choice.reasons, *lit.notes, *shared_work(lit.rays), *finishing.reasons),
+        iterations=solution.iterations,
+        convergence_error=solution.residual,
+        converged=solution.converged or not request.settings.has_indirect,
+        added_flux=tuple(solution.energies),
+        seconds=request.stages.seconds,
+        devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
+        warnings=(*warnings, *finishing.warnings),
+        integrator=choice.integrator,
+        energy=solution.energy(solved.texels.solved.patch_scene.surfaces.emission),
+    )
+
+
+def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
+    """Return the patches with their direct light; yield its image before visibility is computed."""
+    settings, stages, kept = request.settings, request.stages, request.kept
+    graphics, compute = request.devices.graphics, request.devices.compute
+    atlases = len(request.scene.atlases)
 
     # Lightmap UVs of objects without a lightmap and of visible back faces, which rays find.
-    atlases = scene.atlases
-    scene = yield from _placed(devices, scene, settings, stages, kept)
+    scene = yield from _placed(request)
 
     # Send the scene to the other processes, which build their ray tracing structures while this process
     # continues.
-    shipped = ship and ship(scene)
+    shipped = request.ship and request.ship(scene)
 
-    # Patch list: lightmap texels on surfaces, and their geometry (III.A, IV.A).
+    # Patch list: lightmap texels on surfaces, and their geometry.
     patch_scene = kept.make_patch_scene(graphics, compute, scene, settings)
     gathers = may_gather(scene, patch_scene.surfaces, settings)
     check_patches(compute, len(patch_scene.triangles.mesh), len(patch_scene.patches), gathers)
-    store = kept.texels.images(patch_scene.patches, len(atlases), settings, compute)
-    previous = kept.light_on(compute, patch_scene, len(atlases), settings)
+    store = kept.texels.images(patch_scene.patches, atlases, settings, compute)
+    previous = kept.light_on(compute, patch_scene, atlases, settings)
     yield stages.listed(len(patch_scene.patches), patch_scene.surfaces.mean_reflectance)
 
-    # Direct light: shadow rays to lights, small bright surfaces and bright sky. The first intermediate
-    # lightmap shows it before visibility is computed.
+    # Direct light: shadow rays to lights, small bright surfaces and bright sky.
     rays = kept.ray_scene(graphics, compute, patch_scene)
-    sharing = share(rays, devices.peers if shares else None, settings)
+    notes = share(rays, request.devices.peers if request.shares else None, settings)
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_groups = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
@@ -146,123 +278,64 @@ def _bake(
     sampled = yield from _direct_light(stages, store, outputs, lighting, previous, compute)
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
     sampled = both_sides(patch_scene.sides, sampled)
+    return _LitPatches(scene, patch_scene, rays, lighting, sampled, outputs, store, previous, remote, notes)
 
-    # Background threads. They start late, since they would delay the first image of a warm start.
-    areas, seams = kept.texels.begin(compute, patch_scene, len(atlases), settings)
+
+def _solved(
+    request: _Request, lit: _LitPatches, areas: Future[np.ndarray]
+) -> Generator[Progress, None, _Solved]:
+    """Gather all other light until convergence, from drawn hemicubes (IV.B) or from visibility samples."""
+    settings, stages, kept = request.settings, request.stages, request.kept
+    compute, atlases = request.devices.compute, len(request.scene.atlases)
 
     # Contacts: patches covered by a touching face become black. `back_to_back` is set if two faces coincide.
     yield stages.begin(stages.choosing)
-    contacts = kept.emitters.contacts(lighting)
+    contacts = kept.emitters.contacts(lit.lighting)
     patch_scene = replace(
-        patch_scene,
-        surfaces=patch_scene.surfaces.black_at(contacts.covered),
+        lit.patch_scene,
+        surfaces=lit.patch_scene.surfaces.black_at(contacts.covered),
         back_to_back=bool(contacts.back_to_back.any()),
     )
-
-    # All other light is gathered: from hemicubes drawn in each iteration (IV.B), or from visibility samples.
     job = SolveJob(
-        graphics=graphics,
+        graphics=request.devices.graphics,
         compute=compute,
         patch_scene=patch_scene,
-        rays=rays,
-        emission=lighting.gathered_emission,
-        sky=lighting.gathered_sky,
-        sampled_light=sampled,
+        rays=lit.rays,
+        emission=lit.lighting.gathered_emission,
+        sky=lit.lighting.gathered_sky,
+        sampled_light=lit.sampled,
         area=areas.result(),
         settings=settings,
-        remote=remote,
+        remote=lit.remote,
         kept=kept,
         contacts=contacts,
-        backs=lighting.backs_left,
-        mapped=patch_scene.patches.count_in(len(atlases)),
-    ).after(previous)
+        backs=lit.lighting.backs_left,
+        mapped=patch_scene.patches.count_in(atlases),
+    ).after(lit.previous)
     solution, choice, solved = choose_solver(job)
-    if remote and compute and choice.method != "none":
+    if lit.remote and compute and choice.method != "none":
         # Prepare texel data on the host while other processes compute visibility.
-        kept.texels.prepare(compute, patch_scene, len(atlases), settings)
+        kept.texels.prepare(compute, patch_scene, atlases, settings)
     yield stages.chosen(choice)
 
-    # Gather iterations until convergence (III.B, IV.C). They also measure which patches lie inside geometry;
-    # with patch groups, the final gather does.
-    texels = TexelGatherJob(scene, job, solved, choice, lighting)
-    validity = yield from _converge(stages, store, outputs, solution, texels, contacts, len(atlases))
-
-    # Outputs at the patches, and at texel samples where texels are not uniform.
-    made, gathered = yield from _made(stages, outputs, texels, len(atlases), contacts, solution, validity)
-
-    # Radiance over the sphere at the probes of volumes, from the solved patches.
-    probes, probe_notes = yield from _probes(stages, texels, solution, validity, contacts, made)
-
-    # Final images: denoised, equal across seams, dilated (VI.B). Reflection cubes show them.
-    finishing = Finishing(store, texels, solution, made, gathered)
-    passes, cubes, cube_notes = yield from _shown(
-        stages, finishing, texels, solution, validity, contacts, seams
-    )
-    inspect(
-        BakeState(
-            scene=scene,
-            atlases=len(atlases),
-            settings=settings,
-            patch_scene=patch_scene,
-            rays=rays,
-            contacts=contacts,
-            solution=solution,
-            validity=validity,
-            outputs=made,
-            samples=gathered,
-            texels=finishing.refined,
-            images=passes,
-        )
-    )
-    report = Report(
-        patches=len(patch_scene.patches),
-        method=choice.method,
-        visibility=choice.visibility,
-        samples=choice.samples,
-        reasons=(*choice.reasons, *sharing, *shared_work(rays), *finishing.reasons),
-        iterations=solution.iterations,
-        convergence_error=solution.residual,
-        converged=solution.converged or not settings.has_indirect,
-        added_flux=tuple(solution.energies),
-        seconds=stages.seconds,
-        devices={"gl": graphics.name} | ({"cl": compute.name} if compute else {}),
-        warnings=(
-            *notes,
-            *patch_scene.warnings,
-            *lighting.warnings,
-            *probe_notes,
-            *cube_notes,
-            *finishing.warnings,
-        ),
-        integrator=choice.integrator,
-        energy=solution.energy(solved.patch_scene.surfaces.emission),
-    )
-    return BakeResult(
-        atlases=atlases,
-        image=store.image(next(iter(made.values()))) if settings.centres else store.no_image,
-        display=next(iter(passes.values())),
-        has_patch=store.has_patch,
-        known=finishing.refined.known,
-        report=report,
-        passes=passes,
-        probes=probes,
-        reflections=cubes,
-    )
+    # The iterations also measure which patches lie inside geometry; with patch groups, the final gather does.
+    texels = TexelGatherJob(lit.scene, job, solved, choice, lit.lighting)
+    validity = yield from _converge(stages, lit, solution, texels, contacts, atlases)
+    return _Solved(texels, solution, contacts, validity, atlases)
 
 
-def _placed(
-    devices: Devices, scene: Scene, settings: Settings, stages: BakeStages, kept: SessionCache
-) -> Generator[Progress, None, Scene]:
+def _placed(request: _Request) -> Generator[Progress, None, Scene]:
     """Begin the stage of patches; return the scene of `SessionCache.with_places`.
 
     Places add texels, so limits are checked before this work and again after it.
 
     Raises SettingsError if the lightmaps exceed a limit of the devices.
     """
-    graphics, compute = devices.graphics, devices.compute
+    graphics, compute = request.devices.graphics, request.devices.compute
+    scene, settings, stages = request.scene, request.settings, request.stages
     check_limits(graphics, compute, scene, settings)
     yield stages.begin(stages.patches)
-    placing = kept.with_places(graphics, compute, scene, settings)
+    placing = request.kept.with_places(graphics, compute, scene, settings)
     placed = yield from map_progress(placing, lambda _: stages.placed())
     check_limits(graphics, compute, placed, settings)
     return placed
@@ -298,8 +371,7 @@ def _direct_light(
 
 def _converge(
     stages: BakeStages,
-    store: LightmapImages,
-    outputs: Outputs,
+    lit: _LitPatches,
     solution: Solution,
     texels: TexelGatherJob,
     contacts: Contacts,
@@ -313,7 +385,7 @@ def _converge(
     contacts:  contacts of the patches
     atlases:   number of the user's lightmaps
     """
-    job = texels.job
+    job, store, outputs = texels.job, lit.store, lit.outputs
     validity = None
     warm, shows = job.settings.warm_start, job.settings.intermediates
     job.kept.light = job.kept.light if warm else None
@@ -341,25 +413,16 @@ def _converge(
 
 
 def _made(
-    stages: BakeStages,
-    outputs: Outputs,
-    texels: TexelGatherJob,
-    atlases: int,
-    contacts: Contacts,
-    solution: Solution,
-    validity: np.ndarray,
+    stages: BakeStages, outputs: Outputs, solved: _Solved
 ) -> Generator[Progress, None, tuple[dict[str, Values], TexelSampleLight]]:
-    """Return each output of the patches, (n, 3) or (n,) float32, by name, and the texel samples with theirs.
-
-    atlases:   number of the user's lightmaps
-    contacts:  contacts of the patches
-    validity:  (n,) float32, validity from `patch_validity`
-    """
-    job = texels.job
+    """Return the outputs of the patches, (n, 3) or (n,) float32, by name, and texel samples with theirs."""
+    texels, solution, job = solved.texels, solved.solution, solved.texels.job
     made = yield from stages.run(stages.outputs, outputs.make(solution, job.patch_scene.geometry))
     gathered = yield from stages.run(
         stages.texels,
-        gather_texel_samples(texels, atlases, contacts, solution, validity, stages.supersampling),
+        gather_texel_samples(
+            texels, solved.atlases, solved.contacts, solution, solved.validity, stages.supersampling
+        ),
     )
 
     # Light groups are solved separately with the visibility of the solution of all light.
@@ -370,19 +433,13 @@ def _made(
 
 
 def _probes(
-    stages: BakeStages,
-    texels: TexelGatherJob,
-    solution: Solution,
-    validity: np.ndarray,
-    contacts: Contacts,
-    made: dict[str, Values],
+    stages: BakeStages, solved: _Solved, made: dict[str, Values]
 ) -> Generator[Progress, None, tuple[tuple[ProbeGrid, ...], tuple[str, ...]]]:
     """Return the light of the probe volumes, and warnings; both are empty unless probes are baked.
 
-    validity:  (n,) float32, validity of the patches from `patch_validity`
-    contacts:  contacts of the patches
-    made:      outputs of the patches by name, of which probes need the maps of light groups
+    made:  outputs of the patches by name, of which probes need the maps of light groups
     """
+    texels = solved.texels
     if not (texels.job.settings.light_probes and texels.scene.probe_volumes):
         return (), ()
     warnings = probe_warnings(texels)
@@ -391,31 +448,24 @@ def _probes(
     groups = {
         name.removeprefix(LIGHT_GROUP): light for name, light in made.items() if name.startswith(LIGHT_GROUP)
     }
-    gathering = gather_probes(texels, solution, validity, contacts, groups)
+    gathering = gather_probes(texels, solved.solution, solved.validity, solved.contacts, groups)
     return (yield from stages.run(stages.probes, gathering)), warnings
 
 
 def _shown(
-    stages: BakeStages,
-    finishing: Finishing,
-    texels: TexelGatherJob,
-    solution: Solution,
-    validity: np.ndarray,
-    contacts: Contacts,
-    seams: Future[Seams] | None,
+    stages: BakeStages, finishing: Finishing, solved: _Solved, seams: Future[Seams] | None
 ) -> Generator[Progress, None, tuple[dict[str, np.ndarray], tuple[ReflectionCube, ...], tuple[str, ...]]]:
     """Return the final images by output, the reflection cubes that show them, and warnings.
 
-    validity:  (n,) float32, validity of the patches from `patch_validity`
-    contacts:  contacts of the patches
-    seams:     pairs of points with equal light; None to leave seams visible
+    seams:  pairs of points with equal light; None to leave seams visible
     """
+    texels = solved.texels
     images = yield from finishing.images(stages, seams)
     if not (texels.job.settings.reflection_cubes and texels.scene.reflection_spheres):
         return images, (), ()
     warnings = reflection_warnings(texels)
     if texels.job.compute is None:
         return images, (), warnings
-    gathering = gather_reflections(texels, solution, validity, contacts, images)
+    gathering = gather_reflections(texels, solved.solution, solved.validity, solved.contacts, images)
     cubes, notes = yield from stages.run(stages.reflections, gathering)
     return images, cubes, (*warnings, *notes)

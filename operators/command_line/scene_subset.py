@@ -47,11 +47,16 @@ def _objects_of_collection(name: str) -> list[bpy.types.Object]:
 def _objects_of_lightmap(name: str) -> list[bpy.types.Object]:
     import bpy
 
+    from ..levels import LevelFinder
     from ..lightmap_list import members
+    from ..object_properties import gets_lightmap
 
-    found = members(bpy.context.scene, name)
+    scene = bpy.context.scene
+    found = members(scene, name)
     if not found:
-        raise CommandError(f"No object of this scene uses a lightmap '{name}'.")
+        levels = LevelFinder()
+        used = {obj.hemibake.atlas for obj in scene.objects if gets_lightmap(obj, levels)}
+        raise CommandError(f"No object of this scene uses a lightmap '{name}': they use {_listed(used)}.")
     return found
 
 
@@ -63,7 +68,7 @@ def _select(objects: list[bpy.types.Object], part: str) -> None:
     for obj in layer.objects:
         obj.select_set(obj in objects, view_layer=layer)
     if not any(obj.select_get(view_layer=layer) for obj in layer.objects):
-        raise CommandError(f"No object of {part} is visible in this scene, so there is nothing to bake.")
+        raise CommandError(f"No object of {part} is visible in this scene. Show it, or name another part.")
     bpy.context.scene.hemibake.target = "SELECTED"
 
 

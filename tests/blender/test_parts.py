@@ -75,7 +75,7 @@ def test_named_scene_is_baked_with_the_settings_of_the_command(shell, two_rooms,
     [
         (("--scene-name", "Cellar"), "no scene 'Cellar': the file has 'Attic', 'Scene'"),
         (("--collection", "Roof"), "no collection 'Roof' in this scene: it has 'Hall', 'Yard'"),
-        (("--lightmap", "Roof"), "No object of this scene uses a lightmap 'Roof'"),
+        (("--lightmap", "Roof"), "uses a lightmap 'Roof': they use 'Hall light', 'Yard light'"),
         (("--collection", "Empty"), "No object of collection 'Empty' is visible"),
         (("--collection", "Hall", "--lightmap", "Hall light"), "not allowed with"),
     ],

@@ -1,9 +1,9 @@
-# `make demo` and `make test` set up all they need themselves; `make` alone lists the targets.
+# `make demo` and `make test` install what they need; `make` alone lists the targets.
 
 PYTHON ?= python3.11
 PYTHON313 ?= python3.13
 
-# One environment for each Blender that is tested; a stamp tells which lock it was made from.
+# One environment for each tested Blender; the stamp file is newer than the lock it was made from.
 READY50 := .venv/.ready
 READY45 := .venv-bpy45/.ready
 READY42 := .venv-bpy42/.ready
@@ -11,7 +11,7 @@ READY51 := .venv-bpy51/.ready
 READY52 := .venv-bpy52/.ready
 READY53 := .venv-bpy53/.ready
 
-# What packages bring with them, for every platform.
+# Wheels that the packages contain, for every platform.
 WHEELS := out/wheels/.ready
 WHEELS_DASK := out/wheels_dask/.ready
 
@@ -25,8 +25,8 @@ demo: $(READY50) ## bake a Cornell box headless; pictures and lightmap in out/de
 	@tools/system_packages.sh .venv/bin/python
 	.venv/bin/python tools/demo.py --out out/demo
 
-# Test files are spread over processes, each with a Blender of its own, of half a gigabyte. There is one more than
-# there are cores, since tests of Blender also wait for worker processes, timers and files.
+# Test files are spread over processes; each has its own Blender and needs 0.5 GB. Tests of Blender also wait for
+# workers, timers and files, so there is one process more than cores.
 PROCESSES := $(shell cores=$$(nproc); echo $$((cores < 3 ? cores + 1 : 4)))
 PARALLEL := --numprocesses $(PROCESSES) --dist loadfile
 
@@ -48,7 +48,7 @@ test-4.2 test-4.5 test-5.1 test-5.2 test-5.3: test-%:
 	@tools/system_packages.sh .venv-bpy$(subst .,,$*)/bin/python
 	.venv-bpy$(subst .,,$*)/bin/python -m pytest tests/blender -m "not long and not one_version" $(PARALLEL)
 
-# Tests of workers depend on which of them is faster: no more processes than cores.
+# Some tests compare the speed of workers, so there are no more processes than cores.
 test-long: setup ## the tests that take minutes
 	.venv/bin/python -m pytest -m long --numprocesses auto --maxprocesses 4 --dist loadfile
 

@@ -24,16 +24,16 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from headless import MODULE, ROOT, disable, enable, install
 
-#: Time between two looks at the files, s. Chosen: shorter than a switch from the editor to Blender.
+#: Time between two checks of the files, s. Chosen: shorter than a switch from the editor to Blender.
 _PERIOD = 0.5
 
 
 class Reloader:
     """Reloads a package once one of its files has changed.
 
-    folders:  that contain its Python files
+    folders:  folders of its Python files
     package:  name of the package in `sys.modules`
-    enable:   imports and registers the package; raises an exception if a file has an error
+    enable:   imports and registers the package; raises the error of a faulty file
     disable:  unregisters it
     """
 

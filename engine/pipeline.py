@@ -51,6 +51,7 @@ from .texel_gather.texel_sample_gather import TexelSampleLight, gather_texel_sam
 from .texel_gather.texel_sample_points import TexelGatherJob
 from .texel_gather.valid_patches import patch_validity
 from .visibility.rays.ray_scene import RayScene
+from .visibility.rays.shaders.shader_builds import ShaderBuilds
 
 #: Function that sends a scene to other processes. It returns a function that sends them the patches and
 #: returns their devices. The scene has lightmap UVs for all objects; the sampled triangles count as lights.
@@ -275,6 +276,7 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
     )
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)
+    yield from stages.build_shader(lighting.shader, ShaderBuilds(settings.cache_dir, graphics))
     sampled = yield from _direct_light(stages, store, outputs, lighting, previous, compute)
     kept.sampled = lighting.sampled_light(sampled) if settings.warm_start else None
     sampled = both_sides(patch_scene.sides, sampled)

@@ -87,12 +87,20 @@ class WorkerManager:
         return session.bake(scene, settings, self.paces)
 
     def bake_in_worker(self) -> Callable:
-        """Return a bake function that bakes in the worker."""
+        """Return a bake function that bakes in the worker.
+
+        It reports the preparation that runs now, since a worker that builds a shader takes no bake meanwhile.
+        """
         from ..engine.worker.crash_recovery import bake_without_crashing_device
 
-        return lambda scene, settings: bake_without_crashing_device(
-            self.worker(), scene, settings, self.paces
-        )
+        preparation = self.preparation
+
+        def bake(scene: Scene, settings: Settings) -> Generator[Progress | None, None, BakeResult]:
+            if preparation is not None:
+                yield preparation
+            return (yield from bake_without_crashing_device(self.worker(), scene, settings, self.paces))
+
+        return bake
 
     def worker(self) -> Worker:
         """Return the worker; the next bake starts its process, again if it has died."""

@@ -86,6 +86,14 @@ class DirectLighting:
         """Fraction of the patches from which shadow rays must be traced; the others keep cached light."""
         return 1.0 if self._changed is None else len(self._changed) / max(self._ray_scene.count, 1)
 
+    @property
+    def shader(self) -> ShaderShadowRays | None:
+        """Caster of sampled light by a compute shader; None if OpenCL casts, or if no light is sampled."""
+        if self._ray_scene.shaders is None or not self._samples_any:
+            return None
+        casting = self._casting()
+        return casting if isinstance(casting, ShaderShadowRays) else None
+
     def sampled_light(self, light: np.ndarray) -> DirectLightCache | None:
         """Return `light`, the result of `gather`, as a cache for the next bake; None without OpenCL."""
         casting = self._casting() if self._samples_any else None

@@ -26,6 +26,9 @@ from .sky import Sky
 #: Storage blocks of shaders/direct/.
 _EMITTERS, _NODES, _TABLES = 4, 5, 6
 
+#: Structs that shaders/direct/direct.comp reads.
+_RECORDS = (RECEIVER, EMITTER, LIGHT_NODE)
+
 #: 32-bit words of state that a work item stores between dispatches: STATE_WORDS of shaders/direct/direct.comp
 #: and ambient_occlusion.comp.
 _DIRECT_STATE, _OCCLUSION_STATE = 208, 4
@@ -73,6 +76,15 @@ class ShaderShadowRays:
                 **(_glow_arrays(patch_scene) if len(bright.triangles) else {}),
             },
         )
+
+    @property
+    def program_digest(self) -> str:
+        """Digest of the source of the shader for sampled light."""
+        return self._tracer.digest("direct", self._features, _RECORDS)
+
+    def build(self) -> None:
+        """Build the shader for sampled light, which takes a CPU's driver seconds."""
+        self._tracer.build("direct", self._features, _RECORDS)
 
     def sampled(self) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return E/pi of all emitters at every patch, (n, 3) float32, and its L1; yield progress 0..1."""
@@ -131,9 +143,8 @@ class ShaderShadowRays:
         }
         launch = {"root": tree.root, "budget": budget, "first_l1": self._count}
         uniforms = self._uniforms | self._tables.uniforms | launch
-        records = (RECEIVER, EMITTER, LIGHT_NODE)
         yield from self._tracer.run(
-            "direct", self._count, buffers, uniforms, self._features, records, _DIRECT_STATE
+            "direct", self._count, buffers, uniforms, self._features, _RECORDS, _DIRECT_STATE
         )
         return read_rows(results, self._count), read_rows(results, rows - self._count, self._count)
 

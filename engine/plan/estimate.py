@@ -28,14 +28,21 @@ class Estimate:
 
 
 def estimate(
-    extent: Extent, patches: int, settings: Settings, paces: Mapping[str, float], preparing: float = 0.0
+    extent: Extent,
+    patches: int,
+    settings: Settings,
+    paces: Mapping[str, float],
+    preparing: float = 0.0,
+    speed: float = 1.0,
 ) -> Estimate:
     """Return the expected cost of a bake.
 
     paces:      seconds for each unit of each stage in earlier bakes, see `BakeStages`
     preparing:  seconds until the kernels of the device are built; NaN if unknown
+    speed:      of casting rays, relative to OpenCL on a CPU, see `rates.surveyed_speed`
     """
     stages = BakeStages(extent, settings, dict(paces))
+    stages.scale(speed)
     seconds = stages.foretell(patches) + (preparing if math.isfinite(preparing) else 0.0)
     size = most_samples(settings) * sample_bytes(patches, extent.tinted)
     samples = patches * size if settings.has_indirect else 0

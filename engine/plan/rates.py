@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..device.cpu_renderers import draws_on_cpu
+from ..device.device_info import DeviceSurvey
 from ..json_file import read_json, write_json
 
 if TYPE_CHECKING:
@@ -27,6 +28,14 @@ def ray_speed(devices: Devices) -> float:
     if devices.compute is not None:
         return 1.0 if devices.compute.processor else _CARD_RAYS
     return _CPU_SHADER_RAYS if draws_on_cpu(devices.graphics.name) else _CARD_RAYS
+
+
+def surveyed_speed(survey: DeviceSurvey | None) -> float:
+    """Return the same speed for surveyed devices; 1 with OpenCL, and before any survey (None)."""
+    used = [device for device in survey.devices if device.use] if survey else []
+    if not used or any(device.api == "OpenCL" for device in used):
+        return 1.0
+    return _CPU_SHADER_RAYS if draws_on_cpu(used[0].name) else _CARD_RAYS
 
 
 def hemicubes_bound(device: str, triangles: int) -> float:

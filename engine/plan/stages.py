@@ -22,7 +22,9 @@ from .iterations_left import iterations_left
 if TYPE_CHECKING:
     from ..device.cl_device import ComputeDevice
     from ..device.program_cache import Preparation
+    from ..direct.shader_shadow_rays import ShaderShadowRays
     from ..solve.solution import Solution
+    from ..visibility.rays.shaders.shader_builds import ShaderBuilds
     from .solver_choice import SolverChoice
 
 #: Guessed seconds, until measured, to open devices and to choose a method.
@@ -91,6 +93,9 @@ _LONG = 1.0
 
 #: Name of stages that wait for programs to be built, and seconds between two polls.
 PREPARING, _POLL = "Preparing for this device (once)", 0.02
+
+#: Number of reports before a shader is built (chosen): the window takes one within 0.1 s.
+_REPORTS = 5
 
 #: Minimum time between two images of Live, s.
 _BETWEEN_IMAGES = 0.02
@@ -223,10 +228,14 @@ class BakeStages(Schedule):
         if first and speed <= 1:
             for name, seconds in _LOADING.items():
                 getattr(self, name).overhead = seconds
+        self.scale(speed)
+        self.end()
+
+    def scale(self, speed: float) -> None:
+        """Divide the guessed paces of casting rays by a speed."""
         for stage in self._casting:
             if not stage.measured:
                 stage.pace /= speed
-        self.end()
 
     def prepare(self, compute: ComputeDevice | None, early: bool) -> Generator[Progress, None, None]:
         """Wait until other processes have built the programs for the device.
@@ -242,6 +251,26 @@ class BakeStages(Schedule):
         while (left := compute.preparation(early)) is not None:
             yield self._prepared(stage, left)
             time.sleep(_POLL)
+        yield self.end()
+
+    def build_shader(
+        self, shader: ShaderShadowRays | None, builds: ShaderBuilds
+    ) -> Generator[Progress, None, None]:
+        """Build the shader of direct light, unless this driver has built it before; None for no shader.
+
+        The driver builds in one call, so the stage is reported before, and until a window has shown it.
+        """
+        if shader is None or builds.has(shader.program_digest):
+            return
+        self.begin(self.early_preparing)
+        self.early_preparing.amount, self.early_preparing.forecast = 1, builds.expected_seconds
+        for _ in range(_REPORTS):
+            self.advance(0)
+            yield self.progress(0.0, f"{PREPARING}: 0 of 1")
+            time.sleep(_POLL)
+        began = time.perf_counter()
+        shader.build()
+        builds.keep(shader.program_digest, time.perf_counter() - began)
         yield self.end()
 
     def _prepared(self, stage: Stage, left: Preparation | None) -> Progress:

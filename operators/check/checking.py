@@ -8,6 +8,7 @@ from dataclasses import replace
 from ...engine.device.device_info import DeviceSurvey
 from ...engine.errors import SceneError, SettingsError
 from ...engine.plan.estimate import Estimate, estimate
+from ...engine.plan.rates import surveyed_speed
 from ...engine.plan.stages import COVERAGE, Extent
 from ...engine.settings import Settings
 from ..bake_settings import read_settings
@@ -156,7 +157,12 @@ def _expect(
     patches += len(new) * COVERAGE * texels
     atlases = len({one.mesh.atlas for one in placed}) + len(new) + bool(tiled)
     return estimate(
-        replace(extent, atlases=atlases), round(patches), settings, owner.paces, owner.preparation_seconds
+        replace(extent, atlases=atlases),
+        round(patches),
+        settings,
+        owner.paces,
+        owner.preparation_seconds,
+        surveyed_speed(finder.found),
     )
 
 

@@ -3,12 +3,14 @@
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from engine import Settings, bake, progress
+from engine import Light, Settings, bake, progress
 from engine.device import devices
 from engine.plan import stages as bake_stages
 from engine.plan import visibility_trial
+from engine.plan.stages import PREPARING
 from tests.analytic.scenes import furnace, nine_quad_room
 from tests.no_compute import NoCompute
 
@@ -46,6 +48,18 @@ def test_percentage_rises_to_the_end_by_every_method(changes, stages):
 def test_percentage_rises_to_the_end_without_opencl(monkeypatch):
     monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
     check(nine_quad_room(), SETTINGS, ["Preparing texels", "Visibility", "Bounce 2"])
+
+
+def test_first_bake_of_a_driver_without_opencl_shows_that_it_prepares(monkeypatch, tmp_path):
+    monkeypatch.setattr(devices, "ComputeDevice", NoCompute)
+    lamp = Light("Lamp", "point", np.array([0.4, 0.5, 0.6]), np.eye(3), np.ones(3, np.float32))
+    settings = replace(SETTINGS, resolution=17, samples=64, cache_dir=str(tmp_path))
+    shown = []
+    for _ in range(2):
+        steps = [step for _, step in timed(replace(furnace(0.5, 0.0), lights=(lamp,)), settings)[0]]
+        shown.append([step for step in steps if step.stage == f"{PREPARING}: 0 of 1"])
+        assert steps[-1].overall == 1
+    assert shown[0] and all(step.expected_left >= 6 for step in shown[0]) and not shown[1]
 
 
 def test_percentage_rises_to_the_end_in_the_dark():

@@ -2,7 +2,9 @@
 
 import pytest
 
+from engine.device.device_info import DeviceInfo, DeviceSurvey
 from engine.plan.estimate import estimate
+from engine.plan.rates import surveyed_speed
 from engine.plan.stages import BakeStages, Extent
 from engine.settings import Settings
 from tests.analytic.scenes import furnace
@@ -58,6 +60,21 @@ def test_kernels_that_are_not_built_yet_count():
     prepared = estimate(EXTENT, 9973, SETTINGS, {}, preparing=12.5)
     assert prepared.seconds == pytest.approx(seconds() + 12.5)
     assert estimate(EXTENT, 9973, SETTINGS, {}, preparing=float("nan")).seconds == seconds()
+
+
+def test_rays_by_opengl_on_a_cpu_take_longer():
+    alone = DeviceInfo("OpenGL", "llvmpipe (LLVM 19.1.7, 256 bits)", use="casting rays and summing light")
+    drawing, compute = (
+        DeviceInfo("OpenGL", "llvmpipe", use="drawing"),
+        DeviceInfo("OpenCL", "PoCL", use="all"),
+    )
+    speeds = [surveyed_speed(DeviceSurvey(found)) for found in ((alone,), (compute, drawing), ())]
+    assert speeds == [0.25, 1.0, 1.0] and surveyed_speed(None) == 1.0
+    assert surveyed_speed(DeviceSurvey((DeviceInfo("OpenGL", "Radeon", use="casting rays"),))) > 100
+    slow = estimate(EXTENT, 9973, SETTINGS, {}, speed=0.25).seconds
+    assert 2 * seconds() < slow < 4 * seconds()
+    known = {"Visibility rays": 1e-3}
+    assert estimate(EXTENT, 9973, SETTINGS, known, speed=0.25).seconds < 1.5 * seconds(paces=known)
 
 
 def test_estimate_is_what_the_stages_of_a_bake_begin_with():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Generator, Mapping, Sequence
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from ....device.device_struct import DeviceStruct
 from ....device.gl_context import GraphicsContext
+from ....device.source import shader_source
 from ....scene.cutouts import BOUNCE, Cutouts
 from ....scene.tints import tint_palette
 from ....scene.triangles import Triangles
@@ -85,10 +87,7 @@ class ShaderTracer:
         state_words: words of an item's state if its work may pause, see shaders/rays/resumed.glsl
         """
         key = (name, tuple(features))
-        if key not in self._programs:
-            features = (*self._features, *features)
-            self._programs[key] = self.graphics.compute_program(name, features, records)
-        program = self._programs[key]
+        program = self._program(name, features, records)
         _set(program, self._uniforms)
         _set(program, uniforms)
         start = 0
@@ -109,6 +108,29 @@ class ShaderTracer:
             start = end
             yield end / items
         self.graphics.check("casting rays")
+
+    def digest(self, name: str, features: Sequence[str], records: Sequence[DeviceStruct]) -> str:
+        """Return a digest of the source of a shader; parameters as for `run`."""
+        source = shader_source(f"{name}.comp", (*self._features, *features), records)
+        return hashlib.sha256(source.encode()).hexdigest()[:16]
+
+    def build(self, name: str, features: Sequence[str], records: Sequence[DeviceStruct]) -> None:
+        """Build a shader by a dispatch without items, since drivers build at the first dispatch."""
+        program = self._program(name, features, records)
+        self.graphics.use()
+        _set(program, {"start": 0, "end": 0})
+        program.run(1)
+        self.graphics.context.finish()
+
+    def _program(
+        self, name: str, features: Sequence[str], records: Sequence[DeviceStruct]
+    ) -> moderngl.ComputeShader:
+        """Return the program of a shader with the features of this scene, linked on the first call."""
+        key = (name, tuple(features))
+        if key not in self._programs:
+            named = (*self._features, *features)
+            self._programs[key] = self.graphics.compute_program(name, named, records)
+        return self._programs[key]
 
     def _dispatch(self, program: moderngl.ComputeShader, items: int, state_words: int) -> float:
         """Run a shader over items until all are done; return the seconds of the longest dispatch."""

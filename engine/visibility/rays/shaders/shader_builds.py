@@ -1,0 +1,58 @@
+"""Record of slow shaders that a driver has built, in the cache folder; the driver itself caches programs."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from pathlib import Path
+
+from ....device.gl_context import GraphicsContext
+from ....json_file import read_json, write_json
+
+#: File of the seconds of each build, by driver and shader.
+_BUILT = "shader_builds.json"
+
+#: Guessed seconds of a build by a driver that draws on the CPU, before any was measured. The shader of direct
+#: light took 2.7 CPU s with Mesa 22.3 and 17.6 CPU s with Mesa 25.0, before it became half as large.
+_GUESS = 6.0
+
+
+class ShaderBuilds:
+    """Seconds of builds in a folder. A damaged file counts as missing.
+
+    folder:    the cache folder; None for no record, so that all shaders count as built
+    graphics:  context of the driver
+    """
+
+    def __init__(self, folder: str | None, graphics: GraphicsContext) -> None:
+        self._path = None if folder is None else Path(folder) / _BUILT
+        self._driver = f"{graphics.name}, {graphics.context.info['GL_VERSION']}"
+
+    def has(self, shader: str) -> bool:
+        """Return True if this driver has built a shader.
+
+        shader:  digest of its source
+        """
+        return self._path is None or shader in self._known()
+
+    @property
+    def expected_seconds(self) -> float:
+        """Expected seconds of a build: the longest one of this driver, else a guess."""
+        return max(self._known().values(), default=_GUESS)
+
+    def keep(self, shader: str, seconds: float) -> None:
+        """Record a build."""
+        if self._path is None:
+            return
+        known = {**self._known(), shader: seconds}
+        with suppress(OSError):
+            write_json(self._path, {**read_json(self._path), self._driver: known})
+
+    def _known(self) -> dict[str, float]:
+        """Return the seconds of this driver's builds, by shader."""
+        known = read_json(self._path).get(self._driver)
+        if not isinstance(known, dict):
+            return {}
+        return {
+            name: value for name, value in known.items() if isinstance(value, float) and math.isfinite(value)
+        }

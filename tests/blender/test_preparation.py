@@ -31,3 +31,24 @@ def test_a_bake_ends_the_preparation(owner):
     assert not owner.poll_preparation()
     owner.running = None
     assert not shown_by("draw_preparation")
+
+
+def test_a_bake_shows_the_preparation_until_the_worker_is_free(owner, monkeypatch):
+    """A worker that builds a shader answers nothing, not even that it has begun."""
+
+    def bake(worker, scene, settings, paces):
+        assert worker is owner._worker
+        yield None
+        return "lightmap"
+
+    monkeypatch.setattr(part("engine.worker.crash_recovery"), "bake_without_crashing_device", bake)
+    owner.poll_preparation()
+    started = owner.bake_in_worker()
+    owner.running = SimpleNamespace(progress=owner.preparation)
+    owner.poll_preparation()
+    assert [step and step.stage for step in started(None, None)] == [
+        "Preparing for this device (once): 3 of 9",
+        None,
+    ]
+    owner.running = None
+    assert list(owner.bake_in_worker()(None, None)) == [None]

@@ -39,9 +39,7 @@ from .plan.stages import BakeStages
 from .postprocess.output_maps import Outputs
 from .postprocess.output_names import output_names
 from .postprocess.store import LightmapImages
-from .probes.gather_probes import gather_probes, probe_warnings
 from .progress import Progress, map_progress
-from .reflections.gather_reflections import gather_reflections, reflection_warnings
 from .scene.model import Scene
 from .settings import Settings
 from .solve.solution import Solution
@@ -444,6 +442,9 @@ def _probes(
     texels = solved.texels
     if not (texels.job.settings.light_probes and texels.scene.probe_volumes):
         return (), ()
+    # Few bakes need these modules, which take 20 ms to import.
+    from .probes.gather_probes import gather_probes, probe_warnings
+
     warnings = probe_warnings(texels)
     if texels.job.compute is None:
         return (), warnings
@@ -465,6 +466,8 @@ def _shown(
     images = yield from finishing.images(stages, seams)
     if not (texels.job.settings.reflection_cubes and texels.scene.reflection_spheres):
         return images, (), ()
+    from .reflections.gather_reflections import gather_reflections, reflection_warnings
+
     warnings = reflection_warnings(texels)
     if texels.job.compute is None:
         return images, (), warnings

@@ -33,20 +33,33 @@ def pack_tiles(
     Skyline bottom-left: the tallest tile comes first, and each goes to the lowest position on the first page
     with room (Jylänki 2010, A Thousand Ways to Pack the Bin, section 2.3). Yields after each tile.
     """
-    skylines = [_Skyline(page) for page in pages[:1]]
+    skylines: list[_Skyline] = []
     corners = [(0, 0, 0)] * len(sizes)
+    last, page = (0, 0), 0
     for index in sorted(range(len(sizes)), key=lambda i: (-sizes[i][1], -sizes[i][0])):
-        for page, skyline in enumerate(skylines):
-            corner = skyline.place(*sizes[index])
-            if corner is not None:
-                break
-            if page + 1 == len(skylines) < len(pages):
-                skylines.append(_Skyline(pages[page + 1]))
-        else:
-            return None
+        # Pages without room for a tile have none for the next one of its size.
+        page, last = page if sizes[index] == last else 0, sizes[index]
+        while (corner := _placed(skylines, pages, page, last)) is None:
+            page += 1
+            if page >= len(pages):
+                return None
         corners[index] = (page, *corner)
         yield
     return corners
+
+
+def _placed(
+    skylines: list[_Skyline], pages: Sequence[Box], page: int, size: tuple[int, int]
+) -> tuple[int, int] | None:
+    """Place a tile on a page, the next one at most, and return its corner; None if there is no room.
+
+    skylines: of the pages before; a new page is appended
+    """
+    if page >= len(pages):
+        return None
+    if page == len(skylines):
+        skylines.append(_Skyline(pages[page]))
+    return skylines[page].place(*size)
 
 
 class _Skyline:

@@ -162,14 +162,17 @@ def _fit(sizes: Sequence[np.ndarray], wanted: float, resolution: int) -> Slices[
 
     wanted:  texels per metre; 0 for the largest density that fits one atlas
     """
-    largest = max(float(size.max()) for size in sizes)
+    tiles = np.array(sizes)
+    largest = float(tiles.max())
     page = Box(0, 0, resolution, resolution)
     for pages in (1, _MOST_PAGES) if not wanted else (_MOST_PAGES,):
         scale = wanted or (resolution - GAP) / largest
         while scale * largest >= _SMALLEST:
-            texels = [tuple((np.ceil(size * scale).astype(int) + GAP).tolist()) for size in sizes]
-            corners = yield from pack_tiles(texels, [page] * pages)
-            if corners is not None:
-                return scale, corners
+            texels = np.ceil(tiles * scale).astype(np.int64) + GAP
+            # Tiles with more texels than the pages cannot fit.
+            if int(texels.prod(axis=1).sum()) <= pages * resolution**2:
+                corners = yield from pack_tiles(list(map(tuple, texels.tolist())), [page] * pages)
+                if corners is not None:
+                    return scale, corners
             scale *= _SHRINK
     return None

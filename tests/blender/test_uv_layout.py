@@ -272,6 +272,23 @@ def test_tiles_never_meet(seed):
 
 
 @pytest.mark.one_version
+@pytest.mark.parametrize(("wanted", "resolution"), [(0.0, 1009), (11.0, 127)])
+def test_thousands_of_tiles_are_placed_a_few_times_each(monkeypatch, wanted, resolution):
+    """Full pages are not searched for each tile, and scales at which tiles cannot fit are passed over."""
+    layout, tiles = part("operators.scene.uv_layout"), part("operators.scene.skyline_packing")
+    tried, place = [], tiles._Skyline.place
+    monkeypatch.setattr(
+        tiles._Skyline, "place", lambda skyline, *size: tried.append(size) or place(skyline, *size)
+    )
+    sizes = [np.array([1.0, 0.7])] * 1999
+    scale, corners = finished(layout._fit(sizes, wanted, resolution))
+    pages = {page for page, _, _ in corners}
+    assert len(corners) == len(set(corners)) == 1999 and len(tried) <= 3 * 1999 + len(pages)
+    assert scale == wanted or not wanted
+    assert (len(pages) > 20) == (wanted > 0)
+
+
+@pytest.mark.one_version
 @pytest.mark.parametrize("seed", range(5))
 def test_largest_free_box_is_the_largest(seed):
     tiles = part("operators.scene.skyline_packing")

@@ -12,6 +12,7 @@ from ..levels import LevelFinder
 from ..object_properties import is_left_out
 from ..result.level_maps import TOO_FAR, far_levels
 from ..scene import SceneContext
+from ..scene.materials.tree_nodes import all_nodes
 from ..scene.objects.render_differences import Geometry
 from ..scene.objects.visible import visible_objects
 from .finding import ERROR, INFO, WARNING, Finding, found
@@ -146,7 +147,7 @@ def _may_shine(owner: bpy.types.Material | bpy.types.World | None) -> bool:
     tree = owner and node_tree(owner)
     if not tree:
         return isinstance(owner, bpy.types.World) and any(owner.color)
-    return any(_emits(node) for node in _nodes(tree))
+    return any(_emits(node) for node in all_nodes(tree))
 
 
 def _emits(node: bpy.types.Node) -> bool:
@@ -177,21 +178,7 @@ def _materials(obj: bpy.types.Object, override: bpy.types.Material | None) -> It
 
 
 def _images(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Image]:
-    for node in _nodes(tree) if tree else ():
+    for node in all_nodes(tree):
         image = getattr(node, "image", None)
         if image is not None:
             yield image
-
-
-def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """Yield the nodes of a tree and of its groups."""
-    waiting, known = [tree], set()
-    while waiting:
-        one = waiting.pop()
-        if one.name_full in known:
-            continue
-        known.add(one.name_full)
-        for node in one.nodes:
-            yield node
-            if getattr(node, "node_tree", None) is not None:
-                waiting.append(node.node_tree)

@@ -11,6 +11,7 @@ import bpy
 
 from ..compat import new_node_tree, node_tree
 from ..original_slots import PREVIEW_MARK
+from ..scene.materials.tree_nodes import all_nodes
 from .color_nodes import ColorNodes, ShownColors
 from .lightmap_nodes import LightmapNodes, ShownLightmap
 from .nodes import Feed, feed, feeding_output, make_node
@@ -79,8 +80,7 @@ class _Relighting:
 
 def _has_diffuse(tree: bpy.types.NodeTree) -> bool:
     """Return True if a tree or a group in it has a diffuse shader."""
-    groups = (getattr(node, "node_tree", None) for node in tree.nodes)
-    return any(map(_is_diffuse, tree.nodes)) or any(_has_diffuse(group) for group in groups if group)
+    return any(map(_is_diffuse, all_nodes(tree)))
 
 
 def _is_diffuse(node: bpy.types.Node) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,14 @@ from ....engine.errors import SceneError
 from ....engine.scene.profile import Profile, read_ies
 from ...compat import blackbody
 from ...working_space import luminance_of
+from ..materials.chains import inputs_first
 from ..materials.sockets import ComplexError, feeding_socket
 
 #: Strength that Cycles uses for an IES file that it cannot read (kernel/util/ies.h).
 _MISSING_IES = 100.0
+
+#: Nodes whose outputs are proportional to an input called Strength.
+_STRENGTHS = frozenset({"ShaderNodeLightFalloff", "ShaderNodeTexIES"})
 
 _FALLOFF_POWERS = {"Quadratic": 0, "Linear": 1, "Constant": 2}
 
@@ -47,6 +52,10 @@ class LightNodes:
         return LightNodes(grey, self.profile, self.falloff)
 
 
+#: Factors of inputs by the address of the socket.
+_Known = dict[int, LightNodes]
+
+
 class LightNodeReader:
     """Reads the nodes of lights if they can be represented exactly.
 
@@ -70,6 +79,17 @@ class LightNodeReader:
 
     def _value(self, socket: bpy.types.NodeSocket, name: str) -> LightNodes:
         """Return the factors of an input: its own value, or the output of the node linked to it."""
+        known: _Known = {}
+        for each in inputs_first(socket, _multiplied, bpy.types.NodeSocket.as_pointer):
+            known[each.as_pointer()] = LightNodes(np.zeros(3))
+            known[each.as_pointer()] = self._value_of(each, name, known)
+        return known[socket.as_pointer()]
+
+    def _value_of(self, socket: bpy.types.NodeSocket, name: str, known: _Known) -> LightNodes:
+        """Return the factors of an input.
+
+        known:  factors of the inputs of its node that `_multiplied` returns
+        """
         output = feeding_socket(socket)
         node = output.node
         if not output.is_output or node.bl_idname in {"ShaderNodeRGB", "ShaderNodeValue"}:
@@ -77,33 +97,26 @@ class LightNodeReader:
         if node.bl_idname == "ShaderNodeBlackbody":
             return LightNodes(_blackbody(node))
         if node.bl_idname == "ShaderNodeLightFalloff":
-            return self._falloff(output, name)
+            return _falloff(output) * _of(node.inputs["Strength"], known)
         if node.bl_idname == "ShaderNodeTexIES":
-            return self._ies(node, name)
-        if node.bl_idname == "ShaderNodeMath" and node.operation == "MULTIPLY" and not node.use_clamp:
-            first, second = (self._value(factor, name).grey() for factor in node.inputs[:2])
+            return self._ies(node, name) * _of(node.inputs["Strength"], known)
+        if _is_product(node):
+            first, second = (_of(factor, known) for factor in node.inputs[:2])
             return first * second
         raise ComplexError
 
-    def _falloff(self, output: bpy.types.NodeSocket, name: str) -> LightNodes:
-        """Return the factors of a Light Falloff node; raises ComplexError if its Smooth input is computed."""
-        smooth = _constant_number(output.node.inputs["Smooth"])
-        falloff = LightNodes(falloff=(_FALLOFF_POWERS[output.identifier], max(smooth, 0.0)))
-        return self._value(output.node.inputs["Strength"], name).grey() * falloff
-
     def _ies(self, node: bpy.types.Node, name: str) -> LightNodes:
-        """Return the factors of an IES Texture node; raises ComplexError if its Vector input is linked."""
+        """Return an IES Texture node's factors for strength 1; raises ComplexError for a linked Vector."""
         if feeding_socket(node.inputs["Vector"]).is_output:
             raise ComplexError
-        strength = self._value(node.inputs["Strength"], name).grey()
         try:
-            return strength * LightNodes(profile=self._profile(node))
+            return LightNodes(profile=self._profile(node))
         except (SceneError, OSError) as error:
             self._notes.append(
                 f"The IES file of light '{name}' cannot be read ({error}): the strength {_MISSING_IES:g} is "
                 "baked, as in Cycles. Choose another file in its IES Texture node."
             )
-            return strength * LightNodes(np.full(3, _MISSING_IES))
+            return LightNodes(np.full(3, _MISSING_IES))
 
     def _profile(self, node: bpy.types.Node) -> Profile:
         """Return the profile of an IES Texture node, parsed once per text; raises SceneError or OSError."""
@@ -117,6 +130,29 @@ class LightNodeReader:
         if text not in self._profiles:
             self._profiles[text] = read_ies(text)
         return self._profiles[text]
+
+
+def _multiplied(socket: bpy.types.NodeSocket) -> Sequence[bpy.types.NodeSocket]:
+    """Return the inputs that the node linked to an input multiplies its output by."""
+    output = feeding_socket(socket)
+    if output.is_output and output.node.bl_idname in _STRENGTHS:
+        return [output.node.inputs["Strength"]]
+    return output.node.inputs[:2] if output.is_output and _is_product(output.node) else ()
+
+
+def _is_product(node: bpy.types.Node) -> bool:
+    return node.bl_idname == "ShaderNodeMath" and node.operation == "MULTIPLY" and not node.use_clamp
+
+
+def _of(socket: bpy.types.NodeSocket, known: _Known) -> LightNodes:
+    """Return the known factors of a number input."""
+    return known[socket.as_pointer()].grey()
+
+
+def _falloff(output: bpy.types.NodeSocket) -> LightNodes:
+    """Return a Light Falloff node's factors for strength 1; raises ComplexError if Smooth is computed."""
+    smooth = _constant_number(output.node.inputs["Smooth"])
+    return LightNodes(falloff=(_FALLOFF_POWERS[output.identifier], max(smooth, 0.0)))
 
 
 def own_constants(tree: bpy.types.NodeTree) -> LightNodes:

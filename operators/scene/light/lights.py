@@ -13,6 +13,7 @@ from ....engine.scene.model import Light
 from ...compat import light_nodes, light_power, light_temperature
 from ...lookup import find
 from ..materials.sockets import ComplexError
+from ..materials.tree_nodes import used_nodes
 from ..objects.items import SceneItem, hidden_from
 from ..scene_watch import SceneWatch
 from ..slice_timer import Slices
@@ -112,7 +113,7 @@ class SceneLights:
             return own_constants(tree)
         if lamp.type == "AREA":
             self._inexact["{}: the nodes of the light are baked as their mean over its face."].append(name)
-        elif tree is not None and any(node.bl_idname == "ShaderNodeLightFalloff" for node in tree.nodes):
+        elif any(node.bl_idname == "ShaderNodeLightFalloff" for node in used_nodes(tree)):
             self._inexact["{}: the nodes of the light are baked as they are 1 m away from it."].append(name)
         return nodes
 

@@ -17,6 +17,7 @@ from mathutils import Vector
 from ....engine.scene.color import luminance
 from ....engine.scene.model import Light
 from ...compat import node_tree
+from ..materials.tree_nodes import all_nodes
 from .panorama import Zoom, render_zoom
 
 #: Types of Sky Texture nodes with a sun disc; NISHITA is the name in Blender before 5.0.
@@ -96,11 +97,7 @@ def _copy_groups(tree: bpy.types.NodeTree, groups: dict[bpy.types.NodeTree, bpy.
 
 def sky_nodes(tree: bpy.types.NodeTree | None) -> list[bpy.types.Node]:
     """Return the Sky Texture nodes of a tree and its groups whose sun disc is on."""
-    if tree is None:
-        return []
-    nodes = [node for node in tree.nodes if _has_disc(node)]
-    groups = {group for node in tree.nodes if (group := getattr(node, "node_tree", None)) is not None}
-    return nodes + [node for group in groups for node in sky_nodes(group)]
+    return [node for node in all_nodes(tree) if _has_disc(node)]
 
 
 def _has_disc(node: bpy.types.Node) -> bool:

@@ -44,6 +44,25 @@ _ATTRIBUTES = {
 }  # fmt: skip
 
 
+class _Digest:
+    """A digest under construction, which contains each node group once.
+
+    trees:  number of each node tree in it, by its address
+    """
+
+    def __init__(self, start: bytes) -> None:
+        self._hash = hashlib.blake2b(start)
+        self.trees: dict[int, int] = {}
+
+    def update(self, data: bytes | memoryview) -> None:
+        """Add bytes."""
+        self._hash.update(data)
+
+    def value(self) -> bytes:
+        """Return the digest."""
+        return self._hash.digest()
+
+
 class UnknownError(Exception):
     """Raised for content of a material or mesh that may change unnoticed."""
 
@@ -61,7 +80,7 @@ def evaluation_digest(
     size:    width of the textures, texels
     glass:   True if refracting closures transmit light without refraction
     """
-    digest = hashlib.blake2b(repr((working_space(), size, list(values), glass)).encode())
+    digest = _Digest(repr((working_space(), size, list(values), glass)).encode())
     try:
         _feed_tree(digest, material.node_tree)
         for shape in shapes:
@@ -72,22 +91,22 @@ def evaluation_digest(
             raise UnknownError
     except UnknownError:
         return None
-    return digest.digest()
+    return digest.value()
 
 
 def world_digest(world: bpy.types.World) -> bytes | None:
     """Return a digest of the nodes and name of a world; None if they may change unnoticed."""
-    digest = hashlib.blake2b(repr((working_space(), world.name)).encode())
+    digest = _Digest(repr((working_space(), world.name)).encode())
     try:
         if world.animation_data is not None:
             raise UnknownError
         _feed_tree(digest, world.node_tree)
     except UnknownError:
         return None
-    return digest.digest()
+    return digest.value()
 
 
-def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
+def _feed(digest: _Digest, values: Iterable[object]) -> None:
     """Add arrays, numbers and names to a digest."""
     for value in values:
         if isinstance(value, np.ndarray):
@@ -97,8 +116,12 @@ def _feed(digest: hashlib.blake2b, values: Iterable[object]) -> None:
             digest.update(repr(value).encode())
 
 
-def _feed_tree(digest: hashlib.blake2b, tree: bpy.types.NodeTree) -> None:
-    """Add the nodes of a tree and their links to a digest."""
+def _feed_tree(digest: _Digest, tree: bpy.types.NodeTree) -> None:
+    """Add the nodes of a tree and their links to a digest; of a tree that is in it, add the number only."""
+    known = tree.as_pointer() in digest.trees
+    _feed(digest, [digest.trees.setdefault(tree.as_pointer(), len(digest.trees))])
+    if known:
+        return
     if tree.animation_data is not None:
         raise UnknownError
     index = {node.name: number for number, node in enumerate(tree.nodes)}
@@ -115,7 +138,7 @@ def _feed_tree(digest: hashlib.blake2b, tree: bpy.types.NodeTree) -> None:
         _feed(digest, [*(index[node.name] for node in ends), *sockets, link.is_muted, link.is_valid])
 
 
-def _feed_struct(digest: hashlib.blake2b, struct: bpy.types.bpy_struct) -> None:
+def _feed_struct(digest: _Digest, struct: bpy.types.bpy_struct) -> None:
     """Add the properties of a node, or of a part of it such as a colour ramp, to a digest."""
     for prop in struct.bl_rna.properties:
         if prop.identifier in _IGNORED:
@@ -131,7 +154,7 @@ def _feed_struct(digest: hashlib.blake2b, struct: bpy.types.bpy_struct) -> None:
             _feed(digest, [_plain(value)])
 
 
-def _feed_pointer(digest: hashlib.blake2b, value: bpy.types.bpy_struct) -> None:
+def _feed_pointer(digest: _Digest, value: bpy.types.bpy_struct) -> None:
     """Add the datablock that a node refers to to a digest; raises UnknownError for unknown types."""
     if isinstance(value, bpy.types.Image):
         _feed_image(digest, value)
@@ -145,7 +168,7 @@ def _feed_pointer(digest: hashlib.blake2b, value: bpy.types.bpy_struct) -> None:
         _feed_struct(digest, value)
 
 
-def _feed_image(digest: hashlib.blake2b, image: bpy.types.Image) -> None:
+def _feed_image(digest: _Digest, image: bpy.types.Image) -> None:
     """Add the pixels of an image and their encoding to a digest."""
     width, height = image.size
     numbers = width * height * image.channels
@@ -157,7 +180,7 @@ def _feed_image(digest: hashlib.blake2b, image: bpy.types.Image) -> None:
     _feed(digest, [image.is_float, pixels])
 
 
-def _feed_mesh(digest: hashlib.blake2b, mesh: bpy.types.Mesh) -> None:
+def _feed_mesh(digest: _Digest, mesh: bpy.types.Mesh) -> None:
     """Add all of a mesh that shaders can read to a digest: topology, normals and attributes."""
     faces, corners = mesh.polygons, mesh.loops
     for collection, name in ((faces, "loop_start"), (faces, "loop_total"), (faces, "material_index")):

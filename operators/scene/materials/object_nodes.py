@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +10,7 @@ import bpy
 from ..objects.items import SceneItem
 from .ray_kinds import is_by_ray, is_by_side
 from .sockets import relink
+from .tree_nodes import all_nodes
 
 #: Outputs of the Object Info node that differ between objects or instances.
 _INFO = ("Location", "Color", "Alpha", "Object Index", "Random")
@@ -51,7 +51,7 @@ class Dependence:
 
 def dependence(tree: bpy.types.NodeTree | None) -> Dependence:
     """Return the dependence of a tree and its groups on the object and on rays."""
-    nodes = [] if tree is None else list(_nodes(tree))
+    nodes = list(all_nodes(tree))
     sources = {source for node in nodes for source in _sources(node)}
     linked = [output for node in nodes for output in node.outputs if output.is_linked]
     return Dependence(
@@ -82,33 +82,33 @@ class FrozenMaterial:
 
     def __init__(self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]) -> None:
         self.material = material.copy()
-        self._groups: list[bpy.types.NodeTree] = []
+        self._groups: dict[bpy.types.NodeTree, bpy.types.NodeTree] = {}
         self._freeze(self.material.node_tree, values)
 
     def remove(self) -> None:
         """Remove the copied material and node groups."""
         bpy.data.materials.remove(self.material)
-        for group in self._groups:
+        for group in self._groups.values():
             bpy.data.node_groups.remove(group)
 
     def _freeze(self, tree: bpy.types.NodeTree, values: dict[Source, tuple[float, ...]]) -> None:
         for node in list(tree.nodes):
-            if getattr(node, "node_tree", None) is not None and dependence(node.node_tree).sources:
-                node.node_tree = node.node_tree.copy()
-                self._groups.append(node.node_tree)
-                self._freeze(node.node_tree, values)
+            group = getattr(node, "node_tree", None)
+            if group is not None and dependence(group).sources:
+                node.node_tree = self._frozen_group(group, values)
             for output in node.outputs:
                 source = source_of(output)
                 if output.is_linked and source in values:
                     _replace(tree, output, values[source])
 
-
-def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """Yield the nodes of a tree and of its groups."""
-    for node in tree.nodes:
-        yield node
-        if getattr(node, "node_tree", None) is not None:
-            yield from _nodes(node.node_tree)
+    def _frozen_group(
+        self, group: bpy.types.NodeTree, values: dict[Source, tuple[float, ...]]
+    ) -> bpy.types.NodeTree:
+        """Return the copy of a group, made once for all nodes that use it."""
+        if group not in self._groups:
+            self._groups[group] = group.copy()
+            self._freeze(self._groups[group], values)
+        return self._groups[group]
 
 
 def source_of(output: bpy.types.NodeSocket) -> Source | None:

@@ -1,28 +1,48 @@
-"""Finds the nodes that contribute to the surface of a material."""
+"""Finds the nodes of a tree and of its groups, and those that contribute to the surface of a material."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import bpy
 
 from ...compat import node_tree
 
 
-def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
-    """Yield the unmuted nodes that are connected to a tree's output, including nodes of groups.
+def all_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
+    """Yield the nodes of a tree and of its groups, those of each group once."""
+    return _nodes_of_trees(tree, lambda each: each.nodes)
 
-    Nodes of a group that is used several times are yielded several times.
-    """
-    if tree is None:
-        return
+
+def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
+    """Yield the unmuted nodes that are connected to a tree's output, and such nodes of each group once."""
+    return _nodes_of_trees(tree, _connected)
+
+
+def _nodes_of_trees(
+    tree: bpy.types.NodeTree | None,
+    nodes_of: Callable[[bpy.types.NodeTree], Iterable[bpy.types.Node]],
+) -> Iterator[bpy.types.Node]:
+    """Yield chosen nodes of a tree and of the groups among them; several nodes may use one group."""
+    waiting = [] if tree is None else [tree]
+    known = {each.as_pointer() for each in waiting}
+    while waiting:
+        for node in nodes_of(waiting.pop()):
+            yield node
+            group = getattr(node, "node_tree", None)
+            if group is not None and group.as_pointer() not in known:
+                known.add(group.as_pointer())
+                waiting.append(group)
+
+
+def _connected(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
+    """Yield the unmuted nodes that are connected to a tree's output."""
     waiting = _outputs(tree)
     visited = {node.name for node in waiting}
     while waiting:
         node = waiting.pop()
         if not node.mute:
             yield node
-            yield from used_nodes(getattr(node, "node_tree", None))
         for socket in node.inputs:
             for link in socket.links:
                 if not link.is_muted and link.from_node.name not in visited:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence, Set
+from typing import NamedTuple
 
 import bpy
 
@@ -33,31 +34,61 @@ _LIT_INPUTS = frozenset({
 #: Further such inputs of metals and Diffuse BSDFs, of which bakes have the albedo.
 _ALBEDO_INPUTS = frozenset({"Roughness", "Extinction"})
 
-#: Group nodes around a node, from the outermost one.
-_Groups = tuple[bpy.types.Node, ...]
+
+class _Search(NamedTuple):
+    """Result of following inputs within one tree.
+
+    finds_viewer:  True if an output of the viewer feeds them, also inside groups
+    outer:         identifiers of the tree's own inputs that feed them
+    """
+
+    finds_viewer: bool
+    outer: frozenset[str]
 
 
 def depends_on_view(tree: bpy.types.NodeTree) -> bool:
     """Return True if a value of the viewer determines baked light, other than by a mix with gloss."""
     output = tree.get_output_node("CYCLES")
-    return output is not None and _is_fed_by_viewer(output.inputs["Surface"])
+    return output is not None and _ViewerSearch().search([output.inputs["Surface"]]).finds_viewer
 
 
-def _is_fed_by_viewer(socket: bpy.types.NodeSocket) -> bool:
-    """Return True if an output of the viewer feeds an input; visits each output once, along any chain."""
-    visited: set[tuple[_Groups, str, str]] = set()
-    inputs: list[tuple[bpy.types.NodeSocket, _Groups]] = [(socket, ())]
-    while inputs:
-        socket, groups = inputs.pop()
-        for output in _linked_outputs(socket):
-            key = groups, output.node.name, output.identifier
-            if key in visited:
-                continue
-            visited.add(key)
-            if not output.node.mute and _is_of_viewer(output):
-                return True
-            inputs += _feeding_inputs(output, groups)
-    return False
+class _ViewerSearch:
+    """Search for outputs of the viewer that feed an input; each output of a group is searched once."""
+
+    def __init__(self) -> None:
+        self._groups: dict[tuple[int, str], _Search] = {}
+
+    def search(self, inputs: Sequence[bpy.types.NodeSocket]) -> _Search:
+        """Follow inputs of one tree; visits each output once, along any chain."""
+        visited: set[tuple[str, str]] = set()
+        outer: set[str] = set()
+        waiting = list(inputs)
+        while waiting:
+            for output in _linked_outputs(waiting.pop()):
+                key = output.node.name, output.identifier
+                if key in visited:
+                    continue
+                visited.add(key)
+                if output.node.bl_idname == "NodeGroupInput":
+                    outer.add(output.identifier)
+                    continue
+                inside = self._inside(output)
+                if inside.finds_viewer or (not output.node.mute and _is_of_viewer(output)):
+                    return _Search(True, frozenset())
+                waiting += _feeding_inputs(output, inside.outer)
+        return _Search(False, frozenset(outer))
+
+    def _inside(self, output: bpy.types.NodeSocket) -> _Search:
+        """Search inside the group of an unmuted group node; nothing is found in other nodes."""
+        group = None if output.node.mute else getattr(output.node, "node_tree", None)
+        if group is None:
+            return _Search(False, frozenset())
+        key = group.as_pointer(), output.identifier
+        if key not in self._groups:
+            ends = [node for node in group.nodes if node.bl_idname == "NodeGroupOutput"]
+            inputs = [socket for end in ends if end.is_active_output for socket in end.inputs]
+            self._groups[key] = self.search([each for each in inputs if each.identifier == output.identifier])
+        return self._groups[key]
 
 
 def _linked_outputs(socket: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
@@ -66,25 +97,17 @@ def _linked_outputs(socket: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
     return [output for output in outputs if not (_is_of_viewer(output) and _mixes_gloss(socket))]
 
 
-def _feeding_inputs(
-    output: bpy.types.NodeSocket, groups: _Groups
-) -> Iterator[tuple[bpy.types.NodeSocket, _Groups]]:
-    """Yield the inputs that determine an output, each with the group nodes around it."""
+def _feeding_inputs(output: bpy.types.NodeSocket, of_group: Set[str]) -> list[bpy.types.NodeSocket]:
+    """Return the inputs of its node that determine an output.
+
+    of_group:  identifiers of these inputs if the node is a group node
+    """
     node = output.node
     if node.mute:
-        yield from ((link.from_socket, groups) for link in node.internal_links if link.to_socket == output)
-    elif node.bl_idname == "NodeGroupInput":
-        # A tree that is edited alone has no group node around it.
-        outer = groups[-1].inputs if groups else ()
-        yield from ((socket, groups[:-1]) for socket in outer if socket.identifier == output.identifier)
-    elif (tree := getattr(node, "node_tree", None)) is not None:
-        ends = [end for end in tree.nodes if end.bl_idname == "NodeGroupOutput" and end.is_active_output]
-        inner = (*groups, node)
-        yield from (
-            (socket, inner) for end in ends for socket in end.inputs if socket.identifier == output.identifier
-        )
-    else:
-        yield from ((socket, groups) for socket in _lit_inputs(node))
+        return [link.from_socket for link in node.internal_links if link.to_socket == output]
+    if getattr(node, "node_tree", None) is not None:
+        return [socket for socket in node.inputs if socket.identifier in of_group]
+    return _lit_inputs(node)
 
 
 def _lit_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:

@@ -259,6 +259,20 @@ def test_scattered_objects_may_be_hidden_in_renders(settings, meshes):
     assert len(read.scene.meshes) == 6
 
 
+@pytest.mark.parametrize("hidden", [False, True])
+def test_scattered_texts_are_shown_unless_they_are_hidden_in_renders(hidden):
+    """Renders do not evaluate the faces of such texts."""
+    import bpy
+
+    square("Ground")
+    text = bpy_link(bpy.data.objects.new("Text", bpy.data.curves.new("Text", "FONT")))
+    text.data.body, text.hide_render = "O", hidden
+    scatter("By nodes", "GeometryNodeObjectInfo", text, separate=True)
+    bpy.context.view_layer.update()
+    instances = [each for each in read_scene().placed if each.source == text.session_uid]
+    assert len(instances) == (0 if hidden else 1 + 2)
+
+
 @pytest.mark.parametrize(("separate", "shown"), [(False, 2), (True, 4)])
 def test_collections_scatter_what_renders_show(separate, shown):
     """A collection as a whole leaves out its members that are hidden in renders; its children do not."""

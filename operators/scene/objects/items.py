@@ -19,6 +19,9 @@ ItemKey = tuple[int, int | None, tuple[int, ...]]
 #: Types of instancers that show their children.
 _OF_CHILDREN = ("VERTS", "FACES")
 
+#: Types of objects that Blender evaluates to a mesh.
+_CURVES = ("CURVE", "SURFACE", "FONT")
+
 
 @dataclass(frozen=True)
 class SceneItem:
@@ -112,7 +115,7 @@ def is_rendered(source: bpy.types.Object, instancer: bpy.types.Object | None, mo
 
     The graph of renders contains only what they show. In that of the viewport, instances of an object that
     itself is hidden in renders count if Geometry Nodes or particles make them, and not if vertices or faces
-    of the object's parent do.
+    of the object's parent do. Renders then do not evaluate the faces of curves, surfaces and texts.
 
     source:     the original object
     instancer:  the original object that makes the instance; None for an object itself
@@ -120,7 +123,9 @@ def is_rendered(source: bpy.types.Object, instancer: bpy.types.Object | None, mo
     """
     if mode == "RENDER" or not source.hide_render:
         return True
-    if instancer is None or (instancer.instance_type in _OF_CHILDREN and _descends(source, instancer)):
+    if instancer is None or source.type in _CURVES:
+        return False
+    if instancer.instance_type in _OF_CHILDREN and _descends(source, instancer):
         return False
     return scatters(instancer)
 

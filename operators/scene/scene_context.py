@@ -38,7 +38,9 @@ class SceneContext:
 
     @property
     def world(self) -> bpy.types.World | None:
-        """The world of renders: the view layer's override, else the scene's world."""
+        """The world of renders: the view layer's override, else the scene's; None if the layer has none."""
+        if not self.view_layer.use_sky:
+            return None
         return self.view_layer.world_override or self.scene.world
 
     @property

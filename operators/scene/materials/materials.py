@@ -174,8 +174,15 @@ class ShaderReader:
         factor, *colours = _product_inputs(node)
         if factor is None or self._value(factor, 1).number != 1:
             raise ComplexError
-        first, second = colours
-        return self._value(first, channels) * self._value(second, channels)
+        first, second = (self._value(colour, 3) for colour in colours)
+        if channels == 3:
+            return first * second
+        if first.texture is None and second.texture is None:
+            return constant(float(luminance_of(first.constant * second.constant)))
+        if np.ptp(first.constant) or np.ptp(second.constant):
+            raise ComplexError  # the luminance of a tinted texture is not that of the texture times a number
+        first, second = (self._value(colour, 1) for colour in colours)
+        return first * second
 
 
 def _mixed_shaders(socket: bpy.types.NodeSocket) -> Sequence[bpy.types.NodeSocket]:
@@ -199,7 +206,7 @@ def _computed_inputs(wanted: _Wanted) -> Sequence[_Wanted]:
     factor, *colours = _product_inputs(node) if node.bl_idname in _MIXES else [None]
     if factor is None or not (factor.is_linked or factor.default_value == 1):
         return ()
-    return [(factor, 1), *((colour, channels) for colour in colours)]
+    return [(factor, 1), *((colour, number) for colour in colours for number in sorted({channels, 3}))]
 
 
 def _product_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket | None]:

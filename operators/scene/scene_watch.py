@@ -76,14 +76,17 @@ class SceneWatch:
         return depsgraph
 
     def evaluate(
-        self, job: Callable[[Evaluation], Made], only: Collection[bpy.types.Object] | None = None
+        self,
+        job: Callable[[Evaluation], Made],
+        only: Collection[bpy.types.Object] | None = None,
+        render: bool = False,
     ) -> Made:
         """Call a function with the evaluated objects of a bake, see `evaluate`; return its result.
 
         Raises SceneChangedError if the scene changed.
         """
         self.depsgraph()
-        return evaluate(self.context, job, only)
+        return evaluate(self.context, job, only, render)
 
     def accept(self) -> None:
         """Accept the present state of the scene as unchanged, after Hemibake itself has changed it."""

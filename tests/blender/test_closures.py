@@ -108,8 +108,8 @@ def read(surface, glass=True):
     return constants(reader(surface, [], cache, None, tree_of, glass))
 
 
-def evaluated(surface, glass=True):
-    """Return the surface that Cycles evaluates for a material on a square."""
+def bake_passes(surface, size, glass=True):
+    """Return all evaluations by Cycles of a material on a square, and what it depends on."""
     import bpy
 
     baker = part("operators.scene.materials.shader_bake")
@@ -118,13 +118,27 @@ def evaluated(surface, glass=True):
     obj, depsgraph = square(surface=surface), bpy.context.evaluated_depsgraph_get()
     shape = baker.copy_shape(obj.evaluated_get(depsgraph), "Lightmap", np.eye(4), depsgraph, [surface])
     assert baker.add_lightmap_uv_map(shape.mesh, "Lightmap", None)
-    pixels = {}
+    pixels, context = {}, part("operators.scene").SceneContext(bpy.context)
     try:
         for each in passes.passes_of(surface, depends, glass):
-            pixels[each], pixels[passes.COVERED] = baker.bake_pass(each, surface, [shape], 13, glass)
+            image, covered = baker.bake_pass(each, surface, [shape], size, context, glass)
+            pixels[each], pixels[passes.COVERED] = image, covered
     finally:
         baker.remove_shapes([shape])
         bpy.data.objects.remove(obj)
+    return pixels, depends
+
+
+def evaluated_pixels(surface, size):
+    """Return the images of all quantities that Cycles evaluates."""
+    pixels, _ = bake_passes(surface, size)
+    return [image for image in pixels.values() if image.ndim == 3]
+
+
+def evaluated(surface, glass=True):
+    """Return the surface that Cycles evaluates for a material on a square."""
+    pixels, depends = bake_passes(surface, 13, glass)
+    passes = part("operators.scene.materials.evaluated_passes")
     part("engine.progress").finished(passes.finish_passes(pixels))
     made = part("operators.scene.materials.evaluated_materials").EvaluatedMaterial
     angles = part("operators.scene.materials.closures").glass_fresnel(surface.node_tree) if glass else None
@@ -174,6 +188,135 @@ def test_a_reader_agrees_with_cycles(name):
     assert fast.keys() == general.keys()
     for quantity in fast:
         assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
+
+
+def number(value):
+    """Return a builder of a Value node."""
+
+    def build(tree):
+        result = tree.nodes.new("ShaderNodeValue")
+        result.outputs[0].default_value = value
+        return result.outputs[0]
+
+    return build
+
+
+def color(tree):
+    result = tree.nodes.new("ShaderNodeRGB")
+    result.outputs[0].default_value = (*COLOR, 1)
+    return result.outputs[0]
+
+
+def math(operation, first, second, clamp=False):
+    def build(tree):
+        result = tree.nodes.new("ShaderNodeMath")
+        result.operation, result.use_clamp = operation, clamp
+        result.inputs[0].default_value, result.inputs[1].default_value = first, second
+        return result.outputs[0]
+
+    return build
+
+
+def ramp(tree):
+    result = tree.nodes.new("ShaderNodeValToRGB")
+    result.color_ramp.elements[1].color = (*OTHER, 0.5)
+    result.inputs["Fac"].default_value = 0.4
+    return result.outputs["Color"]
+
+
+def product(kind, factor):
+    def build(tree):
+        result = tree.nodes.new(kind)
+        result.blend_type = "MULTIPLY"
+        if kind == "ShaderNodeMix":
+            result.data_type = "RGBA"
+        socket, first, second = (socket for socket in result.inputs if socket.enabled)
+        socket.default_value, second.default_value = factor, (*OTHER, 1)
+        tree.links.new(color(tree), first)
+        return next(output for output in result.outputs if output.enabled)
+
+    return build
+
+
+VALUES = {
+    "value": number(0.3),
+    "rgb": color,
+    "ramp": ramp,
+    "mix": product("ShaderNodeMix", 1.0),
+    "mix_rgb": product("ShaderNodeMixRGB", 1.0),
+    "added": math("ADD", 0.25, 0.5),
+    "subtracted": math("SUBTRACT", 0.75, 0.5),
+    "multiplied": math("MULTIPLY", 0.75, 0.5),
+    "maximum": math("MAXIMUM", 0.75, 0.5),
+    "minimum": math("MINIMUM", 0.75, 0.5),
+    "clamped": math("ADD", 0.75, 0.5, clamp=True),
+    "negative": math("SUBTRACT", 0.25, 0.5, clamp=True),
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_a_reader_of_values_agrees_with_cycles(name):
+    """As a color, and as a number that mixes two closures."""
+
+    def build(tree):
+        shader = node(tree, "BsdfDiffuse", Color=VALUES[name](tree)).outputs[0]
+        return mixed(lambda _: shader, GLOW, VALUES[name])(tree)
+
+    surface = shader_material(build)
+    fast, general = read(surface), evaluated(surface)
+    for quantity in fast:
+        assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
+
+
+@pytest.mark.parametrize("vector_type", ["POINT", "TEXTURE"])
+@pytest.mark.parametrize("interpolation", ["Linear", "Closest"])
+@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP", "MIRROR"])
+def test_a_reader_of_textures_agrees_with_cycles(extension, interpolation, vector_type):
+    """Each texel is the mean over its area; Cycles takes few samples of it."""
+    import bpy
+
+    from engine.scene.texture import sample
+
+    pixels = np.ones((3, 5, 4), np.float32)
+    pixels[..., :3] = np.random.default_rng(3).integers(0, 256, (3, 5, 3)) / np.float32(255)
+    image = bpy.data.images.new("Picture", 5, 3)
+    image.pixels.foreach_set(pixels.ravel())
+    surface = shader_material(closure("Emission", Strength=1.0))
+    tree = surface.node_tree
+    shown, mapping, uvs = (tree.nodes.new(f"ShaderNode{name}") for name in ("TexImage", "Mapping", "UVMap"))
+    shown.image, shown.extension, shown.interpolation = image, extension, interpolation
+    uvs.uv_map, mapping.vector_type = "Lightmap", vector_type
+    mapping.inputs["Location"].default_value = (0.2, -0.3, 0)
+    mapping.inputs["Rotation"].default_value = (0, 0, 0.5)
+    mapping.inputs["Scale"].default_value = (1.7, -0.8, 1)
+    emission = next(each for each in tree.nodes if each.bl_idname == "ShaderNodeEmission")
+    for output, socket in (
+        (uvs.outputs[0], mapping.inputs[0]),
+        (mapping.outputs[0], shown.inputs[0]),
+        (shown.outputs["Color"], emission.inputs["Color"]),
+    ):
+        tree.links.new(output, socket)
+    texture = read_texture(surface)
+    (general,) = evaluated_pixels(surface, 40)
+    steps = (np.arange(40 * 8) + 0.5) / 320
+    uv = np.stack(np.meshgrid(steps, steps), axis=-1)
+    mapped = uv @ texture.transform[:, :2].T + texture.transform[:, 2]
+    linear = sample(texture.pixels, mapped.reshape(-1, 2), texture)
+    means = linear.reshape(40, 8, 40, 8, 3).mean(axis=(1, 3))
+    difference = np.abs(means - general)[5:-5, 5:-5]
+    assert np.median(difference) < 0.01 and np.quantile(difference, 0.8) < 0.05
+
+
+def read_texture(surface):
+    """Return the texture of the emission that the reader gets from a material."""
+    pixels = part("operators.scene.materials.pixels")
+    cache, reader = pixels.PixelCache([]), part("operators.scene.materials.materials").read_material
+    while True:
+        try:
+            return reader(surface, [], cache).emission_map
+        except pixels.PixelsNeededError as unread:
+            for _ in unread.reading:
+                pass
 
 
 def test_glass_is_opaque_without_its_setting():

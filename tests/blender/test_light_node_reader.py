@@ -255,9 +255,12 @@ def test_a_flat_lamp_takes_no_longer():
     noise, coordinate = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeTexCoord")
     tree.links.new(coordinate.outputs["Normal"], noise.inputs["Vector"])
     tree.links.new(noise.outputs[0], emission.inputs["Strength"])
+    import bpy
+
     bake_lamp, seconds = part("operators.scene.light.light_bake").bake_lamp, []
+    context = part("operators.scene").SceneContext(bpy.context)
     for scale in (1.0, 1.0, 1e-4, 1e-6):
         began = time.process_time()
-        assert bake_lamp(lamp.data, np.diag([scale, 1.0, -1.0, 1.0])).profile is not None
+        assert bake_lamp(lamp.data, np.diag([scale, 1.0, -1.0, 1.0]), context).profile is not None
         seconds.append(time.process_time() - began)
     assert max(seconds[2:]) < 4 * min(seconds[:2])

@@ -48,7 +48,8 @@ ORDERS = {
         "read_stages", "fingerprints", "probe_volumes", "reflection_spheres", "light_probes",
         "invalid_values", "world_mesh", "uv_layout",
         "overlap_layout", "uv_transform", "skyline_packing",
-        "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages", "scene_context",
+        "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages",
+        "temporary_scene", "scene_context",
         "slice_timer", "units", "bake_records",
     ],
 }  # fmt: skip

@@ -11,6 +11,8 @@ from mathutils import Matrix
 
 from ....engine.scene.profile import Profile
 from ...compat import new_node_tree, plain_lamp
+from ..scene_context import SceneContext
+from ..temporary_scene import share_values
 from .light_node_reader import LightNodes
 
 #: Azimuth and polar angles of a measured light profile, and of the coarse grid that detects if light varies
@@ -37,20 +39,21 @@ _EVEN = 1e-3
 _MOST = 1e20
 
 
-def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray) -> LightNodes:
+def bake_lamp(lamp: bpy.types.Light, matrix: np.ndarray, context: SceneContext) -> LightNodes:
     """Measure the factors that a light's nodes apply to its power; raises RuntimeError if Cycles fails.
 
     A point or spot light gets a profile of directions in steps of 1 degree, measured 1 m away. A sun gets one
     colour. An area light gets the mean colour over its face, along its axis.
 
-    matrix:  (4, 4) float64, light space to world space
+    matrix:   (4, 4) float64, light space to world space
+    context:  context of the scene with the light
     """
     if lamp.type in {"SUN", "AREA"}:
-        return LightNodes(_lit(lamp, matrix, np.array([[0.0, 0.0, -1.0]]))[0])
-    colours = _lit(lamp, matrix, _grid(*_FEW))
+        return LightNodes(_lit(lamp, matrix, np.array([[0.0, 0.0, -1.0]]), context)[0])
+    colours = _lit(lamp, matrix, _grid(*_FEW), context)
     if np.ptp(colours, axis=0).max() <= _EVEN * colours.max():
         return LightNodes(colours.mean(axis=0))
-    factors = _lit(lamp, matrix, _grid(_AZIMUTHS, _POLARS)).reshape(_AZIMUTHS, _POLARS, 3)
+    factors = _lit(lamp, matrix, _grid(_AZIMUTHS, _POLARS), context).reshape(_AZIMUTHS, _POLARS, 3)
     factors[-1] = factors[0]
     azimuths, polars = np.linspace(0, 2 * np.pi, _AZIMUTHS), np.linspace(0, np.pi, _POLARS)
     return LightNodes(
@@ -66,7 +69,9 @@ def _grid(azimuths: int, polars: int) -> np.ndarray:
     return np.stack([x, y, np.broadcast_to(-np.cos(polar), x.shape)], axis=2).reshape(-1, 3)
 
 
-def _lit(lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray) -> np.ndarray:
+def _lit(
+    lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray, context: SceneContext
+) -> np.ndarray:
     """Measure the factors of a light's nodes for directions in light space, (n, 3) -> (n, 3) float64 RGB."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = matrix[:3, :3] / np.where(scale > 0, scale, 1)
@@ -76,7 +81,8 @@ def _lit(lamp: bpy.types.Light, matrix: np.ndarray, directions: np.ndarray) -> n
     if lamp.type == "AREA":
         distance = _FAR * max(float(max(lamp.size, lamp.size_y) * scale.max()), 1e-3)
     samples = _FACE_SAMPLES if lamp.type == "AREA" else _SAMPLES
-    with _stage(lamp, matrix, _squares(away, distance, matrix[:3, 3]), distance) as (scene, squares, image):
+    mesh = _squares(away, distance, matrix[:3, 3])
+    with _stage(lamp, matrix, mesh, distance, context) as (scene, squares, image):
         scene.cycles.samples = samples
         with bpy.context.temp_override(
             scene=scene, view_layer=scene.view_layers[0], active_object=squares, object=squares,
@@ -130,7 +136,7 @@ def _image_width(texels: int) -> int:
 
 @contextmanager
 def _stage(
-    lamp: bpy.types.Light, matrix: np.ndarray, mesh: bpy.types.Mesh, distance: float
+    lamp: bpy.types.Light, matrix: np.ndarray, mesh: bpy.types.Mesh, distance: float, context: SceneContext
 ) -> Iterator[tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Image]]:
     """Set up a scene with the light and white diffuse squares, and remove it at the end.
 
@@ -154,7 +160,7 @@ def _stage(
         scene.render.engine, scene.cycles.device = "CYCLES", "CPU"
         scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
         scene.cycles.sample_clamp_direct = 0
-        scene.frame_set(bpy.context.scene.frame_current)
+        share_values(context, scene)
         scene.view_layers[0].update()
         yield scene, squares, image
     finally:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -12,9 +14,11 @@ from ....engine.object_message import object_message
 from ....engine.scene.model import Light
 from ...compat import light_nodes, light_power, light_temperature
 from ...lookup import find
+from ..materials.object_nodes import FrozenLight, Source, dependence, object_values
 from ..materials.sockets import ComplexError
 from ..materials.tree_nodes import used_nodes
 from ..objects.items import SceneItem, hidden_from
+from ..scene_context import SceneContext
 from ..scene_watch import SceneWatch
 from ..slice_timer import Slices
 from .light_bake import bake_lamp
@@ -27,6 +31,46 @@ _SHINING_AXES = {"POINT": (), "SUN": (2,), "SPOT": (0, 1, 2), "AREA": (0, 1, 2)}
 _SPREAD_OFF = np.pi / 2
 
 
+#: Number of bounces after which a light adds less than 1 % in rooms of reflectance 0.8.
+_MANY_BOUNCES = 20
+
+_LINKED = "Light linking is not baked; these light and shadow everything: {}. Clear their light linking."
+
+_BOUNDED = (
+    "{}: Max Bounces of these lights is not baked, so their light bounces as often as all other light. "
+    "Raise it to 1024, or set Max Bounces of the bake."
+)
+
+
+@dataclass(frozen=True)
+class _UnreadLight:
+    """A light whose nodes have not been read.
+
+    light:   the engine's light without its nodes
+    uid:     session uid of the light's data
+    matrix:  (4, 4) float64, light space to world space
+    values:  values of nodes that depend on the object, see `object_values`
+    """
+
+    light: Light
+    uid: int
+    matrix: np.ndarray
+    values: dict[Source, tuple[float, ...]]
+
+    @contextmanager
+    def lamp(self) -> Iterator[bpy.types.Light]:
+        """Yield the light's data; a copy with constants if its nodes depend on the object."""
+        lamp = find(bpy.data.lights, self.uid)
+        if not self.values:
+            yield lamp
+            return
+        frozen = FrozenLight(lamp, self.values)
+        try:
+            yield frozen.copy
+        finally:
+            frozen.remove()
+
+
 class SceneLights:
     """Collects the lights of a scene; each instance of a light becomes a light of its own.
 
@@ -35,16 +79,19 @@ class SceneLights:
 
     def __init__(self, notes: list[str]) -> None:
         self._notes, self._reader = notes, LightNodeReader(notes)
-        self._lights: list[tuple[Light, int, np.ndarray]] = []
+        self._lights: list[_UnreadLight] = []
         self._portals: list[str] = []
         self._linked: list[str] = []
         self._flat: list[str] = []
+        self._bounded: list[str] = []
         self._inexact = defaultdict[str, list[str]](list)
 
     def add(self, item: SceneItem) -> None:
         """Read one light without its nodes."""
         name, lamp = item.object.name, item.object.data
-        if lamp.type == "AREA" and getattr(lamp, "cycles", None) and lamp.cycles.is_portal:
+        # Blender does not always update properties of Cycles on evaluated lights.
+        cycles = getattr(item.source.data, "cycles", None)
+        if lamp.type == "AREA" and cycles is not None and cycles.is_portal:
             self._portals.append(name)
             return
         if hidden_from(item).from_bounces:
@@ -52,9 +99,13 @@ class SceneLights:
         if (_scale(item)[list(_SHINING_AXES[lamp.type])] == 0).any():
             self._flat.append(name)
             return
-        if _is_linked(item.object):
+        if has_light_linking(item.object):
             self._linked.append(name)
-        self._lights.append((_read_light(item), item.source.data.session_uid, item.matrix))
+        if cycles is not None and cycles.max_bounces < _MANY_BOUNCES:
+            self._bounded.append(name)
+        values = object_values(dependence(light_nodes(lamp)).sources, item)
+        uid = item.source.data.session_uid
+        self._lights.append(_UnreadLight(_read_light(item), uid, item.matrix, values))
 
     def finish(self, origin: np.ndarray, watch: SceneWatch) -> Slices[tuple[Light, ...]]:
         """Read the lights' nodes; return the engine lights; add notes on lights that are approximated.
@@ -62,9 +113,9 @@ class SceneLights:
         origin:  (3,) float64 in world space; positions of the lights are relative to it
         """
         lights = []
-        for light, uid, matrix in self._lights:
-            nodes = yield from self._nodes(light.name, uid, matrix, watch)
-            lights.append(_with_nodes(light, nodes))
+        for each in self._lights:
+            nodes = yield from self._nodes(each, watch)
+            lights.append(_with_nodes(each.light, nodes))
             yield len(lights) / len(self._lights)
         if self._portals:
             sentence = "Portals give no light of their own and are not used: {}."
@@ -72,21 +123,28 @@ class SceneLights:
         if self._flat:
             self._notes.append(object_message("Lamps that are scaled to 0 light nothing: {}.", self._flat))
         if self._linked:
-            sentence = "Light linking is not baked; these light and shadow everything: {}."
-            self._notes.append(object_message(sentence, self._linked))
+            self._notes.append(object_message(_LINKED, self._linked))
+        if self._bounded:
+            self._notes.append(object_message(_BOUNDED, self._bounded))
         self._notes += [object_message(sentence, names) for sentence, names in self._inexact.items()]
         return tuple(replace(light, position=light.position - origin) for light in lights)
 
-    def _nodes(self, name: str, uid: int, matrix: np.ndarray, watch: SceneWatch) -> Slices[LightNodes]:
+    def _nodes(self, unread: _UnreadLight, watch: SceneWatch) -> Slices[LightNodes]:
         """Return factors of a light's nodes, exact if possible, else measured by Cycles, else constants."""
+        name = unread.light.name
         watch.depsgraph()
         try:
-            return self._read_nodes(find(bpy.data.lights, uid), name)
+            with unread.lamp() as lamp:
+                return self._read_nodes(lamp, name)
         except ComplexError:
             yield f"Reading light '{name}' with Cycles"
+        finally:
+            if unread.values:
+                watch.accept()
         watch.depsgraph()
         try:
-            return self._bake_nodes(find(bpy.data.lights, uid), name, matrix)
+            with unread.lamp() as lamp:
+                return self._bake_nodes(lamp, name, unread.matrix, watch.context)
         finally:
             watch.accept()
 
@@ -98,11 +156,13 @@ class SceneLights:
         nodes = self._reader.read(tree, name)
         return _along_axis(nodes) if lamp.type == "SUN" else nodes
 
-    def _bake_nodes(self, lamp: bpy.types.Light, name: str, matrix: np.ndarray) -> LightNodes:
+    def _bake_nodes(
+        self, lamp: bpy.types.Light, name: str, matrix: np.ndarray, context: SceneContext
+    ) -> LightNodes:
         """Return the factors of a light's nodes measured by Cycles; on failure the Emission's constants."""
         tree = light_nodes(lamp)
         try:
-            nodes = bake_lamp(lamp, matrix)
+            nodes = bake_lamp(lamp, matrix, context)
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
             sentence = (
@@ -137,7 +197,8 @@ def _along_axis(nodes: LightNodes) -> LightNodes:
     return LightNodes(nodes.colour * ahead)
 
 
-def _is_linked(obj: bpy.types.Object) -> bool:
+def has_light_linking(obj: bpy.types.Object) -> bool:
+    """Return True if a light or an emissive object lights or shadows chosen objects only."""
     linking = getattr(obj, "light_linking", None)
     return linking is not None and bool(linking.receiver_collection or linking.blocker_collection)
 

@@ -20,6 +20,7 @@ from ..materials.sockets import ComplexError, feeding_socket
 from ..materials.substitution import Substitution
 from ..scene_watch import SceneWatch
 from ..slice_timer import Slices, row_slices
+from ..temporary_scene import share_properties
 from .kept_worlds import ReadWorld, kept_worlds
 from .refined_panorama import render_refined
 from .sky_sun import copied_world, take_suns
@@ -27,6 +28,9 @@ from .sky_sun import copied_world, take_suns
 #: Maximum number of rows of the sky's map: images up to 8k keep their resolution. A map of this size takes
 #: 400 MB, and its bake three times as much.
 _ROWS = 4096
+
+#: Negative radiance that counts as rounding of a render, W/(m^2 sr).
+_ROUNDING = 1e-6
 
 
 def read_world(watch: SceneWatch, notes: list[str], cache: PixelCache) -> Slices[ReadWorld]:
@@ -66,9 +70,11 @@ def _read(world: bpy.types.World | None, notes: list[str], cache: PixelCache) ->
         colour = feeding_socket(node_input(shader.node, "Color"))
         if colour.is_output and colour.node.bl_idname == "ShaderNodeTexEnvironment":
             strength = reader.number(shader.node, "Strength").number
-            return _environment(colour.node, owner, cache, max(strength, 0.0))
+            return _environment(
+                colour.node, owner, cache, float(_not_negative(np.array(strength), owner, notes))
+            )
     emission = reader.surface(output.inputs["Surface"]).solid().emit
-    return np.maximum(emission.constant, 0).astype(np.float32)
+    return _not_negative(emission.constant, owner, notes).astype(np.float32)
 
 
 def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
@@ -86,8 +92,10 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
     assert world is not None
     try:
         with copied_world(world) as copy, _seen_by_bounces(copy):
+            share_properties(watch.context, copy)
             suns = take_suns(copy, world.name, warnings)
-            read = ReadWorld(np.maximum(render_refined(copy), 0), tuple(suns), tuple(warnings))
+            radiance = _not_negative(render_refined(copy), f"World '{world.name}'", warnings)
+            read = ReadWorld(radiance, tuple(suns), tuple(warnings))
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[-1]
         notes.append(f"Blender could not render the world '{world.name}' ({reason}): it is baked black.")
@@ -97,6 +105,13 @@ def _rendered(watch: SceneWatch, notes: list[str]) -> Slices[ReadWorld]:
     kept_worlds.keep(digest, read)
     notes += warnings
     return read
+
+
+def _not_negative(radiance: np.ndarray, owner: str, notes: list[str]) -> np.ndarray:
+    """Replace negative light by 0, and append a note on it."""
+    if (radiance < -_ROUNDING).any():
+        notes.append(f"{owner} has negative light, for which 0 is baked. Correct its color and strength.")
+    return np.maximum(radiance, 0)
 
 
 @contextmanager

@@ -85,7 +85,7 @@ def evaluation_digest(
         _feed_tree(digest, material.node_tree)
         for shape in shapes:
             worn = [slot == material for slot in shape.slots]
-            _feed(digest, [shape.uv_layer, worn, np.array(shape.matrix)])
+            _feed(digest, [shape.uv_layer, worn, np.array(shape.matrix), shape.rest])
             _feed_mesh(digest, shape.mesh)
         if material.animation_data is not None:
             raise UnknownError

@@ -44,7 +44,7 @@ from .shader_bake import (
 from .sockets import ComplexError
 from .strand_material import without_textures
 from .surface_notes import SurfaceNotes
-from .tree_nodes import used_nodes
+from .tree_nodes import used_nodes, uses_generated
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ class MaterialTable:
             for each in passes:
                 yield announcement
                 with self._worn(index) as (material, shapes):
-                    image, covered = bake_pass(each, material, shapes, size, self._glass)
+                    image, covered = bake_pass(each, material, shapes, size, self._watch.context, self._glass)
                 pixels[each], pixels[COVERED] = image, covered
             yield from finish_passes(pixels)
             kept_evaluations.keep(digest, pixels)
@@ -292,12 +292,17 @@ class MaterialTable:
         self._watch.depsgraph()
         unevaluated = self._complex[index]
         material = find(bpy.data.materials, unevaluated.uid)
+        assert material is not None
         frozen = FrozenMaterial(material, unevaluated.values) if unevaluated.values else None
         worn = material if frozen is None else frozen.material
         shapes: list[EvaluatedMesh] = []
         try:
+            wearing = self._wearing(index)
             self._watch.evaluate(
-                lambda evaluation: self._copy_wearers(index, worn, evaluation, shapes), self._wearing(index)
+                lambda evaluation: self._copy_wearers(index, worn, evaluation, shapes),
+                wearing,
+                # Only this dependency graph has positions before deformation.
+                render=uses_generated(worn.node_tree) and (wearing is None or any(map(_may_deform, wearing))),
             )
             mapped = [
                 shape
@@ -332,6 +337,11 @@ class MaterialTable:
                 wearing = [worn if slot == index else None for slot in slots]
                 layer, depsgraph = lightmap_layer(item.source, self._uv_layer), evaluation.depsgraph_of(item)
                 shapes.append(copy_shape(item.object, layer, item.matrix, depsgraph, wearing))
+
+
+def _may_deform(obj: bpy.types.Object) -> bool:
+    """Return True if something may move the vertices of an object's mesh."""
+    return bool(obj.modifiers) or getattr(obj.data, "shape_keys", None) is not None
 
 
 def _once(names: Sequence[str]) -> list[str]:

@@ -77,17 +77,15 @@ def lost_attributes(values: dict[Source, tuple[float, ...]], item: SceneItem) ->
     return [name for (owner, name), value in values.items() if owner == "INSTANCER" and value is _MISSING]
 
 
-class FrozenMaterial:
-    """A copy of a material with constants for an object's values; `remove` removes the copy."""
+class _FrozenNodes:
+    """Constants for an object's values in a node tree and in copies of its groups."""
 
-    def __init__(self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]) -> None:
-        self.material = material.copy()
+    def __init__(self, tree: bpy.types.NodeTree, values: dict[Source, tuple[float, ...]]) -> None:
         self._groups: dict[bpy.types.NodeTree, bpy.types.NodeTree] = {}
-        self._freeze(self.material.node_tree, values)
+        self._freeze(tree, values)
 
     def remove(self) -> None:
-        """Remove the copied material and node groups."""
-        bpy.data.materials.remove(self.material)
+        """Remove the copied node groups."""
         for group in self._groups.values():
             bpy.data.node_groups.remove(group)
 
@@ -109,6 +107,32 @@ class FrozenMaterial:
             self._groups[group] = group.copy()
             self._freeze(self._groups[group], values)
         return self._groups[group]
+
+
+class FrozenMaterial:
+    """A copy of a material with constants for an object's values; `remove` removes the copy."""
+
+    def __init__(self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]) -> None:
+        self.material = material.copy()
+        self._nodes = _FrozenNodes(self.material.node_tree, values)
+
+    def remove(self) -> None:
+        """Remove the copied material and node groups."""
+        bpy.data.materials.remove(self.material)
+        self._nodes.remove()
+
+
+class FrozenLight:
+    """A copy of a light with constants for an object's values; `remove` removes the copy."""
+
+    def __init__(self, light: bpy.types.Light, values: dict[Source, tuple[float, ...]]) -> None:
+        self.copy = light.copy()
+        self._nodes = _FrozenNodes(self.copy.node_tree, values)
+
+    def remove(self) -> None:
+        """Remove the copied light and node groups."""
+        bpy.data.lights.remove(self.copy)
+        self._nodes.remove()
 
 
 def source_of(output: bpy.types.NodeSocket) -> Source | None:

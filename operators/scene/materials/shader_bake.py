@@ -11,7 +11,9 @@ import numpy as np
 from mathutils import Matrix
 
 from ...compat import new_node_tree
-from ..objects.meshes import LIGHTMAP_UVS, read_uvs
+from ..objects.meshes import LIGHTMAP_UVS, read_array, read_uvs
+from ..scene_context import SceneContext
+from ..temporary_scene import share_values
 from ..uvs.uv_layers import MOST_LAYERS
 from .evaluated_passes import Pass
 from .substitution import Substitution
@@ -39,6 +41,8 @@ class EvaluatedMesh:
     mesh:      the copy, which is removed afterwards
     slots:     material of each slot; None for slots that are not evaluated
     matrix:    object space to world space
+    rest:      (v, 3) float32, vertex positions before deformation, which Generated coordinates use; None if
+               nothing deforms the mesh
     """
 
     source: int
@@ -46,6 +50,7 @@ class EvaluatedMesh:
     mesh: bpy.types.Mesh
     slots: tuple[bpy.types.Material | None, ...]
     matrix: Matrix
+    rest: np.ndarray | None = None
 
 
 def copy_shape(
@@ -61,9 +66,20 @@ def copy_shape(
     matrix:    (4, 4) float64, object or instance space to world space
     """
     mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
+    # Generated coordinates use the box of the original mesh, not that of the copy.
+    mesh.use_auto_texspace = False
     return EvaluatedMesh(
-        evaluated.original.session_uid, uv_layer, mesh, tuple(slots), Matrix(matrix.tolist())
-    )
+        evaluated.original.session_uid, uv_layer, mesh, tuple(slots), Matrix(matrix.tolist()),
+        _rest_positions(evaluated.data, mesh),
+    )  # fmt: skip
+
+
+def _rest_positions(evaluated: bpy.types.Mesh, copy: bpy.types.Mesh) -> np.ndarray | None:
+    """Return the positions of a mesh before deformation, which its copy lacks; None if they are the same."""
+    if len(evaluated.vertices) != len(copy.vertices):  # in edit mode
+        return None
+    rest = read_array(evaluated.vertices, "undeformed_co", 3, np.float32)
+    return None if np.array_equal(rest, read_array(copy.vertices, "co", 3, np.float32)) else rest
 
 
 def add_lightmap_uv_map(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:
@@ -105,15 +121,18 @@ def bake_pass(
     material: bpy.types.Material,
     shapes: Sequence[EvaluatedMesh],
     size: int,
+    context: SceneContext,
     glass: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Evaluate a quantity of a material over LIGHTMAP_UVS; return its values and the covered texels.
 
     These are (size, size, 3) float32 and (size, size) bool. Raises RuntimeError if Cycles cannot bake.
 
-    glass:  True if refracting closures transmit light without refraction
+    context:  context of the scene with the meshes
+    glass:    True if refracting closures transmit light without refraction
     """
-    with _stage(shapes, material, Substitution(evaluation.quantity, evaluation.rays, glass)) as stage:
+    substitution = Substitution(evaluation.quantity, evaluation.rays, glass)
+    with _stage(shapes, material, substitution, context) as stage:
         return stage.bake(size)
 
 
@@ -146,7 +165,10 @@ class _Stage:
 
 @contextmanager
 def _stage(
-    shapes: Sequence[EvaluatedMesh], material: bpy.types.Material, substitution: Substitution
+    shapes: Sequence[EvaluatedMesh],
+    material: bpy.types.Material,
+    substitution: Substitution,
+    context: SceneContext,
 ) -> Iterator[_Stage]:
     """Set up a scene with a material that emits a quantity, and remove the scene at the end."""
     scene = bpy.data.scenes.new("hemibake")
@@ -162,6 +184,7 @@ def _stage(
         for shape in shapes:
             objects.append(place_shape(scene, shape))
             assign_materials(shape, [worn if slot == material else blank for slot in shape.slots])
+        share_values(context, scene)
         use_cycles(scene)
         yield _Stage(scene, objects, worn)
     finally:
@@ -179,7 +202,21 @@ def place_shape(scene: bpy.types.Scene, shape: EvaluatedMesh) -> bpy.types.Objec
     obj = bpy.data.objects.new("hemibake", shape.mesh)
     scene.collection.objects.link(obj)
     obj.matrix_world = shape.matrix
+    if shape.rest is not None and shape.mesh.shape_keys is None:
+        _deform(obj, shape.rest)
     return obj
+
+
+def _deform(obj: bpy.types.Object, rest: np.ndarray) -> None:
+    """Move a mesh to positions before deformation, and deform it by a shape key to its present ones."""
+    mesh = obj.data
+    deformed = read_array(mesh.vertices, "co", 3, np.float32)
+    basis, key = (obj.shape_key_add(name=name) for name in ("Basis", "Deformed"))
+    key.data.foreach_set("co", deformed.ravel())
+    key.value = 1.0
+    for vertices in (basis.data, mesh.vertices):
+        vertices.foreach_set("co", rest.ravel())
+    mesh.update()
 
 
 def assign_materials(shape: EvaluatedMesh, materials: Sequence[bpy.types.Material]) -> None:

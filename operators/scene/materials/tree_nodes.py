@@ -8,6 +8,9 @@ import bpy
 
 from ...compat import node_tree
 
+#: Texture nodes whose coordinates without a link are not Generated ones.
+_BY_UV = frozenset({"ShaderNodeTexImage", "ShaderNodeTexEnvironment", "ShaderNodeTexIES", "ShaderNodeTexSky"})
+
 
 def all_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
     """Yield the nodes of a tree and of its groups, those of each group once."""
@@ -55,6 +58,18 @@ def _outputs(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     ends = [node for node in tree.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output]
     output = None if ends else tree.get_output_node("CYCLES")
     return ends if output is None else [output]
+
+
+def uses_generated(tree: bpy.types.NodeTree | None) -> bool:
+    """Return True if a tree uses Generated coordinates, also as the default of procedural textures."""
+    return any(map(_uses_generated, used_nodes(tree)))
+
+
+def _uses_generated(node: bpy.types.Node) -> bool:
+    if node.bl_idname == "ShaderNodeTexCoord":
+        return node.outputs["Generated"].is_linked
+    vector = node.inputs.get("Vector") if node.bl_idname.startswith("ShaderNodeTex") else None
+    return vector is not None and not vector.is_linked and node.bl_idname not in _BY_UV
 
 
 def displaces(material: bpy.types.Material | None) -> bool:

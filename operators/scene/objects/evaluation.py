@@ -66,15 +66,17 @@ def evaluate(
     context: SceneContext,
     job: Callable[[Evaluation], Made],
     only: Collection[bpy.types.Object] | None = None,
+    render: bool = False,
 ) -> Made:
     """Call a function with the evaluated objects of a bake, and return its result.
 
     The function must not keep evaluated objects, and must not call Cycles. Raises SceneError if Blender does
     not evaluate the scene as in a render.
 
-    only:  the objects that the function reads, without instances; None for all
+    only:    the objects that the function reads, without instances; None for all
+    render:  True to evaluate the render's dependency graph, even if both are equal
     """
-    if not uses_render(context) or (only is not None and reads_viewport(context, only)):
+    if not render and (not uses_render(context) or (only is not None and reads_viewport(context, only))):
         return job(Evaluation(context.evaluated_depsgraph_get()))
     return in_render(lambda depsgraph: job(_chosen(context, depsgraph)), context.scene, context.view_layer)
 

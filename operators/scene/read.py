@@ -16,6 +16,7 @@ from ...engine.progress import Progress, finished
 from ...engine.scene.model import NO_LIGHTMAP, Mesh, Scene
 from ..working_space import is_rec709, working_space
 from .fingerprints import combined, find_fingerprints, in_the_world
+from .ignored_settings import note_ignored_settings
 from .invalid_values import replace_invalid_values
 from .light.lights import SceneLights
 from .light.world import read_world
@@ -27,7 +28,7 @@ from .messages import Issues
 from .objects.evaluation import Evaluation
 from .objects.items import SceneItem, scene_items
 from .objects.render_differences import uses_render
-from .objects.skipped import note_skipped
+from .objects.skipped import SkippedItems
 from .objects.strands import has_strands
 from .probe_volumes import read_probe_volumes
 from .read_stages import ReadStages
@@ -192,6 +193,7 @@ class _SceneReading:
         self._table = MaterialTable(watch, uv_layer, self._several, notes, self._cache, glass)
         self._reader = ItemReader(self._table, baked, uv_layer, notes, self._issues)
         self._lamps = SceneLights(notes)
+        self._skipped = SkippedItems()
         self._announced: set[int] = set()
         self._next = 0
 
@@ -241,8 +243,8 @@ class _SceneReading:
         self._metres_per_unit = metres_per_unit(self._watch.context.scene)
         self._probes = read_probe_volumes(self._watch.context, self._origin, self._notes)
         self._spheres = read_reflection_spheres(self._watch.context, self._origin, self._notes)
-        self._skipped: list[str] = []
-        note_skipped(self._watch.context, self._skipped)
+        note_ignored_settings(self._watch.context, self._readings, self._materials, self._notes)
+        self._left_out = self._skipped.sentences(self._watch.context)
 
     def joined(self) -> Slices[ReadScene]:
         """Join all data to a scene; Blender's data is no longer accessed."""
@@ -266,7 +268,7 @@ class _SceneReading:
             _entry(reading, place) for reading, place in zip(self._readings, self._places, strict=True)
         )
         placed = tuple(Placed(each.source, each.instancer, each.matrix) for each in self._readings)
-        return ReadScene(scene, entries, (*self._notes, *self._skipped), fingerprints, uv_digests, placed)
+        return ReadScene(scene, entries, (*self._notes, *self._left_out), fingerprints, uv_digests, placed)
 
     def _meshes(self) -> Slices[list[Mesh]]:
         """Return the world-space meshes; each mesh in object space is released after its last use."""
@@ -367,6 +369,8 @@ class _SceneReading:
             self._lamps.add(item)
         elif item.object.type == "MESH":
             self._reader.add(item, override)
+        else:
+            self._skipped.add(item)
 
 
 def _entry(reading: ReadObject, place: UvTransform | None) -> Entry | None:

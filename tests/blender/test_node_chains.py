@@ -122,13 +122,14 @@ def doubly_nested(inner):
     """Return a group that contains a group which it uses twice, and so on."""
     import bpy
 
+    below = None
     for level in range(DEEP):
         group = bpy.data.node_groups.new(f"Level {level}", "ShaderNodeTree")
         group.interface.new_socket("Color", in_out="INPUT", socket_type="NodeSocketColor")
         group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
         start, end = (group.nodes.new(f"NodeGroup{name}") for name in ("Input", "Output"))
-        nodes = [group.nodes.new("ShaderNodeGroup") for _ in range(2)] if level else [inner(group)]
-        for node in nodes if level else ():
+        nodes = [group.nodes.new("ShaderNodeGroup") for _ in range(2)] if below else [inner(group)]
+        for node in nodes if below else ():
             node.node_tree = below
         last = start.outputs[0]
         for node in nodes:

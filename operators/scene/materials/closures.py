@@ -123,6 +123,11 @@ def _mirrors(node: bpy.types.Node) -> bool:
     return ior is None or ((ior - 1) / (ior + 1)) ** 2 >= LEAST_MIRROR
 
 
+def may_emit(node: bpy.types.Node) -> bool:
+    """Return True if a closure can emit light."""
+    return "emit" in closure_quantities(node, glass=True)
+
+
 def is_hair(node: bpy.types.Node) -> bool:
     """Return True if a node is a closure of strands."""
     return node.bl_idname in _HAIR
@@ -143,7 +148,8 @@ def is_unknown(node: bpy.types.Node) -> bool:
 
 def _principled_has(node: bpy.types.Node, quantity: str, glass: bool) -> bool:
     if quantity == "emit":
-        return _may_exceed(node.inputs["Emission Strength"], 0.0)
+        strength = node.inputs["Emission Strength"]
+        return strength.is_linked or strength.default_value != 0
     if quantity == "transmit":
         return _is_thin(node) and _may_exceed(_subsurface(node), 0.0)
     if quantity == "glass":

@@ -45,6 +45,7 @@ from .sockets import ComplexError
 from .strand_material import without_textures
 from .surface_notes import SurfaceNotes
 from .tree_nodes import used_nodes, uses_generated
+from .unphysical import INVALID_VALUES, invalid_images, note_pixels
 
 
 @dataclass(frozen=True)
@@ -264,13 +265,25 @@ class MaterialTable:
                 with self._worn(index) as (material, shapes):
                     image, covered = bake_pass(each, material, shapes, size, self._watch.context, self._glass)
                 pixels[each], pixels[COVERED] = image, covered
+            known = len(self._notes)
+            self._note_values(index, name, pixels)
             yield from finish_passes(pixels)
-            kept_evaluations.keep(digest, pixels)
+            if len(self._notes) == known:
+                kept_evaluations.keep(digest, pixels)
         is_mapped = index not in self._unmapped
         if not is_mapped:
             self._averaged.append(name)
         bumps = self._complex[index].bumps
         return EvaluatedMaterial(name, pixels, bumps, depends.by_side, is_mapped, fresnel).material()
+
+    def _note_values(self, index: int, name: str, pixels: Pixels) -> None:
+        """Append notes on invalid values; evaluations with notes are not cached: later bakes need them."""
+        note_pixels(name, pixels, self._notes)
+        if not all(np.isfinite(image).all() for image in pixels.values()):
+            self._notes.append(INVALID_VALUES.format(name))
+        material = find(bpy.data.materials, self._complex[index].uid)
+        assert material is not None
+        self._notes += invalid_images(material, self._notes)
 
     def _mean_color(self, index: int) -> Slices[Material]:
         """Return a texture-free replacement for a material that Cycles failed to evaluate."""

@@ -24,6 +24,7 @@ from .ray_kinds import BOUNCE, RayKind, ray_value
 from .rough_diffuse import diffuse_roughness, rough_albedo
 from .sockets import ComplexError, feeding_socket
 from .textures import read_texture
+from .unphysical import note_surface
 from .values import BLACK, HOLE, ZERO, DiffuseSurface, MaterialValue, constant
 
 #: Reflectance that Cycles uses if no material is assigned.
@@ -426,10 +427,12 @@ def read_material(
         reader = ShaderReader(f"Material '{material.name}'", notes, cache, values, rays, glass)
         return _output_surface(reader, tree)
 
+    front = surface(BOUNCE)
+    note_surface(material.name, front, notes)
     return to_material(
         material.name,
         Sides(
-            bounce=surface(BOUNCE),
+            bounce=front,
             shadow=surface(RayKind(shadow=True)) if depends.by_ray else None,
             bounce_back=surface(RayKind(back=True)) if depends.by_side else None,
             shadow_back=surface(RayKind(True, True)) if depends.by_ray and depends.by_side else None,

@@ -132,7 +132,11 @@ class PixelCache:
             image = find(bpy.data.images, uid)
         pixels = MISSING if image is None else self._load(image, owner)
         for rows in row_slices(len(pixels), pixels.shape[1] * 4):
-            np.nan_to_num(pixels[rows], copy=False, posinf=0.0, neginf=0.0)
+            if not np.isfinite(pixels[rows]).all():
+                np.nan_to_num(pixels[rows], copy=False, posinf=0.0, neginf=0.0)
+                self._note(
+                    f"An image of {owner} has NaN or infinite pixels: black is baked there. Repair it."
+                )
             yield rows.stop / len(pixels)
         self._images[uid] = pixels
 

@@ -37,6 +37,16 @@ def is_by_ray(output: bpy.types.NodeSocket) -> bool:
     return output.node.bl_idname == _LIGHT_PATH
 
 
+def is_by_bounce(node: bpy.types.Node) -> bool:
+    """Return True if a node gives other values for bounces than for samples of emissive surfaces in Cycles.
+
+    Cycles weights both by multiple importance sampling; bakes have the values of bounces.
+    """
+    return node.bl_idname == _LIGHT_PATH and any(
+        output.is_linked and output.name in _BOUNCE and output.name != "Ray Length" for output in node.outputs
+    )
+
+
 def is_by_side(output: bpy.types.NodeSocket) -> bool:
     """Return True if the value of an output depends on the side that a ray hits."""
     return output.node.bl_idname == _GEOMETRY and output.name == "Backfacing"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from ....engine.object_message import counted, listing
 from ...compat import node_tree
-from .closures import is_glass, is_unknown
+from .closures import is_glass, is_unknown, may_emit
+from .ray_kinds import is_by_bounce
 from .rough_diffuse import is_rough
 from .smooth_metals import is_mirror
 from .sockets import channels, feeding_socket, number_of
@@ -28,7 +31,19 @@ _ROUGH = (
     "Materials {} have diffuse roughness. It darkens the light that they reflect, but not their own "
     "lightmaps. Set it to 0 for the same light in both."
 )
+_BOUNCES = (
+    "Materials {} emit light by a node that separates kinds of bounces. Cycles also samples their emission "
+    "without a bounce, so a bake differs. Use Is Camera Ray instead."
+)
+_INSTANCERS = (
+    "Materials {} use coordinates of instancers or particles, for which bakes use 0. Replace them by an "
+    "Attribute node of type Instancer."
+)
+_INVALID = "Material '{}': input '{}' of node '{}' is NaN or infinite. Correct the number."
 _TOONS = "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
+
+#: Numbers of nodes from which on they count as infinite; Blender replaces infinity by the largest float.
+_LARGEST = 1e30
 
 
 class SurfaceNotes:
@@ -48,6 +63,10 @@ class SurfaceNotes:
         self._views: set[str] = set()
         self._rough: set[str] = set()
         self._toons: set[str] = set()
+        self._instanced: set[str] = set()
+        self._by_bounce: set[str] = set()
+        self._emissive: set[str] = set()
+        self._invalid: set[str] = set()
         self._unknown: dict[str, str] = {}
 
     def add(self, material: bpy.types.Material | None) -> None:
@@ -69,18 +88,29 @@ class SurfaceNotes:
             self._add_node(material.name, node)
 
     def _add_node(self, material: str, node: bpy.types.Node) -> None:
-        if is_glass(node):
-            self._refracting.add(material)
-        if _has_tinted_coat(node):
-            self._coats.add(material)
+        self._add_closure(material, node)
         if node.bl_idname == "ShaderNodeLightPath" and node.outputs["Ray Length"].is_linked:
             self._lengths.add(material)
         if node.bl_idname == "ShaderNodeAmbientOcclusion":
             self._occlusions.add(material)
+        if _reads_instancer(node):
+            self._instanced.add(material)
+        if is_by_bounce(node):
+            self._by_bounce.add(material)
+        for socket in _invalid_inputs(node):
+            self._invalid.add(_INVALID.format(material, socket.name, node.name))
+
+    def _add_closure(self, material: str, node: bpy.types.Node) -> None:
+        if is_glass(node):
+            self._refracting.add(material)
+        if _has_tinted_coat(node):
+            self._coats.add(material)
         if is_rough(node):
             self._rough.add(material)
         if node.bl_idname == "ShaderNodeBsdfToon":
             self._toons.add(material)
+        if may_emit(node):
+            self._emissive.add(material)
         if is_unknown(node):
             self._unknown[material] = node.name
 
@@ -99,14 +129,41 @@ class SurfaceNotes:
         kinds = (
             (self._volumes, _VOLUMES), (self._coats, _COATS), (self._lengths, _LENGTHS),
             (self._occlusions, _OCCLUSIONS), (self._views, _VIEWS), (self._rough, _ROUGH),
-            (self._toons, _TOONS),
+            (self._toons, _TOONS), (self._by_bounce & self._emissive, _BOUNCES),
+            (self._instanced, _INSTANCERS),
         )  # fmt: skip
         notes += [listing(sentence, sorted(materials)) for materials, sentence in kinds if materials]
+        notes += sorted(self._invalid)
         for material, node in sorted(self._unknown.items()):
             notes.append(
                 f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."
             )
         return notes
+
+
+def _reads_instancer(node: bpy.types.Node) -> bool:
+    """Return True if a node has values of the instancer or the particle of an instance."""
+    if node.bl_idname == "ShaderNodeParticleInfo":
+        return True
+    of_instancer = getattr(node, "from_instancer", False)
+    uvs = [output for output in node.outputs if output.name in {"UV", "Generated"}]
+    return of_instancer and any(output.is_linked for output in uvs)
+
+
+def _invalid_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
+    """Return the unlinked inputs of a node, and the outputs of constants, that are not finite numbers."""
+    own = [
+        socket for socket in (*node.inputs, *node.outputs) if not (socket.is_linked and not socket.is_output)
+    ]
+    return [socket for socket in own if not _is_valid(getattr(socket, "default_value", 0.0))]
+
+
+def _is_valid(value: Any) -> bool:
+    """Return False for a number or an array of numbers with NaN, or infinity, which Blender may clamp."""
+    if isinstance(value, float):
+        return abs(value) < _LARGEST
+    is_array = hasattr(value, "__len__") and not isinstance(value, str)
+    return not is_array or all(abs(number) < _LARGEST for number in value)
 
 
 def _has_tinted_coat(node: bpy.types.Node) -> bool:

@@ -1,40 +1,52 @@
-"""Notes on visible objects that a bake leaves out."""
+"""Notes on visible surfaces and volumes that a bake leaves out."""
 
 from __future__ import annotations
 
-from collections import Counter
-
 import bpy
 
+from ....engine.object_message import object_message
 from ...compat import node_tree
 from ..scene_context import SceneContext
-from .visible import visible_objects
+from .items import SceneItem
 
-#: Types of objects without faces that may look like a surface in a render, with their names.
+#: Types of objects, and of geometry that nodes make, without faces that renders show, with their names.
 _KINDS = {
     "POINTCLOUD": ("point cloud", "point clouds"),
     "VOLUME": ("volume", "volumes"),
 }
 
+#: What the user can do instead.
+_REMEDY = {
+    "POINTCLOUD": "Instance a mesh on the points.",
+    "VOLUME": "Convert it to a mesh if it is meant to block light.",
+}
 
-def note_skipped(context: SceneContext, notes: list[str]) -> None:
-    """Append a note on objects, and on the world's volume, that a bake leaves out."""
-    visible = visible_objects(context)
-    counts = Counter(obj.type for obj in visible)
-    parts = [f"{counts[kind]} {words[counts[kind] > 1]}" for kind, words in _KINDS.items() if counts[kind]]
-    if parts:
-        are = "are" if sum(counts[kind] for kind in _KINDS) > 1 else "is"
-        notes.append(f"{_enumerate(parts)} {are} not baked.")
-    if (world := context.world) is not None and _has_volume(world):
-        notes.append(f"World '{world.name}': its volume is not baked.")
+
+class SkippedItems:
+    """Collects the point clouds and volumes among the objects and instances of a bake."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, set[str]] = {}
+
+    def add(self, item: SceneItem) -> None:
+        """Record an object or instance that is not baked; Geometry Nodes also make such parts of meshes."""
+        if item.object.type in _KINDS:
+            self._names.setdefault(item.object.type, set()).add(item.source.name)
+
+    def sentences(self, context: SceneContext) -> list[str]:
+        """Return a sentence for each kind of object, and one on the world's volume."""
+        notes: list[str] = []
+        for kind, (one, several) in _KINDS.items():
+            if names := sorted(self._names.get(kind, ())):
+                subject = f"1 {one} is" if len(names) == 1 else f"{len(names)} {several} are"
+                notes.append(object_message(f"{subject} not baked: {{}}. {_REMEDY[kind]}", names))
+        if (world := context.world) is not None and _has_volume(world):
+            notes.append(f"World '{world.name}': its volume is not baked.")
+        return notes
 
 
 def _has_volume(world: bpy.types.World) -> bool:
     """Return True if the world has a volume."""
-    tree = None if world is None else node_tree(world)
+    tree = node_tree(world)
     output = None if tree is None else tree.get_output_node("CYCLES")
     return output is not None and output.inputs["Volume"].is_linked
-
-
-def _enumerate(parts: list[str]) -> str:
-    return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))

@@ -1,0 +1,67 @@
+"""Notes on values that bakes replace: reflectance above 1, negative light, NaN and infinity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from .evaluated_passes import Pass, Pixels
+from .tree_nodes import used_nodes
+from .values import DiffuseSurface
+
+#: Tolerance for rounding.
+_ROUNDING = 1e-3
+
+_BRIGHT = (
+    "Material '{}' reflects and passes more light than it receives. Bakes reduce the sum to 1. "
+    "Darken its colors."
+)
+_NEGATIVE = "Material '{}' has negative colors or emission, for which 0 is baked. Correct their numbers."
+
+
+INVALID_VALUES = "Material '{}' gives NaN or infinite values, for which 0 is baked. Correct its nodes."
+_INVALID_PIXELS = "Image '{}' has NaN or infinite pixels: 0 is baked there. Repair it."
+
+
+def invalid_images(material: bpy.types.Material, notes: Sequence[str]) -> list[str]:
+    """Return notes on the images of a material that contain NaN or infinity, without known notes."""
+    nodes = (getattr(node, "image", None) for node in used_nodes(material.node_tree))
+    images = {image for image in nodes if image is not None and image.is_float and not _is_finite(image)}
+    found = (_INVALID_PIXELS.format(name) for name in sorted(image.name for image in images))
+    return [note for note in found if note not in notes]
+
+
+def _is_finite(image: bpy.types.Image) -> bool:
+    """Return True if all pixels of an image are finite numbers."""
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    return bool(np.isfinite(pixels).all())
+
+
+def note_surface(name: str, surface: DiffuseSurface, notes: list[str]) -> None:
+    """Append notes on the constants of a material's surface, each once."""
+    constants = [surface.reflect.constant, surface.transmit.constant, surface.through]
+    with np.errstate(invalid="ignore"):
+        _note(name, sum(constants), [*constants, surface.emit.constant], notes)
+
+
+def note_pixels(name: str, pixels: Pixels, notes: list[str]) -> None:
+    """Append notes on the pixels that Cycles evaluated for the front of a material, each once.
+
+    pixels:  before `evaluated_passes.finish_passes`
+    """
+    scattered = [pixels[Pass(each)] for each in ("reflect", "transmit", "through") if Pass(each) in pixels]
+    emitted = [pixels[Pass("emit")]] if Pass("emit") in pixels else []
+    with np.errstate(invalid="ignore"):
+        _note(name, sum(scattered), [*scattered, *emitted], notes)
+
+
+def _note(name: str, total: np.ndarray | int, values: list[np.ndarray], notes: list[str]) -> None:
+    """Append notes if a total exceeds 1, or if a value is negative."""
+    found = [(_BRIGHT, np.any(total > 1 + _ROUNDING)), (_NEGATIVE, any((v < 0).any() for v in values))]
+    for sentence, applies in found:
+        note = sentence.format(name)
+        if applies and note not in notes:
+            notes.append(note)

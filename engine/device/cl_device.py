@@ -245,7 +245,8 @@ class ComputeDevice:
                 version = device.platform.version.strip()
                 failures[f"{device.name.strip()} ({version})"] = _reason(error)
         reasons = "; ".join(f"{device}: {reason}" for device, reason in failures.items())
-        raise DeviceError(f"No OpenCL device can build kernels: {reasons}. {remedy(sys.platform)}")
+        trouble = f"No OpenCL device can build kernels: {reasons}. {remedy(sys.platform)}"
+        raise DeviceError(" ".join((*self.notes, trouble)))
 
 
 def _probed(context: cl.Context) -> cl.Context:

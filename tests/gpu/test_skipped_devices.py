@@ -6,7 +6,8 @@ import pytest
 
 from engine import Settings, finished, warm_up
 from engine.device.cl_device import ComputeDevice, found_devices
-from engine.device.device_records import DeviceRecords
+from engine.device.device_records import DeviceKey, DeviceRecords
+from engine.device.opencl import cl
 from engine.errors import DeviceError
 from engine.self_test import furnace
 from engine.session import Session
@@ -63,4 +64,19 @@ def test_the_next_device_takes_over_and_the_report_names_the_skipped_one(tmp_pat
     compute.release()
     digests = iter(["bad", "bad"])
     with pytest.raises(DeviceError, match="No OpenCL device works. 'P: Bad'"):
+        ComputeDevice(str(tmp_path))
+
+
+def test_the_error_of_the_next_device_names_the_skipped_one(tmp_path, monkeypatch):
+    device = ComputeDevice().device
+    digests = iter(["bad", "other"])
+    monkeypatch.setattr("engine.device.cl_device.found_devices", lambda: [device, device])
+    monkeypatch.setattr("engine.device.cl_device.device_digest", lambda found: next(digests, "other"))
+    DeviceRecords(str(tmp_path)).skip(DeviceKey("bad", "P: Bad"), "crashed")
+
+    def fail(context):
+        raise cl.Error("no compiler")
+
+    monkeypatch.setattr("engine.device.cl_device._probed", fail)
+    with pytest.raises(DeviceError, match="'P: Bad': its driver crashed.*can build kernels.*no compiler"):
         ComputeDevice(str(tmp_path))

@@ -95,16 +95,22 @@ def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:
 def check_zero_area(
     meshes: Sequence[CheckedMesh],
 ) -> Generator[None, None, tuple[list[CheckedMesh], list[Finding]]]:
-    """Remove triangles without area from meshes, as bakes do; return the meshes and a finding."""
+    """Remove triangles without area from meshes, as bakes do; return the meshes that have others.
+
+    Single triangles without area are invisible, so only meshes that consist of them make a finding.
+    """
     kept, names = [], []
     for mesh in meshes:
         degenerate = yield from _find_degenerate(mesh)
         if degenerate.any():
-            names.append(mesh.name)
             mesh = replace(mesh, triangles=mesh.triangles[~degenerate])
         if len(mesh.triangles):
             kept.append(mesh)
-    return kept, found(WARNING, "Faces without an area, which are left out: {}.", names)
+        else:
+            names.append(mesh.name)
+    return kept, found(
+        WARNING, "All faces have zero area, so not baked: {}. Scale them, or set the role to Ignored.", names
+    )
 
 
 def _find_degenerate(mesh: CheckedMesh) -> Generator[None, None, np.ndarray]:

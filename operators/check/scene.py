@@ -30,6 +30,14 @@ _EMITTERS = {
     "ShaderNodeBsdfPrincipled": ("Emission Color", "Emission Strength"),
 }
 
+#: Radiance below which a world is dim, W/(m^2 sr); the world of a new file has 0.05 (chosen).
+_DIM = 0.1
+
+_DIM_WORLD = (
+    "The only light is the dim background of the world, so the lightmaps will be dark. Add a light, or raise "
+    "the strength of the background."
+)
+
 
 def check_differences(context: SceneContext) -> list[Finding]:
     """Return findings on objects and meshes that differ between the viewport and renders."""
@@ -112,13 +120,15 @@ def check_light(
     world: bpy.types.World | None,
     override: bpy.types.Material | None,
 ) -> list[Finding]:
-    """Return a finding if nothing emits light, judged by the nodes without evaluating them.
+    """Return a finding if nothing or only a dim world emits, judged by the nodes without evaluating them.
 
     override:  material of all surfaces, if the view layer has one
     """
     levels = LevelFinder()
-    if _may_shine(world) or any(_is_source(obj, override, levels) for obj in objects):
+    if any(_is_source(obj, override, levels) for obj in objects):
         return []
+    if _may_shine(world):
+        return [Finding(INFO, _DIM_WORLD)] if _is_dim(world) else []
     text = "Nothing emits light: the lightmaps would be black. Add a light, an emissive material or a world."
     return [Finding(ERROR, text)]
 
@@ -148,6 +158,21 @@ def _may_shine(owner: bpy.types.Material | bpy.types.World | None) -> bool:
     if not tree:
         return isinstance(owner, bpy.types.World) and any(owner.color)
     return any(_emits(node) for node in all_nodes(tree))
+
+
+def _is_dim(world: bpy.types.World) -> bool:
+    """Return whether a world that may emit has constant radiance below _DIM."""
+    tree = node_tree(world)
+    if not tree:
+        return max(world.color) < _DIM
+    radiance = 0.0
+    for node in filter(_emits, _nodes(tree)):
+        inputs = [node.inputs[name] for name in _EMITTERS[node.bl_idname]]
+        if any(socket.is_linked for socket in inputs):
+            return False
+        color, strength = (socket.default_value for socket in inputs)
+        radiance += max(color[:3]) * strength
+    return radiance < _DIM
 
 
 def _emits(node: bpy.types.Node) -> bool:

@@ -206,7 +206,7 @@ class ItemReader:
         for key in list(self._unfinished):
             mesh = self._unfinished.pop(key)
             corners = yield from make_corners(mesh.arrays)
-            if corners.dropped:
+            if corners.dropped and not len(corners.positions):
                 self._degenerate[mesh.name] = corners.dropped
             self._shapes[key] = _shape(corners, mesh.slots, mesh.arrays.uvs)
             self._uv_issues[key] = _uv_issue(corners.uvs)

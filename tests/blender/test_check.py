@@ -300,10 +300,23 @@ def test_open_meshes_and_planes_may_look_anywhere():
     assert finding("inward") is None
 
 
-def test_zero_area_faces_are_told():
+def test_dim_worlds_are_told_if_they_are_the_only_light(light):
+    light.data.energy = 0
+    lit = square(surface=material())
+    set_world((0.05, 0.04, 0.03))
+    assert finding("dim background").severity == "INFO"
+    set_world((0.05, 0.04, 0.2))
+    assert finding("dim background") is None
+    set_world((0.05, 0.04, 0.03))
+    lit.data.materials[0] = material("Glow", emission=1)
+    assert finding("dim background") is None
+
+
+def test_only_meshes_without_any_area_are_reported():
     sliver = [(2, 0, 0), (3, 0, 0), (4, 0, 0)]
     mesh_object("Sliver", SQUARE + sliver, [(0, 1, 2, 3), (4, 5, 6)], [*SQUARE_UVS, *[(0, 0)] * 3])
-    assert finding("without an area").objects == ("Sliver",)
+    mesh_object("Line", sliver, [(0, 1, 2)], [(0, 0)] * 3)
+    assert finding("zero area").objects == ("Line",)
 
 
 @pytest.mark.parametrize(("scale", "shrunk"), [((0, 0, 0), True), ((2, 0, 0), True), ((1, 1, 0), False)])

@@ -69,12 +69,12 @@ def test_modifiers_are_applied_and_the_mesh_is_not():
     assert len(obj.data.polygons) == 1
 
 
-def test_zero_area_triangles_are_left_out_with_a_note():
+def test_zero_area_triangles_are_left_out():
     sliver = [(2, 0, 0), (3, 0, 0), (4, 0, 0)]
     mesh_object("Sliver", SQUARE + sliver, [(0, 1, 2, 3), (4, 5, 6)], np.zeros((7, 2)))
     read = read_scene()
     assert len(read.scene.meshes[0].positions) == 2
-    assert read.notes == ("Object 'Sliver': 1 zero-area triangles were left out.",)
+    assert read.notes == ()
 
 
 @pytest.mark.parametrize("distance", [1e10, np.inf])

@@ -216,7 +216,7 @@ class BakeRun:
             read_scene(context, usable, layer, resolution, notes, owner.paces, hurried),
         )
         whole = self._target == "ALL"
-        size = settle_width(self._read.scene, context, resolution, self._unwraps, whole, self._changes)
+        size = settle_width(self._read.scene, context, size, self._unwraps, whole, self._changes)
         self._read = replace(self._read, notes=(*self._read.notes, *size.notes))
         self._settings = replace(self._settings, resolution=size.width)
         self._place_suns()
@@ -526,7 +526,8 @@ class BakeRun:
             notes.append(object_message(sentence, list(lost.values())))
         if self._destination.folder is None:
             notes.append(
-                "The .blend is not saved yet: the lightmaps are packed into it. Save it to write files."
+                "The .blend was not saved, so the lightmaps are packed into it. Save it and bake again to "
+                "write files."
             )
         if self._destination.folder is None and self._read.scene.probe_volumes:
             notes.append(

@@ -41,10 +41,16 @@ _TEXEL_BYTES, _MEMORY_PART = 512, 0.5
 
 
 class SizeChoice(NamedTuple):
-    """Width of the lightmaps of a bake, texels, and sentences about it for the user."""
+    """Width of the lightmaps of a bake.
+
+    width:   texels
+    notes:   sentences about it for the user
+    is_new:  True if it was not stored in the scene before this bake
+    """
 
     width: int
     notes: tuple[str, ...] = ()
+    is_new: bool = False
 
 
 def size_properties() -> dict:
@@ -149,7 +155,7 @@ def choose_width(
     if settings.size_mode == "AUTOMATIC" and longest_side(areas) > 0:
         _store(settings, "automatic_width", choice.width, changes)
         _store_side(areas, settings, changes)
-    return choice
+    return choice._replace(is_new=True)
 
 
 def expected_width(context: SceneContext, objects: Sequence[bpy.types.Object]) -> int:
@@ -160,10 +166,11 @@ def expected_width(context: SceneContext, objects: Sequence[bpy.types.Object]) -
 
 
 def settle_width(
-    scene: Scene, context: SceneContext, width: int, unwrapped: bool, whole: bool, changes: Rollback
+    scene: Scene, context: SceneContext, chosen: SizeChoice, unwrapped: bool, whole: bool, changes: Rollback
 ) -> SizeChoice:
     """Return the width of lightmaps after a scene was read for a provisional width; raises SettingsError.
 
+    chosen     the provisional width
     unwrapped  charts have just been packed for that width: it becomes no smaller
     whole      all objects are baked; otherwise an automatic width stays as it is
     """
@@ -171,10 +178,10 @@ def settle_width(
     _store_side(areas, settings, changes)
     if settings.size_mode == "DENSITY":
         needed = width_for_density(areas, texels_per_unit(settings))
-        return SizeChoice(_within_limits(max(width, needed) if unwrapped else needed, settings))
+        return SizeChoice(_within_limits(max(chosen.width, needed) if unwrapped else needed, settings))
     if settings.size_mode == "SIZE" or not whole:
-        return SizeChoice(width)
-    return _grown(areas, settings, width, changes)
+        return SizeChoice(chosen.width)
+    return _grown(areas, settings, chosen, changes)
 
 
 def size_text(settings: bpy.types.PropertyGroup) -> str:
@@ -214,17 +221,23 @@ def _choice(areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup) -> Si
 
 
 def _grown(
-    areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup, width: int, changes: Rollback
+    areas: Sequence[ChartArea], settings: bpy.types.PropertyGroup, chosen: SizeChoice, changes: Rollback
 ) -> SizeChoice:
-    """Return the automatic width, larger than before if the scene needs twice as much."""
+    """Return the automatic width, larger than the chosen one if the scene needs twice as much.
+
+    Only a change of a width that was stored before gets a note.
+    """
+    width = chosen.width
     if _needed(areas, settings) < _GROWTH * width:
         return SizeChoice(width)
     choice = _automatic_choice(areas, settings)
     if choice.width <= width:
         return SizeChoice(width, choice.notes)
     _store(settings, "automatic_width", choice.width, changes)
+    if chosen.is_new:
+        return choice
     note = (
-        f"Resolution was raised from {width:,} to {choice.width:,} texels, because the scene has grown. "
+        f"Resolution was raised from {width:,} to {choice.width:,} texels, because the scene now needs more. "
         "Choose Fixed to keep a width."
     )
     return SizeChoice(choice.width, (note, *choice.notes))

@@ -11,7 +11,7 @@ from ...engine.errors import SceneError
 from ...engine.object_message import object_message
 from ...engine.progress import finished
 from ..applied_copies import apply_on_copies
-from ..lightmap_size import expected_width
+from ..lightmap_size import choose_width
 from ..object_properties import set_property
 from ..result.preview import hide_preview
 from ..rollback import Rollback
@@ -32,7 +32,7 @@ def unwrap(
     """Make lightmap UVs for objects that have none."""
     settings = context.scene.hemibake
     where = SceneContext(context)
-    resolution = expected_width(where, visible_meshes(where))
+    resolution = finished(choose_width(where, visible_meshes(where), changes)).width
     made = finished(
         unwrap_missing(where, objects, settings.uv_layer, resolution, changes, movable=visible_meshes(where))
     )
@@ -123,7 +123,7 @@ def cut_along_walls(
         raise SceneError(object_message(sentence, [obj.name for obj in objects]))
     for obj in floors:
         set_property(obj, "cut_along_walls", True, changes)
-    resolution = expected_width(where, visible_meshes(where))
+    resolution = finished(choose_width(where, visible_meshes(where), changes)).width
     work = unwrap_missing(
         where, floors, settings.uv_layer, resolution, changes, UvAction.CHARTS, visible_meshes(where)
     )

@@ -29,26 +29,39 @@ _STEP = 16
 #: follows powers of that edge: 2 cm in a box of 2 m, 5 cm in a house, 10 cm in a level.
 _ROOM_TEXEL, _ROOM, _SMALLER, _LARGER = 0.025, 5.0, 1 / 3, 1 / 2
 
+#: Mean number of texels per triangle of scenes with many small triangles, such as models of 0.5 m, and the
+#: width up to which such triangles raise the width, texels (chosen).
+_TRIANGLE_TEXELS, _DETAILED = 16, 512
+
 _NO_TRIANGLES = np.zeros((0, 3, 2), np.float32)
 
 
 class ChartArea(NamedTuple):
     """Area that the charts of one lightmap have in the scene and in the lightmap.
 
-    surface:  area of the objects in world space, times the square of their scale in lightmaps, units^2
-    covered:  fraction of the lightmap that the charts cover; 0 if they are not packed yet
+    surface:    area of the objects in world space, times the square of their scale in lightmaps, units^2
+    covered:    fraction of the lightmap that the charts cover; 0 if they are not packed yet
+    triangles:  their number
     """
 
     surface: float
     covered: float
+    triangles: int = 0
 
     def side(self, lightmaps: int = 1) -> float:
         """Return the length of surface along the width of the lightmap, units.
 
         lightmaps:  number of lightmaps that charts are spread over, if they are not packed yet
         """
-        filled = self.covered or _FILLED * lightmaps
-        return math.sqrt(self.surface / filled)
+        return math.sqrt(self.surface / self._filled(lightmaps))
+
+    def detailed_width(self, lightmaps: int = 1) -> float:
+        """Return the width of the lightmap that gives triangles _TRIANGLE_TEXELS texels on average."""
+        return math.sqrt(_TRIANGLE_TEXELS * self.triangles / self._filled(lightmaps))
+
+    def _filled(self, lightmaps: int) -> float:
+        """Return the number of lightmaps that the charts fill, a fraction for one lightmap."""
+        return self.covered or _FILLED * lightmaps
 
 
 def expected_areas(
@@ -87,10 +100,11 @@ def _add_object(
         mesh = evaluated or obj.data
         packed = layer in mesh.uv_layers and uv_source(obj, uv_layer) not in several
         flat = layer_triangles(mesh, layer) if packed else _NO_TRIANGLES
-        surface, covered = areas.get((obj.hemibake.atlas, packed), ChartArea(0.0, 0.0))
+        surface, covered, triangles = areas.get((obj.hemibake.atlas, packed), ChartArea(0.0, 0.0))
         areas[obj.hemibake.atlas, packed] = ChartArea(
             surface + _world_area(obj, mesh) * obj.hemibake.lightmap_scale**2,
             min(covered + _flat_area(flat), _FILLED),
+            triangles + len(mesh.loop_triangles),
         )
 
 
@@ -102,7 +116,7 @@ def areas_of(scene: Scene) -> list[ChartArea]:
         surface = sum(_area(mesh.positions) for mesh in meshes)
         covered = sum(_flat_area(mesh.uvs) for mesh in meshes)
         if covered > 0:
-            areas.append(ChartArea(surface, covered))
+            areas.append(ChartArea(surface, covered, sum(len(mesh.positions) for mesh in meshes)))
     return areas
 
 
@@ -120,13 +134,14 @@ def needed_width(areas: Sequence[ChartArea], metres_per_unit: float, lightmaps: 
     """Return the width of lightmaps that suits the size of a scene, texels; 0 without surface.
 
     The texel size follows from the surface of the whole scene, so that all its lightmaps have the same
-    density. See _ROOM_TEXEL.
+    density. See _ROOM_TEXEL. Small scenes of many triangles need more texels, see _TRIANGLE_TEXELS.
     """
     edge = metres_per_unit * math.sqrt(sum(area.surface for area in areas) / 6)
     if edge == 0:
         return 0.0
     texel = _ROOM_TEXEL * (edge / _ROOM) ** (_SMALLER if edge < _ROOM else _LARGER)
-    return longest_side(areas, lightmaps) * metres_per_unit / texel
+    detailed = max(area.detailed_width(lightmaps) for area in areas)
+    return max(longest_side(areas, lightmaps) * metres_per_unit / texel, min(detailed, _DETAILED))
 
 
 def _world_area(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> float:

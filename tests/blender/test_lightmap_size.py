@@ -270,7 +270,39 @@ def test_memory_of_the_device_limits_the_width_with_a_note(automatic, monkeypatc
     monkeypatch.setattr(part("operators.devices").finder, "found", found.DeviceSurvey((device,)))
     size = part("operators.lightmap_size")
     areas = [part("operators.scene.density").ChartArea(1e6, 0.0)]
-    width, notes = size._automatic_choice(areas, automatic)
+    width, notes, _ = size._automatic_choice(areas, automatic)
     assert width == 512 and "512 instead of 4,096 texels" in notes[0] and "0.2 GiB" in notes[0]
     monkeypatch.setattr(part("operators.devices").finder, "found", None)
-    assert size._automatic_choice(areas, automatic) == (4096, ())
+    assert size._automatic_choice(areas, automatic)[:2] == (4096, ())
+
+
+def test_small_models_of_many_triangles_get_texels_for_each():
+    density = part("operators.scene.density")
+
+    def width(surface, count):
+        return density.needed_width([density.ChartArea(surface, 0.6, count)], 1.0, 1)
+
+    assert width(0.9, 12) == width(0.9, 0) < 128
+    assert width(0.9, 5003) == pytest.approx(np.sqrt(16 * 5003 / 0.6))
+    assert width(0.9, 10**7) == 512 and width(900.0, 10**7) == width(900.0, 0) > 512
+
+
+def test_a_first_width_that_new_charts_do_not_fill_is_raised_without_a_note(automatic):
+    size = part("operators.lightmap_size")
+    automatic.automatic_width = 64
+    areas = [part("operators.scene.density").ChartArea(150.0, 0.6)]
+    rollback = part("operators.rollback").Rollback()
+    first = size._grown(areas, automatic, size.SizeChoice(64, is_new=True), rollback)
+    assert (first.width, first.notes) == (512, ())
+    automatic.automatic_width = 64
+    later = size._grown(areas, automatic, size.SizeChoice(64), rollback)
+    assert later.width == 512 and "raised from 64 to 512 texels" in later.notes[0]
+
+
+def test_unwrap_of_check_stores_the_width(automatic):
+    import bpy
+
+    scaled(furnace(), 0.1)
+    bpy.ops.hemibake.check()
+    assert bpy.ops.hemibake.fix(fix="unwrap", names='["Furnace"]') == {"FINISHED"}
+    assert automatic.automatic_width == 64

@@ -437,7 +437,7 @@ def _probes(
 ) -> Generator[Progress, None, tuple[tuple[ProbeGrid, ...], tuple[str, ...]]]:
     """Return the light of the probe volumes, and warnings; both are empty unless probes are baked.
 
-    made:  outputs of the patches by name, of which probes need the maps of light groups
+    made:  outputs of the patches by name; probes use the maps of light groups
     """
     texels = solved.texels
     if not (texels.job.settings.light_probes and texels.scene.probe_volumes):

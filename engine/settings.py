@@ -474,14 +474,14 @@ def shown_in(panel: str) -> list[str]:
 
 
 def with_output(outputs: set[str], wanted: str) -> set[str]:
-    """Add an output to a set, with those that it requires and without those that it excludes."""
+    """Add an output to a set; also add the outputs that it requires, and remove the ones that it excludes."""
     entry = OUTPUTS[wanted]
     required = {"combined"} if entry.requires_combined else set()
     return {*outputs, wanted, *required} - set(entry.excludes)
 
 
 def without_output(outputs: set[str], unwanted: str) -> set[str]:
-    """Remove an output from a set, with those that require it."""
+    """Remove an output from a set, and the outputs that require it."""
     requiring = {name for name, entry in OUTPUTS.items() if entry.requires_combined}
     return outputs - {unwanted} - (requiring if unwanted == "combined" else set())
 

@@ -368,7 +368,7 @@ class BakeRun:
         entries = self._context.scene.hemibake.lightmaps
         mark_lightmaps(entries, lightmap, self._read, self._settings, self._kept)
         self._mark_sun_maps()
-        # A bake that could not make probes, such as one without OpenCL, leaves those of the last one.
+        # A bake that could not make probes, for example without OpenCL, keeps the probes of the last bake.
         if self._settings.light_probes and (lightmap.probes or not self._read.scene.probe_volumes):
             keep_probes(self._context.scene, lightmap.probes, self._read.scene.origin)
         mark_objects(self._context.scene, self._read, targets, self._uv_layer, lost)
@@ -434,7 +434,7 @@ class BakeRun:
         return replace(reduced.result, passes=passes, report=replace(lightmap.report, reasons=reasons))
 
     def _mark_sun_maps(self) -> None:
-        """Record the maps of the sun path, which replace those of earlier paths."""
+        """Record the maps of the sun path and remove the maps of earlier paths."""
         if self._target != "ALL" or not self._settings.by_light_groups:
             return
         atlases, path = self._read.scene.atlases, self._sun_path
@@ -443,7 +443,7 @@ class BakeRun:
         mark_sun_maps(self._context.scene, atlases, self._names, maps)
 
     def _keep_outputs(self, baked: Sequence[str], outputs: Sequence[str]) -> None:
-        """Keep the images and files of some outputs; those of the others are not made.
+        """Keep the images and files of some outputs, and make none for the others.
 
         The destination stays, since a finished bake must not fail with a folder that was changed meanwhile.
 

@@ -20,7 +20,7 @@ INTERVAL, QUICK = 0.05, 0.02
 _PERIODS = 0.2, 2.0
 _RARITY = 10
 
-#: Types of regions, by type of editor, that show the progress, and those that show lightmaps as well.
+#: Types of regions that show the progress, and types that also show lightmaps, by type of editor.
 PROGRESS = {"VIEW_3D": ("UI",)}
 _LIGHTMAPS = {"VIEW_3D": ("UI", "WINDOW"), "IMAGE_EDITOR": ("WINDOW",)}
 

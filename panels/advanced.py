@@ -1,4 +1,4 @@
-"""Settings that seldom need a change, in sub-panels by what they affect."""
+"""Settings that seldom need a change, in sub-panels by subject."""
 
 from __future__ import annotations
 

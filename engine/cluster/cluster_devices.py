@@ -41,7 +41,7 @@ _FEWEST_PROBES = 64
 
 
 class ClusterDevices:
-    """`RemoteDevices` by Dask workers, those present and those that join later.
+    """`RemoteDevices` of Dask workers, including workers that join during the bake.
 
     If a worker is lost, Dask computes its blocks again on other workers, with the same bits.
     """

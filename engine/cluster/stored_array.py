@@ -1,4 +1,4 @@
-"""Arrays for transfer to workers: in shared files within a machine, of which workers map what they need."""
+"""Arrays for transfer to workers: within a machine in shared files, which workers map into memory."""
 
 from __future__ import annotations
 

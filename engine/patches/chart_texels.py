@@ -39,7 +39,7 @@ class ChartTexels:
     warnings: tuple[str, ...]
 
     def suit(self, scene: Scene, triangles: Triangles, before: Triangles) -> bool:
-        """Return True if a scene has the same charts as the one that these texels were made from.
+        """Return True if a scene has the charts from which these texels were made.
 
         before:  triangles of these chart texels
         """

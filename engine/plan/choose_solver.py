@@ -48,7 +48,7 @@ from .solver_choice import SolverChoice
 #: averages out. Where irradiance is curved, the centre of the plane is closer than the residual suggests.
 _TOLERANCE = 2.0
 
-#: Width in texels of the smaller groups, of which one patch gathers first where 4 x 4 groups are too coarse.
+#: Width of the smaller groups, texels. Where 4 x 4 groups are too coarse, one patch of each gathers first.
 _SMALLER = 2
 
 #: Distance in texels below which geometry counts as near. Patches next to geometry that the groups do not

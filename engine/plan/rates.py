@@ -39,7 +39,7 @@ def surveyed_speed(survey: DeviceSurvey | None) -> float:
 
 
 def hemicubes_bound(device: str, triangles: int) -> float:
-    """Return a maximum number of hemicubes per second, each of which draws every triangle once.
+    """Return an upper bound of the hemicubes drawn per second; each draws every triangle once.
 
     device: name of the OpenGL renderer
     """

@@ -105,7 +105,7 @@ def _numbered(number: np.ndarray, texels: np.ndarray, weights: np.ndarray) -> np
 def _seam_sides(
     seams: Seams, determined: np.ndarray, resolution: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the lookups on both sides of the seams of which samples determine at least one side.
+    """Return the lookups on both sides of the seams where samples determine at least one side.
 
     seams:       pairs of points on both sides of seams
     determined:  (atlases * r * r,) bool, texels that samples determine

@@ -40,7 +40,7 @@ def drop_blocked_seams(
     known: np.ndarray,
     invalid: np.ndarray,
 ) -> Seams:
-    """Return the seams without those that geometry blocks.
+    """Return the seams that no geometry blocks.
 
     A seam is blocked if a steep face lies between the patches on its two sides. It is also blocked if both
     patches are invalid and the light differs or is unknown.

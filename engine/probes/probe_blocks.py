@@ -19,7 +19,7 @@ _VALUES = ("coefficients", "validity", "positions", "distances")
 
 
 class ProbeBlocks:
-    """Finished blocks of consecutive probes: those of an interrupted bake, and new ones.
+    """Finished blocks of consecutive probes, from an interrupted bake and from this one.
 
     New blocks are written whenever a checkpoint is due, as many as its time limit allows.
     """

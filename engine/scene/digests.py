@@ -17,7 +17,7 @@ from .texture import Texture
 #: Arrays of a mesh that determine its patches and their visibility.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
 
-#: Arrays of a mesh of back faces; its other arrays follow from those of its front faces.
+#: Arrays of a mesh of back faces; its other arrays follow from the mesh of its front faces.
 _OF_BACKS = ("uvs", "material")
 
 #: Bytes of a short hash, used in file names, and of other hashes.

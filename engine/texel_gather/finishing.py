@@ -122,7 +122,7 @@ class Finishing:
         return quiet | restored_maps(shown, filtered, normals)
 
     def _in_sight(self, seams: Seams) -> Seams:
-        """Return the seams without those that geometry blocks."""
+        """Return the seams that no geometry blocks."""
         if not self._job.rays.possible:
             return seams
         job, texels = self._job, self.refined

@@ -61,7 +61,7 @@ class _Axis:
         place, of_line = place[fresh], of_line[fresh]
         target = np.round(place)
 
-        # Lines that would end on the same boundary stay unchanged, except those that already lie on one.
+        # Lines that would end on the same boundary stay unchanged, unless they lie on a boundary already.
         firm = np.abs(place - target) <= _ONE
         alone = np.bincount(target.astype(np.int64))[target.astype(np.int64)] == 1
         kept = firm | alone

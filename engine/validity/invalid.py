@@ -64,7 +64,7 @@ def patches_near_backs(scene: RayScene, count: int) -> np.ndarray:
 
 
 def _back_facing(scene: RayScene, count: int, most: int) -> np.ndarray:
-    """Return a mask of the patches of which more than `most` probe rays hit back faces, (n,) bool."""
+    """Return a mask of the patches with more than `most` probe rays that hit back faces, (n,) bool."""
     rays, compute = scene.rays, scene.compute
     (kernel,) = rays.kernels((RECEIVER, "backs_around.cl"), "hits_many_backfaces", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))

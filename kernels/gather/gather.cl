@@ -35,8 +35,8 @@ float4 light_of(__global const float4 *radiance, const Front4 seen, __global con
 #endif
 }
 
-// Gathers one patch per work group, from patch `first` on. Rows are read in quads of samples, of which one in `stride`
-// is used; neighbouring patches start at different quads. `stride` is 1 without EVEN.
+// Gathers one patch per work group, from patch `first` on. Reads one quad of samples in `stride`; neighbouring patches
+// start at different quads. `stride` is 1 without EVEN.
 __kernel void gather(__global const Front4 *cache, __global const float4 *multiplier, __global const float4 *radiance,
                      LIGHT_ARGUMENTS, const int quads, const int stride, const int first, __global const float4 *tints,
                      __local float4 *partial)

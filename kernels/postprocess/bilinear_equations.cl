@@ -155,7 +155,7 @@ __kernel void link_texels(__global const uint *texels, __global const int *numbe
     diagonal[unknown] = sums[4];
 }
 
-// Adds smoothness terms between neighbours of which one is poorly constrained.
+// Adds smoothness terms between neighbours if one of them is poorly constrained.
 __kernel void smooth_links(__global const uint *texels, __global const uint *marks, __global const int *neighbours,
                            __global const float *diagonal, __global float *factors, __global uint *linked,
                            const int resolution, const int count)

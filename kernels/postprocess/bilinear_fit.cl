@@ -377,8 +377,8 @@ __kernel void descend(EQUATIONS, __global const int8 *columns, __global const fl
                       __global const float *inverse, __global const float4 *right, __global const uchar *held,
                       __global float4 *solution, __global float4 *products, __global float4 *residual,
                       __global float4 *direction, __global float4 *change, __global float4 *run, const int first,
-                      const int steps, const int rows, const int count, __local float4 *partial,
-                      __local float4 *totals, const int width)
+                      const int steps, const int rows, const int count, __local float4 *partial, __local float4 *totals,
+                      const int width)
 {
     const int item = get_local_id(0), items = get_local_size(0);
     right += IMAGE * count, held += IMAGE * count, solution += IMAGE * count, residual += IMAGE * count;
@@ -400,8 +400,8 @@ __kernel void descend(EQUATIONS, __global const int8 *columns, __global const fl
             const int unknown = chunk * items + item;
             float4 part = (float4)(0.0f);
             if (unknown < count && starts_run) {
-                const float4 product = row_times(neighbours, factors, linked, starts, seams, shares, solution,
-                                                 products, unknown, count);
+                const float4 product =
+                    row_times(neighbours, factors, linked, starts, seams, shares, solution, products, unknown, count);
                 const float4 r = free_channels(held[unknown]) * (right[unknown] - product);
                 residual[unknown] = r;
                 direction[unknown] = inverse[unknown] * r;

@@ -8,8 +8,8 @@
 // (engine/validity/thresholds.py).
 bool is_dark(const float3 light, const float limit) { return dot(light, (float3)(0.2126f, 0.7152f, 0.0722f)) < limit; }
 
-// Sums one probe per work group. rows: samples of trace_probes. radiance: of front faces, at entry patch + 1, of which
-// those from `backs` on belong to back faces with patches. back_radiance: of other back faces. coefficients: BASIS
+// Sums one probe per work group. rows: samples of trace_probes. radiance: of front faces, at entry patch + 1; patches
+// from `backs` on are back faces. back_radiance: of other back faces. coefficients: BASIS
 // float4 per probe; w of the first is the fraction of directions without dark back faces.
 __kernel void project_probes(__global const uint *rows, __global const uchar *tint_rows, __global const float4 *tints,
                              __global const float4 *rotations, __global const float4 *directions, const int samples,

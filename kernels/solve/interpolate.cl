@@ -17,8 +17,8 @@
 #define SAME_WAY 0.9f
 #define FRONTS 0.9f
 
-// Maximum difference of a patch's openness from the plane fitted to that of the groups. A larger difference indicates a
-// groove between groups or a nearby object, where the irradiance differs too.
+// Maximum difference of a patch's openness from the plane fitted to the groups. A larger difference indicates a groove
+// between groups or a nearby object, where the irradiance differs too.
 #define AS_OPEN 0.1f
 
 // Distance in squares at which group weights reach 0; maximum sum of squared interpolation weights, which limits the

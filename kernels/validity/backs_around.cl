@@ -2,7 +2,7 @@
 #include "receiver.cl"
 #include "validity.cl"
 
-// Stores 1 for patches of which more than `most` of the LOOKS probe rays hit back faces.
+// Stores 1 for patches with more than `most` back faces among the hits of their LOOKS probe rays.
 __kernel void hits_many_backfaces(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, const int most,
                                   __global uchar *result, const int count)
 {

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 #: Characters that Godot replaces by "_" in names of nodes.
 _INVALID = re.compile(r'[.:@/"%]')
 
-#: Names of nodes without one, by what they hold.
+#: Names of unnamed nodes, by the type of their content.
 _UNNAMED = {"mesh": "Mesh", "camera": "Camera"}
 
 #: End of a name that Godot ignores when it looks for a suffix: digits, underscores and white space.

@@ -26,7 +26,7 @@ def unity_file(model: Path) -> str:
 
 
 def unity_probes(volumes: Mapping[str, Volume]) -> tuple[str, list[str]]:
-    """Return the text of the file of probes, and notes on what it leaves out.
+    """Return the text of the file of probes, and notes on omitted data.
 
     volumes:  see `baked_probes`
     """

@@ -30,7 +30,7 @@ def lightmap_contents(
 ) -> list[dict]:
     """Return "atlas", "output" and "objects" of each lightmap, all atlases of each output in turn.
 
-    levels:  session uid of the first level by that of each level of detail
+    levels:  session uid of the first level, by the session uid of each level of detail
     """
     objects = _objects_by_atlas(read, uv_layer)
     places = {entry.uid: entry.place for entry in read.objects}

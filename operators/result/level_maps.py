@@ -101,7 +101,7 @@ def store_levels(
 def mark_levels(scene: bpy.types.Scene, stored: dict[int, int]) -> None:
     """Copy the bake record of the first level to levels, with their UV layer; call it after `mark_objects`.
 
-    stored:  session uid of the first level by that of each level
+    stored:  session uid of the first level, by the session uid of each level
     """
     for uid, first in stored.items():
         record = writable_record(find(bpy.data.objects, uid), scene)
@@ -176,7 +176,7 @@ def _read_levels(
 def _placed(
     obj: bpy.types.Object, first: bpy.types.Object, mesh: UvMesh, surface: UvProjection, density: float
 ) -> Level:
-    """Return a level at its own place or at that of its first level, wherever it is nearer to the surface.
+    """Return a level at its own place or at its first level's, whichever is nearer to the surface.
 
     density:  UV units per metre
     """

@@ -37,7 +37,7 @@ class ObjectFiles:
         self._taken: set[str] = set()
 
     def section(self, entries: Iterable[dict]) -> list[dict]:
-        """Return the section after a bake with new entries; those of other .blend files and scenes stay."""
+        """Return the section after a bake with new entries; entries of other .blend files and scenes stay."""
         return [*self._others, *entries]
 
     def stem(self, name: str, kind: str, files: Callable[[str], Iterable[str]]) -> str:

@@ -112,7 +112,7 @@ def renew_preview(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> Non
 
 
 def shows_other_scene(scene: bpy.types.Scene) -> bool:
-    """Return True if an object that has a lightmap in a scene shows that of another scene.
+    """Return True if an object with a lightmap in a scene shows the lightmap of another scene.
 
     Two windows with two scenes that share objects lead to this: Blender has one material for both.
     """
@@ -125,7 +125,7 @@ def shows_other_scene(scene: bpy.types.Scene) -> bool:
 
 
 def _lightmaps_of(scenes: Sequence[bpy.types.Scene]) -> set[bpy.types.Image]:
-    """Return the images of the lightmaps of scenes, with those of further outputs."""
+    """Return the images of the lightmaps of scenes, including their further outputs."""
     return {entry.image for scene in scenes for entry in scene.hemibake.lightmaps if entry.image}
 
 

@@ -20,7 +20,7 @@ MAX_SHOWN = 1 << 18
 
 
 def keep_probes(scene: bpy.types.Scene, grids: Sequence[ProbeGrid], origin: np.ndarray) -> None:
-    """Replace a scene's probes by those of a bake; larger volumes than MAX_SHOWN are left out.
+    """Replace a scene's probes by the probes of a bake; volumes larger than MAX_SHOWN are left out.
 
     Images of unchanged size keep their data-blocks, so that a preview shows their new light. Volumes of equal
     names, of which one is linked, keep them in order. Light groups are left out if the volume is too large

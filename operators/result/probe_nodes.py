@@ -80,7 +80,7 @@ def _common_groups(scene: bpy.types.Scene, volumes: Sequence[bpy.types.PropertyG
 
 
 def _joined(nodes: _Nodes, parts: Sequence[_Volume], functions: list[Feed], layer: int) -> Feed:
-    """Return E/pi of volumes, of which later ones replace earlier ones inside their boxes.
+    """Return E/pi of volumes; inside its box, a later volume replaces earlier ones.
 
     layer:  0 for all light, else 1 + number of a light group
     """

@@ -77,7 +77,7 @@ def differing_lights(before: Scene, now: Scene) -> tuple[Scene, Scene] | None:
 
 
 def _lit_by_others(scene: Scene, other: Scene) -> Scene:
-    """Return a scene whose only lights are those that the other scene lacks."""
+    """Return a scene with only the lights that the other scene lacks."""
     lamps = (lamp for lamp in scene.lights if not any(same_values(lamp, known) for known in other.lights))
     dark = map(without_emission, scene.materials)
     world = np.zeros_like(scene.world)

@@ -315,7 +315,7 @@ class _SceneReading:
 
     @property
     def triangles(self) -> int:
-        """Number of triangles, including those of instances."""
+        """Number of triangles, including instances."""
         return sum(len(reading.mesh.slots) for reading in self._readings)
 
     def _read_some(self) -> str | None:

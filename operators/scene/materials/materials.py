@@ -141,7 +141,7 @@ class ShaderReader:
         return self._numbers[_key(wanted)]
 
     def _value_of(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
-        """Return the value of an input of which the inputs of Math and Mix nodes are known."""
+        """Return the value of an input; the inputs of the Math and Mix nodes before it must be known."""
         output = feeding_socket(socket)
         node = output.node
         if not output.is_output or node.bl_idname == _CONSTANT_NODES.get(output.type):

@@ -15,7 +15,7 @@ from .pixels import PixelCache
 from .sockets import ComplexError, feeding_socket
 from .values import DiffuseSurface, MaterialValue, constant
 
-#: Reflectance of closures that cannot be read, equal to that of an empty slot.
+#: Reflectance of closures that cannot be read, the same as for an empty slot.
 _GREY = 0.8
 
 

@@ -85,7 +85,7 @@ def _rest_positions(evaluated: bpy.types.Mesh, copy: bpy.types.Mesh) -> np.ndarr
 def add_lightmap_uv_map(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:
     """Add the UV map LIGHTMAP_UVS to a copied mesh, from a layer; return whether the mesh has that layer.
 
-    move:  maps UVs of the layer to those of the map; None keeps them
+    move:  maps UVs of the layer to UVs of the map; None keeps them
     """
     layer = mesh.uv_layers.get(uv_layer)
     if layer is None:

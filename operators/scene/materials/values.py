@@ -66,7 +66,7 @@ class DiffuseSurface:
     transmit:   diffuse transmittance of the sheet
     through:    (3,) float64, straight-through transmittance of the sheet at normal incidence
     glass:      (3,) float64, part of `through` that falls with the angle of incidence
-    fresnel:    how it falls; None without glass. Of several kinds of glass, that of the largest part
+    fresnel:    loss with the angle of incidence, of the largest part of glass; None without glass
     cover:      fraction of the surface that the sheet covers; grey
     threshold:  a cover of at least the threshold becomes 1, and a smaller one 0; None keeps the cover
     """

@@ -21,7 +21,7 @@ _OUTPUTS: dict[str, tuple[str, ...] | None] = {
     "ShaderNodeTexCoord": ("Camera", "Window", "Reflection"),
 }
 
-#: Closures whose part of a mix by a Fresnel factor is gloss, of which a bake has the mean only.
+#: Closures that count as gloss in a mix by a Fresnel factor; a bake has only the mean of gloss.
 _GLOSS = GLOSSY | {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction", METALLIC}
 
 #: Inputs of a closure that determine its baked light; the names of several versions of Blender.
@@ -31,7 +31,7 @@ _LIT_INPUTS = frozenset({
     "Diffuse Roughness",
 })  # fmt: skip
 
-#: Further such inputs of metals and Diffuse BSDFs, of which bakes have the albedo.
+#: Further such inputs of metals and Diffuse BSDFs; bakes contain their albedo.
 _ALBEDO_INPUTS = frozenset({"Roughness", "Extinction"})
 
 

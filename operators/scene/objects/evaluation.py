@@ -43,7 +43,7 @@ class Evaluation:
         """Yield the objects and instances.
 
         visible:    session uids of the objects that renders show
-        with_hair:  True to include objects of which only the hair is visible
+        with_hair:  True to include objects with visible hair and an invisible surface
         """
         if self.viewport is None:
             return scene_items(self.depsgraph, visible, with_hair=with_hair)

@@ -84,7 +84,7 @@ def scene_items(
 
     visible:    session uids of the objects that renders show
     start:      index of the first one
-    with_hair:  True to include objects of which only the hair is visible, see `SceneItem.shows_self`
+    with_hair:  True to include objects with visible hair and an invisible surface, see `SceneItem.shows_self`
     """
     for index, instance in enumerate(islice(depsgraph.object_instances, start, None), start):
         parent = instance.parent.original if instance.is_instance else None

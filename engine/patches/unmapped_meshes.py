@@ -310,9 +310,11 @@ def _is_least(values: np.ndarray, group: np.ndarray) -> np.ndarray:
 
 
 def _unique_rows(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Number the distinct rows of columns, (t,) integers >= 0; return the number of each row, (t,) int64.
+    """Return the index of each row of columns among their distinct rows, (t,) int64.
 
-    Numbers ascend with the last column, then with the one before.
+    The distinct rows are sorted by the last column, then by the second last, and so on.
+
+    columns:  (t,) integers >= 0 each
     """
     sizes = [int(column.max()) + 1 for column in columns]
     if math.prod(sizes) >= 1 << 63:

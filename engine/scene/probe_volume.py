@@ -12,7 +12,7 @@ MAX_PROBES = 1 << 21
 #: Maximum resolution along an axis: the atlas then has at most 2560 x 65536 pixels.
 MAX_RESOLUTION = 256
 
-#: Largest distance of maps of distances, in diagonals of a cell.
+#: Largest distance that distance maps store, in diagonals of a grid cell.
 _REACH = 1.5
 
 #: Minimum width of a volume along an axis, relative to the largest coordinate: float32 resolves no smaller

@@ -136,7 +136,7 @@ def _without_first(context: SceneContext) -> list[str]:
 def _read_levels(
     context: SceneContext, baked: Collection[int] | None = None
 ) -> tuple[list[Level], dict[str, list[str]]]:
-    """Return the levels that can get UVs, and the names of others by the sentence on their problem.
+    """Return the levels that can get UVs, and the names of all other levels by the message on their problem.
 
     baked:  session uids of first levels; None for all with lightmap UVs
     """

@@ -12,7 +12,7 @@ from ..slice_timer import Slices, row_slices
 from .alpha_modes import DATA, AlphaMeaning, channels_of
 from .normal_map_tilts import CLASSES, count_tilts, image_state, kept_tilts
 
-#: Colour spaces of linear pixels, and the encoded one.
+#: Blender's names of color spaces with linear values, and of the sRGB color space.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Raw", "Linear", "Generic Data"}
 _SRGB = "sRGB"
 

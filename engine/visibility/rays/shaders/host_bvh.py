@@ -78,7 +78,10 @@ def _split_levels(codes: np.ndarray) -> list[_Level]:
 
 
 def _splits(codes: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return where runs of sorted codes are split, (k,) int64, each within its run if that has two codes."""
+    """Return the index that splits each run of sorted Morton codes, (k,) int64: at the highest differing bit.
+
+    Runs of equal codes are split in the middle.
+    """
     if not len(codes):
         return end
     first, last = codes[start], codes[end - 1]

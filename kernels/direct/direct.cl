@@ -32,8 +32,8 @@
 
 // Returns the transmittance from a point p to a light sample. The ray starts just above the surface and ends just
 // before the light, which may be a surface itself.
-Fraction seen(const Rays *rays, const Blockers *blockers, const Receiver *r, const float3 p, const Sample *s,
-              const int kind)
+Fraction transmittance_to(const Rays *rays, const Blockers *blockers, const Receiver *r, const float3 p,
+                          const Sample *s, const int kind)
 {
     const float3 start = ray_origin(r, p, s->direction);
     const bool far = s->distance == INFINITY;
@@ -57,7 +57,7 @@ typedef struct {
 typedef struct {
     int first, rounds;     // index of the first sample; number of sampling rounds
     float expected;        // samples per round
-    float tried;           // shadow rays traced
+    float traced;          // shadow rays traced
     Fraction through;      // sum of their transmittances
     Fraction least, most;  // extremes of these
     Fraction shadowed;
@@ -197,8 +197,8 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
 #endif
 
         // Skip the remaining rays of an emitter if all rays so far agree (see TRIAL).
-        const bool spared = run.tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && is_even(&run);
-        if (spared && e->uniform)
+        const bool is_skipped = run.traced >= fmax(TRIAL, TRIAL_FRACTION * span.y) && is_even(&run);
+        if (is_skipped && e->uniform)
             continue;
         const float4 u = sample_point(index + (run.rounds - 1) * budget, key);
         const float3 p = jittered_origin(&rays, &r, u.zw);
@@ -212,31 +212,31 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
         const float over = dot(s.direction, horizon_of(&r, s.back));
         if (!(cosine > 0.0f && over > 0.0f && luminance(s.light) > 0.0f))
             continue;
-        const float3 brought = s.light * (cosine / span.y);
+        const float3 unoccluded = s.light * (cosine / span.y);
         Fraction visible = (Fraction)(1.0f);
-        if (spared) {
-            visible = run.through / run.tried;
+        if (is_skipped) {
+            visible = run.through / run.traced;
         } else if (e->casts_shadow) {
             if (blockers.count != 0)
-                visible = seen(&rays, &blockers, &r, p, &s, kind_of_rays(e));
+                visible = transmittance_to(&rays, &blockers, &r, p, &s, kind_of_rays(e));
             run.through += visible;
-            run.tried += 1.0f;
+            run.traced += 1.0f;
             run.least = fmin(run.least, visible);
             run.most = fmax(run.most, visible);
         }
         const float3 tilt = l1_of_direction(s.direction, r.normal);
         if (e->uniform) {
-            run.unshadowed += luminance(brought);
-            run.shadowed += luminance(brought) * visible;
+            run.unshadowed += luminance(unoccluded);
+            run.shadowed += luminance(unoccluded) * visible;
 #ifdef TINTED
-            add_l1(&run.tilted, luminance(brought) * visible, tilt);
+            add_l1(&run.tilted, luminance(unoccluded) * visible, tilt);
 #else
-            run.tilted += luminance(brought) * visible * tilt;
+            run.tilted += luminance(unoccluded) * visible * tilt;
 #endif
         } else {
-            run.sum.unshadowed += luminance(brought);
-            run.sum.light += brought * visible;
-            add_l1(&run.sum.l1, brought * visible, tilt);
+            run.sum.unshadowed += luminance(unoccluded);
+            run.sum.light += unoccluded * visible;
+            add_l1(&run.sum.l1, unoccluded * visible, tilt);
         }
     }
     result[item] = (float4)(sum.light, sum.unshadowed);

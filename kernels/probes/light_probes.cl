@@ -16,7 +16,7 @@
 
 // State of consecutive samples of one emitter: traced rays, the sum and the extremes of their transmittances.
 typedef struct {
-    float tried;
+    float traced;
     Fraction through, least, most;
 } Run;
 
@@ -70,14 +70,14 @@ __kernel void light_probes(RAYS_ARGUMENTS, __global const float4 *probes, __glob
         if (!(luminance(s.light) > 0.0f))
             continue;
         Fraction visible = (Fraction)(1.0f);
-        if (run.tried >= fmax(TRIAL, TRIAL_FRACTION * span.y) && largest(run.most - run.least) < SAME) {
-            visible = run.through / run.tried;
+        if (run.traced >= fmax(TRIAL, TRIAL_FRACTION * span.y) && largest(run.most - run.least) < SAME) {
+            visible = run.through / run.traced;
         } else if (e->casts_shadow) {
             const bool far = s.distance == INFINITY;
             visible = transmittance(&rays, kind_of_rays(e), r.at, far ? s.direction : s.distance * s.direction,
                                     far ? INFINITY : 0.9998f);
             run.through += visible;
-            run.tried += 1.0f;
+            run.traced += 1.0f;
             run.least = fmin(run.least, visible);
             run.most = fmax(run.most, visible);
         }

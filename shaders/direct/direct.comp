@@ -44,7 +44,7 @@ int kind_of_rays(const int e)
 
 // Returns the transmittance from a point to a light sample. The ray starts just above the surface and ends just before
 // the light, which may be a surface itself.
-Fraction seen(const Receiver r, const vec3 p, const Sample s, const int kind)
+Fraction transmittance_to(const Receiver r, const vec3 p, const Sample s, const int kind)
 {
     vec3 origin = ray_origin(r, p, s.direction);
     bool far = s.distance == INFINITY;
@@ -61,11 +61,11 @@ struct Sum {
 // Accumulates consecutive samples of one emitter. If its radiance is uniform, its unoccluded irradiance is computed
 // analytically, and samples estimate only the visible fraction (ratio estimator).
 struct Run {
-    int first, rounds;     // number of its first sample; how often its samples are drawn
-    float expected;        // samples of a round
-    float tried;           // shadow rays
-    Fraction through;      // their sum of the parts of light that arrive
-    Fraction least, most;  // of these parts
+    int first, rounds;     // index of the first sample; number of sampling rounds
+    float expected;        // samples per round
+    float traced;          // shadow rays traced
+    Fraction through;      // sum of their transmittances
+    Fraction least, most;  // extremes of these
     Fraction shadowed;
     float unshadowed;
     L1 tilted;             // of the samples, times what is shadowed of each
@@ -155,7 +155,7 @@ void exchange_state()
     exchange(run.first);
     exchange(run.rounds);
     exchange(run.expected);
-    exchange(run.tried);
+    exchange(run.traced);
     exchange(run.through);
     exchange(run.least);
     exchange(run.most);
@@ -215,8 +215,8 @@ bool sample_on(const Receiver r)
         bool even = emitters[emitter].uniform_ != 0;
 
         // Skip the remaining rays of an emitter if all rays so far agree (see TRIAL).
-        bool spared = run.tried >= max(TRIAL, TRIAL_FRACTION * span.y) && is_even(run);
-        if (spared && even)
+        bool is_skipped = run.traced >= max(TRIAL, TRIAL_FRACTION * span.y) && is_even(run);
+        if (is_skipped && even)
             continue;
         vec4 u = sample_point(uint(number + (run.rounds - 1) * budget), key);
         vec3 p = jittered_origin(r, u.zw);
@@ -229,26 +229,26 @@ bool sample_on(const Receiver r)
         float cosine = dot(s.direction, r.normal), over = dot(s.direction, horizon_of(r, s.back));
         if (!(cosine > 0.0 && over > 0.0 && luminance(s.light) > 0.0))
             continue;
-        vec3 brought = s.light * (cosine / span.y);
+        vec3 unoccluded = s.light * (cosine / span.y);
         Fraction visible = Fraction(1.0);
-        if (spared) {
-            visible = run.through / run.tried;
+        if (is_skipped) {
+            visible = run.through / run.traced;
         } else if (emitters[emitter].casts_shadow != 0) {
-            visible = seen(r, p, s, kind_of_rays(emitter));
+            visible = transmittance_to(r, p, s, kind_of_rays(emitter));
             run.through += visible;
-            run.tried += 1.0;
+            run.traced += 1.0;
             run.least = min(run.least, visible);
             run.most = max(run.most, visible);
         }
         vec3 tilt = l1_of_direction(s.direction, r.normal);
         if (even) {
-            run.unshadowed += luminance(brought);
-            run.shadowed += luminance(brought) * visible;
-            add_l1(run.tilted, vec3(luminance(brought) * visible), tilt);
+            run.unshadowed += luminance(unoccluded);
+            run.shadowed += luminance(unoccluded) * visible;
+            add_l1(run.tilted, vec3(luminance(unoccluded) * visible), tilt);
         } else {
-            run.sum.unshadowed += luminance(brought);
-            run.sum.light += brought * visible;
-            add_l1(run.sum.l1, brought * visible, tilt);
+            run.sum.unshadowed += luminance(unoccluded);
+            run.sum.light += unoccluded * visible;
+            add_l1(run.sum.l1, unoccluded * visible, tilt);
         }
     }
     return done;

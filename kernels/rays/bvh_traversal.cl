@@ -103,7 +103,7 @@ typedef struct {
 
 typedef struct {
     float distance;
-    float2 weights;  // of the second and third corner
+    float2 weights;  // barycentrics of the second and third corner
     int triangle;    // -1 for none
     bool front;
 #ifdef TINTED

@@ -5,11 +5,11 @@
 // Receiver as unpacked from its record (engine/visibility/rays/receiver_records.py).
 typedef struct {
     float3 at, normal, geometric, edge_u, edge_v;  // world space, metres; steps of a texel
-    float3 corner, edge1, edge2;                   // its triangle
-    float3 normals[3];                             // of the triangle's corners
-    float height, size;                            // of ray origins above the surface; texel size, both metres
+    float3 corner, edge1, edge2;                   // triangle of the texel
+    float3 normals[3];                             // normals at the corners
+    float height, size;                            // height of ray origins above the surface; texel size; metres
     float lifted;                                  // factor of `smooth_offset`, 0 to 1: 0 on flat surfaces
-    uint rank;                                     // along a Hilbert curve through the texels
+    uint rank;                                     // index along a Hilbert curve through the texels
     bool crossed;                                  // True if a face crosses the texel
     float3 horizon;                                // normal of the plane below which lights contribute nothing
 } Receiver;

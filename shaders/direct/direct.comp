@@ -3,7 +3,7 @@
 // without shaft culling, which does not change the result.
 #define RECEIVER_ACCESS readonly
 #define STATE_WORDS 208
-#define WALK_WORDS (4 * 32)  // of the walk, at the end of the state: shaders/direct/light_tree.glsl
+#define WALK_WORDS (4 * 32)  // words of the tree descent, at the end of the state (light_tree.glsl)
 #include "bvh_traversal.glsl"
 #include "resumed.glsl"
 #include "receiver.glsl"
@@ -54,7 +54,7 @@ Fraction transmittance_to(const Receiver r, const vec3 p, const Sample s, const 
 
 struct Sum {
     vec3 light;
-    float unshadowed;  // its luminance if nothing cast a shadow
+    float unshadowed;  // luminance without shadows
     L1 l1;             // of the light (irradiance_l1.glsl)
 };
 
@@ -68,9 +68,9 @@ struct Run {
     Fraction least, most;  // extremes of these
     Fraction shadowed;
     float unshadowed;
-    L1 tilted;             // of the samples, times what is shadowed of each
-    vec3 open;             // its whole light, mean over the texel
-    Sum sum;               // of an emitter of other radiances
+    L1 tilted;             // sum of L1 times visible luminance
+    vec3 open;             // unoccluded irradiance, mean over the texel
+    Sum sum;               // used for non-uniform emitters
 };
 
 // Points per axis of a grid in the texel, at which irradiance without shadow is averaged if it varies over the texel.
@@ -140,7 +140,7 @@ void exchange(inout Sum sum)
     exchange(sum.l1);
 }
 
-// The work of an item so far.
+// Progress of a work item.
 int index, emitter;
 vec2 span;
 Run run;

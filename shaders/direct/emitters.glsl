@@ -24,7 +24,7 @@ uniform float sky_total;
 #define WIDE 0.1
 #define WIDE_UNEVEN 0.01
 
-// Least square of a distance.
+// Minimum squared distance, avoids division by zero.
 #define LEAST 1e-36
 
 float luminance(const vec3 colour) { return dot(colour, vec3(0.2126, 0.7152, 0.0722)); }
@@ -34,11 +34,11 @@ struct Sample {
     vec3 direction;
     float distance;
     vec3 light;
-    bool back;         // of a surface
-    int surface;       // number of a surface's triangle + 1, 0 for other light; which side of it shines, and where
-    bool shines_front;
+    bool back;         // true if the sample is on a back face
+    int surface;       // triangle + 1 of an emissive surface; 0 for other light
+    bool shines_front; // true if its front face emits
     float steepness;   // cosine of the angle at which light leaves the surface
-    vec2 weights;
+    vec2 weights;      // barycentrics of the second and third corner
 };
 
 Sample sample_of(const vec3 direction, const float distance, const vec3 light)

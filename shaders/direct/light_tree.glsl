@@ -65,12 +65,12 @@ float weight_of(const int code, const Receiver r, out bool open)
 // widths are in the item's state from word `walk_first` on, followed by the cached weights.
 int walk_first;
 int walk_depth;
-bool walk_counts;   // on the first way down, which sums weights
-float walk_total;   // the weight of all lights: of emitters nearby, and of nodes far away
-float walk_scale;   // width of a weight of 1
-float walk_passed;  // where the intervals of nodes taken as one light end so far
-int walk_visits;    // nodes and emitters whose weight was asked for
-int walk_own;       // further emitters that may have a sample of their own
+bool walk_counts;   // true in the first descent, which sums the weights
+float walk_total;   // total weight of near emitters and far nodes
+float walk_scale;   // interval width per unit of weight
+float walk_passed;  // end of the last interval of a node that counts as one light
+int walk_visits;    // number of weights used, for the cache
+int walk_own;       // number of emitters that may still get a sample of their own
 
 void put_on_walk(const int code, const vec2 span)
 {
@@ -80,7 +80,7 @@ void put_on_walk(const int code, const vec2 span)
     states[at + 2] = floatBitsToUint(span.y);
 }
 
-// To the root, before a way down.
+// Returns to the root before a descent.
 void begin_walk(const int root, const bool counts)
 {
     walk_depth = 0;

@@ -36,7 +36,7 @@ float grey_of(const float f) { return f; }
 
 struct Hit {
     float distance;
-    vec2 weights;  // of the second and third corner
+    vec2 weights;  // barycentrics of the second and third corner
     int triangle;  // -1 for none
     bool front;
     bool tinted;   // light of it comes through tinted surfaces
@@ -178,10 +178,10 @@ float least_opacity(const Hit hit)
 struct Search {
     vec3 origin, direction, inverse;
     int sought, kind;  // kind: SHADOW or BOUNCE
-    float reach;       // what is farther does not count, in lengths of the direction
-    Fraction through;  // fraction of light that has come so far
+    float reach;       // maximum distance, in lengths of the direction
+    Fraction through;  // transmittance so far
     Hit nearest;
-    bool tinted;       // something was passed that changes the colour of light
+    bool tinted;       // true if the ray has passed a tinted surface
 };
 
 // Slab test (Kay and Kajiya 1986): returns true if a ray hits a box, and in `begin` the distance at which it enters.

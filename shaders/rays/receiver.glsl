@@ -7,13 +7,13 @@
 // Receiver as unpacked from its record (engine/visibility/rays/receiver_records.py), with derived values.
 struct Receiver {
     vec3 at, normal, geometric, edge_u, edge_v;  // world space, metres; steps of a texel
-    vec3 corner, edge1, edge2;                   // its triangle
-    vec3 normal1, normal2, normal3;              // of the triangle's corners
-    float height, size;                          // of the start of rays above the surface; of the texel
+    vec3 corner, edge1, edge2;                   // triangle of the texel
+    vec3 normal1, normal2, normal3;              // normals at the corners
+    float height, size;                          // height of ray origins above the surface; texel size; metres
     float lifted;                                // factor of `smooth_offset`, 0 to 1: 0 on flat surfaces
-    uint rank;                                   // along a curve through the texels
-    bool crossed;                                // whether a face crosses the texel
-    vec3 horizon;                                // normal of the plane beyond which no lamp is seen
+    uint rank;                                   // index along a Hilbert curve through the texels
+    bool crossed;                                // true if a face crosses the texel
+    vec3 horizon;                                // normal of the plane below which lights contribute nothing
 };
 
 layout(std430, binding = 3) RECEIVER_ACCESS buffer Receivers { ReceiverRecord receivers[]; };

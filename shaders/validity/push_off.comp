@@ -15,8 +15,8 @@ layout(std430, binding = 7) writeonly buffer Results { ivec4 results[]; };
 uniform int start, end;
 uniform float reach;
 
-#define WAYS 8  // rays in the plane; opposite ones tell how thick the thing is
-#define MARGIN 0.05  // how far outside a point is moved, in widths of its texel
+#define WAYS 8  // rays in the tangent plane; opposite rays measure the thickness of the object
+#define MARGIN 0.05  // distance of moved points from the surface, in texels
 
 // Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself.
 bool escapes(const Hit hit, const vec3 at, const float height, const float near)

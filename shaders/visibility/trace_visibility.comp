@@ -46,7 +46,7 @@ int index_of_tint(const vec3 tint, const uint key)
 }
 #endif
 
-// The entry of what a ray meets.
+// Returns the visibility sample of a ray: the entry that it hits.
 int entry_of(const Hit hit)
 {
     if (hit.triangle < 0)

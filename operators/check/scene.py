@@ -166,7 +166,7 @@ def _is_dim(world: bpy.types.World) -> bool:
     if not tree:
         return max(world.color) < _DIM
     radiance = 0.0
-    for node in filter(_emits, _nodes(tree)):
+    for node in filter(_emits, all_nodes(tree)):
         inputs = [node.inputs[name] for name in _EMITTERS[node.bl_idname]]
         if any(socket.is_linked for socket in inputs):
             return False

@@ -160,10 +160,10 @@ def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray) -> Mesh:
     """
     return replace(
         mesh,
-        positions=mesh.positions[:, _FLIPPED],
-        normals=-mesh.normals[:, _FLIPPED],
-        uvs=mesh.uvs[:, _FLIPPED],
+        positions=mesh.positions.take(_FLIPPED, axis=1),
+        normals=-mesh.normals.take(_FLIPPED, axis=1),
+        uvs=mesh.uvs.take(_FLIPPED, axis=1),
         material=materials[mesh.material],
-        texture_uvs={name: uvs[:, _FLIPPED] for name, uvs in mesh.texture_uvs.items()},
+        texture_uvs={name: uvs.take(_FLIPPED, axis=1) for name, uvs in mesh.texture_uvs.items()},
         front=index,
     )

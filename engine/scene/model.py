@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..array_ops import take_rows
 from .probe_volume import ProbeVolume
 from .profile import Profile
 from .reflection_sphere import ReflectionSphere
@@ -92,12 +93,12 @@ class Mesh:
 
     def subset(self, chosen: np.ndarray) -> Mesh:
         """Return the triangles that a mask selects."""
-        arrays = {name: getattr(self, name)[chosen] for name in _TRIANGLE_ARRAYS}
+        numbers = np.flatnonzero(chosen)
+        arrays = {name: take_rows(getattr(self, name), numbers) for name in _TRIANGLE_ARRAYS}
         if self.front is not None:
-            arrays["front"] = self.front[chosen]
-        return replace(
-            self, texture_uvs={name: uvs[chosen] for name, uvs in self.texture_uvs.items()}, **arrays
-        )
+            arrays["front"] = self.front[numbers]
+        texture_uvs = {name: take_rows(uvs, numbers) for name, uvs in self.texture_uvs.items()}
+        return replace(self, texture_uvs=texture_uvs, **arrays)
 
 
 #: Valid values of `Light.kind`.

@@ -67,7 +67,7 @@ def draw_charts(
     program = graphics.program(drawing.name, drawing.stages)
     if "resolution" in program:
         program["resolution"] = float(resolution)
-    buffer = context.buffer(np.ascontiguousarray(uvs, np.float32).tobytes())
+    buffer = context.buffer(np.ascontiguousarray(uvs, np.float32))
     vertices = context.vertex_array(program, [(buffer, "2f", "in_uv")])
 
     # Draw all charts in one call.

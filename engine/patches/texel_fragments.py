@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..array_ops import joined_rows, order_of, take_rows
+from ..array_ops import joined_rows, map_blocks, order_of, take_rows
 from ..device.buffers import download, upload, upload_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
@@ -161,16 +161,22 @@ class TexelClipper:
     def _rows(self, atlases: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the texel rows that triangles touch in the first atlases: triangle and row, (m,) int32."""
         triangles, resolution = self._triangles, self._resolution
-        chosen = np.flatnonzero(triangles.atlas < atlases)
-        corners = [np.ascontiguousarray(triangles.uvs[:, corner, 1]) for corner in range(3)]
-        low, high = (reduce(choose, corners)[chosen] for choose in (np.minimum, np.maximum))
-        first = np.clip(np.floor(low * np.float64(resolution)), 0, resolution).astype(np.int32)
-        last = np.clip(np.ceil(high * np.float64(resolution)), first, resolution).astype(np.int32)
-        count = last - first
-        first -= (np.cumsum(count) - count).astype(np.int32)
+        chosen = np.flatnonzero(triangles.atlas < atlases).astype(np.int32)
+        first, count = np.empty(len(chosen), np.int32), np.empty(len(chosen), np.int32)
+
+        def find(block: slice) -> None:
+            rows = triangles.uvs[chosen[block], :, 1].T
+            low, high = (reduce(choose, rows) for choose in (np.minimum, np.maximum))
+            first[block] = np.clip(np.floor(low * np.float64(resolution)), 0, resolution)
+            count[block] = np.clip(np.ceil(high * np.float64(resolution)), first[block], resolution)
+
+        map_blocks(len(chosen), 20, find)
+        count -= first
+        first -= np.cumsum(count, dtype=np.int32)
+        first += count
         row = np.arange(count.sum(), dtype=np.int32)
         row += np.repeat(first, count)
-        return np.repeat(chosen.astype(np.int32), count), row
+        return np.repeat(chosen, count), row
 
     def _pieces(self, triangle: np.ndarray, texel: np.ndarray, area: np.ndarray) -> TexelFragments:
         """Drop fragments with negligible area."""

@@ -282,11 +282,11 @@ class _Layers:
         meshes = self._scene.meshes
         layers = max((len(textures) for textures in self._mappings.values()), default=1)
         count = sum(len(mesh.positions) for mesh in meshes)
-
-        # Pages of zeros that are never written take no memory.
+        if not self._mappings:
+            return np.broadcast_to(np.float32(0), (layers, count, 3, 2))
         joined = np.zeros((layers, count, 3, 2), np.float32)
         first = 0
-        for mesh in meshes if self._mappings else ():
+        for mesh in meshes:
             uvs = joined[:, first : first + len(mesh.positions)]
             first += len(mesh.positions)
             for material in np.flatnonzero(np.bincount(mesh.material)):

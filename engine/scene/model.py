@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -94,7 +95,7 @@ class Mesh:
     def subset(self, chosen: np.ndarray) -> Mesh:
         """Return the triangles that a mask selects."""
         numbers = np.flatnonzero(chosen)
-        arrays = {name: take_rows(getattr(self, name), numbers) for name in _TRIANGLE_ARRAYS}
+        arrays: dict[str, Any] = {name: take_rows(getattr(self, name), numbers) for name in _TRIANGLE_ARRAYS}
         if self.front is not None:
             arrays["front"] = self.front[numbers]
         texture_uvs = {name: take_rows(uvs, numbers) for name, uvs in self.texture_uvs.items()}

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import DeviceError
 from .builders import Program
+from .builtins import needed_replacements
 from .cl_library import start_drivers
 from .device_records import DeviceKey, DeviceRecords
 from .driver_options import set_driver_options
@@ -19,7 +20,6 @@ from .planned_program import PlannedProgram, ProgramParts, Source
 from .program_cache import (
     Preparation,
     ProgramCache,
-    build,
     device_digest,
     marks_folder,
     program_name,
@@ -38,14 +38,6 @@ _MESA_PLATFORMS = ("rusticl", "clover")
 
 #: Minimum size in bytes of arrays that are copied through page-locked memory.
 _STAGED = 1 << 17
-
-#: Test kernel with built-in functions that an incomplete driver may lack, such as Mesa with a missing libclc.
-_PROBE = """
-__kernel void probe(__global float *x)
-{
-    x[get_global_id(0)] = fma(sqrt(2.0f), sin(x[0]), atan2(x[1], x[2]));
-}
-"""
 
 
 class ComputeDevice:
@@ -90,6 +82,7 @@ class ComputeDevice:
         self.context = self._first_working_context(devices)
         if self.context.devices[0] != self.device:
             self._take(self.context.devices[0], cache_dir)
+        self._prelude += self._replacements
         self._programs.open(self.context)
         self.queue = cl.CommandQueue(self.context)
         self.name = self.device.name.strip()
@@ -106,7 +99,7 @@ class ComputeDevice:
         self.key = DeviceKey(device_digest(device), device_name(device))
         self._records.use(self.key)
         self._early, self._planned, self._own = set[str](), set[str](), list[ProgramParts]()
-        self._prelude = ("pocl_inline.cl",) if self._is_pocl and self.processor else ()
+        self._prelude: Source = ("pocl_inline.cl",) if self._is_pocl and self.processor else ()
 
     def kept_sizes(self, cache_dir: str | None) -> KeptWorkSizes:
         """Return the store of work-group sizes in a folder for this device."""
@@ -239,7 +232,9 @@ class ComputeDevice:
         failures: dict[str, str] = {}
         for device in [devices[0], *devices] if self._begun else devices:
             try:
-                return _probed(self._context_of(device))
+                context = self._context_of(device)
+                self._replacements = needed_replacements(context)
+                return context
             except cl.Error as error:
                 self.release()
                 version = device.platform.version.strip()
@@ -249,16 +244,10 @@ class ComputeDevice:
         raise DeviceError(" ".join((*self.notes, trouble)))
 
 
-def _probed(context: cl.Context) -> cl.Context:
-    """Return the context after building a test kernel; raises cl.Error."""
-    build(context, _PROBE)
-    return context
-
-
 def device_issue(device: cl.Device) -> str:
     """Return the reason why a device cannot build kernels; empty if it can."""
     try:
-        _probed(cl.Context([device]))
+        needed_replacements(cl.Context([device]))
     except cl.Error as error:
         return _reason(error)
     return ""

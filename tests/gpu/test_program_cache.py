@@ -112,7 +112,7 @@ BROKEN = "nothing that is a program"
 @pytest.fixture
 def many(monkeypatch):
     """Have two processes, whatever the machine, and leave one program to this one."""
-    monkeypatch.setattr(program_cache, "_MANY", 4)
+    monkeypatch.setattr(program_cache, "_MIN_GPU", 4)
     monkeypatch.setattr(program_cache, "_OWN", 1)
     monkeypatch.setattr(builders, "_processes", lambda device: 2)
 

@@ -268,6 +268,17 @@ def test_a_reader_of_values_agrees_with_cycles(name):
         assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
 
 
+def test_a_clamped_product_is_evaluated_by_cycles():
+    def build(tree):
+        result = product("ShaderNodeMix", 1.0)(tree)
+        result.node.clamp_result = True
+        return node(tree, "Emission", Color=result, Strength=2.0).outputs[0]
+
+    surface = shader_material(build)
+    with pytest.raises(part("operators.scene.materials.sockets").ComplexError):
+        read(surface)
+
+
 @pytest.mark.parametrize("vector_type", ["POINT", "TEXTURE"])
 @pytest.mark.parametrize("interpolation", ["Linear", "Closest"])
 @pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP", "MIRROR"])
@@ -600,7 +611,8 @@ def test_colored_closures_that_transmit_may_tint(kind, values, expected):
 
 def test_nodes_that_bakes_evaluate_differently_are_named():
     collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
-    coated, plain, far, dirty = (material(name) for name in ("Lacquer", "Clear Coat", "Fading", "Dirty"))
+    names = ("Lacquer", "Clear Coat", "Fading", "Faint", "Dirty")
+    coated, plain, far, faint, dirty = map(material, names)
     for surface, tint in ((coated, 0.4), (plain, 1.0)):
         node = surface.node_tree.nodes["Principled BSDF"]
         node.inputs["Coat Weight"].default_value = 0.7
@@ -608,15 +620,19 @@ def test_nodes_that_bakes_evaluate_differently_are_named():
     tree = far.node_tree
     path = tree.nodes.new("ShaderNodeLightPath")
     tree.links.new(path.outputs["Ray Length"], tree.nodes["Principled BSDF"].inputs["Emission Strength"])
+    strength = faint.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"]
+    faint.node_tree.links.new(
+        faint.node_tree.nodes.new("ShaderNodeLightFalloff").outputs["Constant"], strength
+    )
     occlusion = dirty.node_tree.nodes.new("ShaderNodeAmbientOcclusion")
     dirty.node_tree.links.new(
         occlusion.outputs["Color"], dirty.node_tree.nodes["Principled BSDF"].inputs["Base Color"]
     )
-    for surface in (coated, plain, far, dirty):
+    for surface in (coated, plain, far, faint, dirty):
         collected.add(surface)
     assert collected.sentences() == [
         "The tint of the coat of materials 'Lacquer' is not baked.",
-        "Materials 'Fading' depend on Ray Length. A bake uses the length 1. Replace that node.",
+        "Materials 'Fading', 'Faint' depend on Ray Length. A bake uses the length 1. Replace that node.",
         "Materials 'Dirty': bakes evaluate their Ambient Occlusion nodes without other objects. Bake the "
         "node into an image.",
     ]

@@ -211,8 +211,9 @@ def _computed_inputs(wanted: _Wanted) -> Sequence[_Wanted]:
 
 
 def _product_inputs(node: bpy.types.Node) -> list[bpy.types.NodeSocket | None]:
-    """Return the factor and both colours of a Mix node in mode Multiply; [None] for other nodes."""
-    is_color = node.bl_idname == "ShaderNodeMixRGB" or node.data_type == "RGBA"
+    """Return factor and colours of a Mix node in mode Multiply that does not clamp; [None] for others."""
+    is_new = node.bl_idname == "ShaderNodeMix"
+    is_color = (node.data_type == "RGBA" and not node.clamp_result) if is_new else not node.use_clamp
     inputs = [socket for socket in node.inputs if socket.enabled]
     return inputs if node.blend_type == "MULTIPLY" and is_color and len(inputs) == 3 else [None]
 

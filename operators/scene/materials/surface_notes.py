@@ -42,6 +42,12 @@ _INSTANCERS = (
 _INVALID = "Material '{}': input '{}' of node '{}' is NaN or infinite. Correct the number."
 _TOONS = "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
 
+#: Outputs that depend on the length of a ray, by type of node.
+_LENGTH_OUTPUTS = {
+    "ShaderNodeLightPath": ("Ray Length",),
+    "ShaderNodeLightFalloff": ("Linear", "Constant"),
+}
+
 #: Numbers of nodes from which on they count as infinite; Blender replaces infinity by the largest float.
 _LARGEST = 1e30
 
@@ -89,7 +95,7 @@ class SurfaceNotes:
 
     def _add_node(self, material: str, node: bpy.types.Node) -> None:
         self._add_closure(material, node)
-        if node.bl_idname == "ShaderNodeLightPath" and node.outputs["Ray Length"].is_linked:
+        if _reads_ray_length(node):
             self._lengths.add(material)
         if node.bl_idname == "ShaderNodeAmbientOcclusion":
             self._occlusions.add(material)
@@ -139,6 +145,12 @@ class SurfaceNotes:
                 f"Material '{material}': node '{node}' is not known and is baked black. Replace the node."
             )
         return notes
+
+
+def _reads_ray_length(node: bpy.types.Node) -> bool:
+    """Return True if a node depends on the length of a ray."""
+    names = _LENGTH_OUTPUTS.get(node.bl_idname, ())
+    return any(node.outputs[name].is_linked for name in names)
 
 
 def _reads_instancer(node: bpy.types.Node) -> bool:

@@ -193,7 +193,7 @@ class _SceneReading:
         self._table = MaterialTable(watch, uv_layer, self._several, notes, self._cache, glass)
         self._reader = ItemReader(self._table, baked, uv_layer, notes, self._issues)
         self._lamps = SceneLights(notes)
-        self._skipped = SkippedItems()
+        self._skipped, self._shows_hair = SkippedItems(), watch.context.view_layer.use_strand
         self._announced: set[int] = set()
         self._next = 0
 
@@ -361,7 +361,7 @@ class _SceneReading:
         self, item: SceneItem, depsgraph: bpy.types.Depsgraph, override: bpy.types.Material | None
     ) -> None:
         """Read an object or instance; raises PixelsNeededError if an image must be read first."""
-        if has_strands(item.object, depsgraph):
+        if self._shows_hair and has_strands(item.object, depsgraph):
             self._reader.add_hair(item, depsgraph, override)
         if not item.shows_self:
             return

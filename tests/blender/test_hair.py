@@ -55,6 +55,16 @@ def test_particles_are_as_wide_as_their_settings_say(scale):
     assert hair.name == "Lawn"
 
 
+def test_view_layers_without_hair_have_none():
+    import bpy
+
+    hairy()
+    curves([[(0, 0, 1), (1, 0, 1)]])
+    assert len(hair_of(read_scene())) == 2
+    bpy.context.view_layer.use_strand = False
+    assert not hair_of(read_scene())
+
+
 def test_closed_tips_and_shapes_make_thinner_hair():
     areas = []
     for number, changes in enumerate(({"shape": -0.6}, {"shape": 0.6}, {"use_close_tip": True})):

@@ -70,17 +70,22 @@ class ComputeDevice:
         self._records = DeviceRecords(cache_dir)
         devices, self.notes = _usable(_chosen(found_devices(), opencl_device), opencl_device, self._records)
         self._take(devices[0], cache_dir)
-        self.build_ahead(ahead)
+        planned = list(ahead)
+        self.build_ahead(planned)
         try:
             self._open(devices, cache_dir)
         except BaseException:
             self.release()
             raise
+        if self._replacements:
+            self.build_ahead(planned)
 
     def _open(self, devices: list[cl.Device], cache_dir: str | None) -> None:
         """Create the context of the first working device, its queue and work-group sizes."""
         self.context = self._first_working_context(devices)
-        if self.context.devices[0] != self.device:
+        if self._replacements or self.context.devices[0] != self.device:
+            # Other processes build programs for another device, or without the replacements.
+            self._programs.stop()
             self._take(self.context.devices[0], cache_dir)
         self._prelude += self._replacements
         self._programs.open(self.context)

@@ -7,7 +7,11 @@ from engine.device import builtins
 from engine.device.buffers import upload
 from engine.device.cl_device import ComputeDevice
 from engine.device.opencl import cl
+from engine.device.program_cache import ProgramCache
 from engine.device.source import program_source
+from engine.plan.common_programs import common_programs
+from engine.settings import Settings
+from tests.analytic.scenes import furnace
 
 KERNEL = """
 __kernel void evaluate(__global const float *a, __global const float *b, __global const float *c,
@@ -41,6 +45,15 @@ def lacking(monkeypatch):
 def test_driver_that_lacks_built_ins_gets_replacements(lacking):
     source = ComputeDevice()._text(("images.cl",))
     assert "#define fma own_fma" in source and "kernel" in source
+
+
+def test_programs_that_are_built_ahead_begin_with_the_replacements(lacking, monkeypatch):
+    begun, settings = [], Settings(resolution=32)
+    monkeypatch.setattr(ProgramCache, "begin", lambda self, programs: begun.append([*programs]) or set())
+    compute = ComputeDevice(ahead=common_programs(furnace(0.5, 1.0), settings))
+    assert all("#define fma" in program.source for program in begun[-1])
+    assert len(begun) == 2 and len(begun[0]) == len(begun[1]) > 20
+    assert len(compute._planned) == len(begun[1])
 
 
 def test_driver_that_has_all_built_ins_gets_none():

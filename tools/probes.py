@@ -28,8 +28,9 @@ _LIMIT, _FILLED = 0.03, 0.8
 #: Number of points, and of probes along each axis, of which some may lie inside geometry.
 _POINTS, _PROBES = 27, 4
 
-#: Scenes with the resolutions of their lightmaps, texels.
-_SCENES = {"Cornell box": 128, "living_room": 256, "house": 512}
+#: Scenes with the resolutions of their lightmaps, texels, and the quality. A point of house is 2 mm from a
+#: surface, so texels must be narrower.
+_SCENES = {"Cornell box": (128, "high"), "living_room": (256, "high"), "house": (1024, "preview")}
 
 _TITLES = ("Scene", "Points", "Band 0", "Band 1", "Band 2", "Noise of Cycles")
 
@@ -44,7 +45,7 @@ def main() -> None:
         for name in options.only or (_SCENES if options.scenes else ["Cornell box"]):
             with quiet_stdout():
                 open_scene(name, options.scenes)
-                errors, noise = compare(_SCENES[name], options.samples)
+                errors, noise = compare(*_SCENES[name], options.samples)
             worst = max(worst, errors.max())
             figures = [f"{100 * error:.2f} %" for error in errors.max(axis=0)]
             row = table_row(
@@ -85,7 +86,7 @@ def open_scene(name: str, folder: Path | None) -> None:
     remove_doubled_faces()
 
 
-def compare(resolution: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+def compare(resolution: int, quality: str, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the errors of the bands, (n, 3), relative to the mean of band 0, and the noise of Cycles, (3,).
 
     The points are evenly chosen among the probes that are not inside geometry. Noise is the standard error of
@@ -99,7 +100,7 @@ def compare(resolution: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
 
     engine, bands = load("engine"), load("engine.probes.spherical_harmonics").BANDS
     settings = bpy.context.scene.hemibake
-    settings.quality, settings.resolution = "high", resolution
+    settings.quality, settings.resolution = quality, resolution
     read, settings = read_for_bake(bpy.context)
     scene = replace(read.scene, probe_volumes=(volume_around(read.scene),))
     settings = replace(settings, light_probes=True, probe_samples=6000, light_samples=512)

@@ -27,7 +27,7 @@ from ..visibility.views.viewpoints import OF_COORDINATE
 from .light_parts import emitters_of, light_parts
 from .probe_blocks import ProbeBlocks, ProbePart
 from .probe_lights import ProbeLights
-from .probe_rows import COEFFICIENTS, ProbeRadiance, ProbeRows
+from .probe_rows import COEFFICIENTS, VALUES, ProbeRadiance, ProbeRows
 from .sent_light import SentRadiance
 from .sphere_directions import direction_count
 
@@ -137,6 +137,8 @@ def _light_key(texel_job: TexelGatherJob, lights: Sequence[ProbeRadiance], group
 
 def joined(parts: Sequence[ProbePart]) -> ProbePart:
     """Return the values of consecutive parts of a volume as one part."""
+    if len(parts) == 1:
+        return parts[0]
     coefficients, validity, positions, distances = (
         np.concatenate(arrays) for arrays in zip(*parts, strict=True)
     )
@@ -255,19 +257,19 @@ class ProbeGather:
                 distances = distances.copy()
                 distances[moved] = maps
             rows = self._moved_rows(rows, "all", volume, points, first) if len(moved) else rows
-        coefficients += yield from run_as_fraction(_MOVING, 1.0, self._direct.project(rows))
+        yield from run_as_fraction(_MOVING, 1.0, self._direct.add(rows, coefficients))
         return coefficients, validity, points, distances
 
     def _projected(self, rows: ProbeRows) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
         """Return the light of samples, (n, lights, 9, 3) float32, and the mask of valid probes, (n,) bool."""
-        coefficients = np.empty((rows.count, len(self._lights), COEFFICIENTS, 3), np.float32)
+        coefficients = np.empty((rows.count, len(self._lights), VALUES), np.float32)
         for number, light in enumerate(self._lights):
             span = number / len(self._lights), (number + 1) / len(self._lights)
             gathered = yield from run_as_fraction(*span, rows.project(light))
-            coefficients[:, number] = gathered[..., :3]
+            coefficients[:, number] = gathered[:, :VALUES]
             if number == 0:
-                valid = gathered[:, 0, 3] >= 1 - MAX_BACKS_PROBE
-        return coefficients, valid
+                valid = gathered[:, VALUES] >= 1 - MAX_BACKS_PROBE
+        return coefficients.reshape(rows.count, len(self._lights), COEFFICIENTS, 3), valid
 
     def _moved(
         self, volume: ProbeVolume, rows: ProbeRows, invalid: np.ndarray, first: int

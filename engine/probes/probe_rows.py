@@ -22,10 +22,11 @@ from ..visibility.rays.receiver_records import RECEIVER
 from ..visibility.sampler import Background
 from .distance_atlas import MAP_WIDTH
 from .sphere_directions import random_rotations, sphere_directions
+from .spherical_harmonics import basis
 
-#: Coefficients of SH L2, and bytes of a probe's: float4 each.
+#: Coefficients of SH L2, and number of their colors.
 COEFFICIENTS = 9
-_BYTES = 16 * COEFFICIENTS
+VALUES = 3 * COEFFICIENTS
 
 #: Share of tracing in the time of tracing and maps (chosen).
 _TRACED = 0.8
@@ -54,7 +55,7 @@ class ProbeRows:
     margin:  (n,) float32, m, distance by which rays start behind a probe
     distances:  (n, 8, 8, 2) float32, mean distance, m, and mean squared distance on octahedral maps; after
                 `trace`, empty without a limit
-    direct:  direct light of the last bake, (n, 9, 3) float32 of each part, by the digest of its emitters
+    direct:  direct light of the last bake, (n, 27) float32 of each part, by the digest of its emitters
     moved:   samples that replace some of these, by the bytes of what they depend on; the last ones
     """
 
@@ -85,6 +86,7 @@ class ProbeRows:
         self.probes = upload(compute, probes)
         self._rotations = upload(compute, random_rotations(self.count, seed))
         self._directions = upload(compute, to_float4(directions))
+        self._harmonics = upload(compute, basis(directions)[:, 1:].astype(np.float32))
         self._palette = tint_palette(rays.cutouts) if rays.cutouts.needed else None
         options = ("-DDITHERED", LIT_FROM_OPTION)
         self._trace, self._find_way_out = rays.kernels(
@@ -145,22 +147,22 @@ class ProbeRows:
         return download(compute, maps, (self.count, MAP_WIDTH, MAP_WIDTH, 2))
 
     def project(self, light: ProbeRadiance) -> Generator[float, None, np.ndarray]:
-        """Return the light of the samples, (n, 9, 4) float32: SH L2 of radiance; yield progress 0..1.
+        """Return the light of the samples, (n, 28) float32; yield progress 0..1.
 
-        The fourth column of the first coefficient is the validity: the fraction of directions without dark
-        back faces.
+        27 colors of SH L2 of radiance, and the validity: the fraction of directions without dark back faces.
         """
-        coefficients = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, _BYTES * self.count)
+        shape = self.count, VALUES + 1
+        coefficients = cl.Buffer(self._compute.context, cl.mem_flags.WRITE_ONLY, 4 * shape[0] * shape[1])
         sky = light.background
         palette = None if self._palette is None else upload(self._compute, self._palette)
-        sequence = self._rotations, self._directions, np.int32(self._samples)
+        sequence = self._rotations, self._directions, self._harmonics, np.int32(self._samples)
         inputs = (
             self._rows, self._tints, palette, *sequence, light.radiance, sky.emission,
             np.uint32(light.backs_from), np.float32(light.dark), sky.sky, sky.width, sky.height,
         )  # fmt: skip
         (group,) = self._project.group(*self._compute.work_sizes.gather)
         yield from self._run(self._project, inputs, (coefficients, cl.LocalMemory(16 * group)))
-        return download(self._compute, coefficients, (self.count, COEFFICIENTS, 4))
+        return download(self._compute, coefficients, shape)
 
     def ways_out(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the vectors from probes, (k,) int64, to the nearest back faces that their directions hit.

@@ -176,7 +176,7 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
                 if (emitter >= 0 && emitters[emitter].uniform) {
                     run.open = open_over_texel(&rays, emitters + emitter, &r);
                     if (emitters[emitter].casts_shadow && span.y >= SHAFT_FROM)
-                        find_blockers(&rays, emitters + emitter, &r, &blockers);
+                        find_triangle_blockers(&rays, emitters + emitter, &r, &blockers);
                 }
             }
         }

@@ -3,24 +3,23 @@
 #include "receiver.cl"
 #include "shaft.cl"
 
-// Candidate blockers between one texel and one emissive triangle, by shaft culling (Haines and Wallace 1991; shaft.cl).
-// find_blockers stores the triangles that reach into the convex hull of texel and emitter, so that shadow rays test
-// only them.
+// Candidate blockers between one texel or probe and one triangle of a light, by shaft culling (Haines and Wallace 1991;
+// shaft.cl). find_blockers stores the triangles that reach into the convex hull of texel and triangle, so that shadow
+// rays test only them.
 
 #if PACKET == 8
 // Slack of the shaft for rounding, as a fraction of the distance to the emitter's farthest corner (chosen).
 #define SHAFT_SLACK 1e-5f
 
-// Builds the shaft around texel and emitter. It ends just before the planes of both, because shadow rays do the same.
-// Returns false if no safe shaft exists: ray origins are offset to a smooth surface, the texel lies near the triangle's
-// plane, or the triangle is as small as rounding errors.
-bool make_shaft(__global const Emitter *e, const Receiver *r, Shaft *shaft)
+// Builds the shaft around a texel and a triangle, which has a corner and two edges. It ends just before the planes of
+// both, because shadow rays do the same. Returns false if no safe shaft exists: ray origins are offset to a smooth
+// surface, the texel lies near the triangle's plane, or the triangle is as small as rounding errors.
+bool make_shaft(const float3 corner, const float3 edge1, const float3 edge2, const Receiver *r, Shaft *shaft)
 {
     const float3 start = r->at + r->height * r->geometric, across = r->edge_u + r->edge_v,
                  along = r->edge_u - r->edge_v;
     const float radius = 0.501f * sqrt(fmax(dot(across, across), dot(along, along)));
-    const float3 edge1 = vload3(0, e->edge1), edge2 = vload3(0, e->edge2), face = cross(edge1, edge2);
-    const float3 a = vload3(0, e->position) - start, corners[3] = {a, a + edge1, a + edge2};
+    const float3 face = cross(edge1, edge2), a = corner - start, corners[3] = {a, a + edge1, a + edge2};
     const float twice = length(face);
     if (r->lifted > 0.0f || !(twice > 0.0f))
         return false;
@@ -49,17 +48,24 @@ bool make_shaft(__global const Emitter *e, const Receiver *r, Shaft *shaft)
     return true;
 }
 
-__attribute__((noinline)) void find_blockers(const Rays *rays, __global const Emitter *e, const Receiver *r,
-                                             Blockers *blockers)
+__attribute__((noinline)) void find_blockers(const Rays *rays, const float3 corner, const float3 edge1,
+                                             const float3 edge2, const Receiver *r, Blockers *blockers)
 {
     Shaft shaft;
     blockers->count = UNKNOWN_BLOCKERS;
-    if (make_shaft(e, r, &shaft))
+    if (make_shaft(corner, edge1, edge2, r, &shaft))
         find_within(rays, &shaft, blockers);
 }
 #else
-void find_blockers(const Rays *rays, __global const Emitter *e, const Receiver *r, Blockers *blockers)
+void find_blockers(const Rays *rays, const float3 corner, const float3 edge1, const float3 edge2, const Receiver *r,
+                   Blockers *blockers)
 {
     blockers->count = UNKNOWN_BLOCKERS;
 }
 #endif
+
+// Finds the blockers between a texel and an emissive triangle.
+void find_triangle_blockers(const Rays *rays, __global const Emitter *e, const Receiver *r, Blockers *blockers)
+{
+    find_blockers(rays, vload3(0, e->position), vload3(0, e->edge1), vload3(0, e->edge2), r, blockers);
+}

@@ -91,6 +91,53 @@ def test_one_light_has_the_closed_form_of_its_direction(session, kind, values):
     assert grids[0].coefficients == pytest.approx(expected, abs=5e-3 * expected.max())
 
 
+@pytest.mark.parametrize("blocked", [False, True])
+@pytest.mark.parametrize("kind", ["area", "disk", "ball"])
+def test_lights_with_a_size_have_the_integral_over_their_solid_angle(session, kind, blocked):
+    """From one width away to a speck; a face far below, or one that hides half of the light's directions."""
+    radius = 0.3
+    u, v = np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(256) + 0.5) / 256)
+    across, around = np.sqrt(u.ravel()), 2 * np.pi * v.ravel()
+    disk = radius * across[:, None] * np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    probes = volume((0.1, -0.2, -2.5), (0.9, 0.4, 2.0), (3, 1, 4))
+    far = volume((0, 0, -40), 1.0, (1, 1, 1), "Far")
+    faces = np.stack(
+        [rectangle((0, 0, -90), 0.2 * X, 0.2 * Y), rectangle((0.0, -9.0, -0.4), X, 18 * Y)][: 1 + blocked]
+    )
+    charts = [(1, 1, 6, 6), (8, 8, 6, 6)][: 1 + blocked]
+    mesh = quads(faces, charts, [0] * len(faces), 16, "Faces")
+    if kind == "area":
+        values = {"size": np.array([0.6, 0.4])}
+        square_points = np.stack([u.ravel() - 0.5, v.ravel() - 0.5, 0 * u.ravel()], axis=1)
+        points = square_points * [0.6, 0.4, 0]
+    else:
+        values = {"radius": radius, "soft": kind == "disk"}
+    light = Light("Lamp", kind if kind == "area" else "point", np.zeros(3), np.eye(3), np.ones(3), **values)
+    scene = scene_of(mesh, lights=(light,), probe_volumes=(probes, far))
+    grids = bake(session, scene, light_samples=1024 if blocked else 64, probe_samples=60)
+    for grid, place in zip(grids, (probes, far), strict=True):
+        for found, at in zip(grid.coefficients[..., 0], place.points(), strict=True):
+            if kind == "area":
+                below = -at[2]
+                distance = np.linalg.norm(points - at, axis=1)
+                angle = 0.24 / len(points) * below / distance**3
+            else:
+                axis = -at / np.linalg.norm(at)
+                first = np.cross(axis, [0, 1, 0]) / np.linalg.norm(np.cross(axis, [0, 1, 0]))
+                d = np.linalg.norm(at)
+                wide = 1.0 if kind == "disk" else 1 / np.sqrt(1 - (radius / d) ** 2)
+                points = wide * (disk[:, :1] * first + disk[:, 1:2] * np.cross(axis, first))
+                distance = np.linalg.norm(points - at, axis=1)
+                angle = (wide / distance) ** 2 / len(points) * d / distance
+            ways = (points - at) / distance[:, None]
+            if blocked:
+                crossing = at[0] + ways[:, 0] * (-0.4 - at[2]) / ways[:, 2]
+                angle = np.where(crossing > 0, 0, angle)
+            expected = angle @ basis(ways)
+            unblocked = 0.282095 * (0.24 if kind == "area" else 1) / np.dot(at, at)
+            assert found == pytest.approx(expected, abs=(0.02 if blocked else 1e-3) * unblocked), at
+
+
 def test_indirect_only_leaves_lamps_out(session):
     lamp = Light("Lamp", "point", 4 * Z, np.eye(3), np.float32([5, 7, 2]))
     scene = scene_of(square((0, 0, -9)), lights=(lamp,), probe_volumes=(volume(),))

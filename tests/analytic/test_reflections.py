@@ -1,6 +1,7 @@
 """Reflection cubes against closed forms: directions, energy, textures, the sky and its sun, and levels."""
 
 import dataclasses
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -268,6 +269,16 @@ def test_spheres_in_walls_and_too_many_of_them_get_a_warning(session, monkeypatc
 def test_spheres_without_size_are_an_error(session, values, problem):
     with pytest.raises(SceneError, match=f"Light Probe Sphere 'Sphere': {problem}"):
         bake(session, scene_of(FAR, reflection_spheres=(sphere(**values),)))
+
+
+def test_six_faces_of_256_texels_take_five_seconds_of_two_cores(session):
+    """CPU time, since other programs may run; the first bake builds kernels."""
+    scene = dataclasses.replace(furnace(0.5, 1.0), reflection_spheres=(sphere((0.4, 0.5, 0.6), size=0.5),))
+    bake(session, scene)
+    began = time.process_time()
+    (cube,) = bake(session, scene, reflection_size=256).reflections
+    assert time.process_time() - began < 2 * 5
+    assert cube.levels[0].shape[:3] == (6, 256, 256)
 
 
 def test_cubes_do_not_change_lightmaps(session):

@@ -1,5 +1,7 @@
 """Dynamic objects: left out of bakes, and lit by light probes in the preview."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -165,6 +167,19 @@ def test_probes_are_shown_as_spheres_and_removed_again(tmp_path):
     assert (len(bpy.data.objects), len(bpy.data.meshes), len(bpy.data.materials)) == count
     after = snapshot()
     assert after["selected"] == before["selected"] and after["active"] == before["active"]
+
+
+def test_thousands_of_spheres_are_shown_without_a_stall():
+    """CPU time, since other programs may run: 16^3 spheres take 0.15 s on an idle core."""
+    import bpy
+
+    volume = grid("Grid", np.diag([2.0, 2, 2, 1]), (16, 16, 16))
+    part("operators.result.probe_images").keep_probes(bpy.context.scene, [volume], np.zeros(3))
+    began = time.process_time()
+    assert bpy.ops.hemibake.show_light_probes() == {"FINISHED"}
+    assert time.process_time() - began < 0.5
+    (obj,) = [obj for obj in bpy.context.scene.objects if obj.get("hemibake_probe_spheres")]
+    assert len(obj.data.vertices) == 18 * 16**3
 
 
 def test_dynamic_objects_are_left_out_of_bakes_and_lit_by_their_probes(tmp_path):

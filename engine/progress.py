@@ -13,7 +13,7 @@ import numpy as np
 
 Made = TypeVar("Made")
 Step = TypeVar("Step")
-Told = TypeVar("Told")
+Converted = TypeVar("Converted")
 
 #: Seconds of a stage after which its own pace counts as much as the expected one: for a measured pace, and
 #: for a guess, which may be wrong by orders of magnitude.
@@ -307,9 +307,9 @@ def run_as_fraction(
 
 
 def map_progress(
-    work: Generator[Step, None, Made], tell: Callable[[Step], Told]
-) -> Generator[Told, None, Made]:
-    """Run work; yield `tell(step)` for each of its steps; return its result."""
+    work: Generator[Step, None, Made], convert: Callable[[Step], Converted]
+) -> Generator[Converted, None, Made]:
+    """Run work; yield `convert(step)` for each of its steps; return its result."""
     with closing(work):
         while True:
             try:
@@ -317,4 +317,4 @@ def map_progress(
             except StopIteration as stop:
                 made: Made = stop.value
                 return made
-            yield tell(step)
+            yield convert(step)

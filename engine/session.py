@@ -168,7 +168,7 @@ class Session:
             devices.release()
             raise
         kept.checkpoints.finish()
-        stages.learn()
+        stages.update_paces()
         skipped = devices.compute.notes if devices.compute else ()
         warnings = (*lightmap.report.warnings, *skipped, *(workers.warnings if workers else ()))
         resumed = tuple(kept.checkpoints.resumed)

@@ -38,7 +38,7 @@ def apply_on_copies(
             issues.add(issue, obj.name)
         else:
             copies.append(_replace(context, obj))
-    return copies, issues.tell()
+    return copies, issues.messages()
 
 
 def _issue(context: bpy.types.Context, obj: bpy.types.Object) -> str | None:

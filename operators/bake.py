@@ -36,16 +36,16 @@ class ModalBake(ModalOperator):
     def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
         if self._window.cancel(keep_images=True):
             push_undo(self.bl_label)
-        refuse(self, error, "WARNING" if isinstance(error, NothingChangedError) else "ERROR")
+        report_error(self, error, "WARNING" if isinstance(error, NothingChangedError) else "ERROR")
         return {"CANCELLED"}
 
 
 class _BakeInWindow(WindowBake[BakeRun]):
     """Bake in a window that also ends if an undo removes the lightmap UVs of all its objects."""
 
-    def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+    def is_cancelled(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
         """Return True if the user cancels, or if an undo has removed all lightmap UVs."""
-        return self.run.uvs_undone or super().wants_to_cancel(context, event)
+        return self.run.uvs_undone or super().is_cancelled(context, event)
 
 
 class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
@@ -74,15 +74,15 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         run = BakeRun(context, owner.bake(), watched=False)
         try:
             report = run.finish(run.run_to_end(Console().show))
-            run.show_preview_anew()
+            run.update_preview()
             if bpy.app.background:
-                tell_findings(self, run.findings, report["warnings"])
-            tell_report(self, report, run.failure)
+                report_findings(self, run.findings, report["warnings"])
+            report_bake(self, report, run.failure)
             if not bpy.app.background:
                 push_undo()
         except (EngineError, KeyboardInterrupt) as error:
             run.cancel()
-            refuse(self, error)
+            report_error(self, error)
             return {"CANCELLED"}
         except BaseException:
             log(traceback.format_exc())
@@ -105,11 +105,13 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
             show_materials(context)
         self._window.leave()
         restart_renders(context.window_manager)
-        tell_report(self, report, self._window.run.failure)
+        report_bake(self, report, self._window.run.failure)
         return {"FINISHED"}
 
 
-def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt, kind: str = "ERROR") -> None:
+def report_error(
+    operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt, kind: str = "ERROR"
+) -> None:
     """Report an error; the last output of a crashed worker, after the first line, goes to the console.
 
     kind: "ERROR", which opens a pop-up in a window, or "WARNING", which the status bar shows
@@ -124,7 +126,9 @@ def refuse(operator: bpy.types.Operator, error: EngineError | KeyboardInterrupt,
     report_message(operator, kind, text)
 
 
-def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], warnings: Sequence[str]) -> None:
+def report_findings(
+    operator: bpy.types.Operator, findings: Sequence[Finding], warnings: Sequence[str]
+) -> None:
     """Report findings of the check as messages, since without a window no Check panel shows them.
 
     An error of the check is reported as a warning, since the bake has been done.
@@ -136,7 +140,7 @@ def tell_findings(operator: bpy.types.Operator, findings: Sequence[Finding], war
             )
 
 
-def tell_report(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:
+def report_bake(operator: bpy.types.Operator, report: dict, failure: str | None) -> None:
     """Report warnings, then a summary of the bake, and last an error from writing files."""
     for warning in report["warnings"]:
         report_message(operator, "WARNING", warning)

@@ -398,7 +398,7 @@ class BakeRun:
             scene.hemibake.report = json.dumps(report)
         return report
 
-    def show_preview_anew(self) -> None:
+    def update_preview(self) -> None:
         """Update the preview of objects that show their lightmaps; an undo step must follow."""
         with suppress(SceneError):
             if shows_preview(self._context.scene):
@@ -409,7 +409,7 @@ class BakeRun:
 
         Returns True if objects start to show their lightmaps.
         """
-        self.show_preview_anew()
+        self.update_preview()
         follow_again()
         with suppress(SceneError):
             scene = self._context.scene

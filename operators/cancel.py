@@ -22,7 +22,7 @@ class HEMIBAKE_OT_cancel(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Request the end; the modal operator of the bake handles the request at its next event."""
         assert owner.running is not None
-        owner.running.unwanted = True
+        owner.running.cancel_requested = True
         return {"FINISHED"}
 
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 import bpy
 
 from ..engine.errors import EngineError
-from .bake import ModalBake, push_undo, tell_report
+from .bake import ModalBake, push_undo, report_bake
 from .last_bake import last_failure
 from .live_run import RESTING, LiveRun
 from .modal import SLICE
@@ -22,11 +22,11 @@ from .worker_manager import owner
 class WindowLive(WindowBake[LiveRun]):
     """Live in a window. After the first bake, an end request waits until the light has converged.
 
-    began_anew  True if this run replaces a Live run after a change of settings; Esc then does not end it
+    is_restart  True if this run replaces a Live run after a change of settings; Esc then does not end it
     """
 
-    def __init__(self, context: bpy.types.Context, run: LiveRun, began_anew: bool) -> None:
-        self.began_anew = began_anew
+    def __init__(self, context: bpy.types.Context, run: LiveRun, is_restart: bool) -> None:
+        self.is_restart = is_restart
         super().__init__(context, run, QUICK)
 
     @property
@@ -37,16 +37,16 @@ class WindowLive(WindowBake[LiveRun]):
     @property
     def how_to_end(self) -> str:
         """Hint of the status bar on how to end it."""
-        return "The Live button ends it" if self.following or self.began_anew else super().how_to_end
+        return "The Live button ends it" if self.following or self.is_restart else super().how_to_end
 
-    def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        """Return True if the user cancels the first bake; later only `unwanted` ends Live.
+    def is_cancelled(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        """Return True if the user cancels the first bake; later only `cancel_requested` ends Live.
 
         After a change of settings only the button cancels the first bake, and the old lightmaps stay.
         """
-        if self.began_anew:
-            return self.unwanted and not self.following
-        return not self.following and super().wants_to_cancel(context, event)
+        if self.is_restart:
+            return self.cancel_requested and not self.following
+        return not self.following and super().is_cancelled(context, event)
 
     def cancel(self, keep_images: bool = False) -> bool:
         """Release the window and store the last finished lightmaps, if there are any; return True if so."""
@@ -78,11 +78,11 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start Live, or request the end of a running one; `modal` continues it."""
         if isinstance(owner.running, WindowLive):
-            owner.running.unwanted = True
+            owner.running.cancel_requested = True
             return {"CANCELLED"}
         last_failure.forget()
         warm_up()
-        self._window = _window_live(context, began_anew=False)
+        self._window = _window_live(context, is_restart=False)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -90,15 +90,15 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         """Step the run for at most SLICE; handle its end, an undo of its start, and changed settings."""
         live, limit = self._window, time.perf_counter() + SLICE
         live.wake()
-        live.run.ending = live.unwanted
+        live.run.ending = live.cancel_requested
         if live.following and live.run.undone:
             live.cancel()
             self.report({"INFO"}, "Live has ended, because its start was undone")
             return {"CANCELLED"}
-        if live.run.outdated and not live.unwanted:
-            self._begin_anew(context)
+        if live.run.outdated and not live.cancel_requested:
+            self._restart(context)
             return {"PASS_THROUGH"}
-        if live.unwanted and live.following and live.run.settled:
+        if live.cancel_requested and live.following and live.run.converged:
             return self._end(context)
         while time.perf_counter() < limit:
             before = live.run.lightmap
@@ -116,9 +116,9 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
 
     def _begin_to_follow(self, context: bpy.types.Context, report: dict) -> None:
         """Show the lightmaps of the first bake and push an undo step with all its changes."""
-        tell_report(self, report, self._window.run.failure)
+        report_bake(self, report, self._window.run.failure)
         if shows_preview(context.scene):
-            self._window.run.show_preview_anew()
+            self._window.run.update_preview()
         else:
             show_preview(context.scene, context.evaluated_depsgraph_get())
             show_materials(context)
@@ -126,26 +126,26 @@ class HEMIBAKE_OT_live(ModalBake, bpy.types.Operator):
         restart_renders(context.window_manager)
         self._window.show(context, RESTING)
 
-    def _begin_anew(self, context: bpy.types.Context) -> None:
+    def _restart(self, context: bpy.types.Context) -> None:
         """Store the lightmaps and start a new run with the changed settings."""
         self._window.run.keep()
         self._window.leave()
         push_undo(self.bl_label)
-        self._window = _window_live(context, began_anew=True)
+        self._window = _window_live(context, is_restart=True)
 
     def _end(self, context: bpy.types.Context) -> set[str]:
         """Store the lightmaps, release the window and report, as after a bake."""
         report = self._window.run.keep()
         self._window.leave()
         restart_renders(context.window_manager)
-        tell_report(self, report, self._window.run.failure)
+        report_bake(self, report, self._window.run.failure)
         return {"FINISHED"}
 
 
-def _window_live(context: bpy.types.Context, began_anew: bool) -> WindowLive:
-    """Create a Live run and its window; `began_anew` as in WindowLive."""
+def _window_live(context: bpy.types.Context, is_restart: bool) -> WindowLive:
+    """Create a Live run and its window; `is_restart` as in WindowLive."""
     run = LiveRun(context, made_uvs=lambda: push_undo("Make Lightmap UVs"))
-    return WindowLive(context, run, began_anew)
+    return WindowLive(context, run, is_restart)
 
 
 def is_live() -> bool:

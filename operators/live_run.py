@@ -277,7 +277,7 @@ class LiveRun(BakeRun):
         return self._watch.undone
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         """True if the light has converged and no changes are left to process."""
         guessed = self._guessed and not (self.ending and self._waits)
         return self.resting and not guessed and (self.ending or not self._watch.changed)

@@ -33,7 +33,7 @@ class ModalOperator:
         raise NotImplementedError
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self._window.wants_to_cancel(context, event):
+        if self._window.is_cancelled(context, event):
             self.cancel(context)
             self.report({"INFO"}, self.cancelled)
             return {"CANCELLED"}

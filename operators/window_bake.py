@@ -41,14 +41,14 @@ Run = TypeVar("Run", bound=SlicedRun)
 class WindowBake(Generic[Run]):
     """A bake in a window. The operator runs it, but the add-on may end it as well.
 
-    run:       the bake itself
-    progress:  its progress
-    unwanted:  True if cancelling was requested
+    run:               the bake itself
+    progress:          its progress
+    cancel_requested:  True if cancelling was requested
     """
 
     def __init__(self, context: bpy.types.Context, run: Run, interval: float = INTERVAL) -> None:
         self.run, self._interval = run, interval
-        self.progress, self.unwanted = Progress("Starting", 0.0), False
+        self.progress, self.cancel_requested = Progress("Starting", 0.0), False
         self._manager = context.window_manager
         self._timer = self._manager.event_timer_add(interval, window=context.window)
         self._manager.progress_begin(0, 100)
@@ -57,13 +57,13 @@ class WindowBake(Generic[Run]):
         self._tell_status(context)
         owner.running = self
 
-    def wants_to_cancel(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+    def is_cancelled(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
         """Return True to cancel: on request, or after Esc over a 3D view or its sidebar.
 
         Esc over other editors is left to them.
         """
         pressed = event.type == "ESC" and event.value == "PRESS"
-        return self.unwanted or (pressed and _editor_below(context, event) == "VIEW_3D")
+        return self.cancel_requested or (pressed and _editor_below(context, event) == "VIEW_3D")
 
     def wake(self) -> None:
         """Handle a timer event; the time since the last redraw began counts as the cost of the redraw."""

@@ -34,7 +34,7 @@ class RunningBake(Protocol):
     """Interface of a bake that runs in a window, as far as the manager uses it."""
 
     progress: Progress
-    unwanted: bool
+    cancel_requested: bool
 
     def cancel(self) -> object:
         """Undo all changes of the bake."""

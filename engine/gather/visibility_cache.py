@@ -190,7 +190,7 @@ class VisibilityCache:
             self._found = rows.last
             saved.complete()
         if known:
-            checkpoint.tell(
+            checkpoint.note(
                 f"Visibility of {known:,} of {self.count:,} texels was restored from an interrupted bake."
             )
 

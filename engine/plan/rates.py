@@ -67,7 +67,7 @@ class DrawingRates:
         rates = [rate for size, rate in known.items() if int(size) <= triangles.bit_length()]
         return min(rates, default=math.inf)
 
-    def learn(self, triangles: int, rate: float) -> None:
+    def record(self, triangles: int, rate: float) -> None:
         """Record a measured rate."""
         if self._path is None:
             return

@@ -157,7 +157,7 @@ class BakeStages(Schedule):
         light_groups  samples of patches   probes      rays
         reflections   samples
 
-    paces:  seconds for each unit of each stage in earlier bakes, by name; `learn` updates them
+    paces:  seconds for each unit of each stage in earlier bakes, by name; `update_paces` updates them
     """
 
     def __init__(self, extent: Extent, settings: Settings, paces: dict[str, float]) -> None:
@@ -363,7 +363,7 @@ class BakeStages(Schedule):
         self.advance(self.current.done)
         return self._about(solution, 1.0, image)
 
-    def learn(self) -> None:
+    def update_paces(self) -> None:
         """Store the paces of this bake for the next one, except the pace of reused patches.
 
         Fixed costs dominate short stages, so these weigh little against the pace of earlier bakes or the

@@ -71,7 +71,7 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
         reasons.append(f"No other method was tried: {reason_to_stop}.")
     if "raster" in rates:
         drawing, texels = _drawing_rates(job)
-        drawing.learn(len(job.patch_scene.triangles.positions), rates["raster"] * texels)
+        drawing.record(len(job.patch_scene.triangles.positions), rates["raster"] * texels)
 
     # Release the memory of the rejected sampler.
     chosen = tried.pop(best)

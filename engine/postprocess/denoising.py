@@ -256,8 +256,8 @@ def noise_fraction(noisy: np.ndarray, quiet: np.ndarray, charts: TexelCharts) ->
     """
     change = np.divide(np.abs(quiet - noisy), quiet, out=np.zeros_like(quiet), where=quiet > 0)
     large = (charts.size >= _LARGE)[charts.number]
-    tells = change[large] if large.any() else change
-    noise = _OF_MEDIAN * float(np.median(tells)) if len(tells) else 0.0
+    changes = change[large] if large.any() else change
+    noise = _OF_MEDIAN * float(np.median(changes)) if len(changes) else 0.0
     times = change / noise if noise > 0 else np.zeros_like(change)
     part: np.ndarray = np.clip((_DETAIL - times) / (_DETAIL - _NOISE), 0, 1).astype(np.float32)
     part *= _explained(part * times, part > 0, charts)[charts.number]

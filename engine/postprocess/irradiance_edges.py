@@ -70,7 +70,7 @@ def find_edges(
     """
     options = [f"-D{name}={value}" for name, value in _OPTIONS.items()]
     names = "find_edges", "noise_of_blocks", "mark_edges"
-    find, tell_noise, mark = compute.kernels("irradiance_edges.cl", *names, options=options)
+    find, measure, mark = compute.kernels("irradiance_edges.cl", *names, options=options)
     atlases, side, _ = entries.shape
     blocks = -(-side // _BLOCK)
     sizes = 4 * entries.size, 4 * atlases * blocks**2, words_of(entries.size)
@@ -84,7 +84,7 @@ def find_edges(
     buffers = upload_once(compute, entries), light, *(upload(compute, array) for array in arrays)
     compute.run_texels(find, entries.shape, *buffers, least, off, marks)
     in_blocks = atlases, blocks, blocks
-    compute.run_texels(tell_noise, in_blocks, buffers[0], off, np.int32(side), noise)
+    compute.run_texels(measure, in_blocks, buffers[0], off, np.int32(side), noise)
     compute.run_texels(mark, entries.shape, off, noise, np.int32(blocks), marks)
     found = download_bytes(compute, marks, entries.size).reshape(entries.shape)
     return found & _ON_EDGE > 0, found & _AT_AN_END > 0

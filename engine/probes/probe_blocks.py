@@ -37,7 +37,7 @@ class ProbeBlocks:
             self._files.add(number)
         count = sum(len(array) for name, array in self._known.items() if name.endswith(_VALUES[1]))
         if count:
-            checkpoint.tell(f"{count:,} light probes were restored from an interrupted bake.")
+            checkpoint.note(f"{count:,} light probes were restored from an interrupted bake.")
 
     def find(self, volume: int, first: int, end: int) -> ProbePart | None:
         """Return the values of the probes first <= i < end, read-only; None unless they are stored."""

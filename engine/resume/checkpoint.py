@@ -139,7 +139,7 @@ class Checkpoint:
         """Store a numbered file of light probes under a key; return True if it was written."""
         return self._write_keyed(f"probes-{number}", key, arrays)
 
-    def tell(self, sentence: str) -> None:
+    def note(self, sentence: str) -> None:
         """Add a sentence about restored data to the report."""
         self._shared.resumed.append(sentence)
 

@@ -48,7 +48,7 @@ class ResumedSolver(Solver):
         state = checkpoint.light(key)
         if state is not None and len(state["steps"]) < self._limit:
             self._restore(state)
-            checkpoint.tell(f"Light was restored from bounce {self.iterations} of an interrupted bake.")
+            checkpoint.note(f"Light was restored from bounce {self.iterations} of an interrupted bake.")
 
     def iteration(self) -> Generator[float, None, None]:
         """Run one iteration; yield progress 0..1."""

@@ -40,7 +40,7 @@ def unwrap(
         raise SceneError("\n".join(made.notes))
 
 
-def unwrap_anew(
+def unwrap_again(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], value: int, changes: Rollback
 ) -> None:
     """Make lightmap UVs in another layer, which the objects then use; the unusable layer is kept."""
@@ -133,7 +133,7 @@ def cut_along_walls(
 #: Label of the button and function of each fix, by its name.
 FIXES: dict[str, tuple[str, Fix]] = {
     "unwrap": ("Unwrap", unwrap),
-    "unwrap_anew": ("Unwrap Again", unwrap_anew),
+    "unwrap_again": ("Unwrap Again", unwrap_again),
     "resolution": ("Set Resolution", set_resolution),
     "normals": ("Recalculate", recalculate_normals),
     "apply_on_copy": ("Apply on a Copy", apply_on_copy),

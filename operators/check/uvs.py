@@ -52,7 +52,10 @@ def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     spoilt = [mesh.name for mesh in meshes if mesh.uvs is not None and not is_finite(mesh.uvs)]
     return [
         *found(
-            ERROR, "NaN or infinite lightmap UVs: {} would get no lightmap. Unwrap it.", spoilt, "unwrap_anew"
+            ERROR,
+            "NaN or infinite lightmap UVs: {} would get no lightmap. Unwrap it.",
+            spoilt,
+            "unwrap_again",
         ),
         *found(
             ERROR,
@@ -148,7 +151,7 @@ def check_overlaps(charts: Sequence[ChartsOf], uv_layer: str) -> Steps:
             ERROR,
             "Lightmap UVs overlap: {} would get no lightmap. Unwrap it into another UV layer.",
             folded,
-            "unwrap_anew",
+            "unwrap_again",
         ),
         *found(
             INFO,

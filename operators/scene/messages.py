@@ -78,7 +78,7 @@ class Issues:
         """Names of all objects with problems."""
         return set().union(*self._names.values())
 
-    def tell(self) -> list[str]:
+    def messages(self) -> list[str]:
         """Return one sentence for each kind of problem, with the names of its objects."""
         return [
             object_message(f"{'Objects' if len(names) > 1 else 'Object'} {{}}: {sentence}", sorted(names))

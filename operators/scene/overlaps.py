@@ -33,7 +33,7 @@ def without_overlaps(read: ReadScene, resolution: int) -> ReadScene:
         read,
         scene=replace(read.scene, meshes=meshes),
         entries=tuple(None if entry in gone else entry for entry in read.entries),
-        notes=(*read.notes, *issues.tell()),
+        notes=(*read.notes, *issues.messages()),
         fingerprints={uid: digest for uid, digest in read.fingerprints.items() if uid not in objects},
     )
 

@@ -169,7 +169,7 @@ def read_scene(
         stages.expect(reading.evaluations, reading.triangles)
         yield from stages.follow(stages.materials, reading.looks())
     read = yield from stages.follow(stages.joining, reading.joined())
-    stages.learn()
+    stages.update_paces()
     return read
 
 
@@ -212,7 +212,7 @@ class _SceneReading:
         self._atlases, self._places = yield from choose_places(
             self._readings, self._several, self._resolution, self._issues
         )
-        self._notes += self._issues.tell()
+        self._notes += self._issues.messages()
         if not any(self._places):
             seen = {reading.name for reading in self._readings} - self._issues.names
             raise SceneError(_nothing_left(seen, self._notes))

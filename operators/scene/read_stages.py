@@ -17,7 +17,7 @@ _OBJECT, _EVALUATION, _TRIANGLE = 1e-3, 0.5, 1e-6
 class ReadStages(Schedule):
     """Schedule of reading: objects and instances, evaluations by Cycles, joining of triangles.
 
-    paces:  seconds per unit of each stage in earlier readings, by its name; `learn` updates them
+    paces:  seconds per unit of each stage in earlier readings, by its name; `update_paces` updates them
     items:  number of objects and instances
     """
 
@@ -52,7 +52,7 @@ class ReadStages(Schedule):
                 self.advance(fraction * stage.amount)
                 yield self.progress(fraction)
 
-    def learn(self) -> None:
+    def update_paces(self) -> None:
         """Store the seconds per unit of this reading for the next one."""
         for stage in (self.objects, self.materials, self.joining):
             if stage.done > 0:

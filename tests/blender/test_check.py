@@ -456,7 +456,7 @@ def test_modifiers_that_copy_useless_uvs_are_told_as_overlaps():
     obj.modifiers.new("Row", "ARRAY").count = 3
     bpy.context.view_layer.update()
     found = finding("would get no lightmap")
-    assert (found.severity, found.objects, found.fix) == ("ERROR", ("Folded twice",), "unwrap_anew")
+    assert (found.severity, found.objects, found.fix) == ("ERROR", ("Folded twice",), "unwrap_again")
     assert finding("a last modifier") is None and finding("moves them apart") is None
     fix(found)
     assert finding("would get no lightmap") is None

@@ -427,7 +427,7 @@ def test_layer_of_the_fix_of_check_is_packed_and_unwrapped_like_others(name):
     import bpy
 
     obj = square("Folded", [(0, 0), (0.5, 0), (0, 0), (0.5, 0.5)])
-    assert bpy.ops.hemibake.fix(fix="unwrap_anew", names='["Folded"]') == {"FINISHED"}
+    assert bpy.ops.hemibake.fix(fix="unwrap_again", names='["Folded"]') == {"FINISHED"}
     assert obj.hemibake.own_uv_layer == "Lightmap.001"
     call("add")
     settings().active_lightmap = 0

@@ -78,7 +78,7 @@ def settle(operator, context) -> np.ndarray:  # noqa: F811
     run = part("operators.worker_manager").owner.running.run
     for _ in range(3):
         operator.modal(context, TIMER)
-    drive(operator, context, until=lambda: run.settled)
+    drive(operator, context, until=lambda: run.converged)
     return pixels(bpy.data.images["Lightmap"])[..., :3]
 
 
@@ -575,7 +575,7 @@ def test_probes_that_are_saved_have_the_place_of_their_bake(operator, context, w
     bpy.ops.wm.save_mainfile()
     made = json.loads((tmp_path / "lightmaps" / "hemibake.json").read_text())
     assert [row[3] for row in made["probes"][0]["matrix"]] == pytest.approx([0.5, 0.5, 0.5, 1])
-    assert run._read is last_read and not run.settled
+    assert run._read is last_read and not run.converged
     bpy.ops.hemibake.cancel()
     assert drive(operator, context) == {"FINISHED"}
 
@@ -601,7 +601,7 @@ def test_a_mesh_in_edit_mode_is_followed_and_settles(operator, context, window):
         run = part("operators.worker_manager").owner.running.run
         for _ in range(5):
             operator.modal(context, TIMER)
-        assert run.settled and bpy.context.mode == "EDIT_MESH"
+        assert run.converged and bpy.context.mode == "EDIT_MESH"
         assert np.abs(moved - before).sum() > 0.01 * before.sum()
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")

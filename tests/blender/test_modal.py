@@ -381,7 +381,7 @@ def test_dead_worker_is_a_short_error_and_the_image_stays(operator, context, win
 
 def test_last_words_of_a_worker_go_to_the_console(operator, capsys):
     error = part("engine.errors").WorkerError("The process ended. Bake again.\nFatal error\n  line 3")
-    part("operators.bake").refuse(operator, error)
+    part("operators.bake").report_error(operator, error)
     assert operator.reports == [({"ERROR"}, "The process ended. Bake again. (See the system console.)")]
     assert "Fatal error\n  line 3" in capsys.readouterr().err
 

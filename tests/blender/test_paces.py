@@ -214,7 +214,7 @@ def engine_work(clock, measured, slow, settings, extent, paces):
     yield from stages.run(stages.texels, takes(clock, slow * measured.texels))
     yield from stages.run(stages.denoising, takes(clock, slow * measured.denoising))
     yield from stages.run(stages.images, takes(clock, slow * measured.images))
-    stages.learn()
+    stages.update_paces()
 
 
 def shares_of_run(clock, measured, slow, paces):

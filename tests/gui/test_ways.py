@@ -42,7 +42,7 @@ REPORT = "__import__('json').loads(bpy.context.scene.hemibake.report)"
 PREFERENCES = "bpy.context.preferences.addons[MODULE].preferences"
 KEPT = "__import__('sys').modules[f'{MODULE}.operators.user_files'].kept_checkpoint_since"
 OWNER = "__import__('sys').modules[f'{MODULE}.operators.worker_manager'].owner"
-SETTLED = f"{OWNER}.running.following and {OWNER}.running.run.settled"
+SETTLED = f"{OWNER}.running.following and {OWNER}.running.run.converged"
 FAILURE = "__import__('sys').modules[f'{MODULE}.operators.last_bake'].last_failure.of(bpy.context.scene)"
 
 

@@ -190,7 +190,7 @@ def test_overhead_of_a_first_bake_is_not_learned_as_pace(clock):
     stages.begin(stages.patches)
     clock.now += 0.14 + 0.05
     stages.listed(601, 0.5)
-    stages.learn()
+    stages.update_paces()
     assert 0 < paces["Preparing texels"] * stages.patches.amount < 0.05
 
 
@@ -203,7 +203,7 @@ def test_paces_of_a_bake_serve_the_next_one(clock):
         clock.now += 3
         stages.listed(601, 0.5)
         assert finished(stages.run(stages.images, work(clock, 0.001, 3))) is None
-        stages.learn()
+        stages.update_paces()
         known.append(paces["Preparing texels"] * stages.patches.amount)
     assert (
         known == sorted(known)
@@ -218,7 +218,7 @@ def test_short_first_bake_does_not_foretell_minutes_for_a_long_one(clock):
     stages = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
     stages.texels.amount = 1e4
     assert finished(stages.run(stages.texels, work(clock, 0.5, 3))) is None
-    stages.learn()
+    stages.update_paces()
     later = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
     assert later.texels.measured and 2e7 * later.texels.pace < 60
 
@@ -242,7 +242,7 @@ def test_short_bake_hardly_changes_the_pace_of_a_long_one(clock):
         stages = BakeStages(Extent.of(furnace(0.5, 1.0)), Settings(resolution=48), paces)
         stages.images.amount *= amount
         assert finished(stages.run(stages.images, work(clock, seconds, 3))) is None
-        stages.learn()
+        stages.update_paces()
         known.append(paces["Finishing lightmaps"])
     assert known[0] < known[1] < known[2] < 1.6 * known[0]
 

@@ -74,7 +74,7 @@ def main() -> None:
 def _frame(window: Window) -> np.ndarray:
     """Return the room as the view shows it once its light has settled, (_SIDE, _SIDE, 3) uint8."""
     window.ask("bpy.context.view_layer.update()")
-    window.wait_for(f"{RUNNING}.run.settled")
+    window.wait_for(f"{RUNNING}.run.converged")
     picture = window.still_picture()
     (left, top), (right, bottom) = (window.ask(f"pixel_of({corner})") for corner in _CORNERS)
     rows = np.linspace(top, bottom, _SIDE + 1).round().astype(int)

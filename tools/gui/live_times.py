@@ -89,10 +89,10 @@ def main() -> None:
 
 def _times(window: Window, change: str) -> tuple[float, float]:
     """Change the room; return the seconds to its first image and to its last one."""
-    window.wait_for(f"{RUNNING}.run.settled")
+    window.wait_for(f"{RUNNING}.run.converged")
     window.run(_CHANGE.format(change=change))
     time.sleep(_PAUSE)
-    window.wait_for(f"{RUNNING}.run.settled")
+    window.wait_for(f"{RUNNING}.run.converged")
     shown = window.ask(_TIMES)
     return shown[0], shown[-1]
 

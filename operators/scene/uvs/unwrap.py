@@ -159,7 +159,7 @@ class _Unwrapping:
             self._store(pages, trial)
         if self._anew is not UvAction.NONE and self._left:
             trial.undo()
-            raise SceneError(" ".join(self._issues.tell()))
+            raise SceneError(" ".join(self._issues.messages()))
         self._changes.add(trial.undo)
         self._packings.keep(pages, self._changes)
         project_for_viewport(self._context, find_all(bpy.data.objects, uids), self._uv_layer, self._changes)
@@ -274,7 +274,7 @@ class _Unwrapping:
                 f"Modifiers of {{}} copy or create faces: a last modifier '{NAME}' stores their lightmap UVs."
             )
             self._made.notes.append(object_message(sentence, kept))
-        self._made.notes += self._issues.tell()
+        self._made.notes += self._issues.messages()
 
 
 def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: Evaluation) -> bool:

@@ -260,7 +260,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--left-out", type=int, nargs="*", default=[], help="numbers of bakes that are not fitted"
     )
-    parser.add_argument("--patches", type=float, default=0, help="of a bake to foretell")
+    parser.add_argument("--patches", type=float, default=0, help="of a bake whose time is estimated")
     parser.add_argument("--triangles", type=float, default=1e7)
     parser.add_argument("--samples", type=float, default=2048)
     parser.add_argument("--sweeps", type=float, default=6)

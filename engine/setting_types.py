@@ -68,7 +68,7 @@ class OneOf:
 
 
 @dataclass(frozen=True)
-class SomeOf:
+class SubsetOf:
     """Nonempty tuple of distinct names."""
 
     options: Mapping[str, Option]

@@ -18,8 +18,8 @@ from .setting_types import (
     OneOf,
     Option,
     Size,
-    SomeOf,
     Span,
+    SubsetOf,
     Switch,
     described,
 )
@@ -125,7 +125,12 @@ class Settings:
         invalidates=(),
     )
     outputs: tuple[str, ...] = described(
-        ("combined",), "Outputs", "Maps to bake, one image each", SomeOf(_OUTPUTS), "outputs", invalidates=()
+        ("combined",),
+        "Outputs",
+        "Maps to bake, one image each",
+        SubsetOf(_OUTPUTS),
+        "outputs",
+        invalidates=(),
     )
     ao_samples: int = described(
         256,

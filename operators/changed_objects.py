@@ -21,9 +21,9 @@ from .scene.light_changes import (
     ALL_LIGHT,
     QuickBakes,
     comparison_settings,
+    detects_every_change,
     differing_lights,
     light_changes,
-    tells_all,
 )
 from .scene_snapshots import baked_scenes
 
@@ -117,10 +117,10 @@ def _changes(
     """Measure the relative change of light of each object, by session uid; None if it is unknown.
 
     It is unknown without a stored scene, and for outputs that comparison bakes cannot compare, see
-    `tells_all`.
+    `detects_every_change`.
     """
     scene, quick = baked_scenes.find(known), comparison_settings(settings)
-    if scene is None or not tells_all(settings, scene, read.scene):
+    if scene is None or not detects_every_change(settings, scene, read.scene):
         return None
     try:
         whole = before = yield from stages.include(stages.before, bake(scene, quick))

@@ -11,14 +11,14 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from ..engine.setting_types import Option, SomeOf
+from ..engine.setting_types import Option, SubsetOf
 from ..engine.settings import descriptions, with_output, without_output
 
 
 def output_switches() -> dict[str, Any]:
     """Return the property annotations of one switch for each output, by name of the property."""
     values = descriptions()["outputs"].values
-    assert isinstance(values, SomeOf)
+    assert isinstance(values, SubsetOf)
     options = values.options
     return {f"makes_{output}": _switch(output, option) for output, option in options.items()}
 

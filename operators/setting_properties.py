@@ -26,8 +26,8 @@ from ..engine.setting_types import (
     OneOf,
     Option,
     Size,
-    SomeOf,
     Span,
+    SubsetOf,
     Switch,
 )
 from ..engine.settings import Settings, descriptions
@@ -67,7 +67,7 @@ def _property(description: Description, default: Any, update: Update | None) -> 
             return _number(span, default, labels)
         case OneOf(options):
             return EnumProperty(items=_items(options), default=str(default), **labels)
-        case SomeOf(options):
+        case SubsetOf(options):
             return EnumProperty(items=_items(options), default=set(default), options={"ENUM_FLAG"}, **labels)
         case Switch():
             return BoolProperty(default=default, **labels)
@@ -117,7 +117,7 @@ def _value(description: Description, value: Any) -> Any:
             return value * scale
         case OneOf(options):
             return next(option for option in options if str(option) == value)
-        case SomeOf(options):
+        case SubsetOf(options):
             return tuple(option for option in options if option in value)
         case Size():
             return tuple(value)

@@ -36,15 +36,15 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def run(given: argparse.Namespace, heard: signals.Signals) -> dict:
+def run(given: argparse.Namespace, listening: signals.Signals) -> dict:
     """Bake in a Blender of its own and return the report."""
     command.check_paths(given)
-    with blender(), heard.heard():
+    with blender(), listening.listening():
         allow_network()
         command.prepare(given)
         if given.verify is not None:
             check_verify(given.verify)
-        report = command.write_states(given, command.bake(given, heard))
+        report = command.write_states(given, command.bake(given, listening))
         report = command.export(given, report)
         if given.verify is not None:
             report["verify"], path = verify_bake(given.verify, given.out.resolve())

@@ -13,7 +13,7 @@ from headless import ROOT
 
 sys.path.insert(0, str(ROOT))
 from engine.quality import QUALITIES
-from engine.setting_types import PREFERENCES, Description, OneOf, SomeOf, Span
+from engine.setting_types import PREFERENCES, Description, OneOf, Span, SubsetOf
 from engine.settings import Settings, descriptions, kept_with_scene, shown_in
 
 PAGE = ROOT / "docs" / "reference" / "settings.md"
@@ -95,7 +95,7 @@ def _values(description: Description) -> str:
             unit, scale = shown or (unit, 1)
             first = "" if automatic is None else f"{automatic:g}, "
             return f"{first}{-(-low // scale):g} … {int(high // scale):,} {unit}".strip()
-        case OneOf(options) | SomeOf(options):
+        case OneOf(options) | SubsetOf(options):
             return ", ".join(map(str, options))
     return ""
 
@@ -103,7 +103,7 @@ def _values(description: Description) -> str:
 def _options(name: str, description: Description) -> str:
     """Return a section with a table of the options of a setting; empty for a setting without options."""
     match description.values:
-        case OneOf(options) | SomeOf(options):
+        case OneOf(options) | SubsetOf(options):
             rows = [f"| `{value}` {option.label} | {option.text}. |\n" for value, option in options.items()]
             return f"\n## {description.label}: `{name}`\n\n| Value | Meaning |\n|---|---|\n{''.join(rows)}"
     return ""

@@ -55,7 +55,7 @@ class Tasks:
 
     def workers(self) -> set[str]:
         """Return the addresses of the present workers."""
-        with self._losses_told():
+        with self._translated_losses():
             return set(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def begin(
@@ -74,7 +74,7 @@ class Tasks:
         called = [self._function(function)] * len(calls)
         where: dict[str, Any] = {"workers": [worker], "allow_other_workers": True} if worker else {}
         options = {"key": function.__name__, "pure": False, "priority": priority, **where}
-        with self._losses_told():
+        with self._translated_losses():
             return list(self._client.map(apply, called, calls, **options))
 
     def sent(self, value: object, name: str) -> Future:
@@ -86,7 +86,7 @@ class Tasks:
             depend on few kinds of values; it counts kinds by name.
         """
         options = {"key": name, "pure": False, "priority": URGENT}
-        with self._losses_told(), dask.config.set({_LARGE_GRAPH: "1 PiB"}):
+        with self._translated_losses(), dask.config.set({_LARGE_GRAPH: "1 PiB"}):
             return self._client.map(pickle.loads, [portable_bytes(value)], **options)[0]
 
     def rows(self, tasks: dict[Future, Span]) -> Generator[float, None, np.ndarray]:
@@ -114,7 +114,7 @@ class Tasks:
         """
         done = 0
         for ended in self._ended(tasks, "FIRST_COMPLETED"):
-            with self._losses_told():
+            with self._translated_losses():
                 results = self._client.gather(ended, direct=True)
             for task, result in zip(ended, results, strict=True):
                 put(tasks[task], result)
@@ -128,7 +128,7 @@ class Tasks:
         for ended in self._ended(tasks, "ALL_COMPLETED"):
             for task in ended:
                 if task.status != "finished":
-                    with self._losses_told():
+                    with self._translated_losses():
                         task.result()
                 task.release()
             done += len(ended)
@@ -141,7 +141,7 @@ class Tasks:
         """
         left, lost = set(tasks), 0.0
         while left:
-            with self._losses_told():
+            with self._translated_losses():
                 ended = _wait(left, until)
                 lost = 0.0 if ended or self._has_workers() else lost + _PAUSE
             if lost > _PATIENCE:
@@ -165,7 +165,7 @@ class Tasks:
         return bool(self._client.scheduler_info(n_workers=1)["workers"])
 
     @contextmanager
-    def _losses_told(self) -> Iterator[None]:
+    def _translated_losses(self) -> Iterator[None]:
         """Convert errors of Dask about lost connections and workers to DeviceError."""
         try:
             yield

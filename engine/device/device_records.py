@@ -67,7 +67,7 @@ class DeviceRecords:
         )
         self._write(_SKIPPED, {**self.skipped(), device.digest: sentence})
 
-    def unskip(self, device: DeviceKey) -> None:
+    def allow(self, device: DeviceKey) -> None:
         """Let bakes use a device again."""
         self._write(_SKIPPED, {key: text for key, text in self.skipped().items() if key != device.digest})
 

@@ -12,7 +12,7 @@ Made = TypeVar("Made")
 _PAUSE = 0.05
 
 
-def run_beside(
+def run_in_parallel(
     own: Generator[float, None, Made], others: Sequence[Callable[[], None]], stop: Callable[[], None]
 ) -> Generator[float, None, Made]:
     """Run `own` in this thread and each of `others` in a thread; return the result of `own` once all end.

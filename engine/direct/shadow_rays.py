@@ -21,7 +21,7 @@ from ..device.buffers import (
 from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
-from ..device.peer_threads import run_beside
+from ..device.peer_threads import run_in_parallel
 from ..device.row_range import RowRange
 from ..device.time_slicer import sliced_rows
 from ..patches.patch_scene import PatchScene
@@ -222,7 +222,7 @@ class ShadowRays:
                 found.append((first, download(peer, there, (end - first, 4), 16 * first)))
 
         own = rows.progress(self._slices(work, samples, rows, result))
-        yield from run_beside(own, [partial(cast_on, peer) for peer in peers], rows.stop)
+        yield from run_in_parallel(own, [partial(cast_on, peer) for peer in peers], rows.stop)
         for first, light in found:
             write(self._compute, result, light, 16 * first)
         return result

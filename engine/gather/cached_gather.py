@@ -8,7 +8,7 @@ from functools import partial
 from ..device.buffers import download
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
-from ..device.peer_threads import run_beside
+from ..device.peer_threads import run_in_parallel
 from ..device.row_range import RowRange
 from ..progress import finished, run_as_fraction
 from ..resume.checkpoint import Checkpoint
@@ -171,7 +171,7 @@ class RayStreamGather:
         if self._others:
             radiance = download(self._compute, light.radiance, (self._sources + 2, 4))
             others = [partial(other.gather, rows, radiance) for other in self._others]
-        yield from run_beside(own, others, rows.stop)
+        yield from run_in_parallel(own, others, rows.stop)
         for other in self._others:
             other.write_to(self._compute, self._gathered, light.patches_seen)
         self._kernels.take(self._gathered, light, column)

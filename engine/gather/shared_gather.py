@@ -11,7 +11,7 @@ import numpy as np
 from ..device.buffers import send, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
-from ..device.peer_threads import run_beside
+from ..device.peer_threads import run_in_parallel
 from ..device.row_range import RowRange
 from ..progress import finished
 from ..resume.checkpoint import Checkpoint
@@ -151,7 +151,7 @@ class SharedCachedGather(CachedGather):
         rows = RowRange(0, 0 if cache.complete else cache.count, 1 + len(self._others))
         own = rows.progress(self._own.fill(rows))
         fill = [partial(_fill_there, other, rows) for other in self._others]
-        yield from run_beside(own, fill, rows.stop)
+        yield from run_in_parallel(own, fill, rows.stop)
         cache.join([other.cache for other in self._others])
         self._static.complete = True
         cl.enqueue_copy(self._compute.queue, light.patches_seen, cache.backs.patches_seen)

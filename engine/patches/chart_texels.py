@@ -38,7 +38,7 @@ class ChartTexels:
     border: BorderTexels
     warnings: tuple[str, ...]
 
-    def suit(self, scene: Scene, triangles: Triangles, before: Triangles) -> bool:
+    def fits(self, scene: Scene, triangles: Triangles, before: Triangles) -> bool:
         """Return True if a scene has the charts from which these texels were made.
 
         before:  triangles of these chart texels

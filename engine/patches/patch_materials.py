@@ -70,7 +70,7 @@ class PatchMaterials:
         some = np.arange(0, count, max(1, count // _ASKED))
         return float(values_at(self.reflectance, some).mean()) if count else 0.0
 
-    def shine_as(self, others: PatchMaterials) -> bool:
+    def has_emitters_of(self, others: PatchMaterials) -> bool:
         """Return True if both have the same set of emissive patches."""
         same = self.emission is others.emission and self.back_emission is others.back_emission
         return same or np.array_equal(self.shining, others.shining)

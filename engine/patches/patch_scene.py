@@ -92,7 +92,7 @@ def make_patch_scene(
     triangles = join_meshes(scene, last.triangles if last else None)
     steps = texel_steps(triangles, settings.resolution)
     charts = last.charts if last else None
-    if last is None or charts is None or not charts.suit(scene, triangles, last.triangles):
+    if last is None or charts is None or not charts.fits(scene, triangles, last.triangles):
         charts, last = read_charts(graphics, compute, scene, triangles, steps, settings), None
     where = charts.patches.triangle, charts.patches.barycentric
     covered = PatchGeometry(triangles, steps, *where, charts.on_triangle)

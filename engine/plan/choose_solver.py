@@ -29,7 +29,7 @@ from ..solve.patch_groups import PatchGroups, SinglePatches, group_representativ
 from ..solve.radiosity_state import Radiosity
 from ..solve.resumed_solver import ResumedSolver
 from ..solve.solution import Solution
-from ..solve.solver import ChooseSubstitutes, Seen, Solver
+from ..solve.solver import ChooseSubstitutes, FirstGather, Solver
 from ..validity.invalid import is_invalid, patches_near_backs
 from ..validity.substitutes import substitute_patches
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
@@ -111,7 +111,7 @@ def _solver(
     return solver, replace(choice, patches=job.count)
 
 
-def _substitutes(job: SolveJob, contacts: Contacts, gathered: Seen) -> np.ndarray | None:
+def _substitutes(job: SolveJob, contacts: Contacts, gathered: FirstGather) -> np.ndarray | None:
     """Return the substitute of each patch, (n,) int64, from the first iteration; None if all are valid."""
     invalid = is_invalid(gathered.validity, contacts)
     return substitute_patches(job.patch_scene, invalid, gathered.light_of, job.kept.find_substitutes)

@@ -43,7 +43,7 @@ def estimate(
     """
     stages = BakeStages(extent, settings, dict(paces))
     stages.scale(speed)
-    seconds = stages.foretell(patches) + (preparing if math.isfinite(preparing) else 0.0)
+    seconds = stages.estimate_seconds(patches) + (preparing if math.isfinite(preparing) else 0.0)
     size = most_samples(settings) * sample_bytes(patches, extent.tinted)
     samples = patches * size if settings.has_indirect else 0
     return Estimate(patches, samples, seconds, stages.visibility.measured)

@@ -138,7 +138,7 @@ class SessionCache:
             last = self._surfaces_of
             known = None if last is None else KnownSurfaces(last, self._patch_scene.surfaces)
             made = patch_surfaces(compute, scene, self._patch_scene.geometry, settings.resolution, known)
-            if not made.shine_as(self._patch_scene.surfaces):
+            if not made.has_emitters_of(self._patch_scene.surfaces):
                 self.emitters.clear_contacts()
             self._patch_scene = self._patch_scene.with_surfaces(made)
         self.key, self._surfaces_key = key, surfaces

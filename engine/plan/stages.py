@@ -281,7 +281,7 @@ class BakeStages(Schedule):
         self.advance(left.done)
         return self.progress(left.done / left.total, f"{PREPARING}: {left.done} of {left.total}")
 
-    def foretell(self, patches: int) -> float:
+    def estimate_seconds(self, patches: int) -> float:
         """Return the expected seconds of a bake of `patches` patches, before it starts."""
         found = [name for name in _FINDING if name in self._paces]
         for name in sorted(found, key=self._paces.__getitem__)[:1]:
@@ -328,7 +328,7 @@ class BakeStages(Schedule):
         self._foresee(self.final, f"Final {choice.visibility}", self.visibility.pace)
         self.bounces.ratio = _ITERATED if self._kept else 1.0
         self._foresee(self.bounces, looking, self.visibility.pace * self.bounces.ratio)
-        self.visibility.amount = self._samples_of_sweep * (1 - choice.resumed) if self._finds_first else 0
+        self.visibility.amount = self._samples_of_sweep * (1 - choice.resumed) if self._samples_first else 0
         self.final.amount = choice.final_samples
         self._expect_sweeps()
         return self.end()
@@ -413,12 +413,12 @@ class BakeStages(Schedule):
     def _expect_sweeps(self) -> None:
         """Set the amount of work of the remaining bounces."""
         sweeps = iterations_left(self._residuals, self._settings, self._reflectance)
-        if self._finds_first and not self._residuals:
+        if self._samples_first and not self._residuals:
             sweeps -= 1
         self.bounces.amount = self.bounces.done + sweeps * self._samples_of_sweep
 
     @property
-    def _finds_first(self) -> bool:
+    def _samples_first(self) -> bool:
         """True if the first iteration computes the samples that later ones look up."""
         return self._kept and not self._found
 
@@ -426,7 +426,7 @@ class BakeStages(Schedule):
         """Return the stage of the next iteration, and its name."""
         if solution.gathers_finally:
             return self.final, self.final.name
-        if self._finds_first and not self._residuals:
+        if self._samples_first and not self._residuals:
             return self.visibility, self.visibility.name
         return self.bounces, f"Bounce {solution.iterations + 1}"
 

@@ -39,7 +39,7 @@ class LightmapImages:
         on_texels = patches.on_texels(atlases)
         self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
 
-    def suits(self, patches: PatchList, atlases: int, rings: int) -> bool:
+    def fits(self, patches: PatchList, atlases: int, rings: int) -> bool:
         """Return True if these images fit the given patches, number of atlases and margin in texels."""
         same = self.patches.resolution == patches.resolution and len(self.has_patch) == atlases
         return same and self.rings == rings and same_values(self.patches.key, patches.key)

@@ -90,7 +90,7 @@ class TexelCache:
 
         Only a warm start keeps the invalid patches and the fill.
         """
-        if self._images is not None and self._images.suits(patches, atlases, settings.margin):
+        if self._images is not None and self._images.fits(patches, atlases, settings.margin):
             if not settings.warm_start:
                 self._images.show_all()
         else:

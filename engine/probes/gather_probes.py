@@ -278,7 +278,7 @@ class ProbeGather:
 
         The values are positions, light and distances as in `_batch`.
         """
-        offsets, stays = moved_out(volume, *rows.ways_out(invalid))
+        offsets, stays = moved_out(volume, *rows.push_offs(invalid))
         chosen, points = invalid[stays], (rows.points[invalid] + offsets)[stays]
         if not len(chosen):
             return chosen, points, np.zeros((0, len(self._lights), COEFFICIENTS, 3)), rows.distances[:0]

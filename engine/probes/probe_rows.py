@@ -164,7 +164,7 @@ class ProbeRows:
         yield from self._run(self._project, inputs, (coefficients, cl.LocalMemory(16 * group)))
         return download(self._compute, coefficients, shape)
 
-    def ways_out(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def push_offs(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the vectors from probes, (k,) int64, to the nearest back faces that their directions hit.
 
         Returns (k, 3) float32, m, and the distances, (k,) float32, INFINITY without a back face.

@@ -100,7 +100,7 @@ class Triangles:
             return self.span
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
-    def suits(self, scene: Scene) -> bool:
+    def fits(self, scene: Scene) -> bool:
         """Return True if this origin suits a scene: near its box, and the box of similar size."""
         parts = [mesh.positions.astype(np.float64) for mesh in scene.meshes if len(mesh.positions)]
         low = np.min([part.min(axis=(0, 1)) for part in parts], axis=0)
@@ -128,7 +128,7 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
     positions = np.concatenate([mesh.positions for mesh in scene.meshes]).astype(np.float32, copy=False)
     solid = sum(len(mesh.positions) for mesh in scene.meshes if mesh.front is None)
     origin, span = _median(positions[:solid]), None
-    if before is not None and before.suits(scene):
+    if before is not None and before.fits(scene):
         origin, span = before.origin.astype(np.float32), before.diagonal
     positions -= origin
     counts = [len(mesh.positions) for mesh in scene.meshes]

@@ -16,7 +16,7 @@ from .anderson import Anderson
 from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, Radiosity
 
 
-class Seen(Protocol):
+class FirstGather(Protocol):
     """Light that the first iteration gathered; most arrays may be on the device."""
 
     @property
@@ -30,7 +30,7 @@ class Seen(Protocol):
 
 
 #: Function that returns substitute patches from the result of the first iteration.
-ChooseSubstitutes = Callable[[Seen], np.ndarray | None]
+ChooseSubstitutes = Callable[[FirstGather], np.ndarray | None]
 
 #: Minimum light in relative errors, as a fraction of the mean.
 _DARK = 1e-4

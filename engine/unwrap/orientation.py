@@ -12,7 +12,7 @@ _HALVINGS = 12
 _WORTH_TURNING = 0.85
 
 
-def lying(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
+def landscape_angles(uvs: np.ndarray, after: np.ndarray, chart: np.ndarray, count: int) -> np.ndarray:
     """Return the clockwise angle, (count,), at which each chart's bounding box is small and wider than high.
 
     uvs:    (n, 2), points of charts; border points suffice

@@ -63,7 +63,7 @@ def pack_charts(
 
     align: True to align axis-parallel borders to texel boundaries, see alignment.Alignment
     """
-    loose = yield from _loosened(meshes, charts)
+    loose = yield from _oriented(meshes, charts)
     if loose.area.sum() == 0:
         return [np.zeros((len(mesh.corners), 2), np.float32) for mesh in meshes]
     texels = yield from _largest(loose, resolution - 2 * _BORDER, padding, align)
@@ -73,7 +73,7 @@ def pack_charts(
     return np.split(uvs, np.cumsum([len(mesh.corners) for mesh in meshes])[:-1])
 
 
-def _loosened(
+def _oriented(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]
 ) -> Generator[float, None, UnplacedCharts]:
     """Orient the charts of all meshes; yield progress as a fraction of packing."""

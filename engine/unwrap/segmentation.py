@@ -190,14 +190,14 @@ def _segment_batch(pieces: Sequence[_Piece], cutting: ChartOptions) -> list[Segm
 
     # xatlas treats arrays at the same address as instances of one mesh, so all must stay alive until the end.
     inputs = [_input(piece) for piece in pieces]
-    atlas = _immortal(xatlas.Atlas())
+    atlas = _kept_alive(xatlas.Atlas())
     for positions, vertices in inputs:
         atlas.add_mesh(positions, vertices)
     atlas.generate(_chart_options(cutting), _drafting(pieces))
     return [_segments(atlas, index, piece) for index, piece in enumerate(pieces)]
 
 
-def _immortal(value: Any) -> Any:
+def _kept_alive(value: Any) -> Any:
     """Keep a value alive forever: increment its reference count."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(value))
     return value

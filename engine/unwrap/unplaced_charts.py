@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .borders import border_loops
-from .orientation import lying, turned
+from .orientation import landscape_angles, turned
 from .polygon_mesh import MeshCharts, PolygonMesh, signed_areas
 
 #: Length above which a chart is halved, relative to the side of a square with the area of all charts.
@@ -47,7 +47,7 @@ def orient_charts(
     parts: list[UnplacedCharts] = []
     loops = count = 0
     for mesh, made in zip(meshes, charts, strict=True):
-        part = _loosened(mesh, made, side)
+        part = _oriented(mesh, made, side)
         parts.append(replace(part, chart=part.chart + count, borders=part.borders + loops))
         loops, count = loops + len(mesh.corners), count + len(part.size)
         yield
@@ -65,14 +65,14 @@ def _side(meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts]) -> float:
     return float(np.sqrt(total))
 
 
-def _loosened(mesh: PolygonMesh, made: MeshCharts, side: float) -> UnplacedCharts:
+def _oriented(mesh: PolygonMesh, made: MeshCharts, side: float) -> UnplacedCharts:
     """Orient the charts of one mesh."""
     triangles, known = mesh.triangles[made.chart >= 0], np.unique(made.chart[made.chart >= 0])
 
     # Loops of polygons without area or triangles have no chart.
     chart = np.full(len(mesh.corners), -1)
     chart[triangles] = np.searchsorted(known, made.chart[made.chart >= 0])[:, None]
-    chart, uvs, border = _laid_down(mesh, made.uvs, chart, side)
+    chart, uvs, border = _oriented_uvs(mesh, made.uvs, chart, side)
     count = int(chart.max(initial=-1)) + 1
     size = np.zeros((count, 2))
     np.maximum.at(size, chart[border], uvs[border])
@@ -82,7 +82,7 @@ def _loosened(mesh: PolygonMesh, made: MeshCharts, side: float) -> UnplacedChart
     return UnplacedCharts(uvs, np.maximum(chart, 0), borders, size, area)
 
 
-def _laid_down(
+def _oriented_uvs(
     mesh: PolygonMesh, uvs: np.ndarray, chart: np.ndarray, side: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the chart of each loop, (l,) int64, its UV, (l, 2), in oriented charts, and border loops."""
@@ -107,7 +107,7 @@ def _turn(
     numbers = np.cumsum(fresh) - 1
     edge = border[fresh[chart[border]]]
     count, local = int(fresh.sum()), numbers[chart[edge]]
-    angle = lying(laid[edge], laid[after[edge]], local, count)
+    angle = landscape_angles(laid[edge], laid[after[edge]], local, count)
     loop = np.flatnonzero(chart >= 0)
     loop = loop[fresh[chart[loop]]]
     local = numbers[chart[loop]]

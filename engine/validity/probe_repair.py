@@ -22,7 +22,7 @@ _AT_ONCE = 1 << 14
 def moved_out(volume: ProbeVolume, ways: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where to move probes, (k, 3) float64 offsets in m, and which of them stay in their cells, (k,).
 
-    ways, distances:  see `ProbeRows.ways_out`
+    ways, distances:  see `ProbeRows.push_offs`
     """
     lengths = np.linalg.norm(ways, axis=1).astype(np.float64)
     found = np.isfinite(distances) & (lengths > 0)

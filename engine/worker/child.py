@@ -91,7 +91,7 @@ class _Outbox:
         """Send an object if the worker has the turn and the block is large enough; return True if sent."""
         if self._block is None:
             return False
-        parcel = messages.Parcel(value)
+        parcel = messages.PackedMessage(value)
         with BorrowedBlock(self._block) as block:
             fits = block.write(parcel)
         self._connection.send((kind, *facts) if fits else ("grow", parcel.size))

@@ -32,5 +32,5 @@ def bake_without_crashing_device(
     try:
         return (yield from worker.run(scene, settings, dict(paces)))
     except WorkerCrashError:
-        records.unskip(device)
+        records.allow(device)
         raise

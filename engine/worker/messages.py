@@ -89,7 +89,7 @@ ERRORS: dict[str, type[errors.EngineError]] = {
 }
 
 
-class Parcel:
+class PackedMessage:
     """Serialized object: a pickle, and the arrays that it refers to, not yet copied."""
 
     def __init__(self, value: object) -> None:
@@ -112,7 +112,7 @@ class Parcel:
 
 
 def read(memory: memoryview) -> Any:
-    """Return the object that `Parcel.write` stored in `memory`; its arrays are copies."""
+    """Return the object that `PackedMessage.write` stored in `memory`; its arrays are copies."""
     (count,) = struct.unpack_from("<Q", memory)
     sizes = struct.unpack_from(f"<{count}Q", memory, 8)
 

@@ -17,7 +17,7 @@ from . import messages
 class SharedBlock:
     """Shared memory that holds one object at a time; a context manager that removes it at the end."""
 
-    def __init__(self, parcel: messages.Parcel) -> None:
+    def __init__(self, parcel: messages.PackedMessage) -> None:
         """Store the object in `parcel`; raise WorkerError if memory is short."""
         self._memory: SharedMemory | None = _create(parcel.size)
         parcel.write(_view(self._memory))
@@ -76,7 +76,7 @@ class BorrowedBlock:
         """Return a copy of the object in the block."""
         return messages.read(_view(self._memory))
 
-    def write(self, parcel: messages.Parcel) -> bool:
+    def write(self, parcel: messages.PackedMessage) -> bool:
         """Store an object in the block if it fits; return True if it does."""
         if parcel.size > self._memory.size:
             return False

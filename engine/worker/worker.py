@@ -51,7 +51,7 @@ class Worker:
         self._start_limit, self._job = start_limit, job
         self._child: WorkerProcess | None = None
         self._busy = False
-        self._updates: list[messages.Parcel] = []
+        self._updates: list[messages.PackedMessage] = []
 
     @property
     def process(self) -> subprocess.Popen[bytes] | None:
@@ -89,7 +89,7 @@ class Worker:
 
     def update(self, changes: object) -> None:
         """Queue changes for a child in `follow`, whose next step sends them."""
-        self._updates.append(messages.Parcel(changes))
+        self._updates.append(messages.PackedMessage(changes))
 
     def _run(self, arguments: tuple[object, ...], request: tuple[str, ...]) -> Steps:
         """Send a request with arguments to the child and relay its steps."""
@@ -99,7 +99,7 @@ class Worker:
         self._updates.clear()
         try:
             child = yield from self._ready_child()
-            with SharedBlock(messages.Parcel(arguments)) as block:
+            with SharedBlock(messages.PackedMessage(arguments)) as block:
                 return (yield from self._converse(child, block, request))
         finally:
             self._busy = False
@@ -225,7 +225,7 @@ class _Changes:
         for name in list(self._blocks):
             self.drop(name)
 
-    def send(self, updates: list[messages.Parcel]) -> None:
+    def send(self, updates: list[messages.PackedMessage]) -> None:
         """Send all changes of a list and empty it."""
         while updates:
             block = SharedBlock(updates.pop(0))

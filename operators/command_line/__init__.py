@@ -58,7 +58,7 @@ def main_of_worker(arguments: list[str]) -> int:
 def _bake(options: Namespace, signals: Signals) -> dict:
     """Bake and return the report."""
     check_paths(options)
-    with signals.heard():
+    with signals.listening():
         prepare(options)
         report = write_states(options, bake(options, signals))
         return save(options, export(options, report))

@@ -16,8 +16,8 @@ from ...engine.setting_types import (
     FilePath,
     OneOf,
     Size,
-    SomeOf,
     Span,
+    SubsetOf,
     Switch,
 )
 from ...engine.settings import Settings, chosen_by_people, descriptions
@@ -136,7 +136,7 @@ def _reader(name: str, description: Description) -> Callable[[str], Any]:
             return type(getattr(Settings, name))
         case OneOf():
             return choice
-        case SomeOf():
+        case SubsetOf():
             return names
         case Size():
             return size
@@ -178,7 +178,7 @@ def _choices(description: Description) -> str:
     Empty for other types of settings.
     """
     match description.values:
-        case OneOf(options) | SomeOf(options):
+        case OneOf(options) | SubsetOf(options):
             return f": {', '.join(map(str, options))}"
     return ""
 
@@ -188,7 +188,7 @@ def _word(description: Description) -> str:
     match description.values:
         case Span(unit=unit, shown=shown):
             return (shown[0] if shown else unit).replace("of the mean", "fraction").upper() or "N"
-        case SomeOf():
+        case SubsetOf():
             return "NAMES"
         case Size():
             return "W,H,LAYERS"

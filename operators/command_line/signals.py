@@ -29,10 +29,10 @@ class Stopped(KeyboardInterrupt):
 
 
 class Signals:
-    """Raises Stopped on the first signal within `heard`; earlier signals are kept until then.
+    """Raises Stopped on the first signal within `listening`; earlier signals are kept until then.
 
     While Blender starts or ends, an exception would be lost in Blender's own scripts, or would interrupt the
-    removal of temporary files. Signals after `heard` are ignored, because the process is about to end.
+    removal of temporary files. Signals after `listening` are ignored, because the process is about to end.
     Blender's own handler cannot be restored, as Python has no access to it.
 
     Python ignores exceptions in finalizers and callbacks of weak references, such as callbacks of its import
@@ -59,7 +59,7 @@ class Signals:
             signal.signal(number, signal.SIG_IGN)
 
     @contextmanager
-    def heard(self) -> Iterator[None]:
+    def listening(self) -> Iterator[None]:
         """Raise Stopped when a signal arrives, or at once if one has arrived.
 
         If Blender replaces or suppresses the exception, it is raised again at the end.
@@ -84,25 +84,25 @@ class Signals:
         if not self._raises or self._raised:
             return
         if _is_importing(frame):
-            self._come_again()
+            self._resend()
         else:
             self.check()
 
     def _ignored(self, found: sys.UnraisableHookArgs) -> None:
         """Report an exception that Python ignored, except Stopped, whose signal is sent again."""
         if isinstance(found.exc_value, Stopped):
-            self._come_again()
+            self._resend()
         else:
             self._hooks[0](found)
 
     def _printed(self, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         """Print an exception that no Python code catches, except Stopped, whose signal is sent again."""
         if isinstance(error, Stopped):
-            self._come_again()
+            self._resend()
         else:
             self._hooks[1](kind, error, trace)
 
-    def _come_again(self) -> None:
+    def _resend(self) -> None:
         """Send a lost signal again after a delay."""
         self._raised = False
         threading.Timer(_AGAIN, _interrupt, (self._received,)).start()

@@ -36,7 +36,7 @@ def _work(scheduler: str, device: str | None, options: Sequence[str], signals: S
 
     worker = start_worker(scheduler, {DEVICE: device} if device else {}, *options, printed=True)
     try:
-        with signals.heard():
+        with signals.listening():
             return worker.wait()
     except Stopped as stopped:
         return stopped.code

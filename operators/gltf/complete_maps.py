@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from ..result.directional_images import images_beside
+from ..result.directional_images import companion_images
 from ..result.lightmap_nodes import ShownLightmap
 from ..result.pictures import read_pixels
 from ..result.preview_material import preview_material, remove_unused_previews
@@ -84,7 +84,7 @@ def _baked(
     target = bpy.data.images.new("hemibake", *size, alpha=True, float_buffer=True, is_data=True)
     try:
         target.generated_color = (0.0, 0.0, 0.0, 0.0)
-        shown = ShownLightmap((lightmap,), images_beside(scene, [lightmap]), LIGHTMAP_UVS)
+        shown = ShownLightmap((lightmap,), companion_images(scene, [lightmap]), LIGHTMAP_UVS)
         with _stage(shapes, shown, target) as (stage, objects):
             bake_emission(stage, objects, max(_SMALLEST, round(size[0] * _MARGIN)))
         return to_rec709(read_pixels(target)).copy()

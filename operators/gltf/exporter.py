@@ -60,10 +60,10 @@ def write_gltf(path: Path, hooks: object, with_attributes: bool) -> None:
                 **_OPTIONS,
             )
     except RuntimeError as error:
-        raise EngineError(_FAILED.format(_last_words(error))) from error
+        raise EngineError(_FAILED.format(_last_line(error))) from error
 
 
-def _last_words(error: RuntimeError) -> str:
+def _last_line(error: RuntimeError) -> str:
     """Return the reason from an operator's error text: the line after the traceback, without the location."""
     lines = [line.strip() for line in str(error).splitlines()]
     return [line for line in lines if line and not line.startswith("Location:")][-1]

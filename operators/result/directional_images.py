@@ -50,7 +50,9 @@ def all_directional_images(scene: bpy.types.Scene, lightmap: bpy.types.Image) ->
     return {**found, **_images(scene, entry.name, (DOMINANT_DIRECTION,))}
 
 
-def images_beside(scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]) -> DirectionalImages | None:
+def companion_images(
+    scene: bpy.types.Scene, lightmaps: Sequence[bpy.types.Image]
+) -> DirectionalImages | None:
     """Return the directional maps of several lightmaps; None unless all have them, of one kind."""
     found = [directional_images(scene, lightmap) for lightmap in lightmaps]
     for kind, (l0, *axes) in _MAPS.items():

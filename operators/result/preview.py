@@ -17,7 +17,7 @@ from ..scene.bake_records import bake_record
 from ..scene.objects.meshes import read_array
 from ..scene.uvs.lightmap_layer import lightmap_layer
 from .color_nodes import ShownColors
-from .directional_images import images_beside
+from .directional_images import companion_images
 from .instance_uv_table import InstanceUvTransform, instance_places, place_table
 from .light_mixer import group_images, light_mixer
 from .lightmap_nodes import ShownLightmap
@@ -257,7 +257,7 @@ def _shown_lightmap(
     own = bake_record(obj, scene)
     if instances is None:
         place = own.uv_layer, own.uv_scale, tuple(own.uv_offset)
-        return _with_groups(ShownLightmap((own.image,), images_beside(scene, [own.image]), *place), scene)
+        return _with_groups(ShownLightmap((own.image,), companion_images(scene, [own.image]), *place), scene)
     images = tuple(dict.fromkeys(place.image for place in instances))
     table = place_table(instances, images)
     rows, width, _ = table.texels.shape
@@ -268,7 +268,7 @@ def _shown_lightmap(
     image.pixels.foreach_set(table.texels.reshape(-1))
     image.pack()
     layer = own.uv_layer or lightmap_layer(obj, scene.hemibake.uv_layer)
-    shown = ShownLightmap(images, images_beside(scene, images), layer, table=image, buckets=table.buckets)
+    shown = ShownLightmap(images, companion_images(scene, images), layer, table=image, buckets=table.buckets)
     return _with_groups(shown, scene)
 
 

@@ -57,7 +57,7 @@ def comparison_settings(settings: Settings) -> Settings:
     )
 
 
-def tells_all(settings: Settings, before: Scene, now: Scene) -> bool:
+def detects_every_change(settings: Settings, before: Scene, now: Scene) -> bool:
     """Return True if comparison bakes can show every change of the outputs.
 
     They cannot for shadow masks, which belong to single lights, and for light groups that are new or renamed.

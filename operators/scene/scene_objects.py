@@ -18,7 +18,7 @@ from .messages import NO_FACES, NO_UVS, NORMALS_NOT_FINITE, NOT_FINITE, NOT_FINI
 from .objects.coordinate_limits import coordinate_issue, middle_of
 from .objects.items import ItemKey, SceneItem
 from .objects.meshes import LIGHTMAP_UVS, Corners, MeshArrays, make_corners, read_mesh
-from .objects.strand_ribbons import make_ribbons, thin_out
+from .objects.strand_ribbons import make_ribbons, simplify_strands
 from .objects.strands import read_strands
 from .slice_timer import Slices
 from .uvs.lightmap_layer import lightmap_layer
@@ -195,7 +195,7 @@ class ItemReader:
         for number, (strands, slot) in enumerate(zip(found, slots, strict=True)):
             key = (item.source.session_uid, f"hair {number}", (slot,), True)
             if key not in self._shapes:
-                kept = thin_out(strands, _MOST_HAIR)
+                kept = simplify_strands(strands, _MOST_HAIR)
                 if kept is not strands:
                     self._thinned.append(item.source.name)
                 self._shapes[key] = _shape(make_ribbons(kept), (slot,), None)

@@ -305,7 +305,9 @@ def test_progress_and_cancel(session):
     assert fractions == sorted(fractions) and 0 < fractions[-1] < 1
     assert len(bake(session, room, resolution=32).reflections) == 2
     with_cubes, without = (
-        BakeStages(Extent.of(room), dataclasses.replace(settings, reflection_cubes=on), {}).foretell(1000)
+        BakeStages(Extent.of(room), dataclasses.replace(settings, reflection_cubes=on), {}).estimate_seconds(
+            1000
+        )
         for on in (True, False)
     )
     assert with_cubes > without

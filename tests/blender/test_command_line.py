@@ -257,11 +257,11 @@ def test_signal_that_is_lost_comes_again(where):
 
 
 def lose_a_signal(signals, lose):
-    """Lose a signal, then wait; what `heard` raises at its end is none of that."""
-    with signals.Signals() as heard, heard.heard():
+    """Lose a signal, then wait; what `listening` raises at its end is none of that."""
+    with signals.Signals() as listening, listening.listening():
         lose()
         time.sleep(10)
-        heard._received = None
+        listening._received = None
 
 
 def test_signal_during_an_import_is_raised_after_it(tmp_path, monkeypatch):

@@ -48,9 +48,9 @@ def baked(shell, tmp_path, name, *words) -> dict:
     folder = tmp_path / name
     chosen = given(shell, folder, "--report", str(folder / "report.json"), *words)
     shell.command.check_paths(chosen)
-    with shell.signals.Signals() as heard:
+    with shell.signals.Signals() as listening:
         shell.command.prepare(chosen)
-        return shell.command.save(chosen, shell.command.bake(chosen, heard))
+        return shell.command.save(chosen, shell.command.bake(chosen, listening))
 
 
 @pytest.mark.parametrize("words", [("--collection", "Yard"), ("--lightmap", "Yard light")])

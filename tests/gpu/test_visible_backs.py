@@ -151,7 +151,7 @@ def test_rays_follow_the_number_of_texels_up_to_the_limit_of_the_device(tracer, 
         def __init__(self, rays):
             counts.append(rays.count)
 
-        def met(self, known):
+        def hit_backs(self, known):
             yield
             return np.zeros_like(known)
 
@@ -266,9 +266,9 @@ def test_later_rounds_need_only_rays_that_start_inside_something(tracer, monkeyp
         def __init__(self, cast, rays):
             self.made = partial(cast, rays)
 
-        def met(self, known):
+        def hit_backs(self, known):
             rounds.append(known.sum())
-            return self.made().met(known)
+            return self.made().hit_backs(known)
 
     monkeypatch.setattr(visible_backs, "_caster", lambda *arguments: partial(AllRays, make(*arguments)))
     assert np.array_equal(visible(), found) and 0 == rounds[0] < rounds[1] < found.sum()

@@ -79,7 +79,7 @@ def test_rays_by_opengl_on_a_cpu_take_longer():
 
 def test_estimate_is_what_the_stages_of_a_bake_begin_with():
     stages = BakeStages(EXTENT, SETTINGS, {})
-    assert stages.foretell(9973) == pytest.approx(seconds())
+    assert stages.estimate_seconds(9973) == pytest.approx(seconds())
 
 
 def test_samples_with_tints_take_four_bytes():

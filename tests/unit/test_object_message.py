@@ -1,7 +1,7 @@
 """Messages that name many objects: short in a window, complete in the report."""
 
 from engine.object_message import ObjectMessage, counted, first_line, listing, object_message, objects_of
-from engine.worker.messages import Parcel, read
+from engine.worker.messages import PackedMessage, read
 
 NAMES = [f"Bob's chair.{number:03d}" for number in range(67)]
 
@@ -25,7 +25,7 @@ def test_sentence_knows_the_objects_that_it_is_about():
 
 def test_sentence_keeps_its_objects_on_the_way_from_the_worker():
     notes = (ObjectMessage("'A' is dark.", ("A",)), "Nothing.")
-    parcel = Parcel({"warnings": notes})
+    parcel = PackedMessage({"warnings": notes})
     memory = bytearray(parcel.size)
     parcel.write(memoryview(memory))
     arrived = read(memoryview(memory))["warnings"]

@@ -180,8 +180,8 @@ def test_a_missing_opencl_driver_has_a_remedy_of_its_system(system):
 
 
 def test_names_of_shared_memory_are_short_enough_for_macos():
-    from engine.worker.messages import Parcel
+    from engine.worker.messages import PackedMessage
     from engine.worker.shared_block import SharedBlock
 
-    with SharedBlock(Parcel("anything")) as block:
+    with SharedBlock(PackedMessage("anything")) as block:
         assert len(f"/{block.name}".encode()) <= 31

@@ -24,7 +24,7 @@ def lamp(**values):
 def test_lamps_of_one_profile_have_one_copy_of_it_also_in_the_worker():
     first, plain = lamp(), replace(lamp(), profile=None)
     lights = (first, plain, replace(first, falloff_power=2), lamp())
-    parcel = messages.Parcel(lights)
+    parcel = messages.PackedMessage(lights)
     memory = memoryview(bytearray(parcel.size))
     parcel.write(memory)
     records, profiles, numbers = pack_modulations(messages.read(memory))

@@ -24,7 +24,7 @@ from engine.settings import Settings
 from engine.worker import child, messages, shared_block
 from engine.worker import process as worker_process
 from engine.worker.crash_recovery import bake_without_crashing_device
-from engine.worker.messages import Parcel
+from engine.worker.messages import PackedMessage
 from engine.worker.worker import Worker
 
 HERE = Path(__file__).parent
@@ -150,7 +150,7 @@ def test_scene_and_settings_arrive_bit_for_bit(start):
 
 def test_messages_about_objects_arrive_from_a_package_of_another_name():
     """In the worker the package is `engine`, in Blender the module of an extension."""
-    parcel = Parcel(object_message("Objects {}: overlap. Unwrap.", ["Würfel"], "unwrap"))
+    parcel = PackedMessage(object_message("Objects {}: overlap. Unwrap.", ["Würfel"], "unwrap"))
     memory = bytearray(parcel.size)
     parcel.write(memoryview(memory))
     there = memoryview(bytes(memory).replace(b"engine.object_message", b"others.object_message"))
@@ -390,7 +390,7 @@ def test_damaged_records_of_devices_count_as_none(tmp_path, content):
     assert records.skipped() == {}
     records.skip(device, "crashed")
     assert list(records.skipped()) == ["d4"]
-    records.unskip(device)
+    records.allow(device)
     assert records.skipped() == {} and not DeviceRecords(None).skipped()
 
 
@@ -562,7 +562,7 @@ def test_a_killed_child_that_followed_is_reported(start):
 
 
 def test_memory_that_is_not_there_is_refused(start):
-    huge = Parcel(None)
+    huge = PackedMessage(None)
     huge.size = 1 << 50
     with pytest.raises(WorkerError, match="no room for 1073741824 MiB"):
         shared_block.SharedBlock(huge)
@@ -571,7 +571,7 @@ def test_memory_that_is_not_there_is_refused(start):
 @pytest.mark.parametrize("size", [101, 70_001])
 def test_a_block_is_removed_before_its_successor_is_made(size, monkeypatch):
     create, before = shared_block._create, []
-    with shared_block.SharedBlock(Parcel(bytes(9973))) as block:
+    with shared_block.SharedBlock(PackedMessage(bytes(9973))) as block:
         first = block.name
 
         def create_alone(wanted):
@@ -584,18 +584,18 @@ def test_a_block_is_removed_before_its_successor_is_made(size, monkeypatch):
         block.grow(size)
         assert before == [size]
         with shared_block.BorrowedBlock(block.name) as borrowed:
-            assert borrowed.write(Parcel("text")) and block.read() == "text"
+            assert borrowed.write(PackedMessage("text")) and block.read() == "text"
 
 
 def test_a_block_without_room_for_its_successor_ends_without_another_error(monkeypatch):
-    with shared_block.SharedBlock(Parcel("text")) as block:
+    with shared_block.SharedBlock(PackedMessage("text")) as block:
         monkeypatch.setattr(shared_block, "_room", lambda: 0)
         with pytest.raises(WorkerError, match="no room"):
             block.grow(1 << 20)
 
 
 def test_parcel_takes_numbers_as_they_are():
-    parcel = Parcel((math.nan, -0.0, "ü", None, True, b""))
+    parcel = PackedMessage((math.nan, -0.0, "ü", None, True, b""))
     memory = memoryview(bytearray(parcel.size))
     parcel.write(memory)
     nan, zero, *rest = shared_block.messages.read(memory)

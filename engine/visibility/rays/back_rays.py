@@ -46,7 +46,7 @@ class BackRays:
 class CastRays(Protocol):
     """Test rays on a device."""
 
-    def met(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
+    def hit_backs(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
         """Return a mask of triangles whose unknown back face some ray hits, (t,) bool; yield after launches.
 
         The first call casts all rays. Later calls cast those that start inside something, since only their

@@ -225,7 +225,7 @@ class _Builder:
         The upper levels of an earlier build are reused if they fit the new positions well.
         """
         nodes, known = (self._boxes, self._links), self._top if self._count <= _TOP else None
-        if known and known.count == count and known.serves(self._kernels, *nodes):
+        if known and known.count == count and known.refit(self._kernels, *nodes):
             return known.root
         top = UpperLevels(self._compute, self._kernels, *nodes, cluster, count, made)
         self._top = top if self._count <= _TOP else None

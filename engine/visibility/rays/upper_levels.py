@@ -65,7 +65,7 @@ class UpperLevels:
                 np.int32(count),
             )  # fmt: skip
 
-    def serves(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer, links: cl.Buffer) -> bool:
+    def refit(self, kernels: Mapping[str, Kernel], boxes: cl.Buffer, links: cl.Buffer) -> bool:
         """Refit the tree to moved clusters; return True if its cost grew by at most the factor _WORSE."""
         self.fit(kernels, boxes, links)
         return self._cost(kernels, boxes) <= _WORSE * self._built_for

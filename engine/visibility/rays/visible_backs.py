@@ -192,12 +192,12 @@ def _visible(
 
     fronts = rays_from(_texels(triangles, resolution), 1.0)
     for _ in range(_ROUNDS):
-        met = np.zeros(int(cluster.max()) + 1, bool)
+        hit_backs = np.zeros(int(cluster.max()) + 1, bool)
         for rays in (*fronts, *rays_from(np.where(more, area, 0), -1.0)):
-            hits = yield from rays.met(visible)
-            met[cluster[hits[chosen]]] = True
+            hits = yield from rays.hit_backs(visible)
+            hit_backs[cluster[hits[chosen]]] = True
         more = fixed & ~visible
-        more[chosen] |= met[cluster] & ~visible[chosen]
+        more[chosen] |= hit_backs[cluster] & ~visible[chosen]
         if not more.any():
             break
         visible |= more
@@ -232,7 +232,7 @@ class _KernelBackRays:
         self._ends = upload(tracer.compute, rays.ends)
         self._enclosed = zeros(tracer.compute, 4 * rays.words)
 
-    def met(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
+    def hit_backs(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
         """Return the result of `CastRays.met`."""
         triangles, tracer, rays = len(known), self._tracer, self._rays
         compute = tracer.compute

@@ -312,7 +312,7 @@ class MaterialTable:
         try:
             wearing = self._wearing(index)
             self._watch.evaluate(
-                lambda evaluation: self._copy_wearers(index, worn, evaluation, shapes),
+                lambda evaluation: self._copy_users(index, worn, evaluation, shapes),
                 wearing,
                 # Only this dependency graph has positions before deformation.
                 render=uses_generated(worn.node_tree) and (wearing is None or any(map(_may_deform, wearing))),
@@ -340,7 +340,7 @@ class MaterialTable:
             return None
         return find_all(bpy.data.objects, [source for source, _, _ in items])
 
-    def _copy_wearers(
+    def _copy_users(
         self, index: int, worn: bpy.types.Material, evaluation: Evaluation, shapes: list[EvaluatedMesh]
     ) -> None:
         """Append mesh copies of all objects that use a material, with `worn` in place of it."""

@@ -112,7 +112,7 @@ class Geometry:
             return shown != rendered
         if modifier.type == "PARTICLE_SYSTEM":
             return self._particles_differ(modifier.particle_system.settings)
-        return modifier.type == "NODES" and self._asks_for_viewport(modifier.node_group)
+        return modifier.type == "NODES" and self._has_viewport_test(modifier.node_group)
 
     def _particles_differ(self, settings: bpy.types.ParticleSettings) -> bool:
         """Return True if renders have more or other particles, or hair with finer steps."""
@@ -125,7 +125,7 @@ class Geometry:
             return True
         return self._render.use_simplify
 
-    def _asks_for_viewport(self, group: bpy.types.NodeTree | None) -> bool:
+    def _has_viewport_test(self, group: bpy.types.NodeTree | None) -> bool:
         """Return True if a node group, or a group inside it, contains an Is Viewport node."""
         if group is None or UV_GROUP in group:
             return False
@@ -134,7 +134,7 @@ class Geometry:
             self._known[key] = False
             self._known[key] = any(
                 node.bl_idname == "GeometryNodeIsViewport"
-                or self._asks_for_viewport(getattr(node, "node_tree", None))
+                or self._has_viewport_test(getattr(node, "node_tree", None))
                 for node in group.nodes
             )
         return self._known[key]

@@ -23,7 +23,7 @@ _LEFT = 0.5
 _TRIANGLES = 4
 
 
-def thin_out(strands: Strands, most: int) -> Strands:
+def simplify_strands(strands: Strands, most: int) -> Strands:
     """Return a random subset of strands with at most `most` triangles, with larger radii in return.
 
     The mean shadow equals the shadow of all strands (Cook et al., "Stochastic Simplification of Aggregate

@@ -57,7 +57,7 @@ class AtlasMembers:
                 users += found
         return users
 
-    def leave_to_them(self, pages: Sequence[PackedPage], changes: Rollback) -> list[str]:
+    def leave_shared_atlases(self, pages: Sequence[PackedPage], changes: Rollback) -> list[str]:
         """Give new objects another atlas if other objects, or an earlier page, use their atlas.
 
         Return notes.

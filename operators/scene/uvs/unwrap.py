@@ -163,7 +163,7 @@ class _Unwrapping:
         self._changes.add(trial.undo)
         self._packings.keep(pages, self._changes)
         project_for_viewport(self._context, find_all(bpy.data.objects, uids), self._uv_layer, self._changes)
-        self._made.notes += self._members.leave_to_them(pages, self._changes)
+        self._made.notes += self._members.leave_shared_atlases(pages, self._changes)
         self._finish(pages)
         return self._made
 

@@ -82,7 +82,7 @@ def drop_uv_modifier(obj: bpy.types.Object, uv_layer: str, changes: Rollback) ->
     modifier = uv_modifier(obj, uv_layer)
     assert modifier is not None
     group = modifier.node_group
-    changes.add(partial(_attach_again, obj.session_uid, group.session_uid))
+    changes.add(partial(_reattach, obj.session_uid, group.session_uid))
     _detach(obj.session_uid, uv_layer)
 
 
@@ -107,7 +107,7 @@ def _attach(obj: bpy.types.Object, group: bpy.types.NodeTree) -> None:
     obj.modifiers.active = active
 
 
-def _attach_again(uid: int, group_uid: int) -> None:
+def _reattach(uid: int, group_uid: int) -> None:
     obj, group = find(bpy.data.objects, uid), find(bpy.data.node_groups, group_uid)
     if obj is not None and group is not None:
         _attach(obj, group)

@@ -9,7 +9,7 @@ import pytest
 from tests.blender.things import part
 from tests.export.states import WIDTH
 from tools.engines import cornell, path
-from tools.engines.web import THREE_PROBES
+from tools.engines.web import THREE_PROBES, THREE_PROBES_WEBGPU
 
 #: Probes of the volume along its axes.
 RESOLUTION = (2, 3, 4)
@@ -82,9 +82,9 @@ def places_of_probes(volume):
     return surfaces, np.array(wanted)
 
 
-def shown_light(folder, **asked):
+def shown_light(folder, page=THREE_PROBES, **asked):
     """Return the pixels that three.js shows, (24, 3), and the problems."""
-    problems, data = THREE_PROBES.answer(folder, asked)
+    problems, data = page.answer(folder, asked)
     return np.frombuffer(data, np.float32).reshape(-1, 4)[:, :3], problems
 
 
@@ -95,6 +95,14 @@ def test_three_shows_probe_grids(volume, tmp_path):
     assert len(problems) == 2
     assert "Probe volume 'Turned': three.js shows no rotated grids" in problems[0]
     assert "Probe volume 'Lost': 'lost.exr' is not readable" in problems[1]
+
+
+@pytest.mark.parametrize("intensity", [1.0, 0.5])
+def test_webgpu_shows_probe_grids(volume, tmp_path, intensity):
+    surfaces, wanted = places_of_probes(volume)
+    shown, problems = shown_light(tmp_path, THREE_PROBES_WEBGPU, surfaces=surfaces, intensity=intensity)
+    assert shown == pytest.approx(intensity * wanted, rel=0.01)
+    assert len(problems) == 2
 
 
 def test_copies_of_materials_look_up_grids_as_the_originals(volume, tmp_path):

@@ -31,7 +31,8 @@ MODULES = ROOT / "out" / "engines"
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = (
     "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--disable-extensions", "--no-first-run", "--disable-dev-shm-usage",
+    "--enable-unsafe-swiftshader", "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader",
+    "--disable-extensions", "--no-first-run", "--disable-dev-shm-usage",
 )  # fmt: skip
 
 #: Longest time that a page may take, s.
@@ -168,6 +169,7 @@ class WebEngine:
 
 THREE = WebEngine("three", "show_three.js")
 THREE_PROBES = WebEngine("three", "show_probes.js")
+THREE_PROBES_WEBGPU = WebEngine("three", "show_probes_webgpu.js")
 THREE_REFLECTIONS = WebEngine("three", "show_reflections.js")
 BABYLON = WebEngine("@babylonjs/loaders", "show_babylon.js")
 PLAYCANVAS = WebEngine("playcanvas", "show_playcanvas.js")

@@ -268,6 +268,18 @@ def test_a_reader_of_values_agrees_with_cycles(name):
         assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
 
 
+@pytest.mark.parametrize("operation", ["GREATER_THAN", "LESS_THAN", "ROUND"])
+@pytest.mark.parametrize("value", [0.0, 0.3, 0.5, 0.7, 1.0])
+@pytest.mark.parametrize("limit", [0.0, 0.5, 1.0])
+def test_a_reader_of_thresholds_agrees_with_cycles(operation, value, limit):
+    """Equal numbers do not exceed each other; Less Than reads the limit first."""
+    numbers = (limit, value) if operation == "LESS_THAN" else (value, limit)
+    surface = shader_material(mixed(DIFFUSE, CLEAR, math(operation, *numbers)))
+    fast, general = read(surface), evaluated(surface)
+    for quantity in fast:
+        assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
+
+
 def test_a_clamped_product_is_evaluated_by_cycles():
     def build(tree):
         result = product("ShaderNodeMix", 1.0)(tree)

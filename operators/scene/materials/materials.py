@@ -47,6 +47,11 @@ _MATH: dict[str, np.ufunc] = {
 }  # fmt: skip
 
 
+#: Distance of the threshold from the limit of Greater Than and Less Than: a step of the engine's 16-bit maps,
+#: so that values equal to the limit stay below the threshold.
+_STEP = 1 / 65535
+
+
 class ShaderReader:
     """Reads the shader of one material, world or light.
 
@@ -128,7 +133,10 @@ class ShaderReader:
             if node.operation in {"GREATER_THAN", "LESS_THAN"}:
                 first, second = node.inputs[:2]
                 image, limit = (first, second) if node.operation == "GREATER_THAN" else (second, first)
-                return self._value(image, 1), self._value(limit, 1).number
+                number = self._value(limit, 1).number
+                if number < 0:
+                    raise ComplexError(node.name)
+                return self._value(image, 1), number + _STEP
         return self._value(socket, 1), None
 
     def _value(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:

@@ -44,11 +44,14 @@ def known_devices() -> DeviceSurvey | None:
     return finder.found
 
 
-def guide() -> Path | None:
-    """Return the first page of the guide: HTML in a package, Markdown in a checkout; None without one."""
+def guide_page(page: str = "user/guide.md") -> Path | None:
+    """Return a page of the guide by its path in docs: HTML in a package, Markdown in a checkout.
+
+    Return None without the page.
+    """
     root = Path(__file__).parents[1]
-    pages = (root / "guide" / "user" / "guide.html", root / "docs" / "user" / "guide.md")
-    return next((page for page in pages if page.is_file()), None)
+    pages = ((root / "guide" / page).with_suffix(".html"), root / "docs" / page)
+    return next((found for found in pages if found.is_file()), None)
 
 
 def _chosen_device() -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..operators.export_engines import ENGINES
+from ..operators.preferences import guide_page
 from .wrapped_text import draw_text, line_width
 
 #: Identifier of the operator in the file browser.
@@ -32,8 +33,11 @@ class HEMIBAKE_PT_export(bpy.types.Panel):
         engine = ENGINES[operator.engine]
         for name in engine.options:
             layout.prop(operator, name)
-        if engine.page:
-            draw_text(layout, f"{engine.help}. Steps: docs/engines/{engine.page}", line_width(context))
+        if engine.help:
+            draw_text(layout, engine.help, line_width(context))
+        page = guide_page(f"engines/{engine.page}") if engine.page else None
+        if page is not None:
+            layout.operator("wm.path_open", text="Open Steps", icon="HELP").filepath = str(page)
         if engine.folder is not None:
             button = layout.operator("wm.path_open", text="Open Add-on Folder", icon="FILE_FOLDER")
             button.filepath = str(engine.folder)

@@ -41,6 +41,11 @@ def _draw_object_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     menu.layout.menu("HEMIBAKE_MT_lightmaps")
 
 
+def _draw_export_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Add the export to File > Export."""
+    menu.layout.operator("hemibake.export_for_engine", text="Lightmaps for Engine (.glb/.gltf)")
+
+
 def _draw_help_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     """Add the self-test to the Help menu."""
     menu.layout.operator("hemibake.self_test")
@@ -48,7 +53,11 @@ def _draw_help_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 CLASSES = (HEMIBAKE_MT_lightmaps,)
 
-_ENTRIES = (("VIEW3D_MT_object", _draw_object_menu), ("TOPBAR_MT_help", _draw_help_menu))
+_ENTRIES = (
+    ("VIEW3D_MT_object", _draw_object_menu),
+    ("TOPBAR_MT_file_export", _draw_export_menu),
+    ("TOPBAR_MT_help", _draw_help_menu),
+)
 
 
 def bind() -> None:

@@ -11,7 +11,7 @@ from ..engine.device.device_info import DeviceInfo
 from ..engine.setting_types import PREFERENCES
 from ..engine.settings import shown_in
 from ..operators.denoise_library import denoise_library
-from ..operators.preferences import HemibakePreferences, guide, known_devices
+from ..operators.preferences import HemibakePreferences, guide_page, known_devices
 from ..operators.self_test import last_test
 from ..operators.user_files import cache_folder, cache_size, log_file
 from .sidebar import split_properties
@@ -93,7 +93,7 @@ def _draw_files(layout: bpy.types.UILayout) -> None:
     row.label(text=f"Cache: {cache_size() / 2**20:.1f} MiB in {cache_folder() or 'no folder'}")
     row.operator("hemibake.clear_cache", text="Clear", icon="TRASH")
     _draw_path(layout, "Log", log_file())
-    _draw_path(layout, "Guide", guide())
+    _draw_path(layout, "Guide", guide_page())
 
 
 def _draw_path(layout: bpy.types.UILayout, name: str, path: Path | None) -> None:

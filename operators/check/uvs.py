@@ -149,7 +149,7 @@ def check_overlaps(charts: Sequence[ChartsOf], uv_layer: str) -> Steps:
     return [
         *found(
             ERROR,
-            "Lightmap UVs overlap: {} would get no lightmap. Unwrap it into another UV layer.",
+            "Lightmap UVs overlap: {} would get no lightmap. Unwrap into a new UV layer.",
             folded,
             "unwrap_again",
         ),

@@ -294,7 +294,7 @@ def test_engine_of_the_last_export_is_remembered(tmp_path):
 
 
 def test_dialog_shows_the_options_of_files_alone():
-    """And the folder of the add-on, where the package has one."""
+    """And buttons for the engine's page and, where the package has one, the folder of its add-on."""
     from types import SimpleNamespace
 
     import bpy
@@ -313,9 +313,9 @@ def test_dialog_shows_the_options_of_files_alone():
         assert panel.poll(context)
         shown = []
         panel.draw(SimpleNamespace(layout=Layout(shown)), context)
-        assert ("lightmaps" in shown) == (name == "FILES")
-        assert any("docs/engines" in text and engine.page in text for text in shown) == (name != "FILES")
-        assert (ROOT / "docs" / "engines" / engine.page).exists()
+        assert ("use_files" in shown) == (name == "FILES")
+        assert shown.count("wm.path_open") == bool(engine.page) + (engine.folder is not None)
+        assert (ROOT / "docs" / "engines" / engine.page).exists() and bool(engine.page) == (name != "FILES")
 
 
 def test_transmission_becomes_alpha(tmp_path, capfd):

@@ -217,6 +217,7 @@ def test_every_operator_that_needs_no_argument_is_in_a_menu_for_the_search():
 
     assert in_menu("TOPBAR_MT_help") == ["hemibake.self_test"]
     assert in_menu("VIEW3D_MT_object") == ["HEMIBAKE_MT_lightmaps"]
+    assert in_menu("TOPBAR_MT_file_export")[0] == "hemibake.export_for_engine"
     shown = {*draw("HEMIBAKE_MT_lightmaps"), "hemibake.self_test"}
     operators = {f"hemibake.{name}" for name in dir(bpy.ops.hemibake)}
     internal = {name for name in operators if "INTERNAL" in getattr(rna(name), "bl_options", ())}

@@ -56,6 +56,14 @@ def ball_pixels(width: int, radius: float = RADIUS) -> np.ndarray:
 
     A fifth of its radius inside its outline, since engines cover pixels on outlines differently.
     """
+    return np.isfinite(ball_normals(width, radius)).all(axis=-1)
+
+
+def ball_normals(width: int, radius: float = RADIUS) -> np.ndarray:
+    """Return the normals of the ball at each place, (n, width, width, 3) float64, in world space.
+
+    NAN outside of `ball_pixels`.
+    """
     import bpy
     from mathutils import Vector
 
@@ -66,8 +74,12 @@ def ball_pixels(width: int, radius: float = RADIUS) -> np.ndarray:
     up = frame[:, 1].min() + np.ptp(frame[:, 1]) * steps
     rays = np.stack(np.broadcast_arrays(across[None], up[:, None], frame[0, 2]), axis=2)
     rays = rays / np.linalg.norm(rays, axis=2, keepdims=True)
-    masks = []
+    to_world, normals = np.array(camera.matrix_world.to_3x3()), []
     for place in PLACES:
         centre = np.array(camera.matrix_world.inverted() @ Vector(place))
-        masks.append(np.linalg.norm(np.cross(rays, centre), axis=2) < 0.8 * radius)
-    return np.stack(masks)
+        along = rays @ centre
+        distance = np.linalg.norm(np.cross(rays, centre), axis=2)
+        inside = distance < 0.8 * radius
+        along -= np.sqrt(np.where(inside, radius**2 - distance**2, np.nan))
+        normals.append((along[..., None] * rays - centre) / radius @ to_world.T)
+    return np.stack(normals)

@@ -141,6 +141,14 @@ class _Level:
     origin: int
 
 
+def _small_limit(compute: ComputeDevice) -> int:
+    """Return the maximum number of wide nodes of a level that one launch collapses with all later levels.
+
+    A CPU gets a launch per level, which is cheap there: PoCL 7.1 compiles `open_levels` to code that crashes.
+    """
+    return 0 if compute.processor else _SMALL
+
+
 class _Builder:
     def __init__(
         self,
@@ -234,12 +242,12 @@ class _Builder:
     def _widen(self, root: int) -> Bvh:
         """Collapse binary nodes to wide ones, level by level, and store them.
 
-        Small levels run in one launch.
+        Small levels run in one launch, except on a CPU.
         """
         levels, roots = [], upload(self._compute, np.array([root], np.int32))
         count = 1
         while count:
-            widen = self._small_levels if count <= _SMALL else self._level
+            widen = self._small_levels if count <= _small_limit(self._compute) else self._level
             level, roots, count = widen(roots, count)
             levels.append(level)
 

@@ -77,6 +77,6 @@ def test_the_error_of_the_next_device_names_the_skipped_one(tmp_path, monkeypatc
     def fail(context):
         raise cl.Error("no compiler")
 
-    monkeypatch.setattr("engine.device.cl_device._probed", fail)
+    monkeypatch.setattr("engine.device.cl_device.needed_replacements", fail)
     with pytest.raises(DeviceError, match="'P: Bad': its driver crashed.*can build kernels.*no compiler"):
         ComputeDevice(str(tmp_path))

@@ -16,9 +16,15 @@ __all__ = ["cl", "load_opencl"]
 class _LazyModule:
     """Stand-in for PyOpenCL. It forwards attributes and keeps none, so that tests can replace them."""
 
+    def __init__(self) -> None:
+        self._package: ModuleType | None = None
+
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the package; raises DeviceError if that cannot be imported."""
-        return getattr(sys.modules.get("pyopencl") or load_opencl(), name)
+        # A package that another thread still imports is in `sys.modules` already: the import waits for it.
+        if self._package is None or sys.modules.get("pyopencl") is not self._package:
+            self._package = load_opencl()
+        return getattr(self._package, name)
 
 
 def load_opencl() -> ModuleType:

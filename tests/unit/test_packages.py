@@ -46,6 +46,20 @@ def test_every_module_of_the_engine_is_imported_without_pyopencl():
     assert int(python(code)) > 200
 
 
+def test_attributes_of_pyopencl_wait_while_another_thread_imports_it(tmp_path):
+    (tmp_path / "pyopencl.py").write_text("import time\ntime.sleep(0.3)\nBuffer = 7\n")
+    code = (
+        "import threading, time\n"
+        "from engine.device.opencl import cl\n"
+        "thread = threading.Thread(target=lambda: cl.Buffer)\n"
+        "thread.start()\n"
+        "while 'pyopencl' not in sys.modules:\n"
+        "    time.sleep(0.01)\n"
+        "print(cl.Buffer)"
+    )
+    assert python(code, tmp_path) == "7"
+
+
 def test_a_bake_without_pyopencl_names_the_package_and_the_remedy():
     code = (
         "sys.modules['pyopencl'] = None\n"

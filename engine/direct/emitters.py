@@ -196,10 +196,8 @@ def no_bright_triangles(patch_scene: PatchScene) -> SampledTriangles:
 
 def _shining(patch_scene: PatchScene) -> np.ndarray:
     """Return a mask of triangles on which at least one patch emits from its back, (t,) bool."""
-    surfaces, shining = patch_scene.surfaces, np.zeros(len(patch_scene.triangles.mesh), bool)
-    backs = surfaces.back_emission
-    patches = surfaces.shining if backs is None else np.flatnonzero(any_in_rows(backs))
-    shining[patch_scene.geometry.triangle[patches]] = True
+    shining = np.zeros(len(patch_scene.triangles.mesh), bool)
+    shining[patch_scene.geometry.triangle[patch_scene.surfaces.shining_backs]] = True
     return shining
 
 

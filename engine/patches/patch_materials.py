@@ -64,6 +64,13 @@ class PatchMaterials:
         return np.flatnonzero(any_in_rows(self.emission) | any_in_rows(self.back_emission))
 
     @cached_property
+    def shining_backs(self) -> np.ndarray:
+        """Indices of patches that emit from the back face, (k,) int64."""
+        if self.back_emission is None:
+            return self.shining
+        return np.flatnonzero(any_in_rows(self.back_emission))
+
+    @cached_property
     def mean_reflectance(self) -> float:
         """Mean reflectance of evenly spaced patches, over all channels; 0 without patches."""
         count = len(self.reflectance)
@@ -71,9 +78,11 @@ class PatchMaterials:
         return float(values_at(self.reflectance, some).mean()) if count else 0.0
 
     def has_emitters_of(self, others: PatchMaterials) -> bool:
-        """Return True if both have the same set of emissive patches."""
-        same = self.emission is others.emission and self.back_emission is others.back_emission
-        return same or np.array_equal(self.shining, others.shining)
+        """Return True if both have the same sets of emissive patches and of patches with an emissive back."""
+        if self.emission is others.emission and self.back_emission is others.back_emission:
+            return True
+        pairs = (self.shining, others.shining), (self.shining_backs, others.shining_backs)
+        return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
 
     def black_at(self, patches: np.ndarray) -> PatchMaterials:
         """Return a copy with zero reflectance at masked patches, (n,) bool."""

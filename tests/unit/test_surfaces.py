@@ -5,7 +5,7 @@ import pytest
 
 from engine.patches import patch_materials as surfaces_module
 from engine.patches.geometry import patch_geometry
-from engine.patches.patch_materials import KnownSurfaces, patch_surfaces
+from engine.patches.patch_materials import KnownSurfaces, PatchMaterials, patch_surfaces
 from engine.scene.model import Material, Mesh, Scene, Texture
 from engine.scene.texture import sample
 from engine.scene.triangles import join_meshes
@@ -140,3 +140,14 @@ def test_only_textures_of_changed_materials_are_read_again(edit, read, monkeypat
     assert np.array_equal(again.emission, expected.emission) and again.emission.any()
     assert len(found) == read and np.array_equal(known.surfaces.emission, kept)
     assert (again.emission is known.surfaces.emission) == (edit not in ("pixels", "uvs"))
+
+
+def test_sets_of_emitters_differ_if_only_the_faces_that_emit_differ():
+    """Whether a back face lights a patch depends on the faces, not only on the patches."""
+    dark, glow = np.zeros((7, 3), np.float32), np.zeros((7, 3), np.float32)
+    glow[2] = 0, 5, 0
+    both, front, back = (PatchMaterials(dark, *faces) for faces in ((glow,), (glow, dark), (dark, glow)))
+    for one, other in ((both, front), (front, both), (front, back), (back, front)):
+        assert not one.has_emitters_of(other)
+    assert both.has_emitters_of(PatchMaterials(dark, 2 * glow, 3 * glow))
+    assert front.has_emitters_of(PatchMaterials(dark, 3 * glow, dark))

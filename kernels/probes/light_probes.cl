@@ -38,6 +38,13 @@ Run start_run(void)
     return run;
 }
 
+// Returns true if the first samples are enough to represent an emitter. Images on surfaces need all samples.
+bool is_narrow(const Run *run, __global const Emitter *e)
+{
+    const bool is_smooth = e->triangle < 0 || e->kind != TRIANGLE || e->uniform;
+    return is_smooth && run->taken >= TRIAL && length(run->directions) > NARROW_LENGTH * run->taken;
+}
+
 void finish_run(const Run *run, const float samples, ProbeLight *sum)
 {
     if (run->taken > 0.0f)
@@ -128,10 +135,10 @@ __kernel void light_probes(RAYS_ARGUMENTS, __global const float4 *probes, __glob
         if (clear || is_skipped) {
             const Fraction known = clear ? (Fraction)(1.0f) : run.through / run.traced;
             const bool is_exact = add_constant(&sum, e, r.at, known / fmin(span.y, 1.0f));
-            const bool is_narrow = run.taken >= TRIAL && length(run.directions) > NARROW_LENGTH * run.taken;
-            if (!is_exact && is_narrow)
+            const bool is_enough = !is_exact && is_narrow(&run, e);
+            if (is_enough)
                 finish_run(&run, run.taken, &sum);
-            if (is_exact || is_narrow) {
+            if (is_exact || is_enough) {
                 run.taken = 0.0f;
                 while (step > 0 && index + step < budget && index + step + offset < span.x)
                     ++step;

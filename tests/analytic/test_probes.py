@@ -16,6 +16,7 @@ from engine.probes.sphere_directions import sphere_directions
 from engine.probes.spherical_harmonics import basis, irradiance
 from engine.resume import checkpoint
 from engine.scene.probe_volume import ProbeVolume
+from engine.scene.texture import Texture
 from tests.analytic.scenes import furnace, material, quads, rectangle, room_walls
 from tests.no_compute import NoCompute
 
@@ -136,6 +137,24 @@ def test_lights_with_a_size_have_the_integral_over_their_solid_angle(session, ki
             expected = angle @ basis(ways)
             unblocked = 0.282095 * (0.24 if kind == "area" else 1) / np.dot(at, at)
             assert found == pytest.approx(expected, abs=(0.02 if blocked else 1e-3) * unblocked), at
+
+
+def test_distant_screens_are_sampled_as_finely_as_near_ones(session):
+    """Small bright spots of an image, which the first few samples miss or hit twice."""
+    pixels = np.where(np.random.default_rng(1).random((16, 16, 1)) < 0.25, 1, 0.02) * np.ones(3)
+    image = Texture("Image", pixels.astype(np.float32), "Map", smooth=False)
+    materials = material("Black", 0.0), dataclasses.replace(material("Screen", 0.0, 1.0), emission_map=image)
+    uvs = np.float32([(0, 0), (1, 0), (1, 1), (0, 1)])[np.array([[0, 1, 2], [0, 2, 3]])]
+    screen = quads(rectangle((-0.5, 0.5, 0), X, -Y)[None], [(8, 8, 50, 50)], [1], 64, "Screen")
+    floor = quads(rectangle((-40, -40, -60), 80 * X, 80 * Y)[None], [(1, 1, 6, 6)], [0], 64, "Floor")
+    meshes = dataclasses.replace(screen, texture_uvs={"Map": uvs}), floor
+    probes = volume((0, 0, -16), (0.3, 0.3, 0.2), (7, 7, 2))
+    scene = Scene(meshes, materials, probe_volumes=(probes,))
+    (grid,) = bake(session, scene, resolution=64, light_samples=128, probe_samples=60)
+    points = probes.points()
+    radiance = grid.coefficients[:, 0, 0] * np.linalg.norm(points, axis=1) ** 3 / -points[:, 2] / 0.282095
+    assert radiance.mean() == pytest.approx(pixels.mean(), rel=0.05)
+    assert radiance.std() < 0.16 * pixels.mean()
 
 
 def test_indirect_only_leaves_lamps_out(session):

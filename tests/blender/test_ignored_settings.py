@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import bpy_link, geometry_nodes, material, mesh_object, part, read_scene, square
+from tests.blender.things import (
+    bpy_link,
+    finished,
+    geometry_nodes,
+    material,
+    mesh_object,
+    part,
+    read_scene,
+    square,
+)
 
 
 def notes_with(words):
@@ -274,3 +283,27 @@ def test_points_that_nodes_make_are_named():
     tree.links.new(points.outputs[0], end.inputs[0])
     (note,) = notes_with("point cloud")
     assert part("engine.object_message").objects_of(note) == ("Dots",)
+
+
+def test_a_change_before_cycles_evaluates_a_light_is_noticed():
+    """Also if a copy of the light, with the values of its object, was made before."""
+    import bpy
+
+    obj = square()
+    lamp = light()
+    tree = lamp.data.node_tree
+    emission = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission")
+    gamma = tree.nodes.new("ShaderNodeGamma")  # only Cycles evaluates it
+    tree.links.new(tree.nodes.new("ShaderNodeObjectInfo").outputs["Color"], gamma.inputs["Color"])
+    tree.links.new(gamma.outputs[0], emission.inputs["Color"])
+    scene = part("operators.scene")
+    context = scene.SceneContext(bpy.context)
+    work = scene.read_scene(context, scene.visible_meshes(context), "Lightmap", 16)
+    for progress in work:
+        if progress is not None and "Reading light" in progress.stage:
+            break
+    else:
+        pytest.fail("Cycles was not needed")
+    obj.location.x = 3
+    with pytest.raises(scene.SceneChangedError):
+        finished(work)

@@ -132,21 +132,28 @@ class SceneLights:
     def _nodes(self, unread: _UnreadLight, watch: SceneWatch) -> Slices[LightNodes]:
         """Return factors of a light's nodes, exact if possible, else measured by Cycles, else constants."""
         name = unread.light.name
-        watch.depsgraph()
-        try:
-            with unread.lamp() as lamp:
-                return self._read_nodes(lamp, name)
-        except ComplexError:
-            yield f"Reading light '{name}' with Cycles"
-        finally:
-            if unread.values:
-                watch.accept()
+        nodes = self._exact_nodes(unread, watch)
+        if nodes is not None:
+            return nodes
+        yield f"Reading light '{name}' with Cycles"
         watch.depsgraph()
         try:
             with unread.lamp() as lamp:
                 return self._bake_nodes(lamp, name, unread.matrix, watch.context)
         finally:
             watch.accept()
+
+    def _exact_nodes(self, unread: _UnreadLight, watch: SceneWatch) -> LightNodes | None:
+        """Return the exact factors of a light's nodes; None if only Cycles can evaluate the nodes."""
+        watch.depsgraph()
+        try:
+            with unread.lamp() as lamp:
+                return self._read_nodes(lamp, unread.light.name)
+        except ComplexError:
+            return None
+        finally:
+            if unread.values:
+                watch.accept()
 
     def _read_nodes(self, lamp: bpy.types.Light, name: str) -> LightNodes:
         """Return the factors of a light's nodes; raises ComplexError if only Cycles can evaluate them."""

@@ -268,6 +268,36 @@ def test_surfaces_that_are_not_physical_are_named(complex_tree):
     assert len(notes_with("Material 'Odd' has negative")) == 1
 
 
+@pytest.mark.parametrize("value", [0.3, 0.8])
+def test_textures_times_more_than_1_are_clipped_by_texel(value):
+    """A dark texture stays below 1, so it keeps its factor and makes no note; so does alpha."""
+    import bpy
+
+    image = bpy.data.images.new("Dark", 8, 8, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(np.full((8, 8, 4), value, np.float32).ravel())
+    surface = material("Odd")
+    tree = surface.node_tree
+    shown, doubled = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeMix")
+    shown.image, doubled.data_type, doubled.blend_type = image, "RGBA", "MULTIPLY"
+    factor, first, second = (socket for socket in doubled.inputs if socket.enabled)
+    factor.default_value, second.default_value = 1.0, (2, 2, 2, 1)
+    tree.links.new(shown.outputs["Color"], first)
+    color = next(output for output in doubled.outputs if output.enabled)
+    shader = tree.nodes["Principled BSDF"]
+    tree.links.new(color, shader.inputs["Base Color"])
+    square(surface=surface)
+    expected = min(2 * value, 1)
+    assert reflectance() == pytest.approx([expected] * 3, abs=2e-3)
+    assert len(notes_with("'Odd' reflects and passes more")) == (2 * value > 1)
+    tree.links.remove(shader.inputs["Base Color"].links[0])
+    tree.links.new(color, shader.inputs["Alpha"])
+    (read,) = read_scene().scene.materials
+    bounce = read.transmission.bounce
+    texture = 0 if bounce.texture is None else np.median(bounce.texture.pixels, axis=(0, 1))
+    assert bounce.offset + bounce.scale * texture == pytest.approx([1 - expected] * 3, abs=2e-3)
+
+
 def test_a_negative_world_is_named():
     square()
     world(-1.0)

@@ -18,6 +18,9 @@ from .values import HOLE, DiffuseSurface, MaterialValue
 #: % at most.
 MAX_SHARED = 1 - 1 / 64
 
+#: Tolerance of sums up to 1 for rounding.
+_ROUNDING = 1e-6
+
 
 @dataclass(frozen=True)
 class Sides:
@@ -39,9 +42,10 @@ class Sides:
 
 @np.errstate(over="ignore", invalid="ignore")
 def to_material(name: str, sides: Sides) -> Material:
-    """Convert surfaces to the engine's material; raises ComplexError for a threshold on tinted light.
+    """Convert surfaces to the engine's material.
 
-    Values that are not finite are kept, and `engine.scene.checks` rejects them.
+    Raises ComplexError for a threshold on tinted light, and for textures times more than 1, which must be
+    clipped texel by texel. Values that are not finite are kept, and `engine.scene.checks` rejects them.
     """
     front = _physical(sides.bounce)
     transmission = Transmission(
@@ -99,6 +103,7 @@ def _physical(surface: DiffuseSurface) -> DiffuseSurface:
     """Clamp a surface to physical values, and divide light by its opaque fraction.
 
     Before the division, reflected, transmitted and straight-through light of a channel add up to 1 at most.
+    Raises ComplexError if that depends on a texture.
     """
     if surface.cover.constant.max() <= 0:
         return HOLE
@@ -106,6 +111,9 @@ def _physical(surface: DiffuseSurface) -> DiffuseSurface:
     reflect, transmit = _not_negative(surface.reflect), _not_negative(surface.transmit)
     emit = _not_negative(surface.emit)
     scattered = reflect.constant + transmit.constant
+    is_textured = reflect.texture is not None or transmit.texture is not None
+    if is_textured and (scattered + through).max() > 1 + _ROUNDING:
+        raise ComplexError
     if scattered.any() or not emit.is_zero:
         through = np.minimum(through, MAX_SHARED)
     room = np.minimum(1.0, (1 - through) / np.maximum(scattered, 1e-30))
@@ -118,10 +126,15 @@ def _physical(surface: DiffuseSurface) -> DiffuseSurface:
 
 
 def _transmittance(surface: DiffuseSurface) -> Transmittance:
-    """Return the straight-through transmittance of a surface: 1 - cover * (1 - through)."""
+    """Return the straight-through transmittance of a surface: 1 - cover * (1 - through).
+
+    Raises ComplexError for a threshold on tinted light, and for a texture times more than 1.
+    """
     through = np.clip(surface.through, 0.0, 1.0)
-    opacity = float(np.clip(surface.cover.constant[0], 0.0, 1.0))
     texture, threshold = surface.cover.texture, surface.threshold
+    if texture is not None and surface.cover.constant[0] > 1 + _ROUNDING:
+        raise ComplexError
+    opacity = float(np.clip(surface.cover.constant[0], 0.0, 1.0))
     if not through.any():
         return from_opacity(opacity, texture, threshold)
     if threshold is not None:

@@ -437,8 +437,7 @@ def read_material(
         return _output_surface(reader, tree)
 
     front = surface(BOUNCE)
-    note_surface(material.name, front, notes)
-    return to_material(
+    made = to_material(
         material.name,
         Sides(
             bounce=front,
@@ -447,6 +446,8 @@ def read_material(
             shadow_back=surface(RayKind(True, True)) if depends.by_ray and depends.by_side else None,
         ),
     )
+    note_surface(material.name, front, notes)
+    return made
 
 
 def _output_surface(reader: ShaderReader, tree: bpy.types.NodeTree) -> DiffuseSurface:

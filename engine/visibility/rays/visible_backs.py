@@ -233,7 +233,7 @@ class _KernelBackRays:
         self._enclosed = zeros(tracer.compute, 4 * rays.words)
 
     def hit_backs(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
-        """Return the result of `CastRays.met`."""
+        """Return the result of `CastRays.hit_backs`."""
         triangles, tracer, rays = len(known), self._tracer, self._rays
         compute = tracer.compute
         (kernel,) = tracer.kernels((RECEIVER, "visible_backs.cl"), "mark_visible_backs")

@@ -30,7 +30,7 @@ class ShaderBackRays:
         self._rays = rays
 
     def hit_backs(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
-        """Return the result of `CastRays.met`."""
+        """Return the result of `CastRays.hit_backs`."""
         size, rays = 4 * len(known), self._rays
         marks = reserve_storage(self._tracer.graphics, size, marks_of(known).astype(np.uint32).tobytes())
         uniforms = {

@@ -23,9 +23,9 @@ from ..visibility.views.directions import r2_sequence
 #: (chosen).
 _DARK = 0.02
 
-#: Number of evenly spaced patches that show which objects are surely not dark, and the multiple of the limit
-#: that the mean of an object's sampled patches must exceed (chosen).
-_SAMPLED, _SURELY = 1 << 16, 4.0
+#: Number of evenly spaced patches that show which objects are surely not dark, the multiple of the limit that
+#: the mean of an object's sampled patches must exceed, and the minimum number of these patches (chosen).
+_SAMPLED, _SURELY, _FEWEST = 1 << 16, 4.0, 16
 
 #: Minimum light of lit back faces as a fraction of the scene's light (chosen).
 _LIT = 0.1
@@ -70,7 +70,7 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
     light = luminance(irradiance[some])
     level = max(float(light.mean(dtype=np.float64)), _open_light(scene))
     count, total = _light_of_meshes(triangles.mesh[patches[some]], light, meshes)
-    examined &= total <= _SURELY * _DARK * level * count
+    examined &= _may_be_dark(count, total, level)
     if not examined.any():
         return []
     of_patch = taken(triangles.mesh, patches)
@@ -86,6 +86,17 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
         if (back := lit.mean_of(index)) > _LIT * level and total[index] < _DARK * back * count[index]
     ]
     return [object_message(_SENTENCE, list(dict.fromkeys(names)))] if names else []
+
+
+def _may_be_dark(count: np.ndarray, total: np.ndarray, level: float) -> np.ndarray:
+    """Return a mask of the meshes that may be dark, (m,) bool: sampled patches are few or not clearly lit.
+
+    count:  (m,) int64, sampled patches
+    total:  (m,) float64, sum of their light
+    level:  mean light of the scene
+    """
+    may: np.ndarray = (count < _FEWEST) | (total <= _SURELY * _DARK * level * count)
+    return may
 
 
 def _light_of_meshes(mesh: np.ndarray, light: np.ndarray, meshes: int) -> tuple[np.ndarray, np.ndarray]:

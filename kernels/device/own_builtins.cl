@@ -1,7 +1,7 @@
 // Replacements of OpenCL C built-ins that call a fused multiply-add, for drivers that cannot link it: Mesa's rusticl
 // with an unpatched libclc (Mesa 26.2 with libclc 22). engine/device/builtins.py prepends this file to programs.
 
-#define OWN __attribute__((overloadable)) inline
+#define OWN static inline __attribute__((overloadable))
 
 // Splits a number into two halves of 12 bits, whose products are exact (Dekker 1971).
 OWN float2 own_halves(const float a)

@@ -182,6 +182,46 @@ def test_generated_coordinates_of_deformed_meshes():
     assert (len(bpy.data.meshes), len(bpy.data.shape_keys)) == (meshes, keys)
 
 
+def test_positions_before_deformation_are_read_once(monkeypatch):
+    """Also with several materials and passes, since Blender then evaluates the whole view layer."""
+    watch = part("operators.scene.scene_watch")
+    evaluate, rendered = watch.evaluate, []
+
+    def counting(context, job, only=None, render=False):
+        rendered.append(render)
+        return evaluate(context, job, only, render)
+
+    monkeypatch.setattr(watch, "evaluate", counting)
+    for name in ("First", "Second"):
+        surface = material(name, emission=1.0)
+        tree = surface.node_tree
+        noise = tree.nodes.new("ShaderNodeTexNoise")
+        tree.links.new(noise.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+        square(name, surface=surface).modifiers.new("Array", "ARRAY")
+    read_scene()
+    assert sum(rendered) == 1 < len(rendered)
+
+
+@pytest.mark.parametrize("as_rendered", [False, True])
+def test_generated_coordinates_precede_modifiers(as_rendered):
+    """Both in viewport meshes, and if another object makes the bake read render meshes."""
+    surface = material()
+    tree = surface.node_tree
+    coordinates = tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(coordinates.outputs["Generated"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    obj = square(surface=surface)
+    (before,) = read_scene().scene.materials
+    moved = obj.modifiers.new("Moved", "DISPLACE")
+    moved.direction, moved.strength = "X", 1.0
+    if as_rendered:
+        other = square("Other", surface=material("Else")).modifiers.new("Fine", "SUBSURF")
+        other.levels, other.render_levels = 0, 1
+        other.id_data.hemibake.atlas = "Other"
+    (after,) = (each for each in read_scene().scene.materials if each.name == surface.name)
+    assert np.ptp(before.reflectance_map.pixels) > 0.3
+    assert np.allclose(before.reflectance_map.pixels, after.reflectance_map.pixels, atol=2e-3)
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_invalid_numbers_of_nodes_are_named(value):
     surface = material("Broken")

@@ -39,6 +39,7 @@ from .shader_bake import (
     bake_pass,
     copy_shape,
     remove_shapes,
+    rest_positions,
     texture_size,
 )
 from .sockets import ComplexError
@@ -98,6 +99,7 @@ class MaterialTable:
         self._hair_materials: list[str] = []
         self._glass, self._surface_notes = glass, SurfaceNotes(glass)
         self._hidden: dict[int, Hidden] = {}
+        self._rest: dict[ItemKey, np.ndarray | None] | None = None
 
     def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
         """Return the index in `Scene.materials` of a material on an object of an atlas (None: an occluder).
@@ -311,11 +313,10 @@ class MaterialTable:
         shapes: list[EvaluatedMesh] = []
         try:
             wearing = self._wearing(index)
+            is_deformed = wearing is None or any(map(_may_deform, wearing))
+            rest = self._rest_positions() if is_deformed and uses_generated(worn.node_tree) else {}
             self._watch.evaluate(
-                lambda evaluation: self._copy_users(index, worn, evaluation, shapes),
-                wearing,
-                # Only this dependency graph has positions before deformation.
-                render=uses_generated(worn.node_tree) and (wearing is None or any(map(_may_deform, wearing))),
+                lambda evaluation: self._copy_users(index, worn, evaluation, shapes, rest), wearing
             )
             mapped = [
                 shape
@@ -340,16 +341,53 @@ class MaterialTable:
             return None
         return find_all(bpy.data.objects, [source for source, _, _ in items])
 
+    def _rest_positions(self) -> Mapping[ItemKey, np.ndarray | None]:
+        """Return positions before deformation by object or instance, for all materials that need them.
+
+        They are read once, since only the dependency graph of a render has them, and Blender then evaluates
+        the whole view layer.
+        """
+        if self._rest is None:
+            materials = find_all(bpy.data.materials, [each.uid for each in self._complex.values()])
+            uids = {each.session_uid for each in materials if uses_generated(each.node_tree)}
+            indices = {index for index, each in self._complex.items() if each.uid in uids}
+            self._rest = self._watch.evaluate(
+                lambda evaluation: self._read_rest(indices, evaluation), render=True
+            )
+        return self._rest
+
+    def _read_rest(self, indices: set[int], evaluation: Evaluation) -> dict[ItemKey, np.ndarray | None]:
+        """Read positions before deformation of all objects and instances that use some materials."""
+        meshes: dict[int, np.ndarray | None] = {}
+        found: dict[ItemKey, np.ndarray | None] = {}
+        for item in evaluation.items(self._watch.visible):
+            if not indices.isdisjoint(self._wearers.get(item.key, ())):
+                address = item.object.data.as_pointer()
+                if address not in meshes:
+                    meshes[address] = rest_positions(item.object.data)
+                found[item.key] = meshes[address]
+        return found
+
     def _copy_users(
-        self, index: int, worn: bpy.types.Material, evaluation: Evaluation, shapes: list[EvaluatedMesh]
+        self,
+        index: int,
+        worn: bpy.types.Material,
+        evaluation: Evaluation,
+        shapes: list[EvaluatedMesh],
+        rest: Mapping[ItemKey, np.ndarray | None],
     ) -> None:
-        """Append mesh copies of all objects that use a material, with `worn` in place of it."""
+        """Append mesh copies of all objects that use a material, with `worn` in place of it.
+
+        rest:  positions before deformation, see `rest_positions`
+        """
         for item in evaluation.items(self._watch.visible):
             slots = self._wearers.get(item.key, ())
             if index in slots:
                 wearing = [worn if slot == index else None for slot in slots]
                 layer, depsgraph = lightmap_layer(item.source, self._uv_layer), evaluation.depsgraph_of(item)
-                shapes.append(copy_shape(item.object, layer, item.matrix, depsgraph, wearing))
+                shapes.append(
+                    copy_shape(item.object, layer, item.matrix, depsgraph, wearing, rest.get(item.key))
+                )
 
 
 def _may_deform(obj: bpy.types.Object) -> bool:

@@ -59,27 +59,30 @@ def copy_shape(
     matrix: np.ndarray,
     depsgraph: bpy.types.Depsgraph,
     slots: Sequence[bpy.types.Material | None],
+    rest: np.ndarray | None = None,
 ) -> EvaluatedMesh:
     """Copy the mesh of an evaluated object with all its layers.
 
     uv_layer:  name of the layer with its lightmap UVs
     matrix:    (4, 4) float64, object or instance space to world space
+    rest:      (v, 3) float32, see `rest_positions`; ignored if the number of vertices differs
     """
     mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
     # Generated coordinates use the box of the original mesh, not that of the copy.
     mesh.use_auto_texspace = False
-    return EvaluatedMesh(
-        evaluated.original.session_uid, uv_layer, mesh, tuple(slots), Matrix(matrix.tolist()),
-        _rest_positions(evaluated.data, mesh),
-    )  # fmt: skip
+    if rest is not None and len(rest) != len(mesh.vertices):  # in edit mode
+        rest = None
+    uid = evaluated.original.session_uid
+    return EvaluatedMesh(uid, uv_layer, mesh, tuple(slots), Matrix(matrix.tolist()), rest)
 
 
-def _rest_positions(evaluated: bpy.types.Mesh, copy: bpy.types.Mesh) -> np.ndarray | None:
-    """Return the positions of a mesh before deformation, which its copy lacks; None if they are the same."""
-    if len(evaluated.vertices) != len(copy.vertices):  # in edit mode
-        return None
-    rest = read_array(evaluated.vertices, "undeformed_co", 3, np.float32)
-    return None if np.array_equal(rest, read_array(copy.vertices, "co", 3, np.float32)) else rest
+def rest_positions(mesh: bpy.types.Mesh) -> np.ndarray | None:
+    """Return vertex positions before deformation, (v, 3) float32; None if they are the same.
+
+    mesh:  mesh of an object evaluated for a render; meshes of the viewport and copies lack these positions
+    """
+    rest = read_array(mesh.vertices, "undeformed_co", 3, np.float32)
+    return None if np.array_equal(rest, read_array(mesh.vertices, "co", 3, np.float32)) else rest
 
 
 def add_lightmap_uv_map(mesh: bpy.types.Mesh, uv_layer: str, move: Move | None) -> bool:

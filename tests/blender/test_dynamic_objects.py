@@ -170,14 +170,14 @@ def test_probes_are_shown_as_spheres_and_removed_again(tmp_path):
 
 
 def test_thousands_of_spheres_are_shown_without_a_stall():
-    """CPU time, since other programs may run: 16^3 spheres take 0.15 s on an idle core."""
+    """CPU time, since other programs may run: 16^3 spheres take 0.15 s on an idle core, a tenth of the limit."""
     import bpy
 
     volume = grid("Grid", np.diag([2.0, 2, 2, 1]), (16, 16, 16))
     part("operators.result.probe_images").keep_probes(bpy.context.scene, [volume], np.zeros(3))
     began = time.process_time()
     assert bpy.ops.hemibake.show_light_probes() == {"FINISHED"}
-    assert time.process_time() - began < 0.5
+    assert time.process_time() - began < 1.5
     (obj,) = [obj for obj in bpy.context.scene.objects if obj.get("hemibake_probe_spheres")]
     assert len(obj.data.vertices) == 18 * 16**3
 

@@ -170,7 +170,7 @@ def test_probes_are_shown_as_spheres_and_removed_again(tmp_path):
 
 
 def test_thousands_of_spheres_are_shown_without_a_stall():
-    """CPU time, since other programs may run: 16^3 spheres take 0.15 s on an idle core, a tenth of the limit."""
+    """CPU time, since other programs may run: ten times the 0.15 s of an idle core for 16^3 spheres."""
     import bpy
 
     volume = grid("Grid", np.diag([2.0, 2, 2, 1]), (16, 16, 16))

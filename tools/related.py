@@ -59,7 +59,7 @@ class Room:
     def __init__(self, graphics: GraphicsContext, compute: ComputeDevice, settings: Settings) -> None:
         self.graphics, self.compute, self.settings = graphics, compute, settings
         self.scene = panel_box(settings.resolution)
-        self.patch_scene: PatchScene = make_patch_scene(graphics, self.scene, settings)
+        self.patch_scene: PatchScene = make_patch_scene(graphics, compute, self.scene, settings)
         self.rays = RayScene(compute, self.patch_scene)
         self.polygon = np.concatenate([mesh.face for mesh in self.scene.meshes])
         self._truth = irradiance(drive(self.scene, _truth_settings(settings.resolution)))
@@ -80,11 +80,11 @@ class Room:
         """Return the patch + 1 in every texel of every patch's hemicube, (n, 3 N N)."""
         job, count = self.job(self.settings), len(self.patch_scene.patches)
         identity = RaySampler(self.compute, self.rays, self.patch_scene, job.background, self.settings)
-        cache, light, part = (
-            cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size * count)
-            for size in (identity.row_bytes, 16, 4)
+        cache, light, part, backs = (
+            cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size * (count + 1))
+            for size in (identity.row_bytes, 16, 4, 1)
         )
-        for _ in identity.find(0, count, VisibilityBuffers(cache, 0, light, part)):
+        for _ in identity.find(0, count, VisibilityBuffers(cache, 0, light, part, backs)):
             pass
         size = identity.row_bytes // identity.samples
         seen = np.empty((count, identity.samples), np.uint16 if size == 2 else np.uint32)

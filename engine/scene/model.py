@@ -66,6 +66,8 @@ NO_LIGHTMAP = -1
 class Mesh:
     """Triangles of one object or instance, as a triangle soup.
 
+    Sessions cache data by array, so change a mesh by new arrays, not by edits of its arrays.
+
     positions:    (t, 3, 3) float32, m, relative to `Scene.origin`, world axes; counter-clockwise seen from
                   the front
     normals:      (t, 3, 3) float32, world space, unit shading normal of each corner

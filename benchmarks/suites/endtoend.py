@@ -73,7 +73,7 @@ def _measure(resolution: int, samples: int, options: Options, bpy) -> dict[str, 
         seconds, lightmap = baking.best_of_two(scene, settings(values, resolution=resolution))
         point = {"values": values, "seconds": seconds, "own": _rmse(lightmap.image, truth, has_patch)}
         if reference is not None:
-            point["cycles"] = reference.compare(lightmap.image, known).rmse or None
+            point["cycles"] = reference.compare_centres(lightmap.image, known).rmse or None
         curve.append({**point, **baking.facts(lightmap)})
         if seconds > limit:
             too_slow.add(values.get("visibility"))
@@ -117,9 +117,9 @@ def _cycles(bpy, scene: Scene, resolution: int, samples: int, options: Options):
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         _build(bpy, scene)
         bpy.context.scene.hemibake.resolution = resolution
-        read, _ = read_for_bake(bpy.context)
+        read, chosen = read_for_bake(bpy.context)
     with realised(bpy.context, read, resolution) as cycles:
-        return Reference(cycles, read, f"box-{resolution}", samples, Path(options.cache))
+        return Reference(bpy.context, cycles, read, chosen, f"box-{resolution}", samples, Path(options.cache))
 
 
 def _build(bpy, scene: Scene) -> None:

@@ -14,7 +14,7 @@
 bool is_constant(__global const Emitter *e)
 {
 #ifdef TRANSMISSION
-    if (e->triangle >= 0)
+    if (e->kind == TRIANGLE && e->triangle >= 0)
         return false;
 #endif
     if (e->kind == TRIANGLE)

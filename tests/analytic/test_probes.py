@@ -17,6 +17,7 @@ from engine.probes.spherical_harmonics import basis, irradiance
 from engine.resume import checkpoint
 from engine.scene.probe_volume import ProbeVolume
 from engine.scene.texture import Texture
+from engine.scene.transmission import Transmission, Transmittance
 from tests.analytic.scenes import furnace, material, quads, rectangle, room_walls
 from tests.no_compute import NoCompute
 
@@ -137,6 +138,20 @@ def test_lights_with_a_size_have_the_integral_over_their_solid_angle(session, ki
             expected = angle @ basis(ways)
             unblocked = 0.282095 * (0.24 if kind == "area" else 1) / np.dot(at, at)
             assert found == pytest.approx(expected, abs=(0.02 if blocked else 1e-3) * unblocked), at
+
+
+@pytest.mark.parametrize("soft", [False, True])
+def test_clear_surfaces_elsewhere_leave_the_light_of_balls_and_disks_exact(session, soft):
+    light = Light("Lamp", "point", np.zeros(3), np.eye(3), np.ones(3), radius=0.3, soft=soft)
+    probes = volume((0.1, -0.2, -2.5), (0.9, 0.4, 2.0), (3, 1, 4))
+    half = np.full(3, 0.5, np.float32)
+    found = []
+    for transmission in (Transmission(), Transmission(*4 * [Transmittance(half)])):
+        glass = dataclasses.replace(material("Glass", 0.0), transmission=transmission)
+        scene = Scene((square((0, 0, -90)),), (glass,), lights=(light,), probe_volumes=(probes,))
+        (grid,) = bake(session, scene, light_samples=16)
+        found.append(grid.coefficients)
+    assert found[1] == pytest.approx(found[0], rel=1e-5, abs=1e-5 * found[0].max())
 
 
 def test_distant_screens_are_sampled_as_finely_as_near_ones(session):

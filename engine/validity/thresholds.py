@@ -19,9 +19,11 @@ INVALID = 0.9
 #: the ceiling.
 DOUBTFUL = 0.4
 
-#: An invalid point has at most this many probe rays that escape: they hit nothing, or the front of a surface
-#: that is itself outside. It is 1, because a ray may slip through the edge between two faces.
-MAX_ESCAPES = 1
+#: An invalid point has at most this many escapes. A probe ray that hits nothing, or the front of a surface
+#: that is itself outside, counts 2: one ray may slip through the edge between two faces. A ray that hits a
+#: lit back face at a distance counts 1: light leaks into pockets between parts of a house, so their far ends
+#: are lit.
+MAX_ESCAPES = 3
 
 #: The front of a surface is outside if at most this many of its probe rays hit back faces. In a corner inside
 #: geometry where a wall ends, rays from front faces hit other front faces, and back faces in a quarter of the

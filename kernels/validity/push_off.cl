@@ -9,16 +9,19 @@
 #define WAYS 8        // rays in the tangent plane; opposite rays measure the thickness
 #define MARGIN 0.05f  // distance of a moved point from the face, in texel widths
 
-// Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself. From a
-// point between the sides of a thin wall that ends in another wall, rays also hit the other wall's front, which is
-// inside there.
-bool escapes(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals,
+// Returns how far a probe ray indicates the outside: 2 if it hits nothing, or a front face that is outside itself; 1 if
+// it hits a lit back face at a distance, which also occurs in pockets that light leaks into; else 0. From a point
+// between the sides of a thin wall that ends in another wall, rays also hit the other wall's front, which is inside
+// there.
+int escape(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals,
              __global const uchar *lit, const float near)
 {
-    if (hit->triangle < 0 || !hit->front)
+    if (hit->triangle < 0)
+        return 2;
+    if (!hit->front)
         return !meets_dark_back(hit, lit, near);
     const float3 normal = vload3(hit->triangle, normals);
-    return hits_few_backfaces(rays, at + height * normal, normal, lit, near, MAX_BACKS_OUTSIDE);
+    return 2 * hits_few_backfaces(rays, at + height * normal, normal, lit, near, MAX_BACKS_OUTSIDE);
 }
 
 // Returns true if a point is inside geometry. If none of its first probe rays hits a back face, it is outside, and no
@@ -34,8 +37,8 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
     for (int i = 0; i < LOOKS && out <= MAX_ESCAPES; ++i) {
         const float3 direction = probe_direction(i, x, y, r->geometric);
         const Hit hit = nearest_hit(rays, start, direction, false);
-        fronts += !meets_dark_back(&hit, lit, near);
-        out += escapes(rays, &hit, start + hit.distance * direction, r->height, normals, lit, near);
+        fronts += hit.triangle < 0 || hit.front;
+        out += escape(rays, &hit, start + hit.distance * direction, r->height, normals, lit, near);
     }
     *backs_only = fronts == 0;
     return out <= MAX_ESCAPES;

@@ -18,13 +18,16 @@ uniform float reach;
 #define WAYS 8  // rays in the tangent plane; opposite rays measure the thickness of the object
 #define MARGIN 0.05  // distance of moved points from the surface, in texels
 
-// Returns true if a probe ray reaches the outside: it hits nothing, or a front face that is outside itself.
-bool escapes(const Hit hit, const vec3 at, const float height, const float near)
+// Returns how far a probe ray indicates the outside: 2 if it hits nothing, or a front face that is outside itself; 1 if
+// it hits a lit back face at a distance; else 0.
+int escape(const Hit hit, const vec3 at, const float height, const float near)
 {
-    if (hit.triangle < 0 || !hit.front)
-        return !meets_dark_back(hit, near);
+    if (hit.triangle < 0)
+        return 2;
+    if (!hit.front)
+        return int(!meets_dark_back(hit, near));
     vec3 normal = normal_of(hit.triangle);
-    return hits_few_backfaces(at + height * normal, normal, near, MAX_BACKS_OUTSIDE);
+    return 2 * int(hits_few_backfaces(at + height * normal, normal, near, MAX_BACKS_OUTSIDE));
 }
 
 // State of the probe rays of a point. The first round only tests for a near back face; the second round counts all
@@ -58,9 +61,8 @@ bool probe_on(const Receiver r, const vec3 origin, const vec3 x, const vec3 y, i
             probes.backs += int(dark);
             continue;
         }
-        probes.fronts += int(!dark);
-        if (escapes(hit, origin + hit.distance * direction, r.height, near))
-            ++probes.escaped;
+        probes.fronts += int(hit.triangle < 0 || hit.front);
+        probes.escaped += escape(hit, origin + hit.distance * direction, r.height, near);
     }
     return true;
 }

@@ -7,11 +7,12 @@ import pytest
 
 from engine import Material, Scene, Settings, Texture, finished
 from engine.device import devices
+from engine.device.buffers import upload
 from engine.direct import contact
 from engine.direct.contact import find_contacts, patches_lit_by_backs
 from engine.patches.patch_scene import make_patch_scene
 from engine.session import Session
-from engine.validity.push_off import push_off_points
+from engine.validity.push_off import find_inside, push_off_points
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.shaders.shader_scene import ShaderScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls
@@ -212,6 +213,35 @@ def test_probes_find_the_same_without_opencl(graphics, compute, shift):
     # Ways out of equal length are common among whole coordinates; rounding decides between them.
     assert (np.abs(theirs.offset - ours.offset)[same].max(axis=1) > 1e-3).mean() < 2e-3
     assert (np.isinf(theirs.thickness) == np.isinf(ours.thickness)).mean() > 0.99
+
+
+def insides(width, depth, height, shift):
+    """Return a floor of texels 1 m wide in a box of the given size, m, that shows its back faces."""
+    box = room_walls(width, depth, height)[1:, ::-1] + np.array(shift)
+    floor = rectangle(shift, (width, 0, 0), (0, depth, 0))
+    charts = [(0, 0, width, depth), *((30 + 5 * side, 0, 3, 3) for side in range(5))]
+    mesh = quads(np.concatenate([floor[None], box]), charts, [0] * 6, 64, "Box")
+    return Scene((mesh,), (material("Grey", 0.5),))
+
+
+@pytest.mark.parametrize("shift", [NEAR, FAR])
+@pytest.mark.parametrize("shaders", [False, True])
+def test_lit_back_faces_make_a_room_outside_but_no_narrow_pocket(graphics, compute, shift, shaders):
+    """Light leaks into a pocket through its rim, so that the backs at its far end are lit."""
+    inside = {}
+    for size in ((25, 23, 11), (3, 25, 2)):
+        patch_scene = make_patch_scene(
+            graphics, compute, insides(*size, shift), dataclasses.replace(SETTINGS, resolution=64)
+        )
+        rays = RayScene(compute, patch_scene)
+        if shaders:
+            rays = RayScene(None, patch_scene, shaders=ShaderScene(graphics, patch_scene))
+        triangles = patch_scene.triangles.solid
+        lit = np.ones(triangles, np.uint8) if shaders else upload(compute, np.ones(triangles, np.uint8))
+        found = find_inside(rays, rays.count, 1.5, patch_scene.geometry.steps.geometric, lit)
+        inside[size] = found[patch_scene.geometry.triangle < 2]
+    room, pocket = inside.values()
+    assert len(room) == 25 * 23 and not room.any() and pocket.mean() > 0.6
 
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])

@@ -14,7 +14,7 @@
 // between the sides of a thin wall that ends in another wall, rays also hit the other wall's front, which is inside
 // there.
 int escape(const Rays *rays, const Hit *hit, const float3 at, const float height, __global const float *normals,
-             __global const uchar *lit, const float near)
+           __global const uchar *lit, const float near)
 {
     if (hit->triangle < 0)
         return 2;

@@ -14,6 +14,10 @@ from .texel_samples import TexelSamples
 #: Relative difference between both sides above which light leaks visibly (chosen).
 _DIFFERS = 0.25
 
+#: Multiple of the present texel density up to which a higher density is advised (chosen); lightmaps then have
+#: up to 64 times as many texels.
+_ADVISED = 8.0
+
 #: Thickness in texels from which no bilinear lookup reads texels on both sides of a wall.
 _PARTING = 2.0
 
@@ -56,11 +60,13 @@ def warn_thin_walls(
     units = 1 / scene.metres_per_unit
     density = units * float((_PARTING / np.maximum(push_offs.thickness[inside], 1e-6)).max())
     now = units / float(_texel(patch_scene, samples, inside).max())
-    sentence = (
-        "{}: wall thinner than two texels, so light leaks next to it. "
-        f"Use {_rounded(density)} texels per metre (now {_rounded(now)}) "
-        "or cut the lightmap UVs along the wall."
-    )
+    remedy = "Cut the lightmap UVs along the wall."
+    if density <= _ADVISED * now:
+        remedy = (
+            f"Use {_rounded(density)} texels per metre (now {_rounded(now)}) "
+            "or cut the lightmap UVs along the wall."
+        )
+    sentence = f"{{}}: wall thinner than two texels, so light leaks next to it. {remedy}"
     names = list(dict.fromkeys(scene.meshes[mesh].name for mesh in meshes))
     return [object_message(sentence, names, "cut_along_walls")]
 

@@ -79,6 +79,14 @@ def test_a_thin_wall_on_one_floor_parts_light_from_dark(first):
     assert shown(lightmap, floor_points(hall, ends)) == pytest.approx(lamp_light(LAMP, ends), rel=0.15)
 
 
+def test_a_wall_far_thinner_than_a_texel_asks_for_cut_charts_only():
+    """Ten times as many texels per metre are too many."""
+    _, scene = walled_floor(0.8085, thickness=0.008)
+    lightmap = drive(scene, SETTINGS)
+    (told,) = [note for note in lightmap.report.warnings if "thinner than two texels" in note]
+    assert "Cut the lightmap UVs along the wall." in told and "texels per metre" not in told
+
+
 def halved_floor(first, cut, thickness):
     """Return `walled_floor` with a hall whose charts end at x = `cut`, and the scene."""
     atlas = Atlas(SETTINGS.resolution)

@@ -40,7 +40,7 @@ def bake():
 
 def warnings() -> list[str]:
     """Return the warnings of a bake, except the one on the unsaved file."""
-    return [text for text in report()["warnings"] if "not saved yet" not in text]
+    return [text for text in report()["warnings"] if "not saved" not in text]
 
 
 def denoises() -> bool:

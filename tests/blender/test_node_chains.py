@@ -189,9 +189,9 @@ def test_nested_groups_that_depend_on_the_object():
     objects = part("operators.scene.materials.object_nodes")
     depends = objects.dependence(surface.node_tree)
     assert depends.sources == (("INFO", "Color"),)
-    frozen = objects.FrozenMaterial(surface, {("INFO", "Color"): (0.2, 0.4, 0.6, 1)})
+    frozen = objects.FrozenCopy(surface, {("INFO", "Color"): (0.2, 0.4, 0.6, 1)})
     assert len(bpy.data.node_groups) == groups + DEEP
-    assert not objects.dependence(frozen.material.node_tree).sources
+    assert not objects.dependence(frozen.copy.node_tree).sources
     frozen.remove()
     assert len(bpy.data.node_groups) == groups
 

@@ -14,7 +14,7 @@ from ....engine.object_message import object_message
 from ....engine.scene.model import Light
 from ...compat import light_nodes, light_power, light_temperature
 from ...lookup import find
-from ..materials.object_nodes import FrozenLight, Source, dependence, object_values
+from ..materials.object_nodes import FrozenCopy, Source, dependence, object_values
 from ..materials.sockets import ComplexError
 from ..materials.tree_nodes import used_nodes
 from ..objects.items import SceneItem, hidden_from
@@ -64,7 +64,7 @@ class _UnreadLight:
         if not self.values:
             yield lamp
             return
-        frozen = FrozenLight(lamp, self.values)
+        frozen = FrozenCopy(lamp, self.values)
         try:
             yield frozen.copy
         finally:

@@ -30,7 +30,7 @@ from .evaluation_digest import evaluation_digest
 from .materials import read_material
 from .mean_colors import mean_color
 from .normal_map_reflectance import surface_bumps
-from .object_nodes import Dependence, FrozenMaterial, Source, dependence, lost_attributes, object_values
+from .object_nodes import Dependence, FrozenCopy, Source, dependence, lost_attributes, object_values
 from .pixels import PixelCache, PixelsNeededError
 from .shader_bake import (
     EvaluatedMesh,
@@ -308,8 +308,8 @@ class MaterialTable:
         unevaluated = self._complex[index]
         material = find(bpy.data.materials, unevaluated.uid)
         assert material is not None
-        frozen = FrozenMaterial(material, unevaluated.values) if unevaluated.values else None
-        worn = material if frozen is None else frozen.material
+        frozen = FrozenCopy(material, unevaluated.values) if unevaluated.values else None
+        worn = material if frozen is None else frozen.copy
         shapes: list[EvaluatedMesh] = []
         try:
             wearing = self._wearing(index)

@@ -109,29 +109,19 @@ class _FrozenNodes:
         return self._groups[group]
 
 
-class FrozenMaterial:
-    """A copy of a material with constants for an object's values; `remove` removes the copy."""
+class FrozenCopy:
+    """A copy of a material or light with constants for an object's values; `remove` removes the copy."""
 
-    def __init__(self, material: bpy.types.Material, values: dict[Source, tuple[float, ...]]) -> None:
-        self.material = material.copy()
-        self._nodes = _FrozenNodes(self.material.node_tree, values)
-
-    def remove(self) -> None:
-        """Remove the copied material and node groups."""
-        bpy.data.materials.remove(self.material)
-        self._nodes.remove()
-
-
-class FrozenLight:
-    """A copy of a light with constants for an object's values; `remove` removes the copy."""
-
-    def __init__(self, light: bpy.types.Light, values: dict[Source, tuple[float, ...]]) -> None:
-        self.copy = light.copy()
+    def __init__(
+        self, original: bpy.types.Material | bpy.types.Light, values: dict[Source, tuple[float, ...]]
+    ) -> None:
+        self.copy = original.copy()
         self._nodes = _FrozenNodes(self.copy.node_tree, values)
 
     def remove(self) -> None:
-        """Remove the copied light and node groups."""
-        bpy.data.lights.remove(self.copy)
+        """Remove the copy and the copied node groups."""
+        is_light = isinstance(self.copy, bpy.types.Light)
+        (bpy.data.lights if is_light else bpy.data.materials).remove(self.copy)
         self._nodes.remove()
 
 

@@ -66,7 +66,7 @@ class SavedRows:
         return self._saved
 
     def write(self, found: int) -> None:
-        """Write finished rows before `found` if a checkpoint is due, as many as its time limit allows."""
+        """Write unsaved rows before `found` if a checkpoint is due, up to its time limit."""
         if found > self._saved and self._checkpoint.due:
             self._write(min(found, self._saved + max(1, self._checkpoint.room // self._row)))
 

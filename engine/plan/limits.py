@@ -75,7 +75,7 @@ def may_gather(scene: Scene, surfaces: PatchMaterials, settings: Settings) -> bo
 
 
 def check_patches(compute: ComputeDevice | None, triangles: int, patches: int, gathers: bool = True) -> None:
-    """Raise SettingsError if the patches do not fit a radiosity texture, or the scene the device's memory.
+    """Raise SettingsError if there are too many patches, or if the scene exceeds the memory of the device.
 
     gathers:  False if no patch gathers light, see `may_gather`
     """

@@ -220,7 +220,7 @@ class BakeStages(Schedule):
         }
 
     def opened(self, speed: float, first: bool = False) -> None:
-        """Set the speed of casting rays, and expect the overhead of the first bake of a session.
+        """Scale expected times by the speed of casting rays; in a first bake, add the time to load programs.
 
         speed:  relative to OpenCL on a CPU, see `rates.ray_speed`
         first:  True if the programs of this device were not loaded before

@@ -14,8 +14,8 @@ from .texel_samples import TexelSamples
 #: Relative difference between both sides above which light leaks visibly (chosen).
 _DIFFERS = 0.25
 
-#: Multiple of the present texel density up to which a higher density is advised (chosen); lightmaps then have
-#: up to 64 times as many texels.
+#: The warning advises a higher texel density only up to this multiple of the present one (chosen). Lightmaps
+#: of 8 times the density have 64 times as many texels.
 _ADVISED = 8.0
 
 #: Thickness in texels from which no bilinear lookup reads texels on both sides of a wall.

@@ -19,9 +19,9 @@ _VALUES = ("coefficients", "validity", "positions", "distances")
 
 
 class ProbeBlocks:
-    """Finished blocks of consecutive probes, from an interrupted bake and from this one.
+    """Finished blocks of consecutive probes, restored from an interrupted bake or gathered by this bake.
 
-    New blocks are written whenever a checkpoint is due, as many as its time limit allows.
+    Whenever a checkpoint is due, new blocks are written until its time limit.
     """
 
     def __init__(self, checkpoint: Checkpoint, key: Callable[[], str]) -> None:

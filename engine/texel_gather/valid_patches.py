@@ -36,9 +36,10 @@ def radiance_of(
 def substitutes_of(
     texel_job: TexelGatherJob, invalid: np.ndarray, source_irradiance: Values, of_groups: np.ndarray | None
 ) -> np.ndarray | None:
-    """Return the patch whose light each sender emits in a final gather, (m,) int64; None if all are valid.
+    """Return the sender that provides the light of each sender in a final gather, (m,) int64.
 
-    Senders are patches or patch groups. A valid one emits its own light, an invalid one that of a neighbour.
+    Senders are patches or patch groups. A valid sender provides its own light; a valid neighbour
+    provides that of an invalid one. None if all senders are valid.
 
     invalid:            (n,) bool, invalid patches, see `invalid_patches`
     source_irradiance:  (m, 3) float32, E/pi of the senders
@@ -54,8 +55,8 @@ def _invalid_groups(
 ) -> np.ndarray:
     """Return a mask of the invalid patch groups, (m,) bool.
 
-    A group has the light of its representative patch. It is invalid if that patch is, or if the iterations
-    replaced its light.
+    A group has the light of its representative patch. It is invalid if that patch is invalid, or if the
+    iterations replaced the light of the group.
 
     invalid, of_groups:  see `substitutes_of`
     """
@@ -126,9 +127,10 @@ def invalid_patches(texel_job: TexelGatherJob, validity: np.ndarray, contacts: C
 
 
 def _inside(texel_job: TexelGatherJob, tested: np.ndarray, lit: cl.Buffer | np.ndarray | None) -> np.ndarray:
-    """Test a mask of patches with probe rays; return a mask of those inside geometry, (n,) bool both.
+    """Return a mask of the tested patches that lie inside geometry, (n,) bool, from their probe rays.
 
-    tested: no patch that back faces light, see `Contacts.backlit`
+    tested:  (n,) bool, patches to test; it excludes patches lit by back faces, see `Contacts.backlit`
+    lit:     marks of back faces that reflect or emit light; None if no back face has patches
     """
     patch_scene, all_rays, number = (
         texel_job.job.patch_scene,

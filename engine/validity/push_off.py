@@ -109,9 +109,10 @@ def _kernels(scene: RayScene) -> list[Kernel]:
 def _run(
     scene: RayScene, count: int, reach: float, normals: np.ndarray, lit: cl.Buffer | np.ndarray | None
 ) -> tuple[np.ndarray, list[cl.Buffer]]:
-    """Return a mask of the points inside geometry, (count,) bool, and three buffers with their push-offs.
+    """Compute push-offs on the device.
 
-    The buffers hold offsets with thickness, walls, and the triangles of both sides, see `_taken`.
+    Returns a mask of the points inside geometry, (count,) bool, and three buffers. The buffers hold
+    offsets with thickness, walls, and the triangles of both sides, see `_taken`.
     """
     compute, push = scene.compute, _kernels(scene)[0]
     found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]

@@ -19,8 +19,8 @@
 // Minimum number of rays to an emitter for shaft culling, as in direct.cl.
 #define SHAFT_FROM 3.0f
 
-// Minimum length of the mean direction of samples for which the first TRIAL are enough if their visibility agrees: that
-// of a disk of 0.1 rad radius, whose L2 then differs by 1 % (estimated).
+// A light is narrow if the mean direction of its samples is at least this long. TRIAL samples of equal visibility are
+// enough for a narrow light. The value belongs to a disk of 0.1 rad radius; its L2 then differs by 1 % (estimated).
 #define NARROW_LENGTH 0.9975f
 
 // State of consecutive samples of one emitter: all samples, traced rays, the sum and the extremes of their

@@ -9,8 +9,8 @@
 // of the light at 1e-4 sr).
 #define LEAST_ANGLE 1e-4f
 
-// Returns true if the radiance of an emitter is constant as seen from a probe. Only the opaque fraction of a surface
-// emits, which a sample finds with TRANSMISSION.
+// Returns true if the radiance of an emitter is constant as seen from a probe. With TRANSMISSION, a
+// surface is not constant: only its opaque fraction emits, and samples find that fraction.
 bool is_constant(__global const Emitter *e)
 {
 #ifdef TRANSMISSION

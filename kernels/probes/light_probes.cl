@@ -53,8 +53,7 @@ void finish_run(const Run *run, const float samples, ProbeLight *sum)
 }
 
 // Returns the transmittance from a probe to a light sample. The ray ends just before the light, which may be a surface.
-Fraction transmittance_to(const Rays *rays, const Blockers *blockers, const float3 at, const Sample *s,
-                          const int kind)
+Fraction transmittance_to(const Rays *rays, const Blockers *blockers, const float3 at, const Sample *s, const int kind)
 {
     const bool far = s->distance == INFINITY;
     const float3 way = far ? s->direction : s->distance * s->direction;

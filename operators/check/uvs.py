@@ -53,14 +53,14 @@ def check_missing(meshes: Sequence[CheckedMesh]) -> list[Finding]:
     return [
         *found(
             ERROR,
-            "NaN or infinite lightmap UVs: {} would get no lightmap. Unwrap it.",
+            "NaN or infinite lightmap UVs: {} would get no lightmap. Unwrap again.",
             spoilt,
             "unwrap_again",
         ),
         *found(
             ERROR,
-            "Linked from another file and without lightmap UVs: {}. Unwrap it in that file, override it, or "
-            "apply its modifiers on a copy.",
+            "Linked from another file and without lightmap UVs: {}. Unwrap in that file, override, or apply "
+            "modifiers on a copy.",
             [mesh.name for mesh in missing if not mesh.editable],
             "apply_on_copy",
         ),
@@ -88,7 +88,7 @@ def check_kept(meshes: Sequence[CheckedMesh], as_rendered: bool) -> list[Finding
         *found(
             ERROR,
             "Linked from another file, with modifiers whose result has changed since lightmap UVs were made: "
-            "{}. Unwrap it in that file, override it, or apply its modifiers on a copy.",
+            "{}. Unwrap in that file, override, or apply modifiers on a copy.",
             [mesh.name for mesh in outdated if not mesh.editable],
             "apply_on_copy",
         ),

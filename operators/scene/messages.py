@@ -21,19 +21,19 @@ TOO_FAR = (
     f"reaching more than {LARGEST / 1000:,.0f} km away: {_LEFT_OUT}. Delete distant vertices, "
     "or check the object's location and scale."
 )
-NOT_FINITE_UVS = f"NaN or infinite lightmap UVs: {_SEEN}. Unwrap its lightmap UVs again."
+NOT_FINITE_UVS = f"NaN or infinite lightmap UVs: {_SEEN}. Unwrap again."
 OVERLAPPING = (
-    f"overlapping lightmap UVs: {_SEEN}. Unwrap it without overlaps, "
+    f"overlapping lightmap UVs: {_SEEN}. Unwrap without overlaps, "
     "or delete the lightmap UV layer for a new one."
 )
-NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap it, or apply its modifiers on a copy."
+NO_UVS = f"faces without lightmap UVs: {_SEEN}. Unwrap, or apply modifiers on a copy."
 NO_TILE = (
     f"too many objects and instances share the mesh, or overlap in the atlas, for lightmaps of this "
     f"resolution: {_SEEN}. Raise the resolution, or set the role of less important ones to No Lightmap."
 )
 LINKED = (
-    f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make it local or "
-    "override it, unwrap it in that file, or apply its modifiers on a copy."
+    f"no lightmap UVs of its own, and linked from another file: {_SEEN}. Make local or override, "
+    "unwrap in that file, or apply modifiers on a copy."
 )
 WITHOUT_XATLAS = (
     "The package xatlas is missing, so Blender's Smart UV Project makes the lightmap UVs. They have more "

@@ -250,6 +250,7 @@ def test_linked_objects_that_get_no_lightmap_do_not_count(tmp_path):
     square("Own")
     checked = check()
     assert [one.objects for one in checked.findings] == [("Linked",)]
+    assert "'Linked'. Unwrap in that file, override," in checked.findings[0].text
     assert checked.estimate.patches == pytest.approx(0.64 * 32**2, rel=0.1)
 
 

@@ -791,3 +791,51 @@ def test_clear_texels_beside_opaque_ones_have_their_reflectance(quantity):
     expected[1:4] = row
     assert texture.pixels[..., 1] == pytest.approx(expected)
     assert (made.transmission.bounce.texture.pixels[..., 0] == through[..., 0]).all()
+
+
+#: Closures and True if they emit light.
+SHINING = {
+    "principled": (closure("BsdfPrincipled", Emission_Color=OTHER, Emission_Strength=1.0), True),
+    "black principled": (closure("BsdfPrincipled", Emission_Color=(0, 0, 0), Emission_Strength=1.0), False),
+    "principled without strength": (closure("BsdfPrincipled", Emission_Color=OTHER), False),
+    "black emission": (closure("Emission", Color=(0, 0, 0)), False),
+    "glow": (GLOW, True),
+    "no strength": (closure("Emission", Color=OTHER, Strength=0.0), False),
+}
+
+
+@pytest.mark.parametrize("name", SHINING)
+def test_black_emission_is_not_evaluated(name):
+    passes = part("operators.scene.materials.evaluated_passes")
+    build, shines = SHINING[name]
+    surface = shader_material(build)
+    depends = part("operators.scene.materials.object_nodes").dependence(surface.node_tree)
+    found = {each.quantity for each in passes.passes_of(surface, depends, True)}
+    assert ("emit" in found) is shines
+
+
+def test_an_emission_by_nodes_counts():
+    def build(tree):
+        return node(tree, "Emission", Color=tree.nodes.new("ShaderNodeRGB").outputs[0]).outputs[0]
+
+    may_emit = part("operators.scene.materials.closures").may_emit
+    tree = shader_material(build).node_tree
+    assert may_emit(next(each for each in tree.nodes if each.bl_idname == "ShaderNodeEmission"))
+
+
+def test_each_image_is_searched_for_nan_once(monkeypatch):
+    import bpy
+
+    unphysical = part("operators.scene.materials.unphysical")
+    image = bpy.data.images.new("Spoilt", 4, 4, float_buffer=True)
+    image.pixels[5] = np.nan
+
+    def build(tree):
+        texture = node(tree, "TexImage")
+        texture.image = image
+        return node(tree, "BsdfDiffuse", Color=texture.outputs[0]).outputs[0]
+
+    first, second, checked = shader_material(build), shader_material(build), set()
+    assert "'Spoilt' has NaN" in unphysical.invalid_images(first, checked)[0]
+    monkeypatch.setattr(unphysical, "_is_finite", None)
+    assert unphysical.invalid_images(second, checked) == []

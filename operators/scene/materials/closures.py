@@ -64,7 +64,7 @@ def closure_rule(node: bpy.types.Node, quantity: str, glass: bool) -> Rule | Non
 
 def closure_quantities(node: bpy.types.Node, glass: bool) -> Iterable[str]:
     """Yield the quantities of a closure that can differ from 0."""
-    if node.bl_idname in EMITTERS:
+    if node.bl_idname in EMITTERS and all(_is_not_black(node.inputs[name]) for name in ("Color", "Strength")):
         yield "emit"
     for quantity in QUANTITIES:
         if closure_rule(node, quantity, glass) and (
@@ -148,8 +148,8 @@ def is_unknown(node: bpy.types.Node) -> bool:
 
 def _principled_has(node: bpy.types.Node, quantity: str, glass: bool) -> bool:
     if quantity == "emit":
-        strength = node.inputs["Emission Strength"]
-        return strength.is_linked or strength.default_value != 0
+        color = node_input(node, "Emission Color", "Emission")
+        return _is_not_black(color) and _is_not_black(node.inputs["Emission Strength"])
     if quantity == "transmit":
         return _is_thin(node) and _may_exceed(_subsurface(node), 0.0)
     if quantity == "glass":
@@ -159,6 +159,11 @@ def _principled_has(node: bpy.types.Node, quantity: str, glass: bool) -> bool:
         see_through = alpha.is_linked or alpha.default_value < 1
         return see_through or (glass and _may_exceed(_transmission(node), 0.0))
     return True
+
+
+def _is_not_black(socket: bpy.types.NodeSocket) -> bool:
+    """Return False if an input is the constant 0 or black."""
+    return socket.is_linked or bool(np.any(np.atleast_1d(socket.default_value)[:3]))
 
 
 def _may_exceed(socket: bpy.types.NodeSocket | None, limit: float) -> bool:

@@ -100,6 +100,7 @@ class MaterialTable:
         self._glass, self._surface_notes = glass, SurfaceNotes(glass)
         self._hidden: dict[int, Hidden] = {}
         self._rest: dict[ItemKey, np.ndarray | None] | None = None
+        self._checked_images: set[int] = set()
 
     def index(self, material: bpy.types.Material | None, atlas: str | None, item: SceneItem) -> int:
         """Return the index in `Scene.materials` of a material on an object of an atlas (None: an occluder).
@@ -285,7 +286,7 @@ class MaterialTable:
             self._notes.append(INVALID_VALUES.format(name))
         material = find(bpy.data.materials, self._complex[index].uid)
         assert material is not None
-        self._notes += invalid_images(material, self._notes)
+        self._notes += invalid_images(material, self._checked_images)
 
     def _mean_color(self, index: int) -> Slices[Material]:
         """Return a texture-free replacement for a material that Cycles failed to evaluate."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import bpy
 import numpy as np
 
@@ -25,19 +23,24 @@ INVALID_VALUES = "Material '{}' gives NaN or infinite values, for which 0 is bak
 _INVALID_PIXELS = "Image '{}' has NaN or infinite pixels: 0 is baked there. Repair it."
 
 
-def invalid_images(material: bpy.types.Material, notes: Sequence[str]) -> list[str]:
-    """Return notes on the images of a material that contain NaN or infinity, without known notes."""
+def invalid_images(material: bpy.types.Material, checked: set[int]) -> list[str]:
+    """Return notes on the images of a material that contain NaN or infinity.
+
+    checked:  session uids of images to skip; new ones are added, since a test copies all pixels of an image
+    """
     nodes = (getattr(node, "image", None) for node in used_nodes(material.node_tree))
-    images = {image for image in nodes if image is not None and image.is_float and not _is_finite(image)}
-    found = (_INVALID_PIXELS.format(name) for name in sorted(image.name for image in images))
-    return [note for note in found if note not in notes]
+    images = {image for image in nodes if image is not None and image.session_uid not in checked}
+    checked |= {image.session_uid for image in images}
+    return [_INVALID_PIXELS.format(name) for name in sorted(i.name for i in images if not _is_finite(i))]
 
 
 def _is_finite(image: bpy.types.Image) -> bool:
-    """Return True if all pixels of an image are finite numbers."""
+    """Return True if all pixels of an image are finite numbers, which bytes and Radiance files always are."""
+    if not image.is_float or image.file_format == "HDR":
+        return True
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
-    return bool(np.isfinite(pixels).all())
+    return not pixels.size or bool(np.isfinite(pixels.min()) and np.isfinite(pixels.max()))
 
 
 def note_surface(name: str, surface: DiffuseSurface, notes: list[str]) -> None:

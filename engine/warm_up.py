@@ -34,7 +34,8 @@ def warm_up(settings: dict[str, Any]) -> Generator[Progress, None, None]:
 
     settings:  values of `Settings` by name
     """
-    chosen = Settings(**settings | (TYPICAL if _has_opencl() else SMALL))
+    has_opencl = _has_opencl(Settings(**settings))
+    chosen = Settings(**settings | (TYPICAL if has_opencl else SMALL))
     yield from session.warm_up(warm_up_scene(), chosen)
     yield from check_device(chosen)
 
@@ -63,13 +64,13 @@ def check_device(settings: Settings) -> Generator[Progress, None, None]:
         session.close()
 
 
-def _has_opencl() -> bool:
+def _has_opencl(settings: Settings) -> bool:
     """Return True if there is an OpenCL device; bakes without one take long for a typical lightmap."""
     require_packages()
     with suppress(DeviceError):
-        from .device.cl_device import found_devices
+        from .device.cl_device import search_devices
 
-        return bool(found_devices())
+        return bool(search_devices(DeviceRecords(settings.cache_dir), settings.opencl_device))
     return False
 
 

@@ -12,7 +12,7 @@ from ..errors import DeviceError
 from .builders import Program
 from .builtins import needed_replacements
 from .cl_library import start_drivers
-from .device_records import DeviceKey, DeviceRecords
+from .device_records import SEARCH, DeviceKey, DeviceRecords
 from .driver_options import set_driver_options
 from .kernel import ITEMS, Kernel, run_on
 from .opencl import cl, load_opencl
@@ -68,7 +68,8 @@ class ComputeDevice:
         self.shared = SharedBuffers()
         self._slice_sizes: dict[tuple, TimeSlicer] = {}
         self._records = DeviceRecords(cache_dir)
-        devices, self.notes = _usable(_chosen(found_devices(), opencl_device), opencl_device, self._records)
+        devices = _chosen(search_devices(self._records, opencl_device), opencl_device)
+        devices, self.notes = _usable(devices, opencl_device, self._records)
         self._take(devices[0], cache_dir)
         planned = list(ahead)
         self.build_ahead(planned)
@@ -310,6 +311,23 @@ def found_devices() -> list[cl.Device]:
     if not devices:
         raise DeviceError(f"There is no OpenCL device. {remedy(sys.platform)}")
     return sorted(devices, key=_rank)
+
+
+def search_devices(records: DeviceRecords, chosen: str | None) -> list[cl.Device]:
+    """Return `found_devices`, recorded so that a driver that crashes on its start is started only once.
+
+    chosen:  name of the device that the user has chosen, for which drivers are started again
+
+    Raises DeviceError after such a crash.
+    """
+    crashed = records.skipped().get(SEARCH.digest)
+    if crashed and chosen is None:
+        raise DeviceError(crashed)
+    records.use(SEARCH)
+    try:
+        return found_devices()
+    finally:
+        records.leave()
 
 
 def _rank(device: cl.Device) -> tuple[int, bool]:

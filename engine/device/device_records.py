@@ -32,6 +32,16 @@ class DeviceKey(NamedTuple):
     name: str
 
 
+#: Key of the search for devices, in which every driver starts.
+SEARCH = DeviceKey("search", "OpenCL")
+
+#: Sentence about a crash in that search.
+_CRASHED_SEARCH = (
+    "An OpenCL driver crashed when it was started, so bakes use OpenGL instead. Update or remove the driver, "
+    "then clear the cache in Hemibake's preferences."
+)
+
+
 class DeviceRecords:
     """Records in a folder; None for no records. A damaged file counts as missing."""
 
@@ -57,7 +67,7 @@ class DeviceRecords:
         return self._read(_SKIPPED)
 
     def skip(self, device: DeviceKey, issue: str) -> None:
-        """Let bakes skip a device.
+        """Let bakes skip a device, or all devices after a crash of `SEARCH`.
 
         issue:  predicate of a sentence whose subject is the driver
         """
@@ -65,6 +75,7 @@ class DeviceRecords:
             f"'{device.name}': its driver {issue}, so bakes skip this driver version. "
             "Update the driver, or choose the device in Hemibake's preferences to use it anyway."
         )
+        sentence = _CRASHED_SEARCH if device == SEARCH else sentence
         self._write(_SKIPPED, {**self.skipped(), device.digest: sentence})
 
     def allow(self, device: DeviceKey) -> None:

@@ -5,8 +5,9 @@ import dataclasses
 import pytest
 
 from engine import Settings, finished, warm_up
-from engine.device.cl_device import ComputeDevice, found_devices
-from engine.device.device_records import DeviceKey, DeviceRecords
+from engine.device.cl_device import ComputeDevice, found_devices, search_devices
+from engine.device.device_records import SEARCH, DeviceKey, DeviceRecords
+from engine.device.devices import Devices
 from engine.device.opencl import cl
 from engine.errors import DeviceError
 from engine.self_test import furnace
@@ -80,3 +81,20 @@ def test_the_error_of_the_next_device_names_the_skipped_one(tmp_path, monkeypatc
     monkeypatch.setattr("engine.device.cl_device.needed_replacements", fail)
     with pytest.raises(DeviceError, match="'P: Bad': its driver crashed.*can build kernels.*no compiler"):
         ComputeDevice(str(tmp_path))
+
+
+def test_a_crash_of_the_search_skips_all_devices_but_a_chosen_one(tmp_path):
+    records, name = DeviceRecords(str(tmp_path)), ComputeDevice().key.name
+    records.skip(SEARCH, "crashed")
+    with pytest.raises(DeviceError, match="OpenCL driver crashed.*clear the cache"):
+        ComputeDevice(str(tmp_path))
+    devices = Devices(str(tmp_path))
+    assert devices.compute is None and "crashed" in devices.missing
+    devices.release()
+    ComputeDevice(str(tmp_path), name).release()
+
+
+def test_a_search_that_ends_leaves_no_record(tmp_path):
+    records = DeviceRecords(str(tmp_path))
+    search_devices(records, None)
+    assert records.leave() is None

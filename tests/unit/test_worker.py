@@ -367,6 +367,18 @@ def test_a_bake_goes_on_without_a_device_whose_driver_crashes(start, tmp_path):
     assert isinstance(_finish(again.run(scene, settings, {}))[1], BakeResult)
 
 
+def test_a_driver_that_crashes_when_it_is_started_is_started_once(start, tmp_path):
+    """Bakes do without OpenCL until the cache is cleared, unless the user has chosen a device."""
+    settings = replace(SETTINGS, cache_dir=str(tmp_path))
+    worker, scene = start("crash_in_search"), _scene()
+    assert isinstance(_finish(bake_without_crashing_device(worker, scene, settings, {}))[1], BakeResult)
+    (sentence,) = DeviceRecords(str(tmp_path)).skipped().values()
+    assert "OpenCL driver crashed" in sentence and "clear the cache" in sentence
+    assert isinstance(_finish(start("crash_in_search").run(scene, settings, {}))[1], BakeResult)
+    with pytest.raises(WorkerCrashError):
+        _finish(worker.run(scene, replace(settings, opencl_device="Platform: Chosen"), {}))
+
+
 @pytest.mark.parametrize("changes", [{"max_bounces": 13}, {"opencl_device": "Platform: Crashing"}])
 def test_a_crash_that_another_device_does_not_end_or_that_is_chosen_is_an_error(start, tmp_path, changes):
     settings = replace(SETTINGS, cache_dir=str(tmp_path), **changes)

@@ -3,11 +3,13 @@
 import os
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from engine.bake_result import BakeResult, Report
+from engine.device import cl_device
 from engine.device.device_records import DeviceKey, DeviceRecords
 from engine.errors import DeviceError, SceneError, SettingsError
 from engine.progress import Progress
@@ -102,6 +104,15 @@ def crash_on_device(scene, settings, paces):
     records.use(CRASHING)
     yield Progress("Preparing texels", 0.0)
     os.abort()
+
+
+def crash_in_search(scene, settings, paces):
+    """Start a driver that crashes, unless the search for devices is skipped."""
+    yield Progress("Starting", 0.0)
+    cl_device.found_devices = os.abort
+    with suppress(DeviceError):
+        cl_device.search_devices(DeviceRecords(settings.cache_dir), settings.opencl_device)
+    return _lightmap(scene, settings)
 
 
 def prepare(file):

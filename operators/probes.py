@@ -1,4 +1,4 @@
-"""Add Light Probes operator: creates a Light Probe Volume around the objects that renders show."""
+"""Add Light Probes operator: creates a Light Probe Volume in the room that renders show."""
 
 from __future__ import annotations
 
@@ -8,16 +8,23 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..engine.scene.probe_volume import MAX_PROBES, MAX_RESOLUTION
-from .scene import SceneContext, visible_meshes
+from ..engine.errors import EngineError
+from ..engine.scene.probe_volume import MAX_PROBES, MAX_RESOLUTION, filling_grid
+from .scene import SceneContext
+from .scene.room import room_of
 from .scene.units import metres_per_unit
 
 #: Smallest width of a created volume relative to its largest, so that a flat scene gets a usable one.
 _FLAT = 1e-3
 
+#: Default spacing: steps across the narrowest side of a room, for light on the floor within 5 % of its
+#: lightmap (docs/design/probes.md), unless there are more probes than `_MANY`. Sides narrower than `_NARROW`
+#: of the longest do not count (chosen).
+_STEPS, _MANY, _NARROW = 8.1, 1 << 15, 0.1
+
 
 class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
-    """Add a Light Probe Volume around all objects that renders show, and switch Light Probes on"""
+    """Add a Light Probe Volume between the outer walls of what renders show, and switch Light Probes on"""
 
     bl_idname = "hemibake.add_light_probes"
     bl_label = "Add Light Probes"
@@ -26,6 +33,7 @@ class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
     spacing: bpy.props.FloatProperty(
         name="Spacing",
         description="Set the largest distance between neighboring probes",
+        options={"SKIP_SAVE"},
         default=1.0,
         min=0.001,
         soft_min=0.1,
@@ -39,12 +47,18 @@ class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
         return context.mode == "OBJECT"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        box = _box_of(visible_meshes(SceneContext(context)))
+        try:
+            box = room_of(SceneContext(context))
+        except EngineError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         if box is None:
             self.report({"ERROR"}, "The scene has no visible mesh. Add a mesh first")
             return {"CANCELLED"}
-        widths = np.maximum(box[1] - box[0], _FLAT * max((box[1] - box[0]).max(), _FLAT))
-        resolution = [max(1, math.ceil(width / self.spacing - 1e-6)) for width in widths]
+        if not self.properties.is_property_set("spacing"):
+            self.spacing = _default_spacing(_widths(box), 1.0 / metres_per_unit(context.scene))
+        grids = [filling_grid(width, self.spacing) for width in _widths(box)]
+        resolution, widths = [count for count, _ in grids], np.array([width for _, width in grids])
         count = math.prod(resolution)
         if max(resolution) > MAX_RESOLUTION or count > MAX_PROBES:
             size = " x ".join(map(str, resolution))
@@ -58,25 +72,30 @@ class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
         self.report({"INFO"}, f"{count:,} light probes. Bake to light them")
         return {"FINISHED"}
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self.spacing = _fitting_spacing(context, 1.0 / metres_per_unit(context.scene))
-        return self.execute(context)
+
+def _default_spacing(widths: np.ndarray, metre: float) -> float:
+    """Return a spacing of a metre at most that puts nine probes across the narrowest side of a room.
+
+    It is doubled up to a metre while there are more probes than `_MANY`, and beyond while a bake takes no
+    more. Sides below a tenth of the longest do not count.
+
+    widths:  (3,) of the room
+    metre:   in the unit of the widths
+    """
+    narrow = widths[widths >= _NARROW * widths.max()].min()
+    spacing = min(metre, narrow / _STEPS)
+    while True:
+        counts = [filling_grid(width, spacing)[0] for width in widths]
+        most = _MANY if 2 * spacing <= metre else MAX_PROBES
+        if max(counts) <= MAX_RESOLUTION and math.prod(counts) <= most:
+            return spacing
+        spacing *= 2
 
 
-def _fitting_spacing(context: bpy.types.Context, spacing: float) -> float:
-    """Return a spacing, doubled until a volume around the scene has few enough probes on each axis."""
-    box = _box_of(visible_meshes(SceneContext(context)))
-    if box is None:
-        return spacing
-    probes = (box[1] - box[0]) / spacing
-    least = max(1.0, probes.max() / MAX_RESOLUTION, float(np.cbrt(np.maximum(probes, 1).prod() / MAX_PROBES)))
-    return spacing * 2.0 ** math.ceil(math.log2(least))
-
-
-def _box_of(objects: list[bpy.types.Object]) -> np.ndarray | None:
-    """Return the corners of the box around objects, (2, 3) float64, world space; None without objects."""
-    corners = [obj.matrix_world @ Vector(corner) for obj in objects for corner in obj.bound_box]
-    return np.array([np.min(corners, axis=0), np.max(corners, axis=0)]) if corners else None
+def _widths(box: np.ndarray) -> np.ndarray:
+    """Return the widths of a box, (3,), of which none is much smaller than the largest."""
+    widths = box[1] - box[0]
+    return np.maximum(widths, _FLAT * max(widths.max(), _FLAT))
 
 
 def _add_volume(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,10 @@ MAX_RESOLUTION = 256
 
 #: Largest distance that distance maps store, in diagonals of a grid cell.
 _REACH = 1.5
+
+#: Distance of the outermost probes of `filling_grid` from walls, in steps between probes. Light is constant
+#: between a wall and the nearest probe (docs/design/probes.md).
+_INSET = 0.05
 
 #: Minimum width of a volume along an axis, relative to the largest coordinate: float32 resolves no smaller
 #: grid.
@@ -69,6 +74,21 @@ class ProbeVolume:
         grid = np.stack([x, y, z], axis=-1).reshape(-1, 3)
         points: np.ndarray = grid @ self.matrix[:3, :3].T + self.matrix[:3, 3]
         return points
+
+
+def filling_grid(width: float, spacing: float) -> tuple[int, float]:
+    """Return the number of probes that fill a room along an axis, and the width of their volume.
+
+    The outermost probes are next to the walls, so the volume is nearly a step wider than the room. A room
+    narrower than half a step has one probe.
+
+    width:    between the walls, > 0
+    spacing:  largest step between probes, in the unit of the width
+    """
+    if width < spacing / 2:
+        return 1, width
+    count = math.ceil(width / spacing + 1 - 2 * _INSET - 1e-6)
+    return count, width * count / (count - 1 + 2 * _INSET)
 
 
 def volume_issue(volume: ProbeVolume) -> str | None:

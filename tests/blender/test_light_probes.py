@@ -5,7 +5,18 @@ import json
 import numpy as np
 import pytest
 
-from tests.blender.things import bpy_link, furnace, part, pixels, report, snapshot, square
+from tests.blender.things import (
+    CUBE,
+    INWARD,
+    bpy_link,
+    furnace,
+    mesh_object,
+    part,
+    pixels,
+    report,
+    snapshot,
+    square,
+)
 from tests.json_schema import faults
 
 
@@ -247,11 +258,40 @@ def test_the_button_adds_a_volume_around_the_scene():
     after = snapshot()
     assert all(after[key] == before[key] for key in ("mode", "active", "selected", "materials"))
     (obj,) = [obj for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"]
-    assert obj.name == "Volume" and state(obj)[1:] == (4, 4, 4) and bpy.context.scene.hemibake.light_probes
+    assert obj.name == "Volume" and state(obj)[1:] == (5, 5, 5) and bpy.context.scene.hemibake.light_probes
+    # Four steps and a twentieth on both sides fill the unit cube; the volume is five steps wide.
     bpy.context.view_layer.update()
+    half = 5 / 4.1 / 2
     assert np.array(obj.matrix_world) == pytest.approx(
-        np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
+        np.array([[half, 0, 0, 0.5], [0, half, 0, 0.5], [0, 0, half, 0.5], [0, 0, 0, 1]])
     )
+
+
+def test_the_button_puts_probes_next_to_the_inner_faces_of_walls():
+    """A mirrored house with thick walls; its ceiling is hidden by the eye."""
+    import bpy
+
+    outer, wall = np.array([4.0, 3.0, 2.5]), np.array([0.3, 0.2, 0.25])
+    inner = [(corner * (outer - 2 * wall) + wall).tolist() for corner in np.array(CUBE)]
+    outwards = [face[::-1] for face in INWARD]
+    mesh_object("Outside", [(corner * outer).tolist() for corner in np.array(CUBE)], outwards)
+    walls = mesh_object("Inside", inner, [face for face in INWARD if face != INWARD[1]])
+    mesh_object("Ceiling", inner, [INWARD[1]]).hide_set(True)
+    for obj in bpy.context.scene.objects:
+        obj.scale.x = -1
+    bpy.context.view_layer.update()
+    assert walls.matrix_world.determinant() < 0
+    assert bpy.ops.hemibake.add_light_probes() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    (obj,) = [obj for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"]
+    room = outer - 2 * wall
+    volume = part("engine.scene.probe_volume").ProbeVolume("", np.array(obj.matrix_world), state(obj)[1:])
+    points, step = volume.points(), np.linalg.norm(volume.steps, axis=1)
+    assert volume.resolution == (15, 12, 9) and step == pytest.approx(
+        room / (np.array(volume.resolution) - 0.9)
+    )
+    assert points.min(axis=0) == pytest.approx(wall + 0.05 * step - [outer[0], 0, 0], abs=1e-5)
+    assert points.max(axis=0) == pytest.approx(outer - wall - 0.05 * step - [outer[0], 0, 0], abs=1e-5)
 
 
 def test_the_button_leaves_linked_collections(tmp_path):
@@ -281,9 +321,30 @@ def test_the_button_fits_large_scenes():
     ground = square("Ground")
     ground.scale = (3000, 1000, 1)
     bpy.context.view_layer.update()
-    fitting = part("operators.probes")._fitting_spacing
-    assert fitting(bpy.context, 1.0) == 16 and fitting(bpy.context, 100.0) == 100
-    assert bpy.ops.hemibake.add_light_probes(spacing=16) == {"FINISHED"}
+    assert bpy.ops.hemibake.add_light_probes() == {"FINISHED"}
+    (obj,) = [obj for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"]
+    # A spacing of 16 m.
+    assert state(obj)[1:] == (189, 64, 1)
+
+
+@pytest.mark.parametrize(
+    ("widths", "spacing"),
+    [
+        # Nine probes across the height.
+        ((4.0, 5.0, 2.43), 0.3),
+        # At most a metre; a terrain and a level have fewer across the height.
+        ((20.0, 30.0, 10.0), 1.0),
+        ((50.0, 50.0, 1.0), 1.0),
+        # 0.7 m has 73 x 73 x 9 probes, more than the default allows, but twice as much exceeds a metre.
+        ((50.0, 50.0, 5.67), 0.7),
+        # 0.3 m has 83 x 83 x 9 probes: doubled.
+        ((24.3, 24.3, 2.43), 0.6),
+    ],
+)
+def test_default_spacing(widths, spacing):
+    default = part("operators.probes")._default_spacing
+    assert default(np.array(widths), 1.0) == pytest.approx(spacing)
+    assert default(100 * np.array(widths), 100.0) == pytest.approx(100 * default(np.array(widths), 1.0))
 
 
 def test_too_small_a_spacing_names_the_remedy():

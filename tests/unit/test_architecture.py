@@ -45,7 +45,7 @@ ORDERS = {
     "operators/scene": [
         "__init__", "sun_path", "overlaps", "light_changes", "bake_targets", "density", "read_moved", "read",
         "read_lights",
-        "read_stages", "fingerprints", "probe_volumes", "reflection_spheres", "light_probes",
+        "read_stages", "fingerprints", "probe_volumes", "reflection_spheres", "light_probes", "room",
         "ignored_settings", "invalid_values", "world_mesh", "uv_layout",
         "overlap_layout", "uv_transform", "skyline_packing",
         "scene_objects", "light", "materials", "uvs", "scene_watch", "objects", "messages",

@@ -30,6 +30,7 @@ from engine.patches.patch_materials import PatchMaterials
 from engine.patches.patch_scene import PatchScene
 from engine.scene.cutouts import read_cutouts
 from engine.solve.host_radiosity import HostRadiosity
+from engine.solve.radiosity_state import SolvedSurfaces, StartLight
 from engine.solve.solver import Solver
 from tests.analytic.drive import Prepared, prepare
 from tests.analytic.scenes import nine_quad_room
@@ -101,8 +102,10 @@ def _iterations(prepared: Prepared, settings: Settings) -> Iterator[np.ndarray]:
         )
         sky = unsampled_sky(prepared.scene.world)
         paper = PaperGather(graphics, ComputeDevice(), patch_scene, prepared.emission, sky, settings)
-        radiosity = HostRadiosity(paper, prepared.reflectance, prepared.emission, prepared.geometry.area)
-        solution = Solver(radiosity, np.zeros_like(prepared.emission), settings)
+        start = StartLight(np.zeros_like(prepared.emission))
+        surfaces = SolvedSurfaces(prepared.reflectance, prepared.geometry.area)
+        radiosity = HostRadiosity(paper, surfaces, prepared.emission, start)
+        solution = Solver(radiosity, start, settings)
         while not solution.done:
             for _ in solution.iteration():
                 pass

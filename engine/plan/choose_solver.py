@@ -97,16 +97,13 @@ def _solver(
     radiosity, choice = _host_radiosity(job) if _by_hemicubes(job) else _device_radiosity(job)
     gathered_by = (choice.method, choice.visibility, choice.samples, choice.integrator)
     solver = ResumedSolver(
-        radiosity=radiosity,
-        sampled_light=job.sampled_light,
-        settings=job.settings,
-        gathers_direct=job.gathers_direct,
-        reflected=job.indirect,
-        checkpoint=job.checkpoint,
+        radiosity,
+        job.start,
+        job.settings,
+        choose_substitutes,
+        job.validity,
+        job.checkpoint,
         key=lambda: digest_of((*job.light_key, *gathered_by)),
-        choose_substitutes=choose_substitutes,
-        direct=job.direct,
-        validity=job.validity,
     )
     return solver, replace(choice, patches=job.count)
 
@@ -260,19 +257,13 @@ def _device_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     """Return the radiosity state on the OpenCL device, which gathers through visibility samples."""
     sweep, choice = choose_device_gather(job)
     radiosity = DeviceRadiosity(
-        compute=job.opencl,
-        sweep=sweep,
-        reflectance=job.patch_scene.surfaces.reflectance,
-        emission=job.front_emission,
-        area=job.area,
-        sampled_light=job.sampled_light,
-        gathers_direct=job.gathers_direct,
-        columns=job.columns,
-        indirect=job.indirect,
-        sparse=_begins_sparse(job, sweep),
-        direct=job.direct,
-        sides=job.patch_scene.sides,
-        fronts=job.fronts,
+        job.opencl,
+        sweep,
+        job.surfaces,
+        job.front_emission,
+        job.start,
+        job.columns,
+        _begins_sparse(job, sweep),
     )
     return radiosity, choice
 
@@ -291,24 +282,7 @@ def _begins_sparse(job: SolveJob, sweep: DeviceGather) -> bool:
 def _host_radiosity(job: SolveJob) -> tuple[Radiosity, SolverChoice]:
     """Return the radiosity state in host memory, with hemicubes by OpenGL or by the paper's method."""
     gather, choice = _choose_gather(job)
-    reflectance = colors_on_host(job.patch_scene.surfaces.reflectance)
-    indirect, direct = (
-        None if light is None else colors_on_host(light) for light in (job.indirect, job.direct)
-    )
-    radiosity = HostRadiosity(
-        gather=gather,
-        reflectance=reflectance,
-        emission=job.emission,
-        area=job.area,
-        sampled_light=job.sampled_light,
-        gathers_direct=job.gathers_direct,
-        columns=job.columns,
-        indirect=indirect,
-        direct=direct,
-        sides=job.patch_scene.sides,
-        fronts=job.fronts,
-    )
-    return radiosity, choice
+    return HostRadiosity(gather, job.surfaces, job.emission, job.start, job.columns), choice
 
 
 def _choose_gather(job: SolveJob) -> tuple[Gather, SolverChoice]:

@@ -24,7 +24,7 @@ from ..scene.color import channel_sum
 from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
-from ..solve.radiosity_state import PLAIN_COLUMNS
+from ..solve.radiosity_state import PLAIN_COLUMNS, SolvedSurfaces, StartLight
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import Background, upload_background
 from ..visibility.unoccluded_sky import open_sky
@@ -86,6 +86,17 @@ class SolveJob:
         if triangles.backs is None:
             return self.count
         return int(np.count_nonzero(self.patch_scene.geometry.triangle < triangles.solid)) or self.count
+
+    @property
+    def surfaces(self) -> SolvedSurfaces:
+        """Surfaces of the patches."""
+        reflectance, sides = self.patch_scene.surfaces.reflectance, self.patch_scene.sides
+        return SolvedSurfaces(reflectance, self.area, sides, self.fronts)
+
+    @property
+    def start(self) -> StartLight:
+        """Light before the first iteration."""
+        return StartLight(self.sampled_light, self.gathers_direct, self.indirect, self.direct)
 
     @property
     def opencl(self) -> ComputeDevice:

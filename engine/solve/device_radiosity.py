@@ -14,7 +14,7 @@ from ..device.opencl import cl
 from ..gather.device_l1 import L1
 from ..gather.interface import DeviceGather
 from ..patches.sides import Sides
-from .radiosity_state import FluxSums, IterationStep, IterationSums
+from .radiosity_state import FluxSums, IterationStep, IterationSums, SolvedSurfaces, StartLight
 
 #: Work items of reductions, and items per group of the final sum, for a GPU and for a CPU. A GPU needs many
 #: items to hide memory latency, and many items keep float32 sums accurate. Powers of two are multiples of
@@ -35,64 +35,43 @@ _LEAST_AREA = 1e-30
 class DeviceRadiosity:
     """Radiosity state (`radiosity_state.Radiosity`) on the OpenCL device.
 
-    Parameters are as in `host_radiosity.HostRadiosity`, except for these:
-
     emission:      float4 by patch + 1 on the device, radiance visible to the patches; entry 0 is black
+    start:         with sampled light that is blended already for translucent surfaces
+    columns:       number of iterates kept
+    sparse:        True for gathers that support sparse iterations
     radiance:      float4 by patch + 1; entry 0 and the last (background) are black
     patches_seen:  float of each patch: fraction of its hemisphere covered by other patches
-    sparse:        True for gathers that support sparse iterations
-    sides:         pairs of patches of translucent surfaces, whose `sampled_light` is blended already; None if
-                   none
     """
 
     def __init__(
         self,
         compute: ComputeDevice,
         sweep: DeviceGather,
-        reflectance: Values,
+        surfaces: SolvedSurfaces,
         emission: cl.Buffer,
-        area: np.ndarray,
-        sampled_light: np.ndarray,
-        gathers_direct: bool,
+        start: StartLight,
         columns: int,
-        indirect: Values | None = None,
         sparse: bool = False,
-        direct: Values | None = None,
-        sides: Sides | None = None,
-        fronts: int | None = None,
     ) -> None:
-        self._sides = None if sides is None else _Sides(compute, sides)
+        area, self.count = surfaces.area, len(surfaces.area)
+        self._sides = None if surfaces.sides is None else _Sides(compute, surfaces.sides)
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
-        self.count, self.area = len(reflectance), float(area.sum(dtype=np.float64))
-        self._fronts = self.count if fronts is None else fronts
+        self.area = float(area.sum(dtype=np.float64))
+        self._fronts = self.count if surfaces.fronts is None else surfaces.fronts
         self.columns, self._pairs = columns, np.triu_indices(columns)
-        names = ("iterate_products", "mix_iterates", "balance", "add_up")
-        options = (f"-DCOLUMNS={columns}",)
-        kernels = compute.kernels("iterate_sums.cl", *names, options=options)
-        self._products, self._mix, self._balance, self._add_up = kernels
+        self._products, self._mix, self._balance, self._add_up = compute.kernels(
+            "iterate_sums.cl", "iterate_products", "mix_iterates", "balance", "add_up",
+            options=(f"-DCOLUMNS={columns}",),
+        )  # fmt: skip
         (self._send_out,) = compute.kernels("exitant_radiance.cl", "exitant_radiance")
-        self._emission, self._reflectance = emission, float4_once(compute, reflectance)
-        self._sampled_light = upload_float4_once(compute, sampled_light)
+        self._emission, self._reflectance = emission, float4_once(compute, surfaces.reflectance)
 
         # Store areas as fractions of their sum: bright light times large areas would overflow float32.
         self._area = compute.shared.of(
             area, "fractions", lambda: upload(compute, _fractions(area, self.area))
         )
-        self.patches_seen = zeros(compute, 4 * self.count)
-        self._gathered, self._defects = (zeros(compute, 16 * self.count * columns) for _ in range(2))
-        first = None if gathers_direct else self._sampled_light
-        if indirect is not None and gathers_direct and direct is None:
-            held, column = float4_on_device(compute, indirect), 16 * self.count * (columns - 1)
-            cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=column)
-        elif indirect is not None:
-            held = DeviceArray(compute, float4_on_device(compute, indirect), self.count, _STRIDE)
-            first = held.plus(sampled_light if direct is None else direct).buffer
-        self._irradiance = zeros(compute, 16 * self.count)
-        if first is not None:
-            cl.enqueue_copy(self._queue, self._irradiance, first)
-        self.radiance = zeros(compute, 16 * (self.count + 2))
         self._substitute: cl.Buffer | None = None
-        self._make_radiance()
+        self._set_start(start)
         kind = int(compute.processor)
         self._items, self._adding = _ITEMS[kind], self._add_up.group(_ADDING[kind])[0]
 
@@ -102,6 +81,25 @@ class DeviceRadiosity:
         self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
         self._mixture = np.zeros((columns + 1, 4), np.float32)
         self._weights = upload(compute, self._mixture)
+
+    def _set_start(self, start: StartLight) -> None:
+        """Create the buffers that iterations change, with the light before the first iteration."""
+        compute, size = self._compute, 16 * self.count
+        self._sampled_light = upload_float4_once(compute, start.sampled)
+        self.patches_seen = zeros(compute, 4 * self.count)
+        self._gathered, self._defects = (zeros(compute, size * self.columns) for _ in range(2))
+        first = None if start.gathers_direct else self._sampled_light
+        if start.reflected is not None:
+            held = float4_on_device(compute, start.reflected)
+            if start.direct_comes_first:
+                cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=size * (self.columns - 1))
+            else:
+                first = DeviceArray(compute, held, self.count, _STRIDE).plus(start.known_direct).buffer
+        self._irradiance = zeros(compute, size)
+        if first is not None:
+            cl.enqueue_copy(self._queue, self._irradiance, first)
+        self.radiance = zeros(compute, size + 32)
+        self._make_radiance()
 
     def outputs(self, column: int) -> tuple:
         """Return the arguments with which gather.cl writes an iterate to a column of the ring."""

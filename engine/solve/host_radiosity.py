@@ -6,29 +6,20 @@ from collections.abc import Generator, Mapping
 
 import numpy as np
 
-from ..device.device_array import Values
+from ..device.device_array import Values, colors_on_host
 from ..errors import DeviceError
 from ..gather.device_l1 import L1
 from ..gather.interface import Gather
 from ..gather.shader_gather import ShaderGather
-from ..patches.sides import Sides
-from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums
+from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, SolvedSurfaces, StartLight
 from .reflected_radiance import reflected_light
 
 
 class HostRadiosity:
     """Radiosity state (`radiosity_state.Radiosity`) in host memory; iterations are never sparse.
 
-    reflectance:     (n, 3) float32
-    emission:        (n, 3) float32, emitted radiance visible to the patches, W/(m^2 sr)
-    area:            (n,) float32, m^2
-    sampled_light:   (n, 3) float32, E/pi of light sampled by shadow rays; None for none
-    gathers_direct:  True if patches gather direct light, see `solver.Solver`
-    columns:         number of iterates kept
-    indirect:        (n, 3) float32, E/pi of reflected light to start from; None for none
-    direct:          (n, 3) float32, E/pi of all other light to start from, if known
-    sides:           pairs of patches of translucent surfaces; None if none
-    fronts:          number of patches on front faces, which come first; None for all
+    emission:  (n, 3) float32, emitted radiance visible to the patches, W/(m^2 sr)
+    columns:   number of iterates kept
     """
 
     sparse = False
@@ -36,31 +27,28 @@ class HostRadiosity:
     def __init__(
         self,
         gather: Gather,
-        reflectance: np.ndarray,
+        surfaces: SolvedSurfaces,
         emission: np.ndarray,
-        area: np.ndarray,
-        sampled_light: np.ndarray | None = None,
-        gathers_direct: bool = True,
+        start: StartLight,
         columns: int = PLAIN_COLUMNS,
-        indirect: np.ndarray | None = None,
-        direct: np.ndarray | None = None,
-        sides: Sides | None = None,
-        fronts: int | None = None,
     ) -> None:
-        self._sides, self._fronts = sides, fronts
-        self._gather, self._reflectance, self._emission = gather, reflectance, emission
+        self._sides, self._fronts = surfaces.sides, surfaces.fronts
+        self._gather, self._emission = gather, emission
+        self._reflectance = colors_on_host(surfaces.reflectance)
         self._sent = emission
-        self._areas = area.astype(np.float64)
-        self._sampled_light = np.zeros_like(emission) if sampled_light is None else sampled_light
-        self._irradiance = np.zeros_like(emission) if gathers_direct else self._sampled_light
+        self._areas = surfaces.area.astype(np.float64)
+        self._sampled_light = start.sampled
+        self._irradiance = np.zeros_like(emission) if start.gathers_direct else start.sampled
         self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns
         self._gathered = np.zeros((columns, self.count, 4), np.float32)
         self._defects = np.zeros((columns, self.count, 3), np.float32)
         self._substitute: np.ndarray | None = None
-        if indirect is not None and gathers_direct and direct is None:
-            self._gathered[-1, :, :3] = indirect
-        elif indirect is not None:
-            self._irradiance = indirect + (self._sampled_light if direct is None else direct)
+        if start.reflected is not None:
+            reflected = colors_on_host(start.reflected)
+            if start.direct_comes_first:
+                self._gathered[-1, :, :3] = reflected
+            else:
+                self._irradiance = reflected + colors_on_host(start.known_direct)
 
     @property
     def radiance(self) -> np.ndarray:

@@ -11,9 +11,53 @@ import numpy as np
 from ..bake_result import FluxBalance
 from ..device.device_array import Values
 from ..gather.device_l1 import L1
+from ..patches.sides import Sides
 
 #: Iterates kept by the paper's iteration: the newest, and its predecessor for comparison.
 PLAIN_COLUMNS = 2
+
+
+@dataclass(frozen=True)
+class StartLight:
+    """Light before the first iteration: (n, 3) float32 E/pi of the patches.
+
+    sampled:         light sampled by shadow rays
+    gathers_direct:  True if patches gather emission and background in the first iteration, which then gives
+                     direct light
+    reflected:       reflected light of an earlier solution to start from; None for none
+    direct:          all unreflected light, if known from an earlier solution
+    """
+
+    sampled: np.ndarray
+    gathers_direct: bool = True
+    reflected: Values | None = None
+    direct: Values | None = None
+
+    @property
+    def direct_comes_first(self) -> bool:
+        """True if the first iteration gathers direct light alone, which is added to the reflected light."""
+        return self.reflected is not None and self.gathers_direct and self.direct is None
+
+    @property
+    def known_direct(self) -> Values:
+        """Unreflected light that is known before the first iteration."""
+        return self.sampled if self.direct is None else self.direct
+
+
+@dataclass(frozen=True)
+class SolvedSurfaces:
+    """Surfaces of the n patches that a radiosity state solves.
+
+    reflectance:  (n, 3) float32
+    area:         (n,) float32, m^2
+    sides:        pairs of patches of translucent surfaces; None if none
+    fronts:       number of patches on front faces, which come first; None for all
+    """
+
+    reflectance: Values
+    area: np.ndarray
+    sides: Sides | None = None
+    fronts: int | None = None
 
 
 @dataclass(frozen=True)

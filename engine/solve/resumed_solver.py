@@ -6,10 +6,9 @@ from collections.abc import Callable, Generator
 
 import numpy as np
 
-from ..device.device_array import Values
 from ..resume.checkpoint import Arrays, Checkpoint
 from ..settings import Settings
-from .radiosity_state import IterationStep, Radiosity
+from .radiosity_state import IterationStep, Radiosity, StartLight
 from .solver import ChooseSubstitutes, Solver
 
 
@@ -24,26 +23,14 @@ class ResumedSolver(Solver):
     def __init__(
         self,
         radiosity: Radiosity,
-        sampled_light: np.ndarray,
+        start: StartLight,
         settings: Settings,
-        gathers_direct: bool,
-        reflected: Values | None,
+        choose_substitutes: ChooseSubstitutes | None,
+        validity: np.ndarray | None,
         checkpoint: Checkpoint,
         key: Callable[[], str],
-        choose_substitutes: ChooseSubstitutes | None = None,
-        direct: Values | None = None,
-        validity: np.ndarray | None = None,
     ) -> None:
-        super().__init__(
-            radiosity,
-            sampled_light,
-            settings,
-            gathers_direct,
-            reflected,
-            choose_substitutes,
-            direct,
-            validity,
-        )
+        super().__init__(radiosity, start, settings, choose_substitutes, validity)
         self._checkpoint, self._key = checkpoint, key
         state = checkpoint.light(key)
         if state is not None and len(state["steps"]) < self._limit:

@@ -13,7 +13,7 @@ from ..gather.device_l1 import L1
 from ..scene.color import rest_of
 from ..settings import Settings
 from .anderson import Anderson
-from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, Radiosity
+from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, Radiosity, StartLight
 
 
 class FirstGather(Protocol):
@@ -57,12 +57,7 @@ class Solver:
 
     radiosity:           holds the light; its first radiance is emission, or emission plus reflected sampled
                          light; iterations are accelerated if it has more than PLAIN_COLUMNS columns
-    sampled_light:       (n, 3) float32, E/pi of light sampled by shadow rays
-    gathers_direct:      True if patches gather emission and background in the first iteration, which
-                         then gives direct light
-    reflected:           (n, 3) float32, E/pi of the reflected light in the start state of the radiosity; None
-                         for none
-    direct:              (n, 3) float32, E/pi of the unreflected light in the start state; None for none
+    start:               light with which the radiosity was created
     validity:            (n,) float32, fraction of each hemisphere without back faces, if known
     choose_substitutes:  returns `substitute` from the result of the first iteration; None for no substitutes
     substitute:          (n,) int64, patch whose reflected light replaces each patch's own, itself for most;
@@ -78,23 +73,20 @@ class Solver:
     def __init__(
         self,
         radiosity: Radiosity,
-        sampled_light: np.ndarray,
+        start: StartLight,
         settings: Settings,
-        gathers_direct: bool = True,
-        reflected: Values | None = None,
         choose_substitutes: ChooseSubstitutes | None = None,
-        direct: Values | None = None,
         validity: np.ndarray | None = None,
     ) -> None:
         self.substitute: np.ndarray | None = None
         self._choose_substitutes = choose_substitutes
-        self._radiosity, self._sampled_light, self._gathers_direct = radiosity, sampled_light, gathers_direct
-        self._warm, self._validity = reflected is not None, validity
-        self._begins_with_direct = self._warm and gathers_direct and direct is None
+        self._radiosity, self._sampled_light = radiosity, start.sampled
+        self._gathers_direct, self._begins_with_direct = start.gathers_direct, start.direct_comes_first
+        self._warm, self._validity = start.reflected is not None, validity
         self._limit, self._tolerance = settings.max_bounces, settings.tolerance
         self._anderson = Anderson() if radiosity.columns > PLAIN_COLUMNS else None
         self._newest = -1
-        self._direct: Values = sampled_light if direct is None else direct
+        self._direct = start.known_direct
         self._steps: list[IterationStep] = []
         self._factors: list[float] = []
 

@@ -22,7 +22,7 @@ from ..scene.color import add_colors
 from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.grouped_solution import GroupedSolution
 from ..solve.interpolated_gather import InterpolatedGather
-from ..solve.radiosity_state import IterationSums
+from ..solve.radiosity_state import IterationSums, SolvedSurfaces, StartLight
 from ..solve.solution import Solution
 from ..solve.solver import Solver
 from .light_group_final_gather import gather_light_groups, of_all_light
@@ -199,22 +199,17 @@ def _solved_together(
         for part, scale in zip(parts, scales, strict=True)
     ]
     sweep = LightGroupGather(job.opencl, kept, [static_light(part, kept.sampling) for part in bright])
-    sampled, sides = _interleaved(part.sampled_light for part in bright), job.patch_scene.sides
-    radiosity = _Radiosity(
-        job.opencl,
-        sweep,
+    sides = job.patch_scene.sides
+    surfaces = SolvedSurfaces(
         np.repeat(colors_on_host(job.patch_scene.surfaces.reflectance), len(parts), axis=0),
-        upload_float4(job.opencl, _interleaved(part.emission for part in bright), first=1),
         np.repeat(job.area, len(parts)),
-        sampled,
-        job.gathers_direct,
-        job.columns,
-        sides=sides and sides.repeated(len(parts)),
+        sides and sides.repeated(len(parts)),
     )
+    emission = upload_float4(job.opencl, _interleaved(part.emission for part in bright), first=1)
+    start = StartLight(_interleaved(part.sampled_light for part in bright), job.gathers_direct)
+    radiosity = _Radiosity(job.opencl, sweep, surfaces, emission, start, job.columns)
     interleaved = None if substitute is None else _interleaved_indices(substitute, len(parts))
-    solver = Solver(
-        radiosity, sampled, job.settings, job.gathers_direct, choose_substitutes=lambda _: interleaved
-    )
+    solver = Solver(radiosity, start, job.settings, lambda _: interleaved)
     yield from _converge(solver)
     light = solver.gathered.reshape(job.count, len(parts), 4)
     return [

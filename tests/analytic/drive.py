@@ -14,6 +14,7 @@ from engine.patches.patch_list import PatchList
 from engine.scene.triangles import Triangles, join_meshes
 from engine.session import Session
 from engine.solve.host_radiosity import HostRadiosity
+from engine.solve.radiosity_state import SolvedSurfaces, StartLight
 from engine.solve.solver import Solver
 from tests.reference.cpu_hemicubes import CpuHemicubes
 from tests.reference.cpu_patches import list_patches, map_texels
@@ -68,9 +69,9 @@ class Prepared:
 
     def solution(self, gather: Gather, settings: Settings) -> Solver:
         """Return the light after the paper's iterations with a way to gather."""
-        dark = np.zeros_like(self.emission)
-        radiosity = HostRadiosity(gather, self.reflectance, self.emission, self.geometry.area)
-        solution = Solver(radiosity, dark, settings)
+        start = StartLight(np.zeros_like(self.emission))
+        surfaces = SolvedSurfaces(self.reflectance, self.geometry.area)
+        solution = Solver(HostRadiosity(gather, surfaces, self.emission, start), start, settings)
         while not solution.done:
             for _ in solution.iteration():
                 pass

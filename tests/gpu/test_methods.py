@@ -310,7 +310,7 @@ def test_later_sweeps_leave_direct_light_alone(method):
 
 
 def test_memory_that_is_not_enough_is_a_clear_error(monkeypatch):
-    def full(**arguments):
+    def full(*arguments):
         raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
 
     monkeypatch.setattr(choose_solver, "DeviceRadiosity", full)

@@ -311,7 +311,7 @@ def test_a_full_device_drops_what_is_kept_first(session, monkeypatch):
 
 
 def test_a_device_that_is_too_small_is_tried_no_more_than_twice(session, monkeypatch):
-    def full(**arguments):
+    def full(*arguments):
         raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
 
     finished(session.bake(ROOM, SETTINGS))

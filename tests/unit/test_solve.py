@@ -7,7 +7,7 @@ from engine.errors import SettingsError
 from engine.settings import Settings, check_settings
 from engine.solve.anderson import COLUMNS, Anderson
 from engine.solve.host_radiosity import HostRadiosity
-from engine.solve.radiosity_state import PLAIN_COLUMNS
+from engine.solve.radiosity_state import PLAIN_COLUMNS, SolvedSurfaces, StartLight
 from engine.solve.solver import Solver
 
 
@@ -38,11 +38,11 @@ def solve(
     colours = [np.broadcast_to(np.float32(x).reshape(-1, 1), (count, 3)) for x in (reflectance, emission)]
     sampled_light = np.zeros((count, 3), np.float32) if sampled_light is None else sampled_light
     area = np.full(count, 1 / count, np.float32) if area is None else area
-    columns = COLUMNS if accelerate else PLAIN_COLUMNS
+    columns, start = COLUMNS if accelerate else PLAIN_COLUMNS, StartLight(sampled_light, gathers_direct)
     radiosity = HostRadiosity(
-        Views(factors), *colours, area, sampled_light, gathers_direct, columns, fronts=fronts
+        Views(factors), SolvedSurfaces(colours[0], area, fronts=fronts), colours[1], start, columns
     )
-    solution = Solver(radiosity, sampled_light, settings, gathers_direct)
+    solution = Solver(radiosity, start, settings)
     while not solution.done:
         for _ in solution.iteration():
             pass
@@ -209,11 +209,12 @@ def test_patches_send_out_what_others_reflect_that_stand_in_for_them(accelerate)
     rho, emission = np.linspace(0.3, 0.9, 7), np.array([1, 0, 0, 2, 0, 0.5, 0])
     colours = [np.repeat(np.float32(x)[:, None], 3, axis=1) for x in (rho, emission)]
     nothing, area = np.zeros((7, 3), np.float32), np.full(7, 1 / 7, np.float32)
-    columns = COLUMNS if accelerate else PLAIN_COLUMNS
-    radiosity = HostRadiosity(Views(factors), *colours, area, nothing, True, columns)
+    columns, start = COLUMNS if accelerate else PLAIN_COLUMNS, StartLight(nothing)
+    surfaces = SolvedSurfaces(colours[0], area)
+    radiosity = HostRadiosity(Views(factors), surfaces, colours[1], start, columns)
     told = []
     solver = Solver(
-        radiosity, nothing, Settings(max_bounces=400, tolerance=1e-6),
+        radiosity, start, Settings(max_bounces=400, tolerance=1e-6),
         choose_substitutes=lambda seen: told.append(seen.light_of(np.arange(7))) or substitute,
     )  # fmt: skip
     while not solver.done:
@@ -250,12 +251,10 @@ def solve_sparsely(rho, gathers_direct=False, **settings):
     factors /= factors.sum(axis=1, keepdims=True)
     emission = np.repeat(random.random((337, 1)).astype(np.float32) ** 8, 3, axis=1)
     reflectance, area = np.full((337, 3), rho, np.float32), np.full(337, 1 / 337, np.float32)
-    gather, nothing = FewViews(factors), np.zeros((337, 3), np.float32)
-    gather.of = radiosity = HostRadiosity(
-        gather, reflectance, emission, area, nothing, gathers_direct, COLUMNS
-    )
+    gather, start = FewViews(factors), StartLight(np.zeros((337, 3), np.float32), gathers_direct)
+    gather.of = radiosity = HostRadiosity(gather, SolvedSurfaces(reflectance, area), emission, start, COLUMNS)
     radiosity.sparse = True
-    solver = Solver(radiosity, nothing, Settings(**settings), gathers_direct)
+    solver = Solver(radiosity, start, Settings(**settings))
     while not solver.done:
         for _ in solver.iteration():
             pass

@@ -177,24 +177,8 @@ def _bake(request: _Request, inspect: Inspect) -> Generator[Progress, None, Bake
     # Final images: denoised, equal across seams, dilated (VI.B). Reflection cubes show them.
     finishing = Finishing(lit.store, solved.texels, solved.solution, made, gathered)
     passes, cubes, cube_notes = yield from _shown(stages, finishing, solved, seams)
-    patch_scene = solved.texels.job.patch_scene
-    inspect(
-        BakeState(
-            scene=lit.scene,
-            atlases=len(atlases),
-            settings=settings,
-            patch_scene=patch_scene,
-            rays=lit.rays,
-            contacts=solved.contacts,
-            solution=solved.solution,
-            validity=solved.validity,
-            outputs=made,
-            samples=gathered,
-            texels=finishing.refined,
-            images=passes,
-        )
-    )
-    warnings = (*notes, *patch_scene.warnings, *lit.lighting.warnings, *probe_notes, *cube_notes)
+    inspect(_state(request, lit, solved, finishing, passes))
+    warnings = (*notes, *lit.patch_scene.warnings, *lit.lighting.warnings, *probe_notes, *cube_notes)
     report = _report(request, lit, solved, finishing, warnings)
     return BakeResult(
         atlases=atlases,
@@ -206,6 +190,26 @@ def _bake(request: _Request, inspect: Inspect) -> Generator[Progress, None, Bake
         passes=passes,
         probes=probes,
         reflections=cubes,
+    )
+
+
+def _state(
+    request: _Request, lit: _LitPatches, solved: _Solved, finishing: Finishing, passes: dict[str, np.ndarray]
+) -> BakeState:
+    """Return the intermediate results of a bake; passes: its final images."""
+    return BakeState(
+        scene=lit.scene,
+        atlases=len(request.scene.atlases),
+        settings=request.settings,
+        patch_scene=solved.texels.job.patch_scene,
+        rays=lit.rays,
+        contacts=solved.contacts,
+        solution=solved.solution,
+        validity=solved.validity,
+        outputs=finishing.made,
+        samples=finishing.lit,
+        texels=finishing.refined,
+        images=passes,
     )
 
 
@@ -263,14 +267,9 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_groups = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
+    meanwhile = partial(kept.inside, rays) if in_groups else None
     lighting = DirectLighting(
-        scene=scene,
-        patch_scene=patch_scene,
-        rays=rays,
-        settings=settings,
-        elsewhere=remote,
-        split=split,
-        meanwhile=partial(kept.inside, rays) if in_groups else None,
+        scene, patch_scene, rays, settings, elsewhere=remote, split=split, meanwhile=meanwhile
     )
     outputs = Outputs(scene, settings, lighting)
     lighting.follow(kept.sampled if settings.warm_start else None)

@@ -384,14 +384,8 @@ class BakeRun:
         keep_paces(owner.paces)
         facts, names = lightmap.report, [image.name for image in targets]
         seconds = {**self._seconds, **facts.seconds, "total": time.perf_counter() - self._start}
-        notes = [
-            *self._read.notes,
-            *facts.warnings,
-            *clipped,
-            *vertex_notes,
-            *level_notes,
-            *self._notes_on_result(lost),
-        ]
+        notes = [*self._read.notes, *facts.warnings, *clipped, *vertex_notes, *level_notes]
+        notes += self._notes_on_result(lost)
         report = bake_report(self._read, facts, lost, seconds, names, files, notes, on_vertices)
         scene = find(bpy.data.scenes, self._context.scene_uid)
         if scene is not None:

@@ -162,8 +162,7 @@ class BakeStages(Schedule):
 
     def __init__(self, extent: Extent, settings: Settings, paces: dict[str, float]) -> None:
         self._settings, self._paces = settings, paces
-        self._lamps, self._light_groups = extent.lamps, extent.light_groups
-        self._triangles = extent.triangles
+        self._lamps, self._light_groups, self._triangles = extent.lamps, extent.light_groups, extent.triangles
         self._residuals: list[float] = []
         self._reflectance = _REFLECTANCE
         self._names: dict[Stage, str] = {}

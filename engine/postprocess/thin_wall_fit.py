@@ -66,10 +66,9 @@ class ThinWallFit:
 
         # Equations demand the light of samples next to the wall, of centres of fitted texels without samples,
         # and of texels that keep their value.
-        is_around = np.zeros(known.size, bool)
+        is_around, beside, stays = (np.zeros(known.size, bool) for _ in range(3))
         is_around[around] = True
         self._samples = np.flatnonzero(visible & (samples.weight > 0) & is_around[keys])
-        beside, stays = np.zeros(known.size, bool), np.zeros(known.size, bool)
         beside[self.texels] = True
         farther = _around(around, known.shape, 1)
         stays[farther[flat[farther] & ~beside[farther]]] = True
@@ -78,16 +77,9 @@ class ThinWallFit:
 
         # Scale the error of each equation by the brightest light nearby.
         brightness = _Brightness(shown, known, np.union1d(around, self.centres))
-        starts = run_starts(keys[self._samples])
-        bright = brightness.largest_around(keys[self._samples][starts])
-        bright = bright[run_numbers(starts, len(self._samples))]
-        relative = _relative_weight(light[self._samples], bright)
-        chosen = LightmapPoints(
-            samples.atlas[self._samples], samples.position[self._samples],
-            samples.weight[self._samples] * relative,
-        )  # fmt: skip
-        bright = brightness.largest_around(self.centres)
-        weight = _relative_weight(brightness.of(self.centres), bright)
+        weight = samples.weight[self._samples] * brightness.weight(keys[self._samples], light[self._samples])
+        chosen = LightmapPoints(samples.atlas[self._samples], samples.position[self._samples], weight)
+        weight = brightness.weight(self.centres, brightness.of(self.centres))
         weight[stays[self.centres]] *= _FIXED
         centres = centre_points(self.centres, resolution)
         points = joined_points(chosen, LightmapPoints(centres.atlas, centres.position, weight))
@@ -158,7 +150,12 @@ class _Brightness:
         """Return the light of texels, (k,) float32; 0 where it is unknown."""
         return self._light[texels]
 
-    def largest_around(self, texels: np.ndarray) -> np.ndarray:
+    def weight(self, texels: np.ndarray, light: np.ndarray) -> np.ndarray:
+        """Return weights of squared errors, (k,), relative to the brightest light around each texel."""
+        starts = run_starts(texels)
+        return _relative_weight(light, self._largest_around(texels[starts])[run_numbers(starts, len(texels))])
+
+    def _largest_around(self, texels: np.ndarray) -> np.ndarray:
         """Return the maximum known light around texels, (k,) float32, at least 0."""
         largest = np.zeros(len(texels), np.float32)
         for index in _steps_from(texels, self._resolution, _AROUND):

@@ -51,7 +51,7 @@ class Finishing:
         lit: TexelSampleLight,
     ) -> None:
         self._store, self._job, self._texels, self._solution = store, texels.job, texels, solution
-        self._made, self._lit = made, lit
+        self.made, self.lit = made, lit
         self.refined = self._refined_texels()
         self._denoising = Denoising(self.refined.known, self._job.settings)
 
@@ -63,12 +63,12 @@ class Finishing:
         turned: list[str] = []
         if not self._job.settings.warm_start:
             turned = warn_lit_back_faces(scene, self._job, self._solution.irradiance, len(known))
-        return *self._lit.warnings, *buried, *turned, *self._denoising.warnings
+        return *self.lit.warnings, *buried, *turned, *self._denoising.warnings
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Sentences for the report."""
-        return *self._lit.reasons, *self._denoising.reasons
+        return *self.lit.reasons, *self._denoising.reasons
 
     def images(
         self, stages: BakeStages, seams: Future[Seams] | None
@@ -87,9 +87,9 @@ class Finishing:
             unblocked = self._in_sight(seams.result())
         final = FinalLightmaps(self.refined, off_centre, unblocked)
         images = {name: final.image(image) for name, image in quiet.items()}
-        left = {name: values for name, values in self._made.items() if name not in quiet}
-        images |= final.images(left, self._lit.values)
-        images = {name: images[name] for name in self._made}
+        left = {name: values for name, values in self.made.items() if name not in quiet}
+        images |= final.images(left, self.lit.values)
+        images = {name: images[name] for name in self.made}
         groups = {name: image for name, image in images.items() if is_of_light_group(name)}
         if groups:
             images |= scale_to_sum(groups, images["combined"])
@@ -101,8 +101,8 @@ class Finishing:
 
         Covers light outputs and directional maps; empty if denoising fails.
         """
-        texels, lit = self.refined, self._lit
-        shown = {name: texels.values(values, lit.values.get(name)) for name, values in self._made.items()}
+        texels, lit = self.refined, self.lit
+        shown = {name: texels.values(values, lit.values.get(name)) for name, values in self.made.items()}
         normals = texels.values(self._job.patch_scene.geometry.normal, lit.normals)
 
         # Denoising uses an independent estimate to separate noise from detail.
@@ -131,7 +131,7 @@ class Finishing:
 
     def _refined_texels(self) -> RefinedTexels:
         """Return the texel values from patches, texel samples and the fit at thin walls."""
-        lit, store = self._lit, self._store
+        lit, store = self.lit, self._store
         if not len(lit.samples):
             return RefinedTexels(store)
         compute = self._job.opencl
@@ -143,9 +143,9 @@ class Finishing:
 
     def _light_of_texels(self) -> tuple[Values, np.ndarray | None]:
         """Return E/pi, summed over the channels: of patches, (n, 1), and of samples, (s,), or None."""
-        if not len(self._lit.samples):
+        if not len(self.lit.samples):
             return channel_sums(self._solution.light), None
-        return self._lit.centres, self._lit.light
+        return self.lit.centres, self.lit.light
 
 
 def scale_to_sum(maps: dict[str, np.ndarray], combined: np.ndarray) -> dict[str, np.ndarray]:

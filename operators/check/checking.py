@@ -79,18 +79,13 @@ def check_scene(context: SceneContext) -> Slices[Checked]:
     meshes, broken = yield from check_coordinates(meshes)
     findings += broken
     meshes, flat = yield from check_zero_area(meshes)
-    findings += flat
 
     # Other meshes have places in the atlases, too, but only baked ones need usable charts.
     baked = [mesh for mesh in meshes if mesh.uid in targets]
-    findings += check_missing(baked)
-    findings += check_kept(baked, context.scene.hemibake.meshes == "RENDER")
-    findings += [*check_moved(meshes), *check_levels(context, settings.resolution)]
     charts = yield from find_charts(meshes, settings.resolution)
     charts = [one for one in charts if one.mesh.uid in targets]
-    findings += yield from check_overlaps(charts, context.scene.hemibake.uv_layer)
-    findings += yield from check_places(charts, settings.resolution)
-    findings += yield from check_widths(charts, settings.resolution)
+    findings += flat
+    findings += yield from _check_uvs(context, meshes, baked, charts, settings.resolution)
     findings += yield from check_normals(meshes, centres)
     findings += check_scale(meshes)
     extent = _extent(context, sum(len(mesh.triangles) for mesh in meshes))
@@ -99,6 +94,23 @@ def check_scene(context: SceneContext) -> Slices[Checked]:
     findings = [_with_memory(finding, baked, charts, settings, extent) for finding in findings]
     ordered = sorted(findings, key=lambda finding: _ORDER.index(finding.severity))
     return Checked(tuple(ordered), expected)
+
+
+def _check_uvs(
+    context: SceneContext,
+    meshes: list[CheckedMesh],
+    baked: list[CheckedMesh],
+    charts: list[ChartsOf],
+    resolution: int,
+) -> Slices[list[Finding]]:
+    """Return findings on lightmap UVs: of the baked ones of all meshes, and of their charts."""
+    properties = context.scene.hemibake
+    findings = [*check_missing(baked), *check_kept(baked, properties.meshes == "RENDER")]
+    findings += [*check_moved(meshes), *check_levels(context, resolution)]
+    findings += yield from check_overlaps(charts, properties.uv_layer)
+    findings += yield from check_places(charts, resolution)
+    findings += yield from check_widths(charts, resolution)
+    return findings
 
 
 def _extent(context: SceneContext, triangles: int) -> Extent:

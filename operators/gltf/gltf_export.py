@@ -140,20 +140,8 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
             }
             groups = {image: _group_maps(context.scene, image) for image in usable}
             work = _Export(path, staging, maps, groups)
-            if options.pictures is not None:
-                pictures = complete_maps(context, surfaces, usable, options.pictures.width)
-                unlit = work.write_unlit(surfaces, pictures, options.pictures)
-                notes += [object_message(_CLEAR, unlit.clear)] if unlit.clear else []
-                hooks: LightmapHooks = unlit
-            else:
-                hooks = work.write(surfaces, options, _extras(context.scene, groups, options))
-            notes += _differences(hooks)
-            if options.for_godot and usable:
-                notes += work.write_godot(hooks, context.scene)
-            elif options.use_files and usable:
-                work.write_files(hooks.lit, _shown_output(context.scene), manifest_states(context.scene))
-            if options.for_unity:
-                notes += work.write_unity(context.scene)
+            hooks, found = _write(work, context, surfaces, usable, options)
+            notes += found
             files = work.keep()
     except (OSError, RuntimeError) as error:
         changes.undo()
@@ -166,11 +154,38 @@ def _export(context: bpy.types.Context, path: Path, options: ExportOptions) -> E
     return Exported(tuple(files), len(hooks.lit) + len(hooks.colored), (*notes, *_unlit(hooks)))
 
 
+def _write(
+    work: _Export,
+    context: bpy.types.Context,
+    surfaces: ExportItems,
+    usable: Sequence[bpy.types.Image],
+    options: ExportOptions,
+) -> tuple[LightmapHooks, list[str]]:
+    """Write all files of an export with the `usable` images; return the exporter's hooks and notes."""
+    scene = context.scene
+    notes: list[str] = []
+    if options.pictures is not None:
+        pictures = complete_maps(context, surfaces, usable, options.pictures.width)
+        unlit = work.write_unlit(surfaces, pictures, options.pictures)
+        notes += [object_message(_CLEAR, unlit.clear)] if unlit.clear else []
+        hooks: LightmapHooks = unlit
+    else:
+        hooks = work.write(surfaces, options, _extras(scene, work.light_groups, options))
+    notes += _differences(hooks)
+    if options.for_godot and usable:
+        notes += work.write_godot(hooks, scene)
+    elif options.use_files and usable:
+        work.write_files(hooks.lit, _shown_output(scene), manifest_states(scene))
+    if options.for_unity:
+        notes += work.write_unity(scene)
+    return hooks, notes
+
+
 class _Export:
     """One export: its files are written to a staging folder, then moved to their final folder.
 
-    maps:    directional maps of each lightmap, by output
-    groups:  maps of light groups of each lightmap, by group
+    maps:          directional maps of each lightmap, by output
+    light_groups:  maps of light groups of each lightmap, by group
     """
 
     def __init__(
@@ -178,12 +193,14 @@ class _Export:
         path: Path,
         staging: Path,
         maps: Mapping[bpy.types.Image, dict[str, bpy.types.Image]],
-        groups: Mapping[bpy.types.Image, dict[str, bpy.types.Image]],
+        light_groups: Mapping[bpy.types.Image, dict[str, bpy.types.Image]],
     ) -> None:
-        self._path, self._staging, self._maps, self._groups = path, staging, maps, groups
+        self._path, self._staging, self._maps, self.light_groups = path, staging, maps, light_groups
         self._made = staging / "files"
         self._made.mkdir()
-        beside = (image for known in (maps, groups) for images in known.values() for image in images.values())
+        beside = (
+            image for known in (maps, light_groups) for images in known.values() for image in images.values()
+        )
         self._stems = _stems(path.stem, {image: image.name for image in (*maps, *beside)})
         self._manifest: list[Path] = []
         self._texts: dict[str, str] = {}
@@ -241,7 +258,7 @@ class _Export:
         """
         files = []
         for lightmap, directional in self._maps.items():
-            groups = {f"{LIGHT_GROUP}{name}": image for name, image in self._groups[lightmap].items()}
+            groups = {f"{LIGHT_GROUP}{name}": image for name, image in self.light_groups[lightmap].items()}
             for output, image in {shown: lightmap, **directional, **groups}.items():
                 fact = {**self._facts(lightmap, lit), "output": output, **_decoding(output)}
                 name = f"{self._stems[image]}.exr"
@@ -254,7 +271,7 @@ class _Export:
             raise EngineError(_UNREADABLE.format(self._path.name))
         gltf, output = read_gltf(self._made / self._path.name), _shown_output(scene)
         lit = [LitNode(index, surface) for index, surface in zip(hooks.nodes, hooks.lit, strict=True)]
-        listed = scene.hemibake.light_states if any(self._groups.values()) else ()
+        listed = scene.hemibake.light_states if any(self.light_groups.values()) else ()
         states = {state.name: factors(state) for state in listed}
         stems = _stems(self._path.stem, {name: name for name in states})
         maps = self._godot_maps(scene, states)
@@ -270,7 +287,9 @@ class _Export:
         )
 
         def mix(image: bpy.types.Image, state: str) -> np.ndarray:
-            parts = {name: _finite(part, read_pixels(part)) for name, part in self._groups[image].items()}
+            parts = {
+                name: _finite(part, read_pixels(part)) for name, part in self.light_groups[image].items()
+            }
             return to_rec709(mixed_light(parts, states[state]))
 
         def facts(image: bpy.types.Image) -> dict:
@@ -313,7 +332,7 @@ class _Export:
             files = {
                 kind: f"{stems[image, kind]}.exr"
                 for kind in kinds
-                if self._groups[image] or not kind.startswith(STATE)
+                if self.light_groups[image] or not kind.startswith(STATE)
             }
             harmonics = maps if PROJECTED_MAPS[0] in maps else {}
             found[image] = GodotMaps(files, image, harmonics, sun_mask(scene, image))
@@ -351,7 +370,7 @@ class _Export:
 
     def _encoded(self, image: bpy.types.Image, kind: str) -> EncodedLightmap:
         """Return a lightmap encoded for the file, with the maps of its light groups."""
-        groups = self._groups[image].items() if kind else ()
+        groups = self.light_groups[image].items() if kind else ()
         encoded = {name: encode(part.name, _finite_pixels(part), kind) for name, part in groups}
         return replace(encode(image.name, _finite_pixels(image), kind), groups=encoded)
 

@@ -55,31 +55,36 @@ class HemicubeRaster:
         culling: bool = True,
         back_to_back: bool = False,
     ) -> None:
-        context = graphics.context
         self._graphics, self._tiles, self.target = graphics, tiles, target
 
         # Sort triangles into clusters, and set up all rendering paths.
         one_sided = cutouts.clear_backs[triangles.material] | triangles.one_sided
         self._clusters = TriangleClusters(triangles.positions, one_sided, culling)
         mesh = MeshBuffers(graphics, indexed_mesh(triangles, cutouts, self._clusters.order))
-        features = target.features
-        if cutouts.needed:
-            features += ("angular", "transmission") if cutouts.angular else ("transmission",)
-        if triangles.backs is not None:
-            features += ("backs",)
-        if back_to_back:
-            features += ("back_to_back", *(("reversed_depth",) if graphics.reversed_depth else ()))
+        features = {
+            "angular": cutouts.needed and cutouts.angular,
+            "transmission": cutouts.needed,
+            "backs": triangles.backs is not None,
+            "back_to_back": back_to_back,
+            "reversed_depth": back_to_back and graphics.reversed_depth,
+        }
+        used = (*target.features, *(name for name, needed in features.items() if needed))
         names = available_paths(graphics) if path is None else (path,)
-        self._paths = [DrawPath(graphics, name, tiles, mesh, features) for name in names]
+        self._paths = [DrawPath(graphics, name, tiles, mesh, used) for name in names]
 
-        # Textures that the shaders read: hemicube matrices, index map, and textures of the render target.
+        self._set_lookups(cutouts, texel_to_patch)
+        self._attach()
+
+    def _set_lookups(self, cutouts: Cutouts, texel_to_patch: np.ndarray) -> None:
+        """Create the textures that the shaders read: hemicube matrices, index map, those of the target."""
+        context, tiles = self._graphics.context, self._tiles
         atlases, height, width = texel_to_patch.shape
         size = (width, height, atlases)
         self._matrices = context.texture((4 * FACES, tiles.capacity), 4, dtype="f4")
         self._lookups: dict[str, moderngl.Texture | moderngl.TextureArray] = {
             "matrices": self._matrices,
             "texel_to_patch": context.texture_array(size, 1, texel_to_patch.tobytes(), dtype="u4"),
-            **target.lookups,
+            **self.target.lookups,
         }
         if cutouts.needed:
             self._lookups.update(_cutout_textures(context, cutouts))
@@ -89,8 +94,10 @@ class HemicubeRaster:
             for unit, name in enumerate(self._lookups):
                 drawing.program[name] = unit
 
-        # Attach the target and a depth array to the framebuffer.
-        self._framebuffer = context.framebuffer([target.texture])
+    def _attach(self) -> None:
+        """Attach the target and a depth array to a framebuffer."""
+        graphics, tiles = self._graphics, self._tiles
+        self._framebuffer = graphics.context.framebuffer([self.target.texture])
         self._framebuffer.use()
         self.depth = graphics.raw.depth_array(tiles.width, tiles.height, tiles.layers)
         attached = graphics.raw.attach_layered_depth(self.depth)

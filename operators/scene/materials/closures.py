@@ -76,13 +76,13 @@ def closure_quantities(node: bpy.types.Node, glass: bool) -> Iterable[str]:
 def is_glass(node: bpy.types.Node) -> bool:
     """Return True if a node refracts light."""
     if node.bl_idname == PRINCIPLED:
-        return _may_exceed(_transmission(node), 0.0) and not _is_thin(node)
+        return _is_positive(_transmission(node)) and not _is_thin(node)
     return node.bl_idname in {GLASS, REFRACTION}
 
 
 def passes_glass(node: bpy.types.Node) -> bool:
     """Return True if a closure transmits light that falls with the angle of incidence."""
-    return node.bl_idname == GLASS or (node.bl_idname == PRINCIPLED and _may_exceed(_transmission(node), 0.0))
+    return node.bl_idname == GLASS or (node.bl_idname == PRINCIPLED and _is_positive(_transmission(node)))
 
 
 def passes_evenly(node: bpy.types.Node) -> bool:
@@ -151,13 +151,13 @@ def _principled_has(node: bpy.types.Node, quantity: str, glass: bool) -> bool:
         color = node_input(node, "Emission Color", "Emission")
         return _is_not_black(color) and _is_not_black(node.inputs["Emission Strength"])
     if quantity == "transmit":
-        return _is_thin(node) and _may_exceed(_subsurface(node), 0.0)
+        return _is_thin(node) and _is_positive(_subsurface(node))
     if quantity == "glass":
         return passes_glass(node)
     if quantity == "through":
         alpha = node.inputs["Alpha"]
         see_through = alpha.is_linked or alpha.default_value < 1
-        return see_through or (glass and _may_exceed(_transmission(node), 0.0))
+        return see_through or (glass and _is_positive(_transmission(node)))
     return True
 
 
@@ -166,12 +166,13 @@ def _is_not_black(socket: bpy.types.NodeSocket) -> bool:
     return socket.is_linked or bool(np.any(np.atleast_1d(socket.default_value)[:3]))
 
 
-def _may_exceed(socket: bpy.types.NodeSocket | None, limit: float) -> bool:
-    return socket is not None and (socket.is_linked or socket.default_value > limit)
+def _is_positive(socket: bpy.types.NodeSocket | None) -> bool:
+    """Return True if an input exists and may be above 0."""
+    return socket is not None and (socket.is_linked or socket.default_value > 0)
 
 
 def _is_thin(node: bpy.types.Node) -> bool:
-    return _may_exceed(node_input(node, "Thin Wall"), 0.0)
+    return _is_positive(node_input(node, "Thin Wall"))
 
 
 def _transmission(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
@@ -226,7 +227,7 @@ def _principled_reflect(math: SocketMath, node: bpy.types.Node) -> Operand:
     if _is_thin(node):
         diffuse = math.multiply(diffuse, math.complement(_forward(math, node)))
     metallic = node.inputs["Metallic"]
-    if not _may_exceed(metallic, 0.0):
+    if not _is_positive(metallic):
         return diffuse
     metal = math.multiply(math.clamp(node.inputs["Alpha"]), math.clamp(metallic), metal_nodes(math, node))
     return math.add(diffuse, metal)

@@ -27,14 +27,9 @@ def _may_tint(node: bpy.types.Node) -> bool:
     name = _COLORS.get(node.bl_idname)
     if name is None:
         return False
-    transmission = node.inputs.get("Transmission Weight")
-    if transmission is not None and not _differs(transmission, 0.0):
-        return False
+    if "Transmission Weight" in node.inputs:
+        transmission = feeding_socket(node.inputs["Transmission Weight"])
+        if not transmission.is_output and transmission.default_value == 0:
+            return False
     color = feeding_socket(node.inputs[name])
     return color.is_output or len(set(channels(color))) > 1
-
-
-def _differs(socket: bpy.types.NodeSocket, value: float) -> bool:
-    """Return True if an input is not this constant."""
-    source = feeding_socket(socket)
-    return source.is_output or source.default_value != value

@@ -74,7 +74,7 @@ def levels_of(scene: bpy.types.Scene) -> dict[bpy.types.Object, list[bpy.types.O
 
 
 def _first_names(name: str) -> tuple[str, ...]:
-    """Return the possible names of the first level of an object with a name; empty if it is no level."""
+    """Return the names that the first level of `name` may have; empty if `name` is no further level."""
     match = _NAME.fullmatch(name)
     if match is None or int(match["level"]) == 0:
         return ()

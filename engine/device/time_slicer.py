@@ -19,7 +19,7 @@ _DOUBLED = 0.25
 #: Minimum ratio of throughputs that justifies a larger slice with its latency. Chosen.
 _GAIN = 1.1
 
-#: Fraction of a slice's time: if half of its items take longer, halving saves no time (chosen).
+#: Fraction of a slice's time. If half of its items take longer, smaller slices save no time. Chosen.
 _SAME = 0.9
 
 #: Full slices until a rejected size is tried again, since costs vary. Chosen.
@@ -28,7 +28,7 @@ _REST = 16
 #: Decay of the remembered maximum time at each slice; a spike is forgotten after ten slices. Chosen.
 _FADE = 0.8
 
-#: Ratio of throughputs, of half a slice to a slow slice, above which the slow one was interrupted (chosen).
+#: A slow slice counts as interrupted if half of its items have this multiple of its throughput. Chosen.
 _INTERRUPTED = 2.0
 
 #: Maximum growth factor of very short slices. Chosen.

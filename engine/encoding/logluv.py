@@ -38,7 +38,7 @@ class LogLuv:
 
     @property
     def smallest(self) -> float:
-        """Value of the darkest blue whose luminance reaches the first step; other colours are brighter."""
+        """Smallest value of pure blue that is not stored as 0; other colours have more luminance."""
         return float(2.0**_FIRST * 2 ** (1 / _STEPS) / _TO_XYZ[1].min())
 
     @property

@@ -55,9 +55,9 @@ def display_equations(
 ) -> BilinearEquations:
     """Return the equations of all lightmaps.
 
-    The unknowns are the texels that bilinear lookups at off-centre points read, and the texels that lookups
-    at a seam read if a sample determines at least one texel on one side of the seam. A chart's tip without
-    samples thus takes the light of the other side.
+    The unknowns are the texels that bilinear lookups at off-centre points read. A lookup at a seam adds its
+    texels if a sample determines any of them on either side. A chart's tip without samples thus takes the
+    light of the other side.
     """
     texel = points.texels(resolution)
     off_centre = beside_centres(points.position)

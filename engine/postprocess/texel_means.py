@@ -79,7 +79,7 @@ class TexelMeans:
         seen = state & _SEEN > 0
         self.texels, self.invalid, self.beyond = texels[seen], texels[~seen], texels[state & _BEYOND > 0]
 
-        # Light, range and planes of the current values of each texel.
+        # Buffers of the values in work: of each texel the mean light, minimum and maximum, and fitted planes.
         self._light, self._changed, self._low, self._high = (self._buffer(16 * self._count) for _ in range(4))
         self._planes = self._buffer(5 * 16 * self._count if self._has_planes else 16)
         self._steps = self._buffer(4 * self._count)

@@ -338,9 +338,9 @@ __kernel void cg_direction(__global const float *inverse, __global const float4 
         direction[here] = inverse[unknown] * residual[here] + run[NUMBERS * IMAGE + RATIO] * direction[here];
 }
 
-// Sums the partial sums of all work groups and updates one scalar of the run (`made`): the stopping threshold ENOUGH
-// and ENERGY at the start, ENERGY at a restart, STEP, or RATIO and ENERGY after a step. Channels below the threshold
-// get steps of 0.
+// Adds the partial sums of all groups and updates scalars of the run. `made` is the scalar of the sum: at the start
+// the stopping threshold ENOUGH (and ENERGY), ENERGY at a restart, STEP, or after a step RATIO (and ENERGY). Channels
+// below the threshold get steps of 0.
 __kernel void add_up(__global const float4 *sums, const int groups, const int made, __global float4 *run,
                      __local float4 *partial)
 {

@@ -28,8 +28,8 @@ typedef struct {
     float3 start, beside, direction;
 } TestRay;
 
-// The back face that a test ray meets, -1 for none. A ray exactly through a shared edge may pass both of its triangles;
-// such a ray has no area, so `beside` must meet a back face too.
+// The back face that a test ray meets, -1 for none. A ray exactly through the common edge of two triangles may miss
+// both and meet a back face behind them, so the parallel ray from `beside` must meet a back face too.
 int back_met(const Rays *rays, const TestRay *ray)
 {
     const Hit hit = nearest_hit(rays, ray->start, ray->direction, false);

@@ -136,9 +136,9 @@ def _without_first(context: SceneContext) -> list[str]:
 def _read_levels(
     context: SceneContext, baked: Collection[int] | None = None
 ) -> tuple[list[Level], dict[str, list[str]]]:
-    """Return the levels that can get UVs, and the names of all other levels by the message on their problem.
+    """Return the levels of detail that can get UVs, and for each problem the names of levels that have it.
 
-    baked:  session uids of first levels; None for all with lightmap UVs
+    baked:  session uids of the first levels (level 0) to use; None for all with lightmap UVs
     """
     scene = context.scene
     pairs = [

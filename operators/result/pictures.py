@@ -60,7 +60,7 @@ def holds_colours(image: bpy.types.Image) -> bool:
 
 
 def rec709_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Return the light of a lightmap image, (h, w, 3) float32, linear Rec.709; data maps as they are."""
+    """Return the light of a lightmap image, (h, w, 3) float32, linear Rec.709; data maps stay unchanged."""
     pixels = read_pixels(image)
     return to_rec709(pixels) if holds_colours(image) else pixels
 

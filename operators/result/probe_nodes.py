@@ -163,7 +163,7 @@ class _Volume:
         )
 
     def _slice(self, x: Feed, y: Feed, z: Feed, layer: int) -> bpy.types.NodeSocket:
-        """Return the UV of a point in the first block of a slice along z of a layer."""
+        """Return the UV of the first coefficient at grid position (x, y) in slice z of a layer."""
         nodes, (width, height, depth) = self._nodes, self._size
         u = nodes.number("MULTIPLY_ADD", x, 1 / (9 * width), 0.5 / (9 * width))
         row = nodes.number("MULTIPLY_ADD", z, float(height), y)

@@ -20,7 +20,8 @@ from .light_node_reader import LightNodes
 _AZIMUTHS, _POLARS = 361, 181
 _FEW = 9, 7
 
-#: Samples per square for point, spot and sun lights, and for area lights, which average over their face.
+#: Samples of each measuring square: for point, spot and sun lights, and for area lights, whose samples are
+#: spread over the face of the light.
 _SAMPLES, _FACE_SAMPLES = 1, 256
 
 #: Geometry of the squares. _WIDTH is the width of a square as a fraction of its distance. _DISTANCE is the

@@ -71,7 +71,7 @@ def object_values(sources: tuple[Source, ...], item: SceneItem) -> dict[Source, 
 
 
 def lost_attributes(values: dict[Source, tuple[float, ...]], item: SceneItem) -> list[str]:
-    """Return missing attributes of an instance; Geometry Nodes may set them where Python cannot read."""
+    """Return attributes that Python finds missing on an instance; Geometry Nodes may have set them."""
     if item.instancer is None:
         return []
     return [name for (owner, name), value in values.items() if owner == "INSTANCER" and value is _MISSING]

@@ -128,6 +128,24 @@ def test_product_imports_nothing_that_is_not_shipped(package):
     assert not [name for name, path in modules(package).items() if pattern.search(path.read_text("utf-8"))]
 
 
+def test_scripts_of_clients_import_each_other_without_circles():
+    """Scripts import files by relative paths; packages of other engines import only the one for manifests."""
+    follows: dict[Path, set[Path]] = {}
+    packages: dict[str, set[str]] = {}
+    for path in (ROOT / "clients").glob("*/src/*.js"):
+        sources = re.findall(
+            r"^(?:import|export)\b[^;]* from '([^']+)'", path.read_text("utf-8"), re.MULTILINE
+        )
+        files = {(path.parent / name).resolve() for name in sources if name.startswith(".")}
+        assert all(file.is_file() and file.parent == path.parent for file in files)
+        follows[path] = files
+        ours = {name for name in sources if name.startswith("hemibake")}
+        packages[path.parts[-3]] = packages.get(path.parts[-3], set()) | ours
+    for start in follows:
+        assert start not in reachable(start, follows)
+    assert not packages.pop("manifest") and set().union(*packages.values()) == {"hemibake-manifest"}
+
+
 @pytest.mark.parametrize("folder", ["kernels", "shaders"])
 def test_includes_of_kernels_and_shaders_have_no_circles_between_folders(folder):
     found = {path.name: path for path in (ROOT / folder).rglob("*") if path.is_file()}
@@ -143,7 +161,8 @@ def test_includes_of_kernels_and_shaders_have_no_circles_between_folders(folder)
 def test_layers_know_only_what_is_below_them():
     sources = {package: [path.read_text() for path in modules(package).values()] for package in
                ("engine", "operators", "panels")}  # fmt: skip
-    assert not [text for text in sources["engine"] if re.search(r"^\s*(import|from) bpy", text, re.MULTILINE)]
+    above = r"^\s*((import|from) bpy|from \.+(operators|panels)\b)"
+    assert not [text for text in sources["engine"] if re.search(above, text, re.MULTILINE)]
     for package in ("operators", "panels"):
         gpu = r"^\s*(import|from) (moderngl|pyopencl|glcontext)"
         assert not [text for text in sources[package] if re.search(gpu, text, re.MULTILINE)]

@@ -29,18 +29,12 @@ ALL_DEVICES = "all"
 
 _METHODS = {
     "auto": Option("Automatic", "Cached if there is memory for it, else Stream"),
-    "cached": Option(
-        "Cached",
-        "Compute visibility once and reuse it for every bounce. Needs memory",
-    ),
+    "cached": Option("Cached", "Compute visibility once and reuse it for every bounce. Needs memory"),
     "stream": Option("Stream", "Recompute visibility for every bounce. Slow, needs no memory"),
     "paper": Option("Paper", "Draw radiance hemicubes for every bounce, as in the paper"),
 }
 _VISIBILITIES = {
-    "auto": Option(
-        "Automatic",
-        "Time both on the scene and use the faster. Fix one for repeatable results",
-    ),
+    "auto": Option("Automatic", "Time both on the scene and use the faster. Fix one for repeatable results"),
     "raster": Option("Raster", "Draw hemicubes with OpenGL"),
     "rays": Option("Rays", "Cast rays with OpenCL"),
 }
@@ -111,11 +105,7 @@ class Settings:
         OneOf(_HEMICUBES),
     )
     max_bounces: int = described(
-        50,
-        "Max Bounces",
-        "Maximum number of light bounces",
-        Span(1, 1000, "bounces"),
-        invalidates=(),
+        50, "Max Bounces", "Maximum number of light bounces", Span(1, 1000, "bounces"), invalidates=()
     )
     tolerance: float = described(
         0.002,

@@ -212,8 +212,7 @@ class BakeRun:
             *_missing([name for uid, name in wanted.items() if uid not in visible]),
         ]
         self._read = yield from self._stages.include(
-            self._stages.reading,
-            read_scene(context, usable, layer, resolution, notes, owner.paces, hurried),
+            self._stages.reading, read_scene(context, usable, layer, resolution, notes, owner.paces, hurried)
         )
         whole = self._target == "ALL"
         size = settle_width(self._read.scene, context, size, self._unwraps, whole, self._changes)

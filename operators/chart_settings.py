@@ -74,12 +74,7 @@ def chart_properties() -> dict:
 def _weight(name: str, faces: str, default: float) -> FloatProperty:
     """Return the property for the cost of these faces in charts of curved surfaces."""
     return FloatProperty(
-        name=name,
-        description=f"Set the cost of {faces}",
-        default=default,
-        min=0,
-        soft_max=16,
-        max=1e4,
+        name=name, description=f"Set the cost of {faces}", default=default, min=0, soft_max=16, max=1e4
     )
 
 

@@ -29,10 +29,7 @@ class HEMIBAKE_OT_export_for_engine(bpy.types.Operator, ExportHelper):
 
     filename_ext = ".glb"
     engine: EnumProperty(
-        name="Engine",
-        description="Choose what the files are for",
-        items=engine_items(),
-        default="FILES",
+        name="Engine", description="Choose what the files are for", items=engine_items(), default="FILES"
     )
     filter_glob: StringProperty(default="*.glb;*.gltf", options={"HIDDEN"})
     file_format: EnumProperty(

@@ -16,14 +16,7 @@ from .devices import finder
 from .lookup import find
 from .rollback import Rollback
 from .scene import SceneContext, visible_meshes
-from .scene.density import (
-    ChartArea,
-    areas_of,
-    expected_areas,
-    longest_side,
-    needed_width,
-    width_for_density,
-)
+from .scene.density import ChartArea, areas_of, expected_areas, longest_side, needed_width, width_for_density
 from .scene.units import metres_per_unit, texels_per_unit
 from .translations import CONTEXT
 from .worker_manager import poll_idle

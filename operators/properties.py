@@ -60,9 +60,7 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         options={"HIDDEN"},
     )
     of_sun_path: BoolProperty(
-        name="Of Sun Path",
-        description="True for the map of a position of a sun path",
-        options={"HIDDEN"},
+        name="Of Sun Path", description="True for the map of a position of a sun path", options={"HIDDEN"}
     )
     companion_of: StringProperty(
         name="Companion Of",
@@ -70,9 +68,7 @@ class HemibakeLightmapProperties(bpy.types.PropertyGroup):
         options={"HIDDEN"},
     )
     packing: StringProperty(
-        name="Packing",
-        description="Digest of the last packing of the charts",
-        options={"HIDDEN"},
+        name="Packing", description="Digest of the last packing of the charts", options={"HIDDEN"}
     )
     used: FloatProperty(
         name="Used",
@@ -167,11 +163,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         translation_context=CONTEXT,
         items=[
             ("ALL", "All", "Bake all objects that renders show"),
-            (
-                "SELECTED",
-                "Selected",
-                "Bake the selected objects",
-            ),
+            ("SELECTED", "Selected", "Bake the selected objects"),
             (
                 "CHANGED",
                 "Changed",
@@ -201,13 +193,10 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
     )
     lightmaps: CollectionProperty(
-        type=HemibakeLightmapProperties,
-        description="Lightmaps of the scene, and maps of other outputs",
+        type=HemibakeLightmapProperties, description="Lightmaps of the scene, and maps of other outputs"
     )
     probe_volumes: CollectionProperty(
-        type=HemibakeProbeVolumeProperties,
-        description="Light probes of the last bake",
-        options={"HIDDEN"},
+        type=HemibakeProbeVolumeProperties, description="Light probes of the last bake", options={"HIDDEN"}
     )
     light_mixer: PointerProperty(
         type=bpy.types.NodeTree,
@@ -216,8 +205,7 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
         options={"HIDDEN"},
     )
     light_states: CollectionProperty(
-        type=HemibakeLightStateProperties,
-        description="Named mixes of the light groups",
+        type=HemibakeLightStateProperties, description="Named mixes of the light groups"
     )
     active_light_state: IntProperty(
         name="Active Light State", description="Number of the chosen light state", options={"HIDDEN"}
@@ -278,15 +266,9 @@ class HemibakeSceneProperties(bpy.types.PropertyGroup):
     active_lightmap: IntProperty(
         name="Active Lightmap", description="Number of the chosen entry of the list", options={"HIDDEN"}
     )
-    report: StringProperty(
-        name="Report",
-        description="Report of the last bake, as JSON",
-        options={"HIDDEN"},
-    )
+    report: StringProperty(name="Report", description="Report of the last bake, as JSON", options={"HIDDEN"})
     findings: StringProperty(
-        name="Findings",
-        description="Findings of the last check, as JSON",
-        options={"HIDDEN"},
+        name="Findings", description="Findings of the last check, as JSON", options={"HIDDEN"}
     )
 
 
@@ -469,9 +451,7 @@ class HemibakeObjectProperties(_BakeRecord, bpy.types.PropertyGroup):
         options={"HIDDEN"},
     )
     other_bakes: CollectionProperty(
-        type=HemibakeBakeRecord,
-        description="Records of bakes in other scenes",
-        override=_INSERTABLE,
+        type=HemibakeBakeRecord, description="Records of bakes in other scenes", override=_INSERTABLE
     )
     slots: CollectionProperty(
         type=HemibakeSlotProperties,

@@ -18,13 +18,7 @@ _ITEMS = [
     (name, f"{quality.label} ({100 * quality.error:g}% error)", quality.text, "NONE", number)
     for number, (name, quality) in enumerate(QUALITIES.items())
 ]
-_CUSTOM = (
-    "custom",
-    "Custom",
-    "Use the samples set under Advanced",
-    "NONE",
-    len(_ITEMS),
-)
+_CUSTOM = ("custom", "Custom", "Use the samples set under Advanced", "NONE", len(_ITEMS))
 
 
 def quality_property() -> Any:

@@ -41,11 +41,7 @@ EMITTER = DeviceStruct(
     ("float[3]", "direction", "unit: along which a sun or spot shines"),
     ("float", "cos_half_angle", "of a spot's cone, NO_CONE for a point"),
     ("float[3]", "strength", "E/pi of a point at 1 m, and of a sun; radiance of a triangle, W/(m^2 sr)"),
-    (
-        "float",
-        "luminance",
-        "by which samples are spread: of E/pi at 1 m, of a triangle's radiance over pi",
-    ),
+    ("float", "luminance", "by which samples are spread: of E/pi at 1 m, of a triangle's radiance over pi"),
     ("float[3]", "cone_x", "axes of the space in which a spot's cone is round"),
     ("float", "blend", "fraction of a spot's cone in which it fades"),
     ("float[3]", "cone_y", ""),

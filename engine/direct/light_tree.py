@@ -14,11 +14,7 @@ from .emitters import EMITTER, EMITTER_RECORDS, POINT, SKY_MAP, SUN
 LIGHT_NODE = DeviceStruct(
     "LightNode",
     ("float[3]", "centre", "m, of power"),
-    (
-        "float",
-        "radius",
-        "m, of the bounding ball about the centre; infinite if an emitter is infinitely far",
-    ),
+    ("float", "radius", "m, of the bounding ball about the centre; infinite if an emitter is infinitely far"),
     ("float[3]", "axis", "unit, of the bounding cone of emission directions"),
     ("float", "cos_half_angle", "of the cone"),
     ("float[3]", "normal", "mean normal of one-sided emitters, weighted by their share of `directed`"),

@@ -51,10 +51,7 @@ def _remote_gather(job: SolveJob) -> tuple[DeviceGather, SolverChoice] | None:
     if job.remote is None:
         return None
     choice = SolverChoice(
-        "cached",
-        untried_visibility(job.settings),
-        expected_samples(job.settings),
-        (job.remote.describe(),),
+        "cached", untried_visibility(job.settings), expected_samples(job.settings), (job.remote.describe(),)
     )
     return RemoteIteration(job.opencl, job.remote, job.count), choice
 

@@ -207,12 +207,7 @@ class ProbeGather:
         self._keeps_rows = keeps_rows
         self._compute, self._rays = texel_job.job.opencl, texel_job.job.rays.rays
         self._direct = ProbeLights(
-            self._compute,
-            self._rays,
-            texel_job.job.patch_scene,
-            texel_job.lighting,
-            self._settings,
-            groups,
+            self._compute, self._rays, texel_job.job.patch_scene, texel_job.lighting, self._settings, groups
         )
         self._origin = texel_job.job.patch_scene.triangles.origin
         self._drop_rows_of_others()

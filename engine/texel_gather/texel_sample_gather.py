@@ -24,12 +24,7 @@ from ..postprocess.device_images import DeviceTexels
 from ..postprocess.irradiance_edges import PatchLight
 from ..postprocess.output_maps import Outputs
 from ..postprocess.texel_means import TexelMeans
-from ..postprocess.texel_samples import (
-    TexelSamples,
-    display_samples,
-    joined_samples,
-    no_samples,
-)
+from ..postprocess.texel_samples import TexelSamples, display_samples, joined_samples, no_samples
 from ..postprocess.thin_wall_fit import ThinWallFit
 from ..postprocess.thin_walls import in_thin_walls, warn_thin_walls
 from ..progress import run_as_fraction

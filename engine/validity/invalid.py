@@ -10,14 +10,7 @@ from ..device.buffers import download_bytes, words_of
 from ..device.opencl import cl
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.receiver_records import RECEIVER
-from .thresholds import (
-    DOUBTFUL,
-    INVALID,
-    KERNEL_OPTIONS,
-    MAX_BACKS_INTERPOLATED,
-    MAX_BACKS_OPEN,
-    PROBES,
-)
+from .thresholds import DOUBTFUL, INVALID, KERNEL_OPTIONS, MAX_BACKS_INTERPOLATED, MAX_BACKS_OPEN, PROBES
 
 
 class Contacts(Protocol):

@@ -23,14 +23,7 @@ from ..scene.probe_volumes import count_probes
 from ..scene.reflection_spheres import count_spheres
 from ..scene.slice_timer import Slices
 from ..worker_manager import owner
-from .faces import (
-    centres_of,
-    check_coordinates,
-    check_faceless,
-    check_normals,
-    check_scale,
-    check_zero_area,
-)
+from .faces import centres_of, check_coordinates, check_faceless, check_normals, check_scale, check_zero_area
 from .finding import ERROR, INFO, WARNING, Checked, Finding
 from .meshes import CheckedMesh, read_meshes
 from .scene import check_differences, check_images, check_levels, check_light

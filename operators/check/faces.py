@@ -79,11 +79,7 @@ def check_faceless(objects: Sequence[bpy.types.Object], meshes: Sequence[Checked
     """Return a finding on mesh objects without faces, which are not among the meshes."""
     names = {mesh.name for mesh in meshes}
     faceless = [obj.name for obj in objects if obj.name not in names]
-    return found(
-        WARNING,
-        "No faces, so not baked: {}. Add faces, or set the role to Ignored.",
-        faceless,
-    )
+    return found(WARNING, "No faces, so not baked: {}. Add faces, or set the role to Ignored.", faceless)
 
 
 def check_scale(meshes: Sequence[CheckedMesh]) -> list[Finding]:

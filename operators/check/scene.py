@@ -87,9 +87,7 @@ def _check_geometry(differing: list[str], as_rendered: bool) -> list[Finding]:
 
 
 def check_images(
-    objects: Sequence[bpy.types.Object],
-    world: bpy.types.World | None,
-    override: bpy.types.Material | None,
+    objects: Sequence[bpy.types.Object], world: bpy.types.World | None, override: bpy.types.Material | None
 ) -> list[Finding]:
     """Return findings on objects whose materials use image files that are missing."""
     users: dict[str, set[str]] = {}
@@ -116,9 +114,7 @@ def check_images(
 
 
 def check_light(
-    objects: Sequence[bpy.types.Object],
-    world: bpy.types.World | None,
-    override: bpy.types.Material | None,
+    objects: Sequence[bpy.types.Object], world: bpy.types.World | None, override: bpy.types.Material | None
 ) -> list[Finding]:
     """Return a finding if nothing or only a dim world emits, judged by the nodes without evaluating them.
 

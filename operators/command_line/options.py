@@ -83,10 +83,7 @@ def parser(program: str, description: str) -> Parser:
     made.add_argument("--sun-light", metavar="NAME", help="sun light that follows --sun-path")
     made.add_argument("--save-blend", type=Path, metavar="FILE", help="save the baked scene")
     made.add_argument(
-        "--export",
-        type=Path,
-        metavar="FILE",
-        help="write the baked scene as .glb or .gltf with lightmaps",
+        "--export", type=Path, metavar="FILE", help="write the baked scene as .glb or .gltf with lightmaps"
     )
     made.add_argument("--report", type=Path, metavar="FILE", help="write the report of the bake as JSON")
     made.add_argument("--json", action="store_true", help="end with one JSON object")

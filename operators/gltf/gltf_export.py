@@ -219,10 +219,7 @@ class _Export:
         return self._written(LightmapHooks(surfaces, lightmaps, materials, extras, options.for_godot))
 
     def write_unlit(
-        self,
-        surfaces: ExportItems,
-        pictures: Mapping[bpy.types.Image, np.ndarray],
-        options: PictureOptions,
+        self, surfaces: ExportItems, pictures: Mapping[bpy.types.Image, np.ndarray], options: PictureOptions
     ) -> UnlitHooks:
         """Write the glTF file with unlit pictures, albedo x light + emission; return the hooks.
 

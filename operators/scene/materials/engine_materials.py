@@ -49,8 +49,7 @@ def to_material(name: str, sides: Sides) -> Material:
     """
     front = _physical(sides.bounce)
     transmission = Transmission(
-        shadow=_transmittance(front if sides.shadow is None else sides.shadow),
-        bounce=_transmittance(front),
+        shadow=_transmittance(front if sides.shadow is None else sides.shadow), bounce=_transmittance(front)
     )
     material = Material(
         name,

@@ -43,10 +43,7 @@ _INVALID = "Material '{}': input '{}' of node '{}' is NaN or infinite. Correct t
 _TOONS = "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
 
 #: Outputs that depend on the length of a ray, by type of node.
-_LENGTH_OUTPUTS = {
-    "ShaderNodeLightPath": ("Ray Length",),
-    "ShaderNodeLightFalloff": ("Linear", "Constant"),
-}
+_LENGTH_OUTPUTS = {"ShaderNodeLightPath": ("Ray Length",), "ShaderNodeLightFalloff": ("Linear", "Constant")}
 
 #: Numbers of nodes from which on they count as infinite; Blender replaces infinity by the largest float.
 _LARGEST = 1e30

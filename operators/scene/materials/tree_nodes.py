@@ -23,8 +23,7 @@ def used_nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
 
 
 def _nodes_of_trees(
-    tree: bpy.types.NodeTree | None,
-    nodes_of: Callable[[bpy.types.NodeTree], Iterable[bpy.types.Node]],
+    tree: bpy.types.NodeTree | None, nodes_of: Callable[[bpy.types.NodeTree], Iterable[bpy.types.Node]]
 ) -> Iterator[bpy.types.Node]:
     """Yield chosen nodes of a tree and of the groups among them; several nodes may use one group."""
     waiting = [] if tree is None else [tree]

@@ -10,10 +10,7 @@ from ..scene_context import SceneContext
 from .items import SceneItem
 
 #: Types of objects, and of geometry that nodes make, without faces that renders show, with their names.
-_KINDS = {
-    "POINTCLOUD": ("point cloud", "point clouds"),
-    "VOLUME": ("volume", "volumes"),
-}
+_KINDS = {"POINTCLOUD": ("point cloud", "point clouds"), "VOLUME": ("volume", "volumes")}
 
 #: What the user can do instead.
 _REMEDY = {

@@ -58,10 +58,7 @@ def _project() -> None:
 
 
 def _edited_uvs(
-    positions: np.ndarray,
-    corners: np.ndarray,
-    starts: np.ndarray,
-    edit: Callable[[], None],
+    positions: np.ndarray, corners: np.ndarray, starts: np.ndarray, edit: Callable[[], None]
 ) -> np.ndarray | None:
     """Return the loops' UVs, (l, 2) float32, after `edit` ran in edit mode; None if faces were dropped.
 

@@ -89,11 +89,7 @@ def own_target(objects: Sequence[bpy.types.Object], layer: str, leave: Leave) ->
 
 
 def evaluated_targets(
-    objects: Sequence[bpy.types.Object],
-    uv_layer: str,
-    made: set[int],
-    evaluation: Evaluation,
-    leave: Leave,
+    objects: Sequence[bpy.types.Object], uv_layer: str, made: set[int], evaluation: Evaluation, leave: Leave
 ) -> list[UnwrapMesh]:
     """Return the evaluated meshes whose lightmap UV layer is missing or unusable because of modifiers.
 

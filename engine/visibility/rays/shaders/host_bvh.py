@@ -101,10 +101,7 @@ def _highest_bit(values: np.ndarray) -> np.ndarray:
 def _leaf_boxes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the low and high corners, (t, 3) float32 each, of triangles, (t, 3, 3) float32."""
     first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
-    return (
-        np.minimum(np.minimum(first, second), third),
-        np.maximum(np.maximum(first, second), third),
-    )
+    return (np.minimum(np.minimum(first, second), third), np.maximum(np.maximum(first, second), third))
 
 
 def _nodes(levels: list[_Level], low: np.ndarray, high: np.ndarray) -> np.ndarray:

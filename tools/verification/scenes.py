@@ -524,7 +524,7 @@ ROOMS["room"] = (64, 512)
 def register_files(folder: Path) -> None:
     """Register the scenes of a folder that are there, each with its resolution and samples."""
     if (folder / "living_room.blend").exists():
-        SCENES["living_room"] = lambda: _open_blend(folder / "living_room.blend")
+        SCENES["living_room"] = lambda: open_blend(folder / "living_room.blend")
         ROOMS["living_room"] = (256, 64)
     if (folder / "house.glb").exists():
         SCENES["house"] = lambda: open_glb(folder / "house.glb", folder)
@@ -537,7 +537,7 @@ def register_files(folder: Path) -> None:
         ROOMS["cornell_box"] = (256, 64)
 
 
-def _open_blend(path: Path) -> None:
+def open_blend(path: Path) -> None:
     """Open a file in Object Mode, so that its meshes can be changed."""
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":

@@ -13,8 +13,8 @@ SYMMETRY = 60
 #: Increments of the R2 sequence (Roberts 2018): 1/g and 1/g^2 of the plastic number g.
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
-#: Offsets into the R2 sequence that are tried to find evenly separated directions, and number of directions
-#: whose distances to all others are measured for it (chosen).
+#: Search for evenly separated directions: number of offsets into the R2 sequence that are tried, and number
+#: of directions whose distances to all others rate an offset (chosen).
 _SHIFTS, _COMPARED = 32, 64
 
 

@@ -100,7 +100,7 @@ def unwrap(
 
 
 def _searched(schedule: Schedule, search: Generator[float, None, int]) -> Generator[Progress, None, int]:
-    """Run a search after all other work; yield progress, return its result."""
+    """Run the search for a resolution that fits, the last work; yield progress, return its result."""
     while True:
         try:
             next(search)

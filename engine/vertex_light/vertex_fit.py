@@ -108,7 +108,7 @@ class MassMatrix:
         return self._around(sums * self._areas) + values * (self.sums / 4)
 
     def _around(self, parts: np.ndarray) -> np.ndarray:
-        """Sum a quantity of triangles, (t,), over the triangles at each value, (n,) float64."""
+        """Return the sum of `parts`, (t,) by triangle, over the triangles around each value, (n,) float64."""
         first, second, third = (np.bincount(corner, parts, self._count) for corner in self._corners)
         return first + second + third
 

@@ -25,8 +25,8 @@
 // Minimum number of rays to an emitter for shaft culling; for fewer, tracing them is faster (measured).
 #define SHAFT_FROM 3.0f
 
-// GOLDEN: golden ratio - 1 as a fraction of 2^32. Consecutive patches along the Hilbert curve share one stratified
-// distribution of emitters; the second value is their number.
+// NEIGHBOURS: number of consecutive patches along the Hilbert curve that share one stratified distribution of emitters.
+// GOLDEN: golden ratio - 1 as a fraction of 2^32, the step between their offsets.
 #define GOLDEN 2654435769u
 #define NEIGHBOURS 64
 

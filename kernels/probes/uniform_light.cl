@@ -83,7 +83,7 @@ bool add_disk(ProbeLight *sum, __global const Emitter *e, const float3 p, const 
     const float3 axis = centre * rsqrt(fmax(d2, LEAST));
     const float sin2 = e->soft ? r2 / (d2 + r2) : r2 / d2, cosine = sqrt(1.0f - sin2);
     const float angle = 2.0f * M_PI_F * sin2 / (1.0f + cosine), along = M_PI_F * sin2;
-    // The integral of cosine^2 over the cone, and of each of the two other squares.
+    // Second moments over the cone: of the component along its axis, and of each of the two across.
     const float middle = 2.0f / 3.0f * M_PI_F * sin2 * (1.0f + cosine + cosine * cosine) / (1.0f + cosine);
     const float beside = 0.5f * (angle - middle), differs = middle - beside;
     const float3 radiance = factor * vload3(0, e->strength) / r2;

@@ -77,7 +77,7 @@ def _tree(gltf: Mapping, names: Sequence[str], number: int) -> _Node:
 
 
 def _apply_suffixes(parent: _Node) -> None:
-    """Change the descendants of a node as their suffixes ask for, children first."""
+    """Apply the suffixes of the names of all descendants of a node, children first."""
     for child in list(parent.children):
         _apply_suffixes(child)
         place = parent.children.index(child)
@@ -108,7 +108,7 @@ def _imported(node: _Node, parent: _Node) -> list[_Node]:
 
 
 def _enclosed(node: _Node, name: str) -> _Node:
-    """Return a parent for a node, which also takes its children."""
+    """Return a new node with a node and its former children as children."""
     made = _Node(name, None, has_mesh=False)
     made.children, node.children = [*node.children, node], []
     return made

@@ -15,7 +15,7 @@ from ..scene.uvs.lightmap_layer import lightmap_layer
 from ..scene.uvs.uv_digest import digest_of
 from ..scene.uvs.uv_targets import evaluated_mesh
 
-#: Warning for such objects; {} is replaced by their names.
+#: Warning for objects whose charts have changed since the bake; {} is replaced by their names.
 MOVED_CHARTS = (
     "Lightmap UVs or faces have changed since the bake: {}. The lightmap may show wrong light there. Bake "
     "again."

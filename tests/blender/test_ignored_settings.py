@@ -202,9 +202,14 @@ def test_positions_before_deformation_are_read_once(monkeypatch):
     assert sum(rendered) == 1 < len(rendered)
 
 
-@pytest.mark.parametrize("as_rendered", [False, True])
-def test_generated_coordinates_precede_modifiers(as_rendered):
-    """Both in viewport meshes, and if another object makes the bake read render meshes."""
+@pytest.mark.parametrize(
+    ("as_rendered", "meshes"), [(False, "RENDER"), (True, "RENDER"), (False, "VIEWPORT")]
+)
+def test_generated_coordinates_precede_modifiers(as_rendered, meshes):
+    """In viewport meshes, chosen or equal to those of renders, and if another object needs render meshes."""
+    import bpy
+
+    bpy.context.scene.hemibake.meshes = meshes
     surface = material()
     tree = surface.node_tree
     coordinates = tree.nodes.new("ShaderNodeTexCoord")

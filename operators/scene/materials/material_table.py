@@ -361,7 +361,8 @@ class MaterialTable:
         """Read positions before deformation of all objects and instances that use some materials."""
         meshes: dict[int, np.ndarray | None] = {}
         found: dict[ItemKey, np.ndarray | None] = {}
-        for item in evaluation.items(self._watch.visible):
+        # With Meshes: Viewport, the bake reads other meshes, but only those of renders have these positions.
+        for item in Evaluation(evaluation.depsgraph).items(self._watch.visible):
             if not indices.isdisjoint(self._wearers.get(item.key, ())):
                 address = item.object.data.as_pointer()
                 if address not in meshes:

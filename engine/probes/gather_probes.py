@@ -273,8 +273,7 @@ class ProbeGather:
 
         The values are positions, light and distances as in `_batch`.
         """
-        offsets, stays = moved_out(volume, *rows.push_offs(invalid))
-        chosen, points = invalid[stays], (rows.points[invalid] + offsets)[stays]
+        chosen, points = self._pushed_off(volume, rows, invalid)
         if not len(chosen):
             return chosen, points, np.zeros((0, len(self._lights), COEFFICIENTS, 3)), rows.distances[:0]
         moved = self._moved_rows(rows, "some", volume, points, first)
@@ -282,6 +281,19 @@ class ProbeGather:
         coefficients, valid = yield from run_as_fraction(0.9, 1.0, self._projected(moved))
         distances = moved.distances[valid] if len(moved.distances) else moved.distances
         return chosen[valid], points[valid], coefficients[valid], distances
+
+    def _pushed_off(
+        self, volume: ProbeVolume, rows: ProbeRows, invalid: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the invalid probes, (k,) int64, that leave geometry within their cells, and their new points.
+
+        They are those of the last bake if the same probes are invalid.
+        """
+        key = invalid.tobytes()
+        if rows.pushed_off is None or rows.pushed_off[0] != key:
+            offsets, stays = moved_out(volume, *rows.push_offs(invalid))
+            rows.pushed_off = key, invalid[stays], (rows.points[invalid] + offsets)[stays]
+        return rows.pushed_off[1:]
 
     def _moved_rows(
         self, rows: ProbeRows, key: str, volume: ProbeVolume, points: np.ndarray, first: int

@@ -57,6 +57,8 @@ class ProbeRows:
                 `trace`, empty without a limit
     direct:  direct light of the last bake, (n, 27) float32 of each part, by the digest of its emitters
     moved:   samples that replace some of these, by the bytes of what they depend on; the last ones
+    pushed_off:  bytes of the invalid probes of the last bake; those that moved, (k,) int64, and their points,
+             (k, 3) float64, m; None before
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class ProbeRows:
         self.distances = np.zeros((0, MAP_WIDTH, MAP_WIDTH, 2), np.float32)
         self.direct: dict[bytes, np.ndarray] = {}
         self.moved: dict[str, tuple[bytes, ProbeRows]] = {}
+        self.pushed_off: tuple[bytes, np.ndarray, np.ndarray] | None = None
         probes = to_float4(points)
         probes[:, 3] = margin
         self.probes = upload(compute, probes)

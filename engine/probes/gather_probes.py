@@ -285,7 +285,7 @@ class ProbeGather:
     def _pushed_off(
         self, volume: ProbeVolume, rows: ProbeRows, invalid: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the invalid probes, (k,) int64, that leave geometry within their cells, and their new points.
+        """Return the invalid probes, (k,) int64, that leave geometry in their cells, and their new points.
 
         They are those of the last bake if the same probes are invalid.
         """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 
@@ -35,7 +35,7 @@ def moved_out(volume: ProbeVolume, ways: np.ndarray, distances: np.ndarray) -> t
 def filled(
     coefficients: np.ndarray, valid: np.ndarray, volume: ProbeVolume
 ) -> Generator[float, None, np.ndarray]:
-    """Return coefficients, (n, 9, 3) float32, in which invalid probes are filled.
+    """Return coefficients, (n, ...) float32, in which invalid probes are filled.
 
     Each invalid probe gets the mean of its valid neighbours, weighted by the inverse square of their
     distance; neighbours of filled probes follow. Without any valid probe nothing changes. Yields the fraction
@@ -45,31 +45,47 @@ def filled(
     """
     if valid.all() or not valid.any():
         return coefficients
+    made, count = coefficients.copy(), int(valid.sum())
+    values = made.reshape(len(valid), -1)
+    for probes, neighbours, first, weights in _rings(valid, volume):
+        values[probes] = np.add.reduceat(values[neighbours] * weights[:, None], first)
+        count += len(probes)
+        yield count / len(valid)
+    return made
+
+
+def _rings(
+    valid: np.ndarray, volume: ProbeVolume
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield invalid probes, (k,) int64, whose neighbours are valid or were yielded with earlier rings.
+
+    Also yields the known neighbours of each, (m,) int64, in the order of the probes; the first neighbour of
+    each probe, (k,) int64; and the weights of the neighbours, (m,) float64, which sum to 1 for each probe.
+    """
     # A border of unknown probes on all sides keeps neighbours of the outermost in the array.
-    shape = tuple(size + 2 for size in volume.resolution[::-1])
-    inner = np.zeros(shape, bool)
-    inner[1:-1, 1:-1, 1:-1] = True
-    known, made = np.zeros(inner.size, bool), np.zeros((inner.size, coefficients[0].size), np.float32)
-    inside = np.flatnonzero(inner)
-    known[inside], made[inside] = valid, coefficients.reshape(len(valid), -1)
-    offsets = np.array([np.dot(step[::-1], [shape[1] * shape[2], shape[2], 1]) for step in _NEIGHBOURS])
+    inner = np.pad(np.ones(volume.resolution[::-1], bool), 1)
+    height, width = inner.shape[1:]
+    offsets = np.array([np.dot(step[::-1], [height * width, width, 1]) for step in _NEIGHBOURS])
     weights = 1 / np.square(np.array(_NEIGHBOURS) @ volume.steps).sum(axis=1)
-    ring, count = inside[~valid], int(valid.sum())
+    inner = inner.ravel()
+    probe, known = np.cumsum(inner) - 1, np.zeros(inner.size, bool)
+    known[inner] = valid
+    ring = np.flatnonzero(inner & ~known)
     while len(ring):
         reached = []
-        for first in range(0, len(ring), _AT_ONCE):
-            part = ring[first : first + _AT_ONCE]
+        for start in range(0, len(ring), _AT_ONCE):
+            part = ring[start : start + _AT_ONCE]
             found = known[part[:, None] + offsets]
-            part, found = part[found.any(axis=1)], found[found.any(axis=1)] * weights
-            sums = np.zeros((len(part), made.shape[1]))
-            for offset, weight in zip(offsets, found.T, strict=True):
-                sums += made[part + offset] * weight[:, None]
-            made[part] = sums / found.sum(axis=1)[:, None]
+            part, found = part[found.any(axis=1)], found[found.any(axis=1)]
+            if not len(part):
+                continue
+            row, column = found.nonzero()
+            first = np.flatnonzero(np.diff(row, prepend=-1))
+            shares = weights[column] / np.add.reduceat(weights[column], first)[row]
+            yield probe[part], probe[part[row] + offsets[column]], first, shares
             reached.append(part)
-            yield min(1.0, count / len(valid))
         ring = np.concatenate(reached)
         known[ring] = True
-        count += len(ring)
-        beside = np.unique(ring[:, None] + offsets)
-        ring = beside[inner.reshape(-1)[beside] & ~known[beside]]
-    return made[inside].reshape(coefficients.shape)
+        beside = np.zeros(inner.size, bool)
+        beside[(ring[:, None] + offsets).ravel()] = True
+        ring = np.flatnonzero(beside & inner & ~known)

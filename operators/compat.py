@@ -93,6 +93,11 @@ def new_node_tree(datablock: bpy.types.Material | bpy.types.World) -> bpy.types.
     return datablock.node_tree
 
 
+def remove_scene(scene: bpy.types.Scene) -> None:
+    """Remove a scene; `scenes.remove` crashes in 4.3 without a window, as in `blender -b FILE -c`."""
+    bpy.data.batch_remove([scene])
+
+
 def multiplies_by_alpha(image: bpy.types.Image) -> bool:
     """Return True if Cycles multiplies an image's colours by its alpha.
 

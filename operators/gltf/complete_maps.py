@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from ..compat import remove_scene
 from ..result.directional_images import companion_images
 from ..result.lightmap_nodes import ShownLightmap
 from ..result.pictures import read_pixels
@@ -117,7 +118,7 @@ def _stage(
     finally:
         for obj in objects:
             bpy.data.objects.remove(obj)
-        bpy.data.scenes.remove(stage)
+        remove_scene(stage)
         for shape in shapes:
             shape.mesh.materials.clear()
         remove_unused_previews()

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ...engine.encoding.half import Half
+from ..compat import remove_scene
 from ..file_format import PLAIN, FileFormat
 from ..working_space import REC709, from_rec709, is_rec709
 from .files import try_to_write
@@ -45,7 +46,7 @@ def write_exr(path: Path, pixels: np.ndarray, format: FileFormat = PLAIN, is_col
         try_to_write(path, image.size[0] * image.size[1] * _PIXEL)
         raise
     finally:
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
         bpy.data.images.remove(image)
 
 

@@ -75,7 +75,7 @@ class Window:
             self._environment["DISPLAY"] = f":{self._start_screen()}"
             if not self._is_new:
                 install = ("extension", "install-file", "--repo", "user_default", "--enable")
-                self._run("blender", "--command", *install, str(self._package))
+                self.command("blender", "--command", *install, str(self._package))
             self._start_blender()
         except BaseException:
             self.__exit__()
@@ -124,13 +124,22 @@ class Window:
         """Wait until an expression is true."""
         wait_until(lambda: self.ask(f"bool({expression})"), expression)
 
+    def command(self, *command: str) -> str:
+        """Run a program to its end and return its standard output; raises RuntimeError if it fails."""
+        ended = subprocess.run(
+            self._machine.command(*command), env=self._environment, capture_output=True, text=True
+        )
+        if ended.returncode:
+            raise RuntimeError(f"{' '.join(command)}:\n{ended.stdout}{ended.stderr}")
+        return ended.stdout
+
     def move(self, x: float, y: float) -> None:
         """Move the pointer to a pixel, counted from the top left."""
-        self._run("xdotool", "mousemove", str(round(x)), str(round(y)))
+        self.command("xdotool", "mousemove", str(round(x)), str(round(y)))
 
     def move_second_window(self, x: int, y: int) -> None:
         """Move the second window to a pixel of the screen, counted from the top left."""
-        self._run(
+        self.command(
             "xdotool", "search", "--onlyvisible", "--class", "blender", "windowmove", "%2", str(x), str(y)
         )
 
@@ -138,11 +147,11 @@ class Window:
         """Click a pixel, after Blender has noticed the pointer there."""
         self.move(x, y)
         self._settle()
-        self._run("xdotool", "click", "1")
+        self.command("xdotool", "click", "1")
 
     def key(self, keys: str) -> None:
         """Press keys, such as "ctrl+z"; they go to the editor below the pointer."""
-        self._run("xdotool", "key", keys)
+        self.command("xdotool", "key", keys)
 
     def picture(self) -> np.ndarray:
         """Return a screenshot after everything is drawn, (h, w, 3) uint8, top row first."""
@@ -205,14 +214,6 @@ class Window:
         for _ in range(3):
             self.run("")
             time.sleep(0.1)
-
-    def _run(self, *command: str) -> None:
-        """Run a program to its end; raises RuntimeError if it fails."""
-        ended = subprocess.run(
-            self._machine.command(*command), env=self._environment, capture_output=True, text=True
-        )
-        if ended.returncode:
-            raise RuntimeError(f"{' '.join(command)}:\n{ended.stdout}{ended.stderr}")
 
     def _start_screen(self) -> int:
         """Start an X server; return the display number that it chose."""

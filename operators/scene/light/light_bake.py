@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ....engine.scene.profile import Profile
-from ...compat import new_node_tree, plain_lamp
+from ...compat import new_node_tree, plain_lamp, remove_scene
 from ..scene_context import SceneContext
 from ..temporary_scene import share_values
 from .light_node_reader import LightNodes
@@ -169,7 +169,7 @@ def _stage(
             bpy.data.objects.remove(obj)
         bpy.data.meshes.remove(mesh)
         bpy.data.lights.remove(shining)
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
         bpy.data.materials.remove(white)
         bpy.data.images.remove(image)
 

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Quaternion, Vector
 
-from ...compat import set_panorama
+from ...compat import remove_scene, set_panorama
 
 #: Samples per pixel of a perspective view.
 _ZOOM_SAMPLES = 16
@@ -129,7 +129,7 @@ def _render(
     finally:
         bpy.data.objects.remove(camera)
         bpy.data.cameras.remove(camera_data)
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
 
         # Rendering creates an image "Render Result" if the file has none.
         for image in [image for image in bpy.data.images if image.session_uid not in images]:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...compat import new_node_tree
+from ...compat import new_node_tree, remove_scene
 from ..objects.meshes import LIGHTMAP_UVS, read_array, read_uvs
 from ..scene_context import SceneContext
 from ..temporary_scene import share_values
@@ -193,7 +193,7 @@ def _stage(
     finally:
         for obj in objects:
             bpy.data.objects.remove(obj)
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
         for unused in (worn, blank):
             bpy.data.materials.remove(unused)
         substitution.remove()

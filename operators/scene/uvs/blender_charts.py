@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from ....engine.unwrap.polygon_mesh import PolygonMesh, areas, signed_areas
+from ...compat import remove_scene
 from ..objects.meshes import read_array, read_uvs
 from .uv_faults import covered_texels
 
@@ -102,7 +103,7 @@ def _edit_mode(mesh: bpy.types.Mesh) -> Iterator[None]:
             bpy.ops.object.mode_set(mode="OBJECT")
     finally:
         bpy.data.objects.remove(obj)
-        bpy.data.scenes.remove(scene)
+        remove_scene(scene)
 
 
 def _islands(mesh: PolygonMesh, uvs: np.ndarray) -> np.ndarray:

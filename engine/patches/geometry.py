@@ -39,6 +39,11 @@ class TexelSteps:
         longer: np.ndarray = np.sqrt(np.maximum(*squares))
         return longer
 
+    def of(self, chosen: np.ndarray) -> TexelSteps:
+        """Return the texel steps of some triangles, (k,) int64."""
+        arrays = self.edge_u, self.edge_v, self.geometric, self.area, self.whole
+        return TexelSteps(*(take_rows(array, chosen) for array in arrays))
+
     def scaled(self, factor: float) -> TexelSteps:
         """Return the texel steps of a lightmap whose texels are `factor` times as wide."""
         edges = np.float32(factor) * self.edge_u, np.float32(factor) * self.edge_v

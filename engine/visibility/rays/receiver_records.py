@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...device.buffers import upload_once, write
+from ...device.buffers import upload, upload_once, write
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
 from ...device.opencl import cl
@@ -40,6 +40,10 @@ RECEIVER = DeviceStruct(
 #: Number of triangles whose records are converted at once (chosen).
 _CONVERTED = 1 << 16
 
+#: Largest part of all triangles for which arrays of the triangles with patches alone are uploaded, and the
+#: least number of triangles (chosen): arrays of all triangles are uploaded once for all receivers.
+_FEW, _MANY = 0.25, 1 << 16
+
 #: Texel steps, normal and area that all patches of a triangle share.
 TEXEL_STEP = DeviceStruct(
     "TexelStep",
@@ -52,14 +56,9 @@ TEXEL_STEP = DeviceStruct(
 
 def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
     """Return the records of patches on the device; sample points of one texel are consecutive."""
-    triangles, steps, count = geometry.triangles, geometry.steps, len(geometry.triangle)
-    inputs = (
-        upload_once(compute, geometry.triangle),
-        upload_once(compute, geometry.barycentric),
-        upload_once(compute, triangles.positions),
-        upload_once(compute, triangles.normals),
-        compute.shared.of(steps.area, "steps", lambda: _upload_steps(compute, steps)),
-    )
+    triangles, count = geometry.triangles, len(geometry.triangle)
+    triangle, *of_triangles = _used_triangles(compute, geometry)
+    inputs = triangle, upload_once(compute, geometry.barycentric), *of_triangles
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
     (pack,) = compute.kernels((RECEIVER, TEXEL_STEP, "pack_receivers.cl"), "pack_receivers")
@@ -71,6 +70,29 @@ def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGe
     )
     compute.run(pack, count, *inputs, *map(np.float32, heights), origin, *texels, records, np.int32(count))
     return records
+
+
+def _used_triangles(compute: ComputeDevice, geometry: PatchGeometry) -> tuple[cl.Buffer, ...]:
+    """Return the triangle index of each patch, and positions, normals and texel steps of triangles.
+
+    If few triangles have patches, the arrays contain these triangles alone, and are not kept.
+    """
+    triangles, steps = geometry.triangles, geometry.steps
+    used = np.zeros(len(triangles.mesh), bool)
+    if len(used) >= _MANY:
+        used[geometry.triangle] = True
+        chosen = np.flatnonzero(used)
+        if len(chosen) <= _FEW * len(used):
+            number = np.empty(len(used), np.int32)
+            number[chosen] = np.arange(len(chosen), dtype=np.int32)
+            arrays = number[geometry.triangle], triangles.positions[chosen], triangles.normals[chosen]
+            return *(upload(compute, array) for array in arrays), _upload_steps(compute, steps.of(chosen))
+    return (
+        upload_once(compute, geometry.triangle),
+        upload_once(compute, triangles.positions),
+        upload_once(compute, triangles.normals),
+        compute.shared.of(steps.area, "steps", lambda: _upload_steps(compute, steps)),
+    )
 
 
 def _upload_steps(compute: ComputeDevice, steps: TexelSteps) -> cl.Buffer:

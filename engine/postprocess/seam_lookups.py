@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,9 @@ from .bilinear import footprints
 
 #: Distance in texels beyond a border point from which the border faces a lookup; excludes chart corners.
 _FACES = 0.25
+
+#: Pairs of lookup texels and border points that are compared at once (chosen), about 100 bytes each.
+_PAIRS = 1 << 18
 
 #: Minimum points for each texel of border length; the two ends are added.
 _POINTS = 1.5
@@ -116,14 +120,27 @@ class _BorderTexels:
         point, corner = nonzero_entries(self._is_read[texels] & (weights > 0))
         start, end = (np.searchsorted(self._texel, texels[point, corner], side) for side in ("left", "right"))
 
-        # Pair each lookup texel with every border point that reads the same texel.
-        count = end - start
-        entry = np.repeat(np.arange(len(point)), count)
-        border = self._point[np.arange(len(entry)) + np.repeat(start - np.cumsum(count) + count, count)]
-        beyond = position[point[entry]] - self._borders.texel[border]
-        faced = entry[np.einsum("kd,kd->k", beyond, self._borders.outward[border]) > _FACES]
-        foreign[point[faced], corner[faced]] = True
+        # Pair each lookup texel with every border point that reads the same texel, some texels at a time.
+        for some in _blocks(end - start):
+            count = (end - start)[some]
+            entry = np.repeat(np.arange(some.start, some.stop), count)
+            order = np.arange(len(entry)) + np.repeat(start[some] - np.cumsum(count) + count, count)
+            border = self._point[order]
+            beyond = position[point[entry]] - self._borders.texel[border]
+            faced = entry[np.einsum("kd,kd->k", beyond, self._borders.outward[border]) > _FACES]
+            foreign[point[faced], corner[faced]] = True
         return foreign
+
+
+def _blocks(counts: np.ndarray) -> Iterator[slice]:
+    """Yield slices of entries whose counts, (n,) int64, add up to about _PAIRS, or of one entry."""
+    ends = np.cumsum(counts)
+    first = 0
+    while first < len(ends):
+        before = ends[first] - counts[first]
+        last = max(first + 1, int(np.searchsorted(ends, before + _PAIRS, "right")))
+        yield slice(first, last)
+        first = last
 
 
 def _moved(position: np.ndarray, foreign: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

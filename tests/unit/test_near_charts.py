@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from engine.patches.seams import no_seams
+from engine.postprocess import seam_lookups
 from engine.postprocess.bilinear_equations import display_equations
 from engine.postprocess.final_images import FinalImages
 from engine.postprocess.seam_lookups import display_seams
@@ -91,3 +92,14 @@ def test_smoothness_ties_no_texels_of_different_charts():
     lit = equations.texel % R < 20
     dark = (equations.texel % R >= 20) & (equations.texel < 30 * R)
     assert dark.sum() > 20 and not equations.smooth.times(dark.astype(float))[lit].any()
+
+
+@pytest.mark.parametrize("pairs", [1, 7])
+def test_seams_do_not_depend_on_the_number_of_pairs_that_are_compared_at_once(pairs, monkeypatch):
+    triangles, _ = near_charts(0.7, 0.3)
+    whole = display_seams(triangles, 1, R)
+    assert not np.array_equal(whole.texel, find_seams(triangles, 1, R).texel)
+    monkeypatch.setattr(seam_lookups, "_PAIRS", pairs)
+    parts = display_seams(triangles, 1, R)
+    for name in ("atlas", "texel", "weight"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))

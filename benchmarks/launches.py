@@ -19,7 +19,7 @@ import argparse
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,9 @@ WORK: dict[str, dict[str, Any]] = {
     "U": {"texel_samples": 4, "hide_seams": True},
     "G": {"texel_samples": 1, "hide_seams": False, "margin": 0},
 }
+
+#: Earlier names of settings, for checkouts that have them.
+_EARLIER = {"margin": "dilation"}
 
 #: Scenes, and the width of their lightmaps, texels.
 SCENES = {"box": 1024, "hall": 2048, "furnished": 1024, "sealed": 1024}
@@ -193,9 +196,12 @@ def _scene(name: str, resolution: int, arrays: Path | None) -> Scene:
 def _settings(resolution: int, quality: str, work: str) -> Settings:
     """Return the settings of a bake."""
     from benchmarks.configurations import settings
+    from engine import Settings
     from engine.quality import QUALITIES
 
-    return settings(dict(QUALITIES[quality].values), resolution=resolution, **WORK[work])
+    known = {field.name for field in fields(Settings)}
+    named = {name if name in known else _EARLIER[name]: value for name, value in WORK[work].items()}
+    return settings(dict(QUALITIES[quality].values), resolution=resolution, **named)
 
 
 def _parse() -> argparse.Namespace:

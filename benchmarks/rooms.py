@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from engine import Light, Mesh, Scene
-from engine.scene.model import NO_LIGHTMAP
 from tests.analytic.scenes import GAP, Chart, material, quads, rectangle, room_walls
 
 #: Side of the room, m.
@@ -74,6 +73,8 @@ def with_small_box(scene: Scene, resolution: int) -> Scene:
 
 def with_instances(scene: Scene, count: int) -> Scene:
     """Return a room with small boxes without lightmaps at random places, one mesh each."""
+    from engine.scene.model import NO_LIGHTMAP
+
     pieces = standing_box(0.01, 0.01, (0, 0), 0.3)
     charts = packed([(1.0, 1.0)] * len(pieces), 64, (0, 64))
     box = quads(np.stack(pieces), charts, [_WHITE] * len(pieces), 64, "Instance")

@@ -55,7 +55,7 @@ class _Group:
     """Objects that move together.
 
     box:      box around their charts
-    taken:    (g, g) bool, grid cells that they cover
+    taken:    (g * g,) bool, grid cells that they cover
     members:  indices of the objects
     """
 
@@ -74,7 +74,7 @@ class _Group:
         low, high = np.minimum(self.box.low, box.low), np.maximum(self.box.high, box.high)
         self.box = ChartBox(low, high, self.box.density)
         if footprint is not None:
-            self.taken[footprint.window] |= footprint.covered
+            self.taken[footprint.covered] = True
 
 
 def separate_overlaps(
@@ -146,7 +146,7 @@ def _group(
             if footprint is not None and group.joins(box, footprint):
                 break
         else:
-            group = _Group(box, np.zeros((grid, grid), bool))
+            group = _Group(box, np.zeros(grid**2, bool))
             groups.append(group)
         group.add(index, box, footprint)
         yield None
@@ -168,8 +168,8 @@ def _free_room(kept: Sequence[CoverageGrid], grid: int, resolution: int) -> Slic
     size = min(grid, _ROOM_GRID)
     occupied = np.zeros((size, size), bool)
     for footprint in kept:
-        rows, columns = np.nonzero(footprint.covered)
-        occupied[(rows + footprint.row) * size // grid, (columns + footprint.column) * size // grid] = True
+        rows, columns = divmod(footprint.covered, grid)
+        occupied[rows * size // grid, columns * size // grid] = True
         yield None
     free = largest_free_box(occupied)
     left, low = (-(-cell * resolution // size) + GAP // 2 for cell in (free.x, free.y))

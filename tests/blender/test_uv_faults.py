@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from engine import finished
 from tests.blender.things import cross, part
 
 
@@ -32,13 +33,21 @@ def test_neighbours_do_not_overlap_and_copies_do(n, move):
 @pytest.mark.parametrize("extent", [0.02, 0.2, 1])
 @pytest.mark.parametrize("count", [1, 3, 61])
 def test_sorted_spans_cover_the_same_cells(monkeypatch, count, extent):
-    faults = part("operators.scene.uvs.uv_faults")
+    faults, coverage = part("operators.scene.uvs.uv_faults"), part("operators.scene.uvs.coverage_grid")
     rng = np.random.default_rng(count)
     corners = (rng.random((count, 1, 2)) + rng.random((count, 3, 2)) * extent) / (1 + extent) * faults._GRID
     covered = faults._covered_cells(corners)
-    assert covered[0] > 0
+    low, width, height = (300, 100), faults._GRID - 301, faults._GRID - 109
+    window = corners * (width / faults._GRID, height / faults._GRID)
+    cells, doubled = finished(faults.find_covered(window, width, height))
+    footprint = finished(coverage.make_footprint((window + low) / 512, 512))
+    assert covered[0] > 0 and len(cells)
     monkeypatch.setattr(faults, "_FEW", -1)
     assert covered == faults._covered_cells(corners)
+    counted, doubled_too = finished(faults.find_covered(window, width, height))
+    np.testing.assert_array_equal(cells, counted)
+    np.testing.assert_array_equal(footprint.covered, (cells // width + 100) * 512 + cells % width + 300)
+    assert doubled == doubled_too == footprint.doubled
 
 
 def test_slivers_points_and_nothing_do_not_overlap():

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from .uv_faults import count_covers
+from .uv_faults import find_covered
 
 #: Largest number of cells along each side of the grid.
 LARGEST_GRID = 512
@@ -23,37 +22,27 @@ _ALLOWED_FRACTION = 0.005
 class CoverageGrid:
     """Cells of a grid over the atlas whose centres are covered by the charts of one object.
 
-    row:      grid row of the first row of `covered`
-    column:   grid column of the first column of `covered`
-    covered:  (h, w) bool, cells in the bounding box of the charts
+    covered:  (n,) int64, covered cells, row * width of the grid + column, ascending
     doubled:  number of cells covered by two or more triangles
     """
 
-    row: int
-    column: int
     covered: np.ndarray
     doubled: int
 
-    @cached_property
+    @property
     def cells(self) -> int:
         """Number of covered cells."""
-        return int(self.covered.sum())
+        return len(self.covered)
 
     @property
     def overlaps(self) -> bool:
         """True if charts of this object overlap each other by more than rounding errors."""
         return self.doubled > max(_ALLOWED_FRACTION * self.cells, _ALLOWED)
 
-    @property
-    def window(self) -> tuple[slice, slice]:
-        """Slices of the grid's rows and columns that hold `covered`."""
-        height, width = self.covered.shape
-        return slice(self.row, self.row + height), slice(self.column, self.column + width)
-
     def meets(self, taken: np.ndarray) -> bool:
-        """Return True if the object covers cells set in `taken`, (g, g) bool, beyond rounding errors."""
+        """Return True if the object covers cells set in `taken`, (g * g,) bool, beyond rounding errors."""
         allowed = max(_ALLOWED_FRACTION * self.cells, _ALLOWED if self.cells > _MANY else 0)
-        return int((taken[self.window] & self.covered).sum()) > allowed
+        return int(taken[self.covered].sum()) > allowed
 
 
 def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, CoverageGrid]:
@@ -64,15 +53,16 @@ def make_footprint(uvs: np.ndarray, grid: int) -> Generator[None, None, Coverage
     high = np.clip(np.ceil([column.max() for column in columns]), low + 1, grid)
     width, height = (high - low).astype(int)
     yield
-    count = yield from count_covers(corners - low, width, height)
-    return CoverageGrid(int(low[1]), int(low[0]), count > 0, int((count > 1).sum()))
+    cells, doubled = yield from find_covered(corners - low, width, height)
+    row, column = divmod(cells, width)
+    return CoverageGrid((row + int(low[1])) * grid + column + int(low[0]), doubled)
 
 
 def find_overlapping(footprints: Sequence[CoverageGrid], grid: int) -> Generator[None, None, list[bool]]:
     """Return for each object True if its charts overlap charts of other objects; yields after each object."""
-    count = np.zeros((grid, grid), np.int32)
+    count = np.zeros(grid**2, np.int32)
     for footprint in footprints:
-        count[footprint.window] += footprint.covered
+        count[footprint.covered] += 1
         yield
     shared, meeting = count > 1, []
     for footprint in footprints:

@@ -70,18 +70,30 @@ def _overlap(uvs: np.ndarray) -> bool:
 def _covered_cells(corners: np.ndarray) -> tuple[int, int]:
     """Return the number of cells that triangles cover, and the number of those covered at least twice.
 
-    Few spans are sorted instead of counted for each cell of the grid.
-
     corners: (t, 3, 2) float64, in cells of the grid
     """
-    if np.ptp(corners[..., 1], axis=1).sum() <= _FEW:
-        starts, ends = _spans(corners, _GRID)
-        places, steps = np.concatenate([starts, ends]), np.repeat([1, -1], len(starts))
-        order = np.argsort(places)
-        count, lengths = np.cumsum(steps[order])[:-1], np.diff(places[order])
-        return int(lengths[count > 0].sum()), int(lengths[count > 1].sum())
-    cells = finished(count_covers(corners, _GRID, _GRID))
-    return int((cells > 0).sum()), int((cells > 1).sum())
+    cells, doubled = finished(find_covered(corners, _GRID, _GRID))
+    return len(cells), doubled
+
+
+def find_covered(
+    corners: np.ndarray, width: int, height: int
+) -> Generator[None, None, tuple[np.ndarray, int]]:
+    """Return the cells whose centres triangles, (t, 3, 2) in cells, cover, and how many have two or more.
+
+    The cells are (n,) int64, row * width + column, ascending. Few spans are sorted instead of counted for each
+    cell. Yields between slices of a few milliseconds.
+    """
+    if np.ptp(corners[..., 1], axis=1).sum() > _FEW:
+        count = (yield from count_covers(corners, width, height)).ravel()
+        return np.flatnonzero(count), int((count > 1).sum())
+    starts, ends = _spans(corners, width)
+    places, steps = np.concatenate([starts, ends]), np.repeat([1, -1], len(starts))
+    order = np.argsort(places)
+    count, lengths = np.cumsum(steps[order])[:-1], np.diff(places[order])
+    starts, counts = places[order][:-1][count > 0], lengths[count > 0]
+    cells = np.arange(counts.sum()) + np.repeat(starts - np.cumsum(counts) + counts, counts)
+    return cells - cells // (width + 1), int(lengths[count > 1].sum())
 
 
 def count_covers(corners: np.ndarray, width: int, height: int) -> Generator[None, None, np.ndarray]:

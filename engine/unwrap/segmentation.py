@@ -1,7 +1,8 @@
 """Segmentation of curved surfaces into charts, and their parametrisation, by xatlas.
 
-An Atlas of xatlas 0.0.11 is never destroyed. Its destructor stops worker threads by setting a flag without
-locking their mutex, so a thread may miss it and the destructor waits forever (observed once in 20,000 runs).
+The destructor of an Atlas of xatlas 0.0.11 stops worker threads by setting a flag without locking their mutex. A
+thread that is about to wait may miss it, and the destructor waits forever (observed once in 20,000 runs). An Atlas
+is therefore destroyed long after its last use, when all threads wait, and never at the end of the process.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -37,6 +39,12 @@ _PIECE = 1 << 12
 #: Minimum number of triangles per batch, and maximum number of batches.
 _BATCH = 1 << 13
 _MOST_BATCHES = 64
+
+#: Least time from the last use of an Atlas to its destruction, s (chosen).
+_SETTLED = 1.0
+
+#: Atlases by the time of their last use, s, which are kept alive.
+_used: deque[tuple[float, Any]] = deque()
 
 #: Chart index that xatlas gives to vertices without a chart.
 _UNPACKED = 0xFFFFFFFF
@@ -190,17 +198,22 @@ def _segment_batch(pieces: Sequence[_Piece], cutting: ChartOptions) -> list[Segm
 
     # xatlas treats arrays at the same address as instances of one mesh, so all must stay alive until the end.
     inputs = [_input(piece) for piece in pieces]
-    atlas = _kept_alive(xatlas.Atlas())
+    atlas = xatlas.Atlas()
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(atlas))
     for positions, vertices in inputs:
         atlas.add_mesh(positions, vertices)
     atlas.generate(_chart_options(cutting), _drafting(pieces))
-    return [_segments(atlas, index, piece) for index, piece in enumerate(pieces)]
+    made = [_segments(atlas, index, piece) for index, piece in enumerate(pieces)]
+    _used.append((monotonic(), atlas))
+    _destroy_settled()
+    return made
 
 
-def _kept_alive(value: Any) -> Any:
-    """Keep a value alive forever: increment its reference count."""
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(value))
-    return value
+def _destroy_settled() -> None:
+    """Destroy the atlases whose threads have waited for long."""
+    while _used and monotonic() - _used[0][0] > _SETTLED:
+        _, atlas = _used.popleft()
+        ctypes.pythonapi.Py_DecRef(ctypes.py_object(atlas))
 
 
 def _input(piece: _Piece) -> tuple[np.ndarray, np.ndarray]:

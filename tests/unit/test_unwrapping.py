@@ -2,6 +2,8 @@
 
 import dataclasses
 import time
+import weakref
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -427,6 +429,18 @@ def test_both_sides_of_a_curved_sheet_have_few_charts():
     ((uvs, chart),) = finished(segmentation.segment([mesh]))
     made = make_charts(mesh, uvs, chart)
     assert made.chart.min() == 0 and made.chart.max() < 12
+
+
+@needs_xatlas
+def test_atlases_are_destroyed_once_their_threads_have_waited(monkeypatch):
+    monkeypatch.setattr(segmentation, "_SETTLED", 0.05)
+    monkeypatch.setattr(segmentation, "_used", deque())
+    ball, atlases = lattice(16, 16, sphere), []
+    for _ in range(3):
+        finished(segmentation.segment([ball]))
+        atlases.append(weakref.ref(segmentation._used[-1][1]))
+        time.sleep(0.1)
+    assert [atlas() is None for atlas in atlases] == [True, True, False]
 
 
 def test_polygons_without_area_need_no_chart():

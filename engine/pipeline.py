@@ -256,7 +256,8 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
     # Patch list: lightmap texels on surfaces, and their geometry.
     patch_scene = kept.make_patch_scene(graphics, compute, scene, settings)
     gathers = may_gather(scene, patch_scene.surfaces, settings)
-    check_patches(compute, len(patch_scene.triangles.mesh), len(patch_scene.patches), gathers)
+    used = int(np.count_nonzero(patch_scene.geometry.on_triangle))
+    check_patches(compute, len(patch_scene.triangles.mesh), used, len(patch_scene.patches), gathers)
     store = kept.texels.images(patch_scene.patches, atlases, settings, compute)
     previous = kept.light_on(compute, patch_scene, atlases, settings)
     yield stages.listed(len(patch_scene.patches), patch_scene.surfaces.mean_reflectance)

@@ -10,7 +10,7 @@ from ..patches.patch_materials import PatchMaterials
 from ..scene.model import Scene
 from ..settings import Settings
 from ..visibility.raster.targets import MAX_PATCHES
-from ..visibility.rays.receiver_records import RECEIVER, TEXEL_STEP
+from ..visibility.rays.receiver_records import RECEIVER, TEXEL_STEP, uploaded_triangles
 
 #: Bytes for each texel of one atlas while its patches are listed: two RGBA32F targets, which the host copies.
 _LIST_BYTES = 2 * 16
@@ -19,9 +19,10 @@ _LIST_BYTES = 2 * 16
 #: triangle that touches the texel.
 _OWNER_BYTES, _TOUCHED_BYTES = 4, 4
 
-#: Bytes on the device for each triangle: corners, normals, UVs, texel steps, and a packet of the hierarchy.
-#: For each texel: the record of a receiver; if it gathers, radiance, gathered and sampled light as float4.
-_TRIANGLE_BYTES = 36 + 36 + 24 + TEXEL_STEP.dtype.itemsize + 48
+#: Bytes on the device for each triangle: UVs and a packet of the hierarchy. For each triangle that receivers
+#: need (`uploaded_triangles`): corners, normals, texel steps. For each texel: the record of a receiver; if it
+#: gathers, radiance, gathered and sampled light as float4.
+_TRIANGLE_BYTES, _USED_BYTES = 24 + 48, 36 + 36 + TEXEL_STEP.dtype.itemsize
 _RECEIVER_BYTES, _GATHER_BYTES = RECEIVER.dtype.itemsize, 3 * 16
 
 #: Bytes on the host, which count on a CPU, for each triangle: scene, joined triangles and texel steps. For
@@ -74,9 +75,12 @@ def may_gather(scene: Scene, surfaces: PatchMaterials, settings: Settings) -> bo
     return lit or not settings.only_light
 
 
-def check_patches(compute: ComputeDevice | None, triangles: int, patches: int, gathers: bool = True) -> None:
+def check_patches(
+    compute: ComputeDevice | None, triangles: int, used: int, patches: int, gathers: bool = True
+) -> None:
     """Raise SettingsError if there are too many patches, or if the scene exceeds the memory of the device.
 
+    used:     number of triangles with patches
     gathers:  False if no patch gathers light, see `may_gather`
     """
     if patches > MAX_PATCHES:
@@ -85,15 +89,18 @@ def check_patches(compute: ComputeDevice | None, triangles: int, patches: int, g
             "Lower the resolution, or bake fewer objects at once."
         )
     if compute is not None:
-        _check_memory(compute, triangles, patches, gathers)
+        _check_memory(compute, triangles, uploaded_triangles(triangles, used), patches, gathers)
 
 
-def _check_memory(compute: ComputeDevice, triangles: int, patches: int = 0, gathers: bool = True) -> None:
+def _check_memory(
+    compute: ComputeDevice, triangles: int, uploaded: int = 0, patches: int = 0, gathers: bool = True
+) -> None:
     """Raise SettingsError if triangles and patches alone exceed the memory of the device.
 
     The sum is a lower bound, so a scene that passes may still run out of memory.
     """
-    needed = triangles * _TRIANGLE_BYTES + patches * (_RECEIVER_BYTES + gathers * _GATHER_BYTES)
+    needed = triangles * _TRIANGLE_BYTES + uploaded * _USED_BYTES
+    needed += patches * (_RECEIVER_BYTES + gathers * _GATHER_BYTES)
     if compute.processor:
         needed += triangles * _HOST_TRIANGLE_BYTES + patches * _HOST_TEXEL_BYTES
     available = compute.device.global_mem_size

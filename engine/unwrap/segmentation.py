@@ -1,8 +1,9 @@
 """Segmentation of curved surfaces into charts, and their parametrisation, by xatlas.
 
-The destructor of an Atlas of xatlas 0.0.11 stops worker threads by setting a flag without locking their mutex. A
-thread that is about to wait may miss it, and the destructor waits forever (observed once in 20,000 runs). An Atlas
-is therefore destroyed long after its last use, when all threads wait, and never at the end of the process.
+The destructor of an Atlas of xatlas 0.0.11 stops worker threads by setting a flag without locking their
+mutex. A thread that is about to wait may miss it, and the destructor waits forever (observed once in 20,000
+runs). An Atlas is therefore destroyed long after its last use, when all threads wait, and never at the end of
+the process.
 """
 
 from __future__ import annotations

@@ -34,14 +34,17 @@ def test_one_atlas_is_listed_at_a_time_and_all_have_index_maps(atlases, unified,
 
 
 @pytest.mark.parametrize("gathers", [True, False])
-@pytest.mark.parametrize(("processor", "of_triangle", "of_texel"), [(False, 192, 192), (True, 452, 236)])
-def test_triangles_and_texels_that_cannot_fit_are_refused(processor, of_triangle, of_texel, gathers):
+@pytest.mark.parametrize(("processor", "of_triangle", "of_texel"), [(False, 72, 192), (True, 332, 236)])
+@pytest.mark.parametrize(("used", "uploaded"), [(4_000_001, 13_000_001), (3_000_001, 3_000_001)])
+def test_triangles_and_texels_that_cannot_fit_are_refused(
+    processor, of_triangle, of_texel, gathers, used, uploaded
+):
     def check_memory(size):
         device = SimpleNamespace(global_mem_size=size)
         compute = SimpleNamespace(name="Card", device=device, processor=processor)
-        check_patches(compute, 13_000_001, 61_000_003, gathers)
+        check_patches(compute, 13_000_001, used, 61_000_003, gathers)
 
-    needed = 13_000_001 * of_triangle + 61_000_003 * (of_texel if gathers else of_texel - 48)
+    needed = 13_000_001 * of_triangle + uploaded * 120 + 61_000_003 * (of_texel - 48 * (not gathers))
     check_memory(needed)
     with pytest.raises(SettingsError, match="13,000,001 triangles and 61,000,003 texels need .* Lower the"):
         check_memory(needed - 1)
@@ -60,13 +63,13 @@ def test_only_scenes_in_which_light_may_be_gather_it():
 
 
 def test_more_texels_than_radiosity_textures_hold_are_refused():
-    check_patches(None, 1, 2**26 - 2)
+    check_patches(None, 1, 1, 2**26 - 2)
     with pytest.raises(SettingsError, match="hold 67,108,863 texels; at most 67,108,862 can .* Lower the"):
-        check_patches(None, 1, 2**26 - 1)
+        check_patches(None, 1, 1, 2**26 - 1)
 
 
 def test_a_scene_whose_triangles_cannot_fit_is_refused_before_texels_are_listed():
-    device = SimpleNamespace(global_mem_size=192 * 300 - 1, host_unified_memory=False)
+    device = SimpleNamespace(global_mem_size=72 * 300 - 1, host_unified_memory=False)
     compute = SimpleNamespace(name="Card", device=device, processor=False)
     meshes = tuple(SimpleNamespace(positions=np.zeros((count, 3, 3))) for count in (101, 199))
     scene = Scene(meshes, (), ("Atlas",), np.zeros(3))

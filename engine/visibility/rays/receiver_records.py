@@ -72,17 +72,25 @@ def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGe
     return records
 
 
+def uploaded_triangles(triangles: int, used: int) -> int:
+    """Return the number of triangles whose positions, normals and texel steps are uploaded.
+
+    used: number of triangles with patches
+    """
+    return used if triangles >= _MANY and used <= _FEW * triangles else triangles
+
+
 def _used_triangles(compute: ComputeDevice, geometry: PatchGeometry) -> tuple[cl.Buffer, ...]:
     """Return the triangle index of each patch, and positions, normals and texel steps of triangles.
 
     If few triangles have patches, the arrays contain these triangles alone, and are not kept.
     """
     triangles, steps = geometry.triangles, geometry.steps
-    used = np.zeros(len(triangles.mesh), bool)
-    if len(used) >= _MANY:
+    if len(triangles.mesh) >= _MANY:
+        used = np.zeros(len(triangles.mesh), bool)
         used[geometry.triangle] = True
         chosen = np.flatnonzero(used)
-        if len(chosen) <= _FEW * len(used):
+        if uploaded_triangles(len(used), len(chosen)) < len(used):
             number = np.empty(len(used), np.int32)
             number[chosen] = np.arange(len(chosen), dtype=np.int32)
             arrays = number[geometry.triangle], triangles.positions[chosen], triangles.normals[chosen]

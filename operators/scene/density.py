@@ -155,11 +155,13 @@ def _world_area(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> float:
 
 def _area(corners: np.ndarray) -> float:
     """Return the area of triangles in space, corners (t, 3, 3)."""
-    edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(np.linalg.norm(edges.astype(np.float64), axis=1).sum()) / 2
+    (ax, ay, az), (bx, by, bz) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
+    normal = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    x, y, z = (part.astype(np.float64) for part in normal)
+    return float(np.sqrt(x * x + y * y + z * z).sum()) / 2
 
 
 def _flat_area(uvs: np.ndarray) -> float:
     """Return the area of triangles in UV space, corners (t, 3, 2)."""
-    (u1, v1), (u2, v2) = (np.moveaxis(uvs[:, k] - uvs[:, 0], 1, 0).astype(np.float64) for k in (1, 2))
+    (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]).T.astype(np.float64) for k in (1, 2))
     return float(np.abs(u1 * v2 - u2 * v1).sum()) / 2

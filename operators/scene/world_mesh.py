@@ -22,8 +22,9 @@ def world_mesh(
     """
     corners, matrix = reading.mesh.corners, reading.matrix
     linear, shift = matrix[:3, :3].T, matrix[:3, 3] - origin
-    normal = _normal_matrix(matrix[:3, :3]).T.astype(np.float32)
-    order = [0, 2, 1] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
+    turned = bool(np.linalg.det(matrix[:3, :3]) < 0)
+    normal = _normal_matrix(matrix[:3, :3], turned).T.astype(np.float32)
+    order = [0, 2, 1] if turned else [0, 1, 2]
     positions, normals = np.empty_like(corners.positions), np.empty_like(corners.normals)
     uvs = np.zeros((len(positions), 3, 2), np.float32)
     for rows in row_slices(len(positions), 9):
@@ -32,7 +33,7 @@ def world_mesh(
         if place is not None and corners.uvs is not None:
             uvs[rows] = place.apply(corners.uvs[rows])[:, order]
         yield rows.stop / len(positions)
-    turned, texture_uvs = order[1] == 2, dict(corners.texture_uvs)
+    texture_uvs = dict(corners.texture_uvs)
     if LIGHTMAP_UVS in texture_uvs and place is not None and takes_textures(reading, place):
         texture_uvs[LIGHTMAP_UVS] = place.apply(texture_uvs[LIGHTMAP_UVS])
     return Mesh(
@@ -52,10 +53,12 @@ def world_mesh(
     )
 
 
-def _normal_matrix(matrix: np.ndarray) -> np.ndarray:
+def _normal_matrix(matrix: np.ndarray, turned: bool) -> np.ndarray:
     """Return the matrix that transforms normals: the inverse transpose up to a positive factor.
 
     It is the cofactor matrix with the sign of the determinant, which also exists for singular matrices.
+
+    turned: True if the determinant is negative
     """
     (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
     cofactors = np.array([
@@ -63,9 +66,9 @@ def _normal_matrix(matrix: np.ndarray) -> np.ndarray:
         [h * c - i * b, i * a - g * c, g * b - h * a],
         [b * f - c * e, c * d - a * f, a * e - b * d],
     ])  # fmt: skip
-    return -cofactors if np.linalg.det(matrix) < 0 else cofactors
+    return -cofactors if turned else cofactors
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    length = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
     return vectors / np.where(length > 0, length, 1)

@@ -63,17 +63,16 @@ def forget_instances(*_: object) -> None:
 
 def _pairs(evaluation: Evaluation) -> Pairs:
     """Return the pairs of an evaluation."""
-    return tuple(
-        dict.fromkeys(
-            (instance.parent.original.session_uid, instance.object.original.session_uid)
-            for depsgraph in evaluation.depsgraphs
-            for instance in depsgraph.object_instances
-            if instance.is_instance and _counts(instance, depsgraph.mode)
-        )
+    found = dict.fromkeys(
+        (depsgraph.mode, instance.parent.original, instance.object.original)
+        for depsgraph in evaluation.depsgraphs
+        for instance in depsgraph.object_instances
+        if instance.is_instance
     )
+    uids = ((pair[0].session_uid, pair[1].session_uid) for mode, *pair in found if _counts(*pair, mode))
+    return tuple(dict.fromkeys(uids))
 
 
-def _counts(instance: bpy.types.DepsgraphObjectInstance, mode: str) -> bool:
-    """Return True if renders show an instance, and another object than its instancer is its source."""
-    source, instancer = instance.object.original, instance.parent.original
+def _counts(instancer: bpy.types.Object, source: bpy.types.Object, mode: str) -> bool:
+    """Return True if renders show instances, and another object than their instancer is their source."""
     return source != instancer and is_rendered(source, instancer, mode)

@@ -81,8 +81,8 @@ def find_covered(
 ) -> Generator[None, None, tuple[np.ndarray, int]]:
     """Return the cells whose centres triangles, (t, 3, 2) in cells, cover, and how many have two or more.
 
-    The cells are (n,) int64, row * width + column, ascending. Few spans are sorted instead of counted for each
-    cell. Yields between slices of a few milliseconds.
+    The cells are (n,) int64, row * width + column, ascending. Few spans are sorted instead of counted for
+    each cell. Yields between slices of a few milliseconds.
     """
     if np.ptp(corners[..., 1], axis=1).sum() > _FEW:
         count = (yield from count_covers(corners, width, height)).ravel()

@@ -14,8 +14,8 @@ from benchmarks.machine import has_bpy
 from benchmarks.options import Options
 from benchmarks.tables import mebibytes, table
 
-#: Triangles and texels of the cases. Unless all is wanted, a processor bakes the smallest level and reads the
-#: others.
+#: Triangles and texels of the cases. A processor runs the small ones and, if they are named, those with 1 M
+#: texels. Unless all is wanted, it bakes the smallest level and reads the others.
 _TRIANGLES, _TEXELS = (400_000, 3_000_000, 13_000_000), (1_000_000, 16_000_000, 64_000_000)
 _SMALL_TEXELS = (65_536,)
 
@@ -30,7 +30,8 @@ def run(options: Options) -> list[dict[str, Any]]:
     """
     if not has_bpy():
         return [{"skipped": "Blender is not there as a Python module (bpy)"}]
-    texels, all_bake = _TEXELS if options.gpu else _SMALL_TEXELS, options.gpu or options.full
+    all_bake = options.gpu or options.full
+    texels = _TEXELS if options.gpu else (*_SMALL_TEXELS, _TEXELS[0])
     cases = {
         f"{count / 1e6:.2g}M-{size / 1e6:.2g}M": {
             "triangles": count, "texels": size, "instances": 0, "bakes": all_bake or count == _TRIANGLES[0],
@@ -39,7 +40,8 @@ def run(options: Options) -> list[dict[str, Any]]:
         for count in _TRIANGLES
     }  # fmt: skip
     cases["instances"] = {"triangles": 0, "texels": 1_000_000, "instances": _INSTANCES, "bakes": all_bake}
-    chosen = {name: case for name, case in cases.items() if not options.only or name in options.only}
+    usual = [name for name, case in cases.items() if options.gpu or case["texels"] != _TEXELS[0]]
+    chosen = {name: case for name, case in cases.items() if name in (options.only or [*usual, "instances"])}
     return [_measured(name, arguments) for name, arguments in chosen.items()]
 
 

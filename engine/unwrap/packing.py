@@ -6,6 +6,7 @@ from collections.abc import Generator, Sequence
 
 import numpy as np
 
+from ..array_ops import map_blocks
 from ..progress import finished
 from .alignment import Alignment
 from .atlas_bitmap import AtlasBitmap, ChartBitmap
@@ -36,6 +37,9 @@ _NARROW = 1.005
 
 #: Share of the packing time that orienting the charts takes.
 _LOOSENING = 0.2
+
+#: Bytes of intermediate values of a loop that is placed.
+_LOOP_BYTES = 200
 
 #: Number of charts whose bitmaps are computed together.
 _TOGETHER = 256
@@ -204,10 +208,15 @@ class _Laid:
 
     def texels(self, turns: np.ndarray, corner: np.ndarray) -> np.ndarray:
         """Return the positions of all loops, (l, 2), for chart corners, (c, 2), and quarter turns, (c,)."""
-        chart = self._loose.chart
-        texels = self._moved(self._loose.uvs * self._stretch[chart], chart)
-        moved: np.ndarray = _turned_points(texels, self._boxes[chart], turns[chart]) + corner[chart]
-        return moved
+        placed = np.empty_like(self._loose.uvs)
+
+        def place(loops: slice) -> None:
+            chart = self._loose.chart[loops]
+            texels = self._moved(self._loose.uvs[loops] * self._stretch[chart], chart)
+            placed[loops] = _turned_points(texels, self._boxes[chart], turns[chart]) + corner[chart]
+
+        map_blocks(len(placed), _LOOP_BYTES, place)
+        return placed
 
     def _moved(self, texels: np.ndarray, chart: np.ndarray) -> np.ndarray:
         return texels if self._alignment is None else self._alignment.moved(texels, chart)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine import array_ops
 from engine.errors import WorkerError
 from engine.progress import finished
 from engine.unwrap import atlas_bitmap, packing, segmentation
@@ -256,6 +257,16 @@ def test_packing_is_the_same_each_time():
     mesh = pieces(101, 5)
     first, second = (finished(pack_charts([mesh], [flat_charts(mesh)], 211))[0] for _ in range(2))
     assert (first == second).all()
+
+
+@pytest.mark.parametrize("align", [True, False])
+def test_places_do_not_depend_on_the_number_of_loops_in_a_block(align, monkeypatch):
+    for mesh in (pieces(101, 5), steps(53, 6)):
+        packed = []
+        for block in (1 << 13, 7):
+            monkeypatch.setattr(array_ops, "_BLOCK", block)
+            packed.append(finished(pack_charts([mesh], [flat_charts(mesh)], 211, align=align))[0])
+        np.testing.assert_array_equal(*packed)
 
 
 def test_charts_that_do_not_fit_are_refused():

@@ -77,7 +77,9 @@ class SessionCache:
         self.emitters, self.texels = EmitterCache(), TexelCache()
         self.background = Memo[BackgroundLight](MAX_SKY_BYTES)
         self.unoccluded_sky = Memo[np.ndarray | None](MAX_SKY_BYTES)
-        self._inside, self._substitutes = Memo[np.ndarray](), Memo[PatchPairs]()
+        self._inside = Memo[np.ndarray]()
+        # Iterations and final gathers have different invalid patches.
+        self._substitutes = Memo[PatchPairs](results=2)
         self._surfaces_key, self._surfaces_of, self._arrays = b"", None, ArrayDigests()
         self.probes = dict[tuple, object]()
         self.clear()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..array_ops import any_in_rows, taken
+from ..array_ops import any_in_rows, take_rows, taken
 from ..object_message import object_message
 from ..patches.unmapped_meshes import triangle_areas
 from ..plan.solve_job import SolveJob
@@ -75,7 +75,7 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
         return []
     of_patch = taken(triangles.mesh, patches)
     chosen = np.flatnonzero(taken(examined, of_patch))
-    count, total = _light_of_meshes(of_patch[chosen], luminance(irradiance[chosen]), meshes)
+    count, total = _light_of_meshes(taken(of_patch, chosen), luminance(take_rows(irradiance, chosen)), meshes)
     dark = _open_meshes(scene, np.flatnonzero((count > 0) & (total <= _DARK * level * count)))
     if not dark:
         return []

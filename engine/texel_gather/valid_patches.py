@@ -47,7 +47,9 @@ def substitutes_of(
     """
     if texel_job.solved is not texel_job.job:
         invalid = _invalid_groups(texel_job, invalid, of_groups)
-    return substitute_patches(texel_job.solved.patch_scene, invalid, partial(values_at, source_irradiance))
+    solved = texel_job.solved
+    light_of = partial(values_at, source_irradiance)
+    return substitute_patches(solved.patch_scene, invalid, light_of, solved.kept.find_substitutes)
 
 
 def _invalid_groups(

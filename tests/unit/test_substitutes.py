@@ -8,6 +8,7 @@ import pytest
 from engine.direct.contact import Contacts
 from engine.patches.patch_list import PatchList
 from engine.patches.texels_around import beside_any, cells_around
+from engine.plan.session_cache import SessionCache
 from engine.texel_gather.valid_patches import substitutes_of
 from engine.validity.invalid import is_invalid
 from engine.validity.substitutes import substitute_patches
@@ -152,7 +153,7 @@ def test_final_gathers_replace_groups_whose_representative_is_invalid():
     groups.patches = PatchList(
         WIDTH, nothing.astype(np.int64), representative, nothing, np.zeros((len(nothing), 2))
     )
-    texel_job = SimpleNamespace(job=job, solved=SimpleNamespace(patch_scene=groups))
+    texel_job = SimpleNamespace(job=job, solved=SimpleNamespace(patch_scene=groups, kept=SessionCache()))
     light = np.tile(np.linspace(1, 2, len(nothing), dtype=np.float32)[:, None], (1, 3))
 
     inside, found_before, valid = group[2 * WIDTH + 2], group[6 * WIDTH + 6], group[4 * WIDTH + 8]

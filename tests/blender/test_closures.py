@@ -443,13 +443,22 @@ def test_a_muted_number_node_is_read_as_a_color():
     assert not part("operators.scene.materials.tint_nodes").may_tint(surface)
 
 
-def test_toon_closures_are_named():
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("BsdfToon", "Toon nodes, which bakes treat as Diffuse. Replace the nodes."),
+        (
+            "BsdfRayPortal",
+            "Ray Portal nodes, through which light of a bake does not pass. "
+            "Replace them by Transparent BSDF nodes.",
+        ),
+    ],
+)
+def test_closures_that_bakes_treat_differently_are_named(kind, words):
     collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
-    for build in (closure("BsdfToon", Color=COLOR), closure("BsdfDiffuse", Color=COLOR)):
+    for build in (closure(kind, Color=COLOR), closure("BsdfDiffuse", Color=COLOR)):
         collected.add(shader_material(build))
-    assert collected.sentences() == [
-        "Materials 'Tree' have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
-    ]
+    assert collected.sentences() == [f"Materials 'Tree' have {words}"]
 
 
 def test_groups_are_evaluated_by_cycles():

@@ -40,7 +40,15 @@ _INSTANCERS = (
     "Attribute node of type Instancer."
 )
 _INVALID = "Material '{}': input '{}' of node '{}' is NaN or infinite. Correct the number."
-_TOONS = "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
+
+#: Notes on closures that bakes treat differently, by type of node.
+_CLOSURES = {
+    "ShaderNodeBsdfToon": "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes.",
+    "ShaderNodeBsdfRayPortal": (
+        "Materials {} have Ray Portal nodes, through which light of a bake does not pass. "
+        "Replace them by Transparent BSDF nodes."
+    ),
+}
 
 #: Outputs that depend on the length of a ray, by type of node.
 _LENGTH_OUTPUTS = {"ShaderNodeLightPath": ("Ray Length",), "ShaderNodeLightFalloff": ("Linear", "Constant")}
@@ -65,7 +73,7 @@ class SurfaceNotes:
         self._occlusions: set[str] = set()
         self._views: set[str] = set()
         self._rough: set[str] = set()
-        self._toons: set[str] = set()
+        self._closures: dict[str, set[str]] = {kind: set() for kind in _CLOSURES}
         self._instanced: set[str] = set()
         self._by_bounce: set[str] = set()
         self._emissive: set[str] = set()
@@ -110,8 +118,8 @@ class SurfaceNotes:
             self._coats.add(material)
         if is_rough(node):
             self._rough.add(material)
-        if node.bl_idname == "ShaderNodeBsdfToon":
-            self._toons.add(material)
+        if node.bl_idname in _CLOSURES:
+            self._closures[node.bl_idname].add(material)
         if may_emit(node):
             self._emissive.add(material)
         if is_unknown(node):
@@ -132,8 +140,8 @@ class SurfaceNotes:
         kinds = (
             (self._volumes, _VOLUMES), (self._coats, _COATS), (self._lengths, _LENGTHS),
             (self._occlusions, _OCCLUSIONS), (self._views, _VIEWS), (self._rough, _ROUGH),
-            (self._toons, _TOONS), (self._by_bounce & self._emissive, _BOUNCES),
-            (self._instanced, _INSTANCERS),
+            (self._by_bounce & self._emissive, _BOUNCES), (self._instanced, _INSTANCERS),
+            *((self._closures[kind], sentence) for kind, sentence in _CLOSURES.items()),
         )  # fmt: skip
         notes += [listing(sentence, sorted(materials)) for materials, sentence in kinds if materials]
         notes += sorted(self._invalid)

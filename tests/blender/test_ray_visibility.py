@@ -139,3 +139,25 @@ def test_materials_that_cycles_cannot_evaluate_get_a_mean_color(monkeypatch):
     assert result.reflectance == pytest.approx((0.2, 0.4, 0.6)) and passed(result) == (0.25, 0.25)
     (note,) = read_scene().notes
     assert "'Broken'" in note and "node 'Noise Texture'" in note and "out of memory" in note
+
+
+@pytest.mark.parametrize(
+    ("socket", "value", "expected"),
+    [
+        ("Alpha", 0.25, (0, 0.75)),
+        # Glass stops shadow rays in Cycles anyway; the light that it refracts arrives by bounces.
+        ("Transmission Weight", 1.0, (0.9, 0.9)),
+    ],
+)
+@pytest.mark.parametrize("evaluated", [False, True])
+def test_materials_without_transparent_shadows_block_lights_only(socket, value, expected, evaluated):
+    surface = material("Clear", (0.9**2 / 0.96**2,) * 3)
+    principled = surface.node_tree.nodes["Principled BSDF"]
+    principled.inputs[socket].default_value, principled.inputs["IOR"].default_value = value, 1.5
+    if evaluated:
+        noise = surface.node_tree.nodes.new("ShaderNodeTexNoise")
+        surface.node_tree.links.new(noise.outputs[0], principled.inputs["Roughness"])
+    square("Other", surface=surface)
+    assert passed(shown_material("Other")) == pytest.approx((expected[1],) * 2, abs=0.01)
+    surface.use_transparent_shadow = False
+    assert passed(shown_material("Other")) == pytest.approx(expected, abs=0.01)

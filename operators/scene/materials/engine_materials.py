@@ -9,7 +9,7 @@ import numpy as np
 from ....engine.scene.cutouts import transmission_maps
 from ....engine.scene.model import BackSide, Material
 from ....engine.scene.texture import Texture
-from ....engine.scene.transmission import CLEAR, Fresnel, Transmission, Transmittance, from_opacity
+from ....engine.scene.transmission import CLEAR, OPAQUE, Fresnel, Transmission, Transmittance, from_opacity
 from .sockets import ComplexError
 from .values import HOLE, DiffuseSurface, MaterialValue
 
@@ -88,6 +88,19 @@ def hide_from_rays(material: Material, from_shadow: bool, from_bounces: bool) ->
         material, reflectance=black, reflectance_map=None, emission=black, emission_map=None,
         translucency=black, translucency_map=None, back=None, transmission=transmission,
     )  # fmt: skip
+
+
+def block_shadow_rays(material: Material) -> Material:
+    """Return a material that shadow rays do not pass, except through glass, as without *Transparent Shadows*.
+
+    Glass stops shadow rays in Cycles anyway; the light that it refracts arrives by bounces.
+    """
+    kept = material.transmission
+    front, back = (
+        OPAQUE if side is not None and side.fresnel is None else side
+        for side in (kept.shadow, kept.shadow_back)
+    )
+    return replace(material, transmission=replace(kept, shadow=front, shadow_back=back))
 
 
 def textures_of(material: Material) -> list[Texture]:

@@ -22,7 +22,7 @@ from ..slice_timer import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
 from .closures import glass_fresnel, is_hair
-from .engine_materials import hide_from_rays, textures_of
+from .engine_materials import block_shadow_rays, hide_from_rays, textures_of
 from .evaluated_materials import EvaluatedMaterial
 from .evaluated_passes import COVERED, Pixels, finish_passes, passes_of
 from .evaluation_cache import kept_evaluations
@@ -99,6 +99,7 @@ class MaterialTable:
         self._hair_materials: list[str] = []
         self._glass, self._surface_notes = glass, SurfaceNotes(glass)
         self._hidden: dict[int, Hidden] = {}
+        self._blocking: set[int] = set()
         self._rest: dict[ItemKey, np.ndarray | None] | None = None
         self._checked_images: set[int] = set()
 
@@ -129,10 +130,16 @@ class MaterialTable:
             entry = Material(material.name, np.full(3, 0.8, np.float32), np.zeros(3, np.float32))
             self._index[complex_key] = number
             self._complex[number] = _Unevaluated(material.session_uid, values, bumps, error.node)
-        self._materials.append(entry)
-        self._hidden[number] = hidden
+        self._append(entry, material, hidden)
         self._surface_notes.add(material)
         return number
+
+    def _append(self, entry: Material, material: bpy.types.Material | None, hidden: Hidden) -> None:
+        """Append a material, and store what rays pass it."""
+        if material is not None and not material.use_transparent_shadow:
+            self._blocking.add(len(self._materials))
+        self._hidden[len(self._materials)] = hidden
+        self._materials.append(entry)
 
     def index_of_strands(self, material: bpy.types.Material | None, item: SceneItem) -> int:
         """Return the index in `Scene.materials` of the material of an object's hair, which has no textures.
@@ -144,8 +151,7 @@ class MaterialTable:
         if key not in self._index:
             entry = self._strand_material(material, item)
             self._index[key] = len(self._materials)
-            self._hidden[len(self._materials)] = hidden
-            self._materials.append(entry)
+            self._append(entry, material, hidden)
         return self._index[key]
 
     def _strand_material(self, material: bpy.types.Material | None, item: SceneItem) -> Material:
@@ -246,6 +252,8 @@ class MaterialTable:
             sentence = "Materials {} are baked with their mean color: their objects have no lightmap UVs."
             self._notes.append(listing(sentence, _once(self._averaged)))
         self._notes += self._surface_notes.sentences()
+        for number in self._blocking:
+            self._materials[number] = block_shadow_rays(self._materials[number])
         return tuple(
             hide_from_rays(material, *self._hidden[number]) for number, material in enumerate(self._materials)
         )

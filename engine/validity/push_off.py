@@ -72,7 +72,8 @@ def push_off_points(
 
     scene:    ray tracer and points
     count:    number of points
-    reach:    maximum length of the rays, in texels of each point
+    reach:    width of a texel in widths of the points, which limits the rays; more than 1 if points are
+              parts of texels
     normals:  (t, 3) float32, unit, of the triangles
     lit:      marks of back faces that reflect or emit light; None if no back face has patches
     """

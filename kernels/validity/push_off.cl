@@ -25,11 +25,11 @@ int escape(const Rays *rays, const Hit *hit, const float3 at, const float height
 }
 
 // Returns true if a point is inside geometry. If none of its first probe rays hits a back face, it is outside, and no
-// more rays are traced. backs_only: set to true if none of its probe rays hits anything but back faces.
+// more rays are traced. near: see meets_dark_back, metres. backs_only: set to true if none of its probe rays hits
+// anything but back faces.
 bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,
-               __global const float *normals, __global const uchar *lit, bool *backs_only)
+               __global const float *normals, __global const uchar *lit, const float near, bool *backs_only)
 {
-    const float near = LIT_FROM * r->size;
     int out = 0, fronts = 0;
     const Probes most = {0, FIRST_PROBES, FIRST_PROBES};
     if (probe(rays, start, r->geometric, lit, near, FIRST_PROBES, most).backs == 0)
@@ -48,7 +48,8 @@ bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const fl
 // ways: xyz the displacement, metres, 0 for none; w the thickness of the object around the point, metres, INFINITY if
 //     its sides are farther than `reach` texels.
 // walls: nearest triangle of the object, or -1. sides: the two triangles between which thickness is measured.
-// inside: 1 for points inside. normals: of the triangles. lit: see meets_dark_back.
+// inside: 1 for points inside. normals: of the triangles. lit: see meets_dark_back. reach: width of a texel in widths
+//     of the points; more than 1 if points are parts of texels.
 __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
                        __global const uchar *lit, const float reach, __global float4 *ways, __global int *walls,
                        __global int2 *sides, __global uchar *inside, const int count)
@@ -62,7 +63,7 @@ __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     float3 x, y;
     basis(r.geometric, &x, &y);
     bool backs_only = false;
-    inside[point] = is_inside(&rays, &r, start, x, y, normals, lit, &backs_only);
+    inside[point] = is_inside(&rays, &r, start, x, y, normals, lit, LIT_FROM * reach * r.size, &backs_only);
     if (!inside[point])
         return;
     ways[point] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);

@@ -47,7 +47,7 @@ void exchange(inout Progress probes)
 // Continues with the probe rays of a point; returns true once the result is certain.
 bool probe_on(const Receiver r, const vec3 origin, const vec3 x, const vec3 y, inout Progress probes)
 {
-    float near = LIT_FROM * r.size;
+    float near = LIT_FROM * reach * r.size;
     for (; probes.next < FIRST_PROBES + LOOKS && probes.escaped <= MAX_ESCAPES; ++probes.next) {
         if (probes.next == FIRST_PROBES && probes.backs == 0)
             return true;

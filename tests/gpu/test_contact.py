@@ -226,22 +226,23 @@ def insides(width, depth, height, shift):
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])
 @pytest.mark.parametrize("shaders", [False, True])
-def test_lit_back_faces_make_a_room_outside_but_no_narrow_pocket(graphics, compute, shift, shaders):
-    """Light leaks into a pocket through its rim, so that the backs at its far end are lit."""
+@pytest.mark.parametrize("side", [1, 2])
+def test_lit_back_faces_make_a_room_outside_but_no_narrow_pocket(graphics, compute, shift, shaders, side):
+    """Light leaks into a pocket through its rim; `side` points along a texel measure in texels, too."""
     inside = {}
     for size in ((25, 23, 11), (3, 25, 2)):
         patch_scene = make_patch_scene(
-            graphics, compute, insides(*size, shift), dataclasses.replace(SETTINGS, resolution=64)
+            graphics, compute, insides(*size, shift), dataclasses.replace(SETTINGS, resolution=64 * side)
         )
         rays = RayScene(compute, patch_scene)
         if shaders:
             rays = RayScene(None, patch_scene, shaders=ShaderScene(graphics, patch_scene))
         triangles = patch_scene.triangles.solid
         lit = np.ones(triangles, np.uint8) if shaders else upload(compute, np.ones(triangles, np.uint8))
-        found = find_inside(rays, rays.count, 1.5, patch_scene.geometry.steps.geometric, lit)
+        found = find_inside(rays, rays.count, side, patch_scene.geometry.steps.geometric, lit)
         inside[size] = found[patch_scene.geometry.triangle < 2]
     room, pocket = inside.values()
-    assert len(room) == 25 * 23 and not room.any() and pocket.mean() > 0.6
+    assert len(room) == 25 * 23 * side**2 and not room.any() and pocket.mean() > 0.6
 
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])

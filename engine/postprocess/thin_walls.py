@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..array_ops import run_starts
+from ..array_ops import row_products, run_starts
 from ..object_message import object_message
 from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
 from ..validity.push_off import PushOffs
 from .texel_samples import TexelSamples
 
-#: Relative difference between both sides above which light leaks visibly (chosen).
+#: Relative difference between both sides of a wall above which light leaks visibly (chosen).
 _DIFFERS = 0.25
 
 #: The warning advises a higher texel density only up to this multiple of the present one (chosen). Lightmaps
@@ -29,7 +29,10 @@ def in_thin_walls(
     visible: np.ndarray,
     light: np.ndarray,
 ) -> np.ndarray:
-    """Return the samples, (k,) int64, inside walls thinner than two texels with different light behind them.
+    """Return the samples, (k,) int64, inside walls thinner than two texels that part light from dark.
+
+    All visible samples within one texel on one side of the wall are darker than the mean on the other side.
+    A shadow at the foot of a wall that is lit on both sides does not count.
 
     patch_scene:  patches of the scene
     samples:      samples of all texels
@@ -38,14 +41,42 @@ def in_thin_walls(
     light:        (s,) float32, E/pi, sum of the channels
     """
     thin = np.flatnonzero(np.isfinite(push_offs.thickness) & (push_offs.wall >= 0))
+    thin = thin[push_offs.thickness[thin] < _PARTING * _texel(patch_scene, samples, thin)]
     outside = np.flatnonzero(visible & (push_offs.wall < 0))
     if not len(thin) or not len(outside):
         return thin[:0]
     keys, resolution = samples.keys(patch_scene.patches.resolution), patch_scene.patches.resolution
-    texels, number = np.unique(keys[thin], return_inverse=True)
-    least, most = _extremes_around(texels, keys[outside], light[outside], resolution)
-    shows = thin[(most - least > _DIFFERS * most)[number]]
-    return shows[push_offs.thickness[shows] < _PARTING * _texel(patch_scene, samples, shows)]
+    triangles = len(patch_scene.triangles.positions)
+    places, number = np.unique(keys[thin] * triangles + push_offs.wall[thin], return_inverse=True)
+    texels, walls = np.divmod(places, triangles)
+    place, beside = _samples_around(texels, keys[outside], resolution)
+    beside = outside[beside]
+    side = 2 * place + _is_in_front(patch_scene, samples.subset(beside), walls[place])
+    mean, most = _light_of_sides(side, light[beside], len(places))
+    parts = (most[:, ::-1] < (1 - _DIFFERS) * mean).any(axis=1)
+    return thin[parts[number]]
+
+
+def _is_in_front(patch_scene: PatchScene, samples: TexelSamples, walls: np.ndarray) -> np.ndarray:
+    """Return which samples lie in front of the planes of triangles, (k,) bool; walls: (k,) the triangles."""
+    triangles = patch_scene.triangles
+    points = np.einsum("kc,kcd->kd", samples.barycentric, triangles.positions[samples.triangle])
+    from_corner = points - triangles.positions[walls, 0]
+    in_front: np.ndarray = row_products(from_corner, patch_scene.geometry.steps.geometric[walls]) > 0
+    return in_front
+
+
+def _light_of_sides(side: np.ndarray, light: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean and the maximum light on both sides of walls, (count, 2) each; 0 and inf for none.
+
+    side:   (k,) int64, twice the number of the wall, plus 1 for samples in front of it
+    light:  (k,) float32, light of the samples
+    """
+    number = np.bincount(side, minlength=2 * count)
+    mean = np.bincount(side, light, 2 * count) / np.maximum(number, 1)
+    most = np.where(number > 0, 0.0, np.inf)
+    np.maximum.at(most, side, light)
+    return mean.reshape(count, 2), most.reshape(count, 2)
 
 
 def warn_thin_walls(
@@ -82,25 +113,21 @@ def _rounded(density: float) -> str:
     return f"{density:,.0f}" if density >= 10 else f"{density:.2g}"
 
 
-def _extremes_around(
-    texels: np.ndarray, keys: np.ndarray, light: np.ndarray, resolution: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the minimum and maximum light of samples within one texel of each texel, (k,) float32 each.
+def _samples_around(texels: np.ndarray, keys: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of texels and the samples within one texel of them: indices (k,) int64 of both.
 
-    They are inf and 0 where there are no samples.
-
-    texels:  (k,) int64, atlas * r * r + texel
-    keys:    (c,) int64, texel of each sample, ascending
-    light:   (c,) float32, light of the samples, at least one
+    texels:  (t,) int64, atlas * r * r + texel
+    keys:    (c,) int64, texel of each sample, ascending, at least one
     """
     starts = run_starts(keys)
-    steps, found = _steps_around(keys[starts], texels, resolution), []
-    for extreme, without in ((np.minimum, np.inf), (np.maximum, 0)):
-        of_texel, around = extreme.reduceat(light, starts), np.full(len(texels), without, np.float32)
-        for there, here in steps:
-            around[here] = extreme(around[here], of_texel[there])
-        found.append(around)
-    return found[0], found[1]
+    count = np.diff(starts, append=len(keys))
+    pairs = []
+    for there, here in _steps_around(keys[starts], texels, resolution):
+        of_pair = count[there]
+        step = np.arange(of_pair.sum()) - np.repeat(np.cumsum(of_pair) - of_pair, of_pair)
+        pairs.append((np.repeat(here, of_pair), np.repeat(starts[there], of_pair) + step))
+    place, sample = (np.concatenate(arrays) for arrays in zip(*pairs, strict=True))
+    return place, sample
 
 
 def _steps_around(

@@ -235,7 +235,7 @@ def _find_button(window: Window) -> tuple[float, float]:
 
 
 def _bake(window: Window, record: _Record) -> None:
-    """Click Bake and follow it to its end."""
+    """Click Bake and follow it to its end; pictures are taken once the window has drawn a new stage."""
     button = _find_button(window)
     time.sleep(max(0.0, _READING - record.seconds))
     record.keep("Before the click", window.run(_STATE)["stage"])
@@ -253,6 +253,7 @@ def _bake(window: Window, record: _Record) -> None:
                 record.keep("First light", state["stage"])
         if state["stage"] not in stages:
             stages.add(state["stage"])
+            time.sleep(_POLL)
             record.keep(state["stage"] or "Waiting", f"{100 * state['overall']:.0f} %")
         time.sleep(_POLL)
         state = window.run(_STATE)

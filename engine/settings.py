@@ -270,7 +270,7 @@ class Settings:
     )
     patch_file: str | None = described(
         None,
-        "Texel List",
+        "Texel List File",
         "File that stores the list of texels between bakes with the same UVs. Empty for none",
         FilePath(),
     )
@@ -351,7 +351,7 @@ class Settings:
     )
     align_uvs: bool = described(
         False,
-        "Align UVs",
+        "Snap UVs",
         "Snap lightmap UVs to texel borders in the patch list (paper, VI.B). The UV layers stay",
         Switch(),
         "paper",

@@ -29,6 +29,9 @@ from .sky_sun import copied_world, take_suns
 #: 400 MB, and its bake three times as much.
 _ROWS = 4096
 
+#: Minimum number of rows of a map that is turned (chosen).
+_TURNED = 256
+
 #: Negative radiance that counts as rounding of a render, W/(m^2 sr).
 _ROUNDING = 1e-6
 
@@ -188,12 +191,16 @@ def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
 
 
 def _turned(pixels: np.ndarray, matrix: np.ndarray) -> Slices[np.ndarray]:
-    """Resample a map, (h, w, 3) float32, such that direction d gets the value at `matrix` @ d."""
+    """Resample a map, (h, w, 3) float32, such that direction d gets the value at `matrix` @ d.
+
+    Small maps grow to `_TURNED` rows: their own pixels would blur the interpolated light.
+    """
     height, width = pixels.shape[:2]
-    phi = 2 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)
-    theta = np.pi * (1 - (np.arange(height) + 0.5) / height)[:, None]
-    turned = np.empty_like(pixels)
-    for rows in row_slices(height, 20 * width):
+    finer = max(1, -(-_TURNED // height))
+    turned = np.empty((finer * height, finer * width, 3), np.float32)
+    phi = 2 * np.pi * (0.5 - (np.arange(finer * width) + 0.5) / (finer * width))
+    theta = np.pi * (1 - (np.arange(finer * height) + 0.5) / (finer * height))[:, None]
+    for rows in row_slices(len(turned), 20 * finer * width):
         x, y = np.sin(theta[rows]) * np.cos(phi), np.sin(theta[rows]) * np.sin(phi)
         z = np.broadcast_to(np.cos(theta[rows]), x.shape)
         directions = np.stack([x, y, z], axis=2) @ matrix.T
@@ -201,7 +208,7 @@ def _turned(pixels: np.ndarray, matrix: np.ndarray) -> Slices[np.ndarray]:
         u = 0.5 - np.arctan2(directions[..., 1], directions[..., 0]) / (2 * np.pi)
         v = 1 - np.arccos(np.clip(directions[..., 2] / length, -1, 1)) / np.pi
         turned[rows] = _interpolated(pixels, u * width - 0.5, v * height - 0.5)
-        yield rows.stop / height
+        yield rows.stop / len(turned)
     return turned
 
 

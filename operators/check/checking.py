@@ -195,8 +195,12 @@ def _with_memory(
         return finding
     larger = replace(settings, resolution=finding.value)
     needs = _memory_over_limit(_expect(meshes, charts, larger, extent), larger, finder.found)
-    text = f"{finding.text} At a width of {finding.value} texels: {needs}."
-    return replace(finding, text=text) if needs else finding
+    if not needs:
+        return finding
+    sentences, newline, names = finding.text.partition("\n")
+    return replace(
+        finding, text=f"{sentences} At a width of {finding.value} texels: {needs}.{newline}{names}"
+    )
 
 
 def _memory_over_limit(expected: Estimate, settings: Settings, survey: DeviceSurvey | None) -> str:

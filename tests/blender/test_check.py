@@ -433,18 +433,23 @@ def test_memory_that_is_not_enough_is_told():
         machine.property_unset("memory_budget")
 
 
-def test_a_fix_that_needs_more_memory_than_is_allowed_says_so():
+@pytest.mark.parametrize("count", [1, 7])
+def test_a_fix_that_needs_more_memory_than_is_allowed_says_so(count):
+    """The panel shows the first line; names of more than five objects follow in a second one."""
     import bpy
 
-    strips("Strips", 60)
+    for number in range(count):
+        strips(f"Strips {number}", 60)
     bpy.context.scene.hemibake.resolution = 32
-    told = finding("too small for the charts")
+    told = finding("Use ")
     assert told.fix == "resolution" and "Visibility data" not in told.text
     machine = part("operators.preferences").machine_properties()
     machine.memory_budget = 1
     try:
-        told = finding("too small for the charts")
-        assert f"At a width of {told.value} texels: Visibility data needs" in told.text and told.value > 32
+        told = finding("Use ")
+        line, newline, names = told.text.partition("\n")
+        assert f"At a width of {told.value} texels: Visibility data needs" in line and told.value > 32
+        assert (newline + names).startswith("\nAll 7: ") == (count == 7)
     finally:
         machine.property_unset("memory_budget")
 

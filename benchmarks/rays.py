@@ -20,7 +20,7 @@ from engine.device.cl_device import ComputeDevice
 from engine.scene.cutouts import read_cutouts
 from engine.scene.model import Material, Scene
 from engine.scene.triangles import Triangles
-from engine.visibility.rays.ray_tracer import RayTracer
+from engine.visibility.rays.ray_tracer import SOURCE, RayTracer
 
 _REPEATS = 5
 _PER_POINT = 256
@@ -107,7 +107,7 @@ def _rays(compute: ComputeDevice, positions: np.ndarray) -> tuple[float, RayTrac
 def _speed(compute: ComputeDevice, rays: RayTracer, origins: np.ndarray, directions: np.ndarray) -> float:
     """Return million rays a second of the kernel alone, the best of some runs."""
     count, seconds = len(origins), []
-    kernel = rays.kernels(("closest_hit.cl",), "closest_hit")[0]
+    kernel = rays.kernels(SOURCE, "closest_hit")[0]
     padded = np.zeros((2, count, 4), np.float32)
     padded[0, :, :3], padded[1, :, :3] = origins, directions
     inputs = [upload(compute, array) for array in padded]

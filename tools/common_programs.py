@@ -51,6 +51,10 @@ class _Recorder(ComputeDevice):
             for kernel, name in zip(super().kernels(source, *names, options=options), names, strict=True)
         ]
 
+    @property
+    def is_preparing(self) -> bool:
+        return self.processor and self.early
+
     def beside(self, source: Source, name: str, options: Sequence[str] = ()) -> SideQueue:
         launches = self._launches(source, options)
         _, program = self._program(source, options)

@@ -199,6 +199,11 @@ class ComputeDevice:
             self._programs.keep_pace()
         return left
 
+    @property
+    def is_preparing(self) -> bool:
+        """True on a CPU while other processes build the programs of `build_ahead`."""
+        return self.processor and self._programs.preparation(self._planned) is not None
+
     def release(self) -> None:
         """Stop the builds of programs in other processes."""
         self._programs.stop()

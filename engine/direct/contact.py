@@ -9,9 +9,8 @@ import numpy as np
 from ..device.buffers import download_bytes, upload, words_of
 from ..device.opencl import cl
 from ..validity.shader_probes import contact_codes, lit_by_back_faces
-from ..validity.thresholds import KERNEL_OPTIONS
+from ..validity.thresholds import KERNEL_OPTIONS, SOURCE
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receiver_records import RECEIVER
 
 #: Ends of the test ray above and below the surface, as multiples of the height of ray origins.
 ABOVE, BELOW = 2.0, 1.0
@@ -54,8 +53,7 @@ def find_contacts(scene: RayScene, count: int) -> tuple[np.ndarray, np.ndarray]:
         found = contact_codes(scene.shaders, ABOVE, BELOW)
         return found == 1, found == 2
     rays, compute = scene.rays, scene.compute
-    codes = tuple(f"-D{name}={code}" for code, name in enumerate(("NONE", "HIDDEN", "BACK_TO_BACK")))
-    (kernel,) = rays.kernels((RECEIVER, "contacts.cl"), "in_contact", options=(*KERNEL_OPTIONS, *codes))
+    (kernel,) = rays.kernels(SOURCE, "in_contact", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     limits = (np.float32(ABOVE), np.float32(BELOW))
     rays.run(kernel, count, scene.receivers, *limits, output, np.int32(count))
@@ -74,7 +72,7 @@ def patches_lit_by_backs(
     if scene.shaders is not None:
         return lit_by_back_faces(scene.shaders, shines, _planes_in_front(positions[shines]))
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((RECEIVER, "lit_by_backs.cl"), "lit_by_backfaces", options=KERNEL_OPTIONS)
+    (kernel,) = rays.kernels(SOURCE, "lit_by_backfaces", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     shining, planes = upload(compute, shines.astype(np.uint8)), _planes_in_front(positions[shines])
     planes_buffer = upload(compute, planes if len(planes) else np.zeros((1, 4), np.float32))

@@ -11,6 +11,7 @@ from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from .geometry import PatchGeometry
 from .patch_list import PatchList
+from .textured import SAMPLES
 
 #: Offsets (dy, dx) of the neighbours whose patch a border texel may take, nearest first.
 OFFSETS = sorted(
@@ -21,10 +22,10 @@ OFFSETS = sorted(
 #: Distance in texels along u and v from the texel centre within which a point lies inside the texel.
 WITHIN = 0.499
 
-#: Kernel files of border texels, edge patches and coincident edges, built as one program: faster than three
+#: Kernel files of border texels, edge patches and texture means, built as one program: faster than three
 #: builds.
-SOURCE = ("border_texels.cl", "edge_patches.cl", "edge_neighbours.cl")
-OPTIONS = (f"-DWITHIN={WITHIN}f",)
+SOURCE = ("border_texels.cl", "edge_patches.cl", "texture_means.cl")
+OPTIONS = (f"-DWITHIN={WITHIN}f", f"-DSAMPLES={SAMPLES}")
 
 
 @dataclass(frozen=True)

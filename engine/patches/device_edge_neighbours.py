@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..device.cl_device import ComputeDevice
-from .border_texels import OPTIONS, SOURCE
 from .edge_boxes import FACTORS, EdgeBoxes
 
 #: Capacity of the list of pairs: pairs for each box, and the minimum.
@@ -18,7 +17,7 @@ class DeviceNeighbours:
     """Broad phase for edges that may coincide, by an OpenCL kernel; created by the thread of the bake."""
 
     def __init__(self, compute: ComputeDevice) -> None:
-        self._beside = compute.beside(SOURCE, "find_edge_neighbours", OPTIONS)
+        self._beside = compute.beside(("edge_neighbours.cl",), "find_edge_neighbours")
 
     def overlapping(self, boxes: EdgeBoxes) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield pairs of boxes that overlap, in the order of `EdgeNeighbours.overlapping`."""

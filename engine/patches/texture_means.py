@@ -13,8 +13,9 @@ from ..device.opencl import cl
 from ..scene.cutouts import EXTENSIONS
 from ..scene.model import Mesh
 from ..scene.texture import Texture
+from .border_texels import OPTIONS, SOURCE
 from .geometry import PatchGeometry
-from .textured import SAMPLES, TexturedPatches, averaged_size
+from .textured import TexturedPatches, averaged_size
 
 #: Maximum bytes of an image strip that the box filter reduces in one step.
 _STRIP = 1 << 26
@@ -31,9 +32,8 @@ class TextureMeans:
         self._compute, self._geometry, self._meshes = compute, geometry, meshes
         self._points = upload_once(compute, geometry.triangle), upload_once(compute, geometry.barycentric)
         self._image: tuple[tuple, cl.Buffer] | None = None
-        options = (f"-DSAMPLES={SAMPLES}",)
         names = "texture_mean", "downsample"
-        self._mean, self._shrink = compute.kernels("texture_means.cl", *names, options=options)
+        self._mean, self._shrink = compute.kernels(SOURCE, *names, options=OPTIONS)
 
     def multiply(self, values: Values, maps: Sequence[tuple[TexturedPatches, Texture]]) -> None:
         """Multiply values of patches, (n, 3) float32, in place by textures of their materials."""

@@ -37,6 +37,9 @@ NARROW, _TINTED, _BEFORE_CUTOUTS = "-DNARROW", "-DTINTED", "-DSTACK"
 #: Numbers of buffers for the hierarchy and for cut-outs among the arguments of kernels that trace rays.
 _HIERARCHY, _CUTOUTS = 2, 4
 
+#: Kernel without these arguments in a program that traces rays.
+_TRACES_NONE = "pack_receivers"
+
 #: Names of the two lists: GPU and CPU.
 DEVICES = ("card", "processor")
 
@@ -76,7 +79,12 @@ def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[Planne
 
 
 def _with_cutouts(launch: Launch, tinted: bool) -> Launch:
-    """Return the launch of a kernel that traces rays, with the buffers for cut-outs; see `RayTracer`."""
+    """Return the launch of a kernel of a program that traces rays, with the buffers for cut-outs.
+
+    See `RayTracer`.
+    """
+    if launch.name == _TRACES_NONE:
+        return launch
     before, after = launch.arguments[:_HIERARCHY], launch.arguments[_HIERARCHY:]
     return launch._replace(arguments=(*before, *("b",) * (_CUTOUTS + tinted), *after))
 

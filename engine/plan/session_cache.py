@@ -172,11 +172,13 @@ class SessionCache:
     ) -> PreviousSolution | None:
         """Return the last bake's light on these patches for a warm start, else None.
 
-        Without it, starts to compute areas and seams; see `TexelCache.begin`.
+        Without it, starts to compute areas and seams, see `TexelCache.begin`, unless the kernel of seams may
+        still have to be built.
         """
         if settings.warm_start and self.light:
             return self.light.on(patch_scene.patches)
-        self.texels.begin(compute, patch_scene, atlases, settings)
+        if compute is None or not compute.is_preparing:
+            self.texels.begin(compute, patch_scene, atlases, settings)
         return None
 
     def limit(self, compute: ComputeDevice | None, budget: int) -> None:

@@ -15,6 +15,7 @@ from ..patches.seams import Seams
 from ..visibility.rays.ray_scene import RayScene
 from .bilinear import footprints
 from .device_images import DeviceTexels
+from .lightmap_points import SOURCE
 
 #: Relative difference of irradiance above which the two sides of a seam have different light (chosen).
 _DIFFERS = 0.25
@@ -71,7 +72,7 @@ def drop_blocked_seams(
 
 def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
     """Return the flags of seams, (p,) uint8, from irradiance and flags of texels, (atlases, r, r) uint8."""
-    (kernel,) = compute.kernels("seam_lookups.cl", "compare_sides")
+    (kernel,) = compute.kernels(SOURCE, "compare_sides")
     found = zeros(compute, words_of(len(seams)))
     sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
     buffers = [*(upload(compute, array) for array in sides), light.buffer, upload(compute, texels)]

@@ -12,7 +12,7 @@ import numpy as np
 from ..device.buffers import download, upload, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
-from .device_bilinear_equations import DeviceBilinearEquations
+from .device_bilinear_equations import SOURCE, DeviceBilinearEquations
 
 _NAMES = (
     "sum_points", "spread_along_links", "spread_along_seams", "widen_ranges", "ranges_of_seams", "bound",
@@ -44,7 +44,7 @@ class DeviceBilinearFit:
         self, compute: ComputeDevice, equations: DeviceBilinearEquations, tight: bool = False
     ) -> None:
         self._compute, self._equations, self._tight = compute, equations, np.int32(tight)
-        self._kernels = dict(zip(_NAMES, compute.kernels("bilinear_fit.cl", *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels(SOURCE, *_NAMES), strict=True))
         count = self._count = np.int32(equations.count)
         self._rows = (
             equations.neighbours, equations.factors, equations.linked, equations.starts, equations.read_by,

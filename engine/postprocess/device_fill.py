@@ -10,6 +10,9 @@ from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 
+#: Kernel files of images and their fill, built as one program: faster than two builds.
+SOURCE = ("gutter_fill.cl", "images.cl")
+
 _NAMES = (
     "distance_in_row", "distance_in_column", "dilate_ring", "classify", "coarser_states", "restrict_mean",
     "prolongate",
@@ -55,7 +58,7 @@ class DeviceFill:
         reach: int,
     ) -> None:
         self._compute, self._rings = compute, min(rings, reach)
-        self._kernels = dict(zip(_NAMES, compute.kernels("gutter_fill.cl", *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels(SOURCE, *_NAMES), strict=True))
         shape = (len(inside), inside.shape[1], inside.shape[2])
         in_row, self._distance = (self._buffer(2, shape) for _ in range(2))
         seeds, self._surface = (upload(compute, mask.view(np.uint8)) for mask in (known, surface))

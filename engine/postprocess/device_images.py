@@ -10,9 +10,7 @@ from ..device.buffers import download, upload, upload_float4, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, rows_on_device
 from ..device.opencl import cl
-from .device_fill import DeviceFill
-
-_SOURCE = "images.cl"
+from .device_fill import SOURCE, DeviceFill
 
 #: Texel index for "no texel" in kernels/postprocess/images.cl.
 NOWHERE = 0xFFFFFFFF
@@ -44,7 +42,7 @@ class DeviceImages:
 
     def __init__(self, compute: ComputeDevice, known: np.ndarray, fill: DeviceFill) -> None:
         self._compute, self._shape, self._fill = compute, known.shape, fill
-        self._spread, self._pack = compute.kernels(_SOURCE, "spread_channels", "pack_channels")
+        self._spread, self._pack = compute.kernels(SOURCE, "spread_channels", "pack_channels")
         self._known = upload(compute, known.view(np.uint8))
         self._count, self._outputs = np.uint32(known.size), 0
         self.most = max(1, _MEMORY // (16 * known.size))
@@ -81,7 +79,7 @@ class DeviceTexels:
         self, compute: ComputeDevice, buffer: cl.Buffer, channels: int, largest: MaxReduction
     ) -> None:
         self._compute, self.buffer, self.channels, self._largest = compute, buffer, channels, largest
-        (self._put,) = compute.kernels(_SOURCE, "put_texels")
+        (self._put,) = compute.kernels(SOURCE, "put_texels")
 
     @property
     def largest(self) -> float:
@@ -120,7 +118,7 @@ class MaxReduction:
 
     def __init__(self, compute: ComputeDevice) -> None:
         self._compute, self._found = compute, zeros(compute, 4)
-        (self._kernel,) = compute.kernels(_SOURCE, "largest_value")
+        (self._kernel,) = compute.kernels(SOURCE, "largest_value")
 
     def take(self, values: cl.Buffer, stride: int, channels: int, count: int) -> None:
         """Include an array of `count` rows, whose starts are `stride` floats apart, in the maximum."""
@@ -138,7 +136,7 @@ def light_at(compute: ComputeDevice, outputs: Sequence[DeviceTexels], chosen: np
     count = np.uint32(len(chosen))
     light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * max(1, len(chosen) * len(outputs)))
     if len(chosen):
-        (take,) = compute.kernels(_SOURCE, "take_texels")
+        (take,) = compute.kernels(SOURCE, "take_texels")
         texels = upload(compute, chosen.astype(np.uint32))
         for number, output in enumerate(outputs):
             arguments = output.buffer, texels, np.int32(output.channels), np.uint32(number)
@@ -154,7 +152,7 @@ class DevicePatches:
 
     def __init__(self, compute: ComputeDevice, entries: np.ndarray) -> None:
         self._compute, self._shape = compute, entries.shape
-        (self._pick,) = compute.kernels(_SOURCE, "pick_patches")
+        (self._pick,) = compute.kernels(SOURCE, "pick_patches")
         self._entries = upload(compute, entries)
 
     def texels(self, values: Values) -> DeviceTexels:

@@ -11,6 +11,9 @@ from ..device.cl_device import ComputeDevice
 from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
 
+#: Kernel files of lookups of texels, built as one program: faster than three builds.
+SOURCE = ("off_centre_patches.cl", "seam_lookups.cl", "texel_means.cl")
+
 #: Maximum distance in texels at which a patch counts as lying at its texel's centre; barycentrics are
 #: rounded.
 _AT_CENTRE = 0.02
@@ -65,7 +68,7 @@ def off_centre_patches(
 
 def _found_thin(compute: ComputeDevice, triangles: Triangles, patches: PatchList) -> np.ndarray:
     """Return the indices of off-centre patches, (k,) int64, computed by an OpenCL kernel."""
-    (kernel,) = compute.kernels("off_centre_patches.cl", "find_thin")
+    (kernel,) = compute.kernels(SOURCE, "find_thin")
     arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
     inputs = (upload_once(compute, array) for array in arrays)
     thin = zeros(compute, words_of(len(patches)))

@@ -105,9 +105,14 @@ class LightmapImages:
         return np.zeros((0, *self.has_patch.shape[1:], 3), np.float32)
 
     def display(self, values: Values) -> np.ndarray:
-        """Return images for display during a bake: patch values, filled texels, dilated charts."""
+        """Return images for display during a bake: patch values, filled texels, dilated charts.
+
+        The host computes them while the programs of a CPU are built, so that the first light needs fewer.
+        """
         if self.compute is None:
             return self.fill.images(self.image(values))
+        if self.compute.is_preparing and isinstance(values, np.ndarray):
+            return GutterFill(None, self.valid_texels, self.rings).images(self._on_host(values))
         image: np.ndarray = self.fill.images_of([self.on_device(self.compute, values)])[0]
         return image
 
@@ -115,6 +120,10 @@ class LightmapImages:
         """Scatter patch values, (n, 3) or (n,), into images, (atlases, r, r, 3 or 1) float32."""
         if self.compute is not None:
             return self._patches_on(self.compute).images(_rows(values))
+        return self._on_host(values)
+
+    def _on_host(self, values: Values) -> np.ndarray:
+        """Scatter patch values on the host; see `scattered`."""
         channels = np.asarray(_rows(values))
         image = np.take(channels, self._entry.astype(np.int64) - 1, axis=0, mode="clip")
         image[self._entry == 0] = 0

@@ -9,6 +9,7 @@ from ..device.buffers import download, upload, upload_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from .device_images import NOWHERE, DeviceTexels
+from .lightmap_points import SOURCE
 from .texel_samples import TexelSamples
 
 _NAMES = (
@@ -52,7 +53,7 @@ class TexelMeans:
         self, compute: ComputeDevice, samples: TexelSamples, visible: np.ndarray, shape: tuple[int, ...]
     ) -> None:
         self._compute, self._resolution = compute, np.int32(shape[1])
-        self._kernels = dict(zip(_NAMES, compute.kernels("texel_means.cl", *_NAMES), strict=True))
+        self._kernels = dict(zip(_NAMES, compute.kernels(SOURCE, *_NAMES), strict=True))
         keys = samples.keys(shape[1])
         starts = run_starts(keys)
         texels, self._count = keys[starts], len(starts)

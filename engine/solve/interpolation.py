@@ -9,7 +9,7 @@ from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..scene.color import channel_sum
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receiver_records import RECEIVER
+from .patch_groups import SOURCE
 
 #: Range to which the local light is clamped before it scales the tolerance, as fractions of the mean.
 _DARK, _BRIGHT = 0.05, 2.0
@@ -40,8 +40,7 @@ class Interpolation:
         self.representative, self._opening = representative, opening
         self._apart = None if beside_backs is None else beside_backs[representative]
         self._compute, self._receivers = rays.compute, rays.receivers
-        source = RECEIVER, "interpolate.cl"
-        self._interpolate, self._spread = self._compute.kernels(source, "interpolate", "spread")
+        self._interpolate, self._spread = self._compute.kernels(SOURCE, "interpolate", "spread")
         patches = patch_scene.patches
         numbers = group.astype(np.int32), representative.astype(np.int32)
         self._count = len(patches)

@@ -9,8 +9,15 @@ import numpy as np
 from ..device.buffers import download_bytes, words_of
 from ..device.opencl import cl
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receiver_records import RECEIVER
-from .thresholds import DOUBTFUL, INVALID, KERNEL_OPTIONS, MAX_BACKS_INTERPOLATED, MAX_BACKS_OPEN, PROBES
+from .thresholds import (
+    DOUBTFUL,
+    INVALID,
+    KERNEL_OPTIONS,
+    MAX_BACKS_INTERPOLATED,
+    MAX_BACKS_OPEN,
+    PROBES,
+    SOURCE,
+)
 
 
 class Contacts(Protocol):
@@ -59,7 +66,7 @@ def patches_near_backs(scene: RayScene, count: int) -> np.ndarray:
 def _back_facing(scene: RayScene, count: int, most: int) -> np.ndarray:
     """Return a mask of the patches with more than `most` probe rays that hit back faces, (n,) bool."""
     rays, compute = scene.rays, scene.compute
-    (kernel,) = rays.kernels((RECEIVER, "backs_around.cl"), "hits_many_backfaces", options=KERNEL_OPTIONS)
+    (kernel,) = rays.kernels(SOURCE, "hits_many_backfaces", options=KERNEL_OPTIONS)
     output = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(count))
     rays.run(kernel, count, scene.receivers, np.int32(most), output, np.int32(count))
     return download_bytes(compute, output, count).view(bool)

@@ -15,10 +15,9 @@ from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..patches.geometry import PatchGeometry
 from ..visibility.rays.ray_scene import RayScene
-from ..visibility.rays.receiver_records import RECEIVER
 from ..visibility.rays.shaders.shader_scene import ShaderScene
 from .shader_probes import push_offs
-from .thresholds import KERNEL_OPTIONS
+from .thresholds import KERNEL_OPTIONS, SOURCE
 
 #: Maximum cosine between the normals of two opposite sides of a wall; the sides of a corner exceed it.
 _APART = -0.9
@@ -104,7 +103,7 @@ def find_inside(
 def _kernels(scene: RayScene) -> list[Kernel]:
     """Return the kernels that find push-offs and take some of them."""
     names = "push_off", "compact_push_offs"
-    return scene.rays.kernels((RECEIVER, "push_off.cl"), *names, options=KERNEL_OPTIONS)
+    return scene.rays.kernels(SOURCE, *names, options=KERNEL_OPTIONS)
 
 
 def _run(

@@ -2,6 +2,11 @@
 #include "receiver.cl"
 #include "validity.cl"
 
+// Results, as in engine/direct/contact.py.
+#define NONE 0
+#define HIDDEN 1
+#define BACK_TO_BACK 2
+
 // Maximum distance between coincident faces, as a fraction of the ray origin's height.
 #define ON 0.25f
 

@@ -6,13 +6,15 @@ import pytest
 from engine import Settings
 from engine.patches.patch_scene import make_patch_scene
 from engine.visibility.rays import receiver_records
+from engine.visibility.rays.ray_tracer import SOURCE, RayTracer
 from engine.visibility.rays.receiver_records import RECEIVER, pack_receivers
 from tests.analytic.scenes import sphere
 
 
 def records(compute, patch_scene):
     """Return the records of all patches."""
-    buffer = pack_receivers(compute, patch_scene.patches, patch_scene.geometry)
+    (pack,) = RayTracer(compute, patch_scene.triangles, patch_scene.cutouts).kernels(SOURCE, "pack_receivers")
+    buffer = pack_receivers(compute, pack, patch_scene.patches, patch_scene.geometry)
     packed = RECEIVER.array(len(patch_scene.patches))
     cl.enqueue_copy(compute.queue, packed, buffer)
     return packed

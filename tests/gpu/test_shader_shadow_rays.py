@@ -19,6 +19,7 @@ from engine.scene.open_surfaces import OpenSurfaces
 from engine.scene.profile import Profile
 from engine.scene.transmission import Transmission, Transmittance
 from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.rays.ray_tracer import SOURCE, RayTracer
 from engine.visibility.rays.receiver_records import RECEIVER, pack_receivers
 from engine.visibility.rays.shaders.host_receivers import receivers_on_host
 from engine.visibility.rays.shaders.shader_scene import ShaderScene
@@ -147,7 +148,8 @@ def test_records_of_receivers_are_those_of_opencl(graphics, opencl):
     scene = replace(scenes.sphere(), meshes=scenes.sphere().meshes)
     patch_scene = make_patch_scene(graphics, None, scene, replace(SETTINGS, resolution=64))
     mine = receivers_on_host(patch_scene.patches, patch_scene.geometry)
-    buffer = pack_receivers(opencl, patch_scene.patches, patch_scene.geometry)
+    (pack,) = RayTracer(opencl, patch_scene.triangles, patch_scene.cutouts).kernels(SOURCE, "pack_receivers")
+    buffer = pack_receivers(opencl, pack, patch_scene.patches, patch_scene.geometry)
     theirs = np.zeros(len(mine), RECEIVER.dtype)
     cl.enqueue_copy(opencl.queue, theirs, buffer)
     assert (mine["rank"] == theirs["rank"]).all()

@@ -15,8 +15,8 @@ from ...patches.patch_scene import PatchScene
 from ...scene.cutouts import Cutouts
 from ...scene.triangles import Triangles
 from .bvh import Bvh
-from .ray_tracer import RayTracer
-from .receiver_records import RECEIVER, pack_receivers
+from .ray_tracer import SOURCE, RayTracer
+from .receiver_records import pack_receivers
 from .shaders.shader_scene import ShaderScene
 from .shaders.shader_tracer import ShaderTracer
 from .upper_levels import UpperLevels
@@ -123,7 +123,7 @@ class RayScene:
 
         Ray offsets are limited, so that no origin lies beyond another face.
         """
-        records = pack_receivers(self.compute, self._patch_scene.patches, self._patch_scene.geometry)
-        (place,) = self.rays.kernels((RECEIVER, "ray_offsets.cl"), "find_ray_offsets")
+        pack, place = self.rays.kernels(SOURCE, "pack_receivers", "find_ray_offsets")
+        records = pack_receivers(self.compute, pack, self._patch_scene.patches, self._patch_scene.geometry)
         self.rays.run(place, self.count, records, np.int32(self.count))
         return records

@@ -15,6 +15,7 @@ from ...scene.cutouts import BOUNCE, EXTENSIONS, Cutouts
 from ...scene.tints import tint_palette
 from ...scene.triangles import Triangles
 from .bvh import Bvh, build_bvh
+from .receiver_records import RECEIVER, TEXEL_STEP
 from .upper_levels import UpperLevels
 
 #: Transmittance of one side of a material for one kind of ray; see `Cutouts`.
@@ -35,6 +36,11 @@ TRANSMITTANCE = DeviceStruct(
     ("float", "faces", "of glass that light crosses"),
     ("float", "body", "1 for the front and 2 for the back of a closed body, 0 for other surfaces"),
 )
+
+
+#: Records and kernel files of single rays and of receiver records, built as one program: faster than three
+#: builds.
+SOURCE: Source = (RECEIVER, TEXEL_STEP, "closest_hit.cl", "pack_receivers.cl", "ray_offsets.cl")
 
 
 class RayTracer:
@@ -99,7 +105,7 @@ class RayTracer:
         write = cl.mem_flags.WRITE_ONLY
         outputs = [cl.Buffer(self.compute.context, write, array.nbytes) for array in (hits, distances)]
         rays = self._rays(origins, directions, 0.0)
-        (kernel,) = self.kernels(("closest_hit.cl",), "closest_hit")
+        (kernel,) = self.kernels(SOURCE, "closest_hit")
         self.run(kernel, count, *rays, np.int32(backs), np.int32(kind), *outputs, np.int32(count))
         for array, buffer in zip((hits, distances), outputs, strict=True):
             cl.enqueue_copy(self._queue, array, buffer)

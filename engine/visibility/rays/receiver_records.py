@@ -9,6 +9,7 @@ import numpy as np
 from ...device.buffers import upload, upload_once, write
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
+from ...device.kernel import Kernel
 from ...device.opencl import cl
 from ...patches.geometry import PatchGeometry, TexelSteps
 from ...patches.patch_list import PatchList
@@ -54,14 +55,18 @@ TEXEL_STEP = DeviceStruct(
 )
 
 
-def pack_receivers(compute: ComputeDevice, patches: PatchList, geometry: PatchGeometry) -> cl.Buffer:
-    """Return the records of patches on the device; sample points of one texel are consecutive."""
+def pack_receivers(
+    compute: ComputeDevice, pack: Kernel, patches: PatchList, geometry: PatchGeometry
+) -> cl.Buffer:
+    """Return the records of patches on the device; sample points of one texel are consecutive.
+
+    pack: the kernel of pack_receivers.cl
+    """
     triangles, count = geometry.triangles, len(geometry.triangle)
     triangle, *of_triangles = _used_triangles(compute, geometry)
     inputs = triangle, upload_once(compute, geometry.barycentric), *of_triangles
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
-    (pack,) = compute.kernels((RECEIVER, TEXEL_STEP, "pack_receivers.cl"), "pack_receivers")
     origin = cl.cltypes.make_float4(*triangles.origin, 0)
     texels = (
         upload_once(compute, patches.texel),

@@ -832,6 +832,22 @@ def test_an_emission_by_nodes_counts():
     assert may_emit(next(each for each in tree.nodes if each.bl_idname == "ShaderNodeEmission"))
 
 
+@pytest.mark.parametrize("source", ["GENERATED", "FILE"])
+def test_changed_pixels_of_a_radiance_image_are_searched_for_nan(tmp_path, source):
+    import bpy
+
+    image = bpy.data.images.new("Spoilt", 4, 4, float_buffer=True)
+    image.file_format = "HDR"
+    if source == "FILE":
+        image.filepath_raw = str(tmp_path / "spoilt.hdr")
+        image.save()
+        image = bpy.data.images.load(image.filepath_raw)
+    is_finite = part("operators.scene.materials.unphysical")._is_finite
+    assert image.source == source and is_finite(image)
+    image.pixels[5] = np.nan
+    assert not is_finite(image)
+
+
 def test_each_image_is_searched_for_nan_once(monkeypatch):
     import bpy
 

@@ -35,8 +35,9 @@ def invalid_images(material: bpy.types.Material, checked: set[int]) -> list[str]
 
 
 def _is_finite(image: bpy.types.Image) -> bool:
-    """Return True if all pixels of an image are finite numbers, which bytes and Radiance files always are."""
-    if not image.is_float or image.file_format == "HDR":
+    """Return True if all pixels of an image are finite numbers, as in bytes and unchanged Radiance files."""
+    is_radiance = image.file_format == "HDR" and image.source == "FILE" and not image.is_dirty
+    if not image.is_float or is_radiance:
         return True
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)

@@ -161,3 +161,18 @@ def test_materials_without_transparent_shadows_block_lights_only(socket, value, 
     assert passed(shown_material("Other")) == pytest.approx((expected[1],) * 2, abs=0.01)
     surface.use_transparent_shadow = False
     assert passed(shown_material("Other")) == pytest.approx(expected, abs=0.01)
+
+
+@pytest.mark.parametrize(("glass", "expected"), [(True, (0.9, 0.9)), (False, (0, 0))])
+def test_refraction_passes_light_without_transparent_shadows(glass, expected):
+    import bpy
+
+    surface = material("Clear")
+    tree = surface.node_tree
+    refraction = tree.nodes.new("ShaderNodeBsdfRefraction")
+    refraction.inputs["Color"].default_value = (0.9, 0.9, 0.9, 1)
+    tree.links.new(refraction.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    square("Other", surface=surface)
+    surface.use_transparent_shadow = False
+    bpy.context.scene.hemibake.glass_transmits = glass
+    assert passed(shown_material("Other")) == pytest.approx(expected)

@@ -115,6 +115,11 @@ def glass_fresnel(tree: bpy.types.NodeTree | None) -> Fresnel | None:
     return Fresnel(float(np.mean(indices)), faces=min(map(crossed_faces, nodes)))
 
 
+def has_refraction(tree: bpy.types.NodeTree | None) -> bool:
+    """Return True if a tree has Refraction closures, whose light has no Fresnel loss in bakes."""
+    return any(node.bl_idname == REFRACTION for node in used_nodes(tree))
+
+
 def _mirrors(node: bpy.types.Node) -> bool:
     """Return True if a closure is glass that reflects enough light for the engine."""
     if not passes_glass(node):

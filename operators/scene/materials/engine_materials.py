@@ -91,9 +91,9 @@ def hide_from_rays(material: Material, from_shadow: bool, from_bounces: bool) ->
 
 
 def block_shadow_rays(material: Material) -> Material:
-    """Return a material that shadow rays do not pass, except through glass, as without *Transparent Shadows*.
+    """Return a material that blocks shadow rays, as without *Transparent Shadows*; glass stays unchanged.
 
-    Glass stops shadow rays in Cycles anyway; the light that it refracts arrives by bounces.
+    In Cycles, glass always blocks shadow rays, and the light that it refracts arrives by bounces.
     """
     kept = material.transmission
     front, back = (

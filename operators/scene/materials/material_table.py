@@ -21,7 +21,7 @@ from ..scene_watch import SceneWatch
 from ..slice_timer import Slices
 from ..uvs.lightmap_layer import lightmap_layer
 from ..uvs.uv_modifier import uv_source
-from .closures import glass_fresnel, is_hair
+from .closures import glass_fresnel, has_refraction, is_hair
 from .engine_materials import block_shadow_rays, hide_from_rays, textures_of
 from .evaluated_materials import EvaluatedMaterial
 from .evaluated_passes import COVERED, Pixels, finish_passes, passes_of
@@ -135,9 +135,10 @@ class MaterialTable:
         return number
 
     def _append(self, entry: Material, material: bpy.types.Material | None, hidden: Hidden) -> None:
-        """Append a material, and store what rays pass it."""
+        """Append a material, and store which rays pass it."""
         if material is not None and not material.use_transparent_shadow:
-            self._blocking.add(len(self._materials))
+            refracts = self._glass and has_refraction(material.node_tree)
+            self._blocking |= set() if refracts else {len(self._materials)}
         self._hidden[len(self._materials)] = hidden
         self._materials.append(entry)
 

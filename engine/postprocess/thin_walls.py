@@ -21,6 +21,9 @@ _ADVISED = 8.0
 #: Thickness in texels from which no bilinear lookup reads texels on both sides of a wall.
 _PARTING = 2.0
 
+#: Pairs of a texel and a wall that are compared at once (chosen): about 16 kB each with 16 samples a texel.
+_AT_ONCE = 1 << 11
+
 
 def in_thin_walls(
     patch_scene: PatchScene,
@@ -31,8 +34,8 @@ def in_thin_walls(
 ) -> np.ndarray:
     """Return the samples, (k,) int64, inside walls thinner than two texels that part light from dark.
 
-    All visible samples within one texel on one side of the wall are darker than the mean on the other side.
-    A shadow at the foot of a wall that is lit on both sides does not count.
+    All visible samples within one texel on one side of the wall are darker by `_DIFFERS` than the mean on the
+    other side. A shadow at the foot of a wall that is lit on both sides does not count.
 
     patch_scene:  patches of the scene
     samples:      samples of all texels
@@ -48,19 +51,27 @@ def in_thin_walls(
     keys, resolution = samples.keys(patch_scene.patches.resolution), patch_scene.patches.resolution
     triangles = len(patch_scene.triangles.positions)
     places, number = np.unique(keys[thin] * triangles + push_offs.wall[thin], return_inverse=True)
-    texels, walls = np.divmod(places, triangles)
-    place, beside = _samples_around(texels, keys[outside], resolution)
-    beside = outside[beside]
-    side = 2 * place + _is_in_front(patch_scene, samples.subset(beside), walls[place])
-    mean, most = _light_of_sides(side, light[beside], len(places))
-    parts = (most[:, ::-1] < (1 - _DIFFERS) * mean).any(axis=1)
+    starts = run_starts(keys[outside])
+    known, parts = keys[outside[starts]], np.zeros(len(places), bool)
+    for first in range(0, len(places), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        texels, walls = np.divmod(places[some], triangles)
+        place, beside = _samples_around(texels, known, starts, len(outside), resolution)
+        beside = outside[beside]
+        side = 2 * place + _is_in_front(patch_scene, samples, beside, walls[place])
+        mean, most = _light_of_sides(side, light[beside], len(texels))
+        parts[some] = (most[:, ::-1] < (1 - _DIFFERS) * mean).any(axis=1)
     return thin[parts[number]]
 
 
-def _is_in_front(patch_scene: PatchScene, samples: TexelSamples, walls: np.ndarray) -> np.ndarray:
-    """Return which samples lie in front of the planes of triangles, (k,) bool; walls: (k,) the triangles."""
+def _is_in_front(
+    patch_scene: PatchScene, samples: TexelSamples, chosen: np.ndarray, walls: np.ndarray
+) -> np.ndarray:
+    """Return a mask of chosen samples, (k,) int64, in front of the planes of triangles, (k,): (k,) bool."""
     triangles = patch_scene.triangles
-    points = np.einsum("kc,kcd->kd", samples.barycentric, triangles.positions[samples.triangle])
+    points = np.einsum(
+        "kc,kcd->kd", samples.barycentric[chosen], triangles.positions[samples.triangle[chosen]]
+    )
     from_corner = points - triangles.positions[walls, 0]
     in_front: np.ndarray = row_products(from_corner, patch_scene.geometry.steps.geometric[walls]) > 0
     return in_front
@@ -113,16 +124,19 @@ def _rounded(density: float) -> str:
     return f"{density:,.0f}" if density >= 10 else f"{density:.2g}"
 
 
-def _samples_around(texels: np.ndarray, keys: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+def _samples_around(
+    texels: np.ndarray, known: np.ndarray, starts: np.ndarray, samples: int, resolution: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of texels and the samples within one texel of them: indices (k,) int64 of both.
 
-    texels:  (t,) int64, atlas * r * r + texel
-    keys:    (c,) int64, texel of each sample, ascending, at least one
+    texels:   (t,) int64, atlas * r * r + texel
+    known:    (m,) int64, texels with samples, ascending, at least one
+    starts:   (m,) int64, first sample of each
+    samples:  number of samples
     """
-    starts = run_starts(keys)
-    count = np.diff(starts, append=len(keys))
+    count = np.diff(starts, append=samples)
     pairs = []
-    for there, here in _steps_around(keys[starts], texels, resolution):
+    for there, here in _steps_around(known, texels, resolution):
         of_pair = count[there]
         step = np.arange(of_pair.sum()) - np.repeat(np.cumsum(of_pair) - of_pair, of_pair)
         pairs.append((np.repeat(here, of_pair), np.repeat(starts[there], of_pair) + step))

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from engine.postprocess import thin_walls
 from engine.postprocess.texel_samples import TexelSamples
 from engine.postprocess.thin_walls import in_thin_walls
 from engine.validity.push_off import PushOffs
@@ -53,8 +54,10 @@ def samples_of_floor():
     [(1.0, 0.0, 1.0, True), (0.2, 1.0, 1.0, True), (1.0, 1.0, 0.05, False), (1.0, 0.9, 1.0, False)],
 )
 @pytest.mark.parametrize("wall", [2, 3])
-def test_a_wall_counts_if_one_side_is_darker_as_a_whole(left, right, foot, found, wall):
+@pytest.mark.parametrize("at_once", [2, 100])
+def test_a_wall_counts_if_one_side_is_darker_as_a_whole(left, right, foot, found, wall, at_once, monkeypatch):
     """Light at the foot of the wall is `foot` times that of its side."""
+    monkeypatch.setattr(thin_walls, "_AT_ONCE", at_once)
     samples = samples_of_floor()
     x = samples.position[:, 0]
     inside = (x > WALL[0]) & (x < WALL[1])

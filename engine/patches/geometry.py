@@ -39,7 +39,7 @@ class TexelSteps:
         longer: np.ndarray = np.sqrt(np.maximum(*squares))
         return longer
 
-    def of(self, chosen: np.ndarray) -> TexelSteps:
+    def subset(self, chosen: np.ndarray) -> TexelSteps:
         """Return the texel steps of some triangles, (k,) int64."""
         arrays = self.edge_u, self.edge_v, self.geometric, self.area, self.whole
         return TexelSteps(*(take_rows(array, chosen) for array in arrays))

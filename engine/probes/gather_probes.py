@@ -287,7 +287,7 @@ class ProbeGather:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the invalid probes, (k,) int64, that leave geometry in their cells, and their new points.
 
-        They are those of the last bake if the same probes are invalid.
+        Both are reused from the last bake if the same probes are invalid.
         """
         key = invalid.tobytes()
         if rows.pushed_off is None or rows.pushed_off[0] != key:

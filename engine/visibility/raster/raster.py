@@ -76,7 +76,7 @@ class HemicubeRaster:
         self._attach()
 
     def _set_lookups(self, cutouts: Cutouts, texel_to_patch: np.ndarray) -> None:
-        """Create the textures that the shaders read: hemicube matrices, index map, those of the target."""
+        """Create the textures that the shaders read: hemicube matrices, index map, lookups of the target."""
         context, tiles = self._graphics.context, self._tiles
         atlases, height, width = texel_to_patch.shape
         size = (width, height, atlases)

@@ -99,7 +99,7 @@ def _used_triangles(compute: ComputeDevice, geometry: PatchGeometry) -> tuple[cl
             number = np.empty(len(used), np.int32)
             number[chosen] = np.arange(len(chosen), dtype=np.int32)
             arrays = number[geometry.triangle], triangles.positions[chosen], triangles.normals[chosen]
-            return *(upload(compute, array) for array in arrays), _upload_steps(compute, steps.of(chosen))
+            return *(upload(compute, array) for array in arrays), _upload_steps(compute, steps.subset(chosen))
     return (
         upload_once(compute, geometry.triangle),
         upload_once(compute, triangles.positions),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.blender.things import bpy_link, part, read_scene, square
+from tests.blender.things import bpy_link, finished, part, read_scene, square
 
 
 def world(**links):
@@ -91,6 +91,13 @@ def test_a_turned_image_is_what_blender_renders(make):
     step = rendered.shape[0] // read.shape[0]
     small = rendered.reshape(read.shape[0], step, read.shape[1], step, 3).mean(axis=(1, 3))
     assert read.shape[0] == 256 and np.abs(small - read)[2:-2].mean() < 0.01
+
+
+def test_a_turned_image_of_few_rows_gets_no_more_columns():
+    pixels = np.random.default_rng(3).random((1, 1031, 3)).astype(np.float32)
+    turned = finished(part("operators.scene.light.world")._turned(pixels, np.eye(3)))
+    assert turned.shape == (256, 1031, 3)
+    assert turned == pytest.approx(np.repeat(pixels, 256, axis=0), abs=1e-5)
 
 
 def test_other_nodes_are_rendered(small_pictures):

@@ -29,8 +29,8 @@ from .sky_sun import copied_world, take_suns
 #: 400 MB, and its bake three times as much.
 _ROWS = 4096
 
-#: Minimum number of rows of a map that is turned (chosen).
-_TURNED = 256
+#: Minimum numbers of rows and columns of a map that is turned (chosen).
+_TURNED = 256, 512
 
 #: Negative radiance that counts as rounding of a render, W/(m^2 sr).
 _ROUNDING = 1e-6
@@ -193,14 +193,14 @@ def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
 def _turned(pixels: np.ndarray, matrix: np.ndarray) -> Slices[np.ndarray]:
     """Resample a map, (h, w, 3) float32, such that direction d gets the value at `matrix` @ d.
 
-    Small maps grow to `_TURNED` rows: their own pixels would blur the interpolated light.
+    Small maps grow to `_TURNED` rows and columns: their own pixels would blur the interpolated light.
     """
     height, width = pixels.shape[:2]
-    finer = max(1, -(-_TURNED // height))
-    turned = np.empty((finer * height, finer * width, 3), np.float32)
-    phi = 2 * np.pi * (0.5 - (np.arange(finer * width) + 0.5) / (finer * width))
-    theta = np.pi * (1 - (np.arange(finer * height) + 0.5) / (finer * height))[:, None]
-    for rows in row_slices(len(turned), 20 * finer * width):
+    lines, columns = height * -(-_TURNED[0] // height), width * -(-_TURNED[1] // width)
+    turned = np.empty((lines, columns, 3), np.float32)
+    phi = 2 * np.pi * (0.5 - (np.arange(columns) + 0.5) / columns)
+    theta = np.pi * (1 - (np.arange(lines) + 0.5) / lines)[:, None]
+    for rows in row_slices(lines, 20 * columns):
         x, y = np.sin(theta[rows]) * np.cos(phi), np.sin(theta[rows]) * np.sin(phi)
         z = np.broadcast_to(np.cos(theta[rows]), x.shape)
         directions = np.stack([x, y, z], axis=2) @ matrix.T

@@ -217,6 +217,22 @@ def test_store_makes_the_same_images_with_and_without_opencl(compute: ComputeDev
     assert (together["double"] == final.image(2 * texels)).all()
 
 
+def test_the_host_makes_previews_while_programs_of_a_cpu_are_built(
+    compute: ComputeDevice, monkeypatch
+) -> None:
+    random = np.random.default_rng(3)
+    atlas, texel = np.divmod(np.flatnonzero(random.random(3 * 17**2) < 0.3), 17**2)
+    patches = PatchList(
+        17, atlas.astype(np.int32), texel.astype(np.int32), np.zeros(len(atlas), np.int32),
+        np.full((len(atlas), 3), 1 / 3, np.float32),
+    )  # fmt: skip
+    values = random.random((len(atlas), 3)).astype(np.float32)
+    host, device = (LightmapImages(patches, 2, 3, opened) for opened in (None, compute))
+    monkeypatch.setattr(ComputeDevice, "is_preparing", True)
+    assert (device.display(values) == host.display(values)).all()
+    assert device._fill is None and device._device is None
+
+
 @pytest.mark.parametrize("channels", [1, 3])
 def test_means_of_samples_are_put_in_texels_on_the_device(compute: ComputeDevice, channels: int) -> None:
     """Texels of two atlases, some without a patch, some with samples, some of which nobody sees."""

@@ -450,7 +450,7 @@ def test_a_muted_number_node_is_read_as_a_color():
         (
             "BsdfRayPortal",
             "Ray Portal nodes, through which light of a bake does not pass. "
-            "Replace them by Transparent BSDF nodes.",
+            "Replace them with Transparent BSDF nodes.",
         ),
     ],
 )

@@ -21,7 +21,7 @@ _INTO_FRAME = 0.01
 
 
 def register_rooms(folder: Path) -> None:
-    """Register rooms of a folder whose windows have closed panes, and that of the gallery."""
+    """Register the living room of a folder with closed panes in its windows."""
     if (folder / "living_room.blend").exists():
         SCENES["living_room_glass"] = lambda: _living_room_glass(folder / "living_room.blend")
         ROOMS["living_room_glass"] = (256, 64)

@@ -36,7 +36,7 @@ _BOUNCES = (
     "without a bounce, so a bake differs. Use Is Camera Ray instead."
 )
 _INSTANCERS = (
-    "Materials {} use coordinates of instancers or particles, for which bakes use 0. Replace them by an "
+    "Materials {} use coordinates of instancers or particles, for which bakes use 0. Replace them with an "
     "Attribute node of type Instancer."
 )
 _INVALID = "Material '{}': input '{}' of node '{}' is NaN or infinite. Correct the number."
@@ -46,7 +46,7 @@ _CLOSURES = {
     "ShaderNodeBsdfToon": "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes.",
     "ShaderNodeBsdfRayPortal": (
         "Materials {} have Ray Portal nodes, through which light of a bake does not pass. "
-        "Replace them by Transparent BSDF nodes."
+        "Replace them with Transparent BSDF nodes."
     ),
 }
 

@@ -33,7 +33,7 @@ FORMATS = {
     "logluv": ("PNG, LogLuv", "Write log luminance and chromaticity, for shaders that decode LogLuv"),
 }
 
-#: Formats that Blender cannot display as light; an OpenEXR file is written too and displayed instead.
+#: Formats whose pixels Blender cannot decode; the scene shows an additional OpenEXR file instead.
 ENCODED = ("ktx2", "png", "rgbm", "rgbd", "logluv")
 
 #: Floating-point formats that store no negative values.

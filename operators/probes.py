@@ -76,8 +76,8 @@ class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
 def _default_spacing(widths: np.ndarray, metre: float) -> float:
     """Return a spacing of a metre at most that puts nine probes across the narrowest side of a room.
 
-    It is doubled up to a metre while there are more probes than `_MANY`, and beyond while a bake takes no
-    more. Sides below a tenth of the longest do not count.
+    It is doubled while there are more than `_MANY` probes and it stays within a metre, then while there are
+    more probes than a bake supports. Sides below a tenth of the longest do not count.
 
     widths:  (3,) of the room
     metre:   in the unit of the widths

@@ -249,7 +249,7 @@ class VisibilityCache:
         return SavedRows(self.compute, checkpoint, self.sampling.name, patches, tables)
 
     def _unfinished_piece(self) -> SampleRows:
-        """Return the piece of the first missing patch; allocate it if there is none."""
+        """Return the buffer for the rows of the first patch without samples; allocate it if necessary."""
         if self.pieces and self._found < self.pieces[-1].last:
             return self.pieces[-1]
         row, context = self.sampling.row_bytes, self.compute.context

@@ -3,7 +3,7 @@
 #include "emitters.cl"
 #include "emitter_rays.cl"
 
-// Lights that cameras see, by points on them. SPHERE is defined: light counts without a cosine.
+// Samples of lights that cameras see, by points on them. Built with SPHERE: light has no cosine factor.
 
 // Stores the direction of each point of the emitters and, if nothing hides it, its light as irradiance at normal
 // incidence: `samples` points of each emitter.

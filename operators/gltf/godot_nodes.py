@@ -32,7 +32,7 @@ _ENCLOSED = ("vehicle", "wheel")
 
 
 class _Node:
-    """A node while Godot's importer changes it.
+    """A node of the scene tree to which the rules of Godot's importer are applied.
 
     name:      its name
     index:     index in the glTF file; None for nodes that Godot adds

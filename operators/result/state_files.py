@@ -21,7 +21,7 @@ from .lightmap_files import lightmap_files
 from .manifest import read_manifest
 from .pictures import read_pixels
 
-#: Prefix of the output of a state's lightmaps.
+#: Prefix of the names of light states as outputs.
 STATE = "state "
 
 

@@ -21,7 +21,7 @@ _OUTPUTS: dict[str, tuple[str, ...] | None] = {
     "ShaderNodeTexCoord": ("Camera", "Window", "Reflection"),
 }
 
-#: Closures that count as gloss in a mix by a Fresnel factor; a bake has only the mean of gloss.
+#: Closures that count as gloss in a mix by a Fresnel factor; bakes use the mean albedo of gloss.
 _GLOSS = GLOSSY | {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction", METALLIC}
 
 #: Inputs of a closure that determine its baked light; the names of several versions of Blender.

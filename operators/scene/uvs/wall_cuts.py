@@ -20,8 +20,8 @@ from .uv_targets import own_target
 #: neighbouring samples.
 _ALONG = np.linspace(0.05, 0.95, 9)
 
-#: Distance as a fraction of the mesh's size: of samples above the surface and beside the edge, and at most
-#: between two edges on one line.
+#: Distance of samples from the surface and from the edge, and maximum distance between two edges on one
+#: line, as a fraction of the mesh's size.
 _BESIDE = 1e-4
 
 

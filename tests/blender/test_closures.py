@@ -217,6 +217,12 @@ def math(operation, first, second, clamp=False):
     return build
 
 
+def complement(tree, value):
+    result = math("SUBTRACT", 1.0, 0.0)(tree)
+    tree.links.new(value, result.node.inputs[1])
+    return result
+
+
 def ramp(tree):
     result = tree.nodes.new("ShaderNodeValToRGB")
     result.color_ramp.elements[1].color = (*OTHER, 0.5)
@@ -268,13 +274,20 @@ def test_a_reader_of_values_agrees_with_cycles(name):
         assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity
 
 
-@pytest.mark.parametrize("operation", ["GREATER_THAN", "LESS_THAN", "ROUND"])
+@pytest.mark.parametrize(
+    "operation", ["GREATER_THAN", "LESS_THAN", "ROUND", "not GREATER_THAN", "not LESS_THAN"]
+)
 @pytest.mark.parametrize("value", [0.0, 0.3, 0.5, 0.7, 1.0])
 @pytest.mark.parametrize("limit", [0.0, 0.5, 1.0])
 def test_a_reader_of_thresholds_agrees_with_cycles(operation, value, limit):
-    """Equal numbers do not exceed each other; Less Than reads the limit first."""
-    numbers = (limit, value) if operation == "LESS_THAN" else (value, limit)
-    surface = shader_material(mixed(DIFFUSE, CLEAR, math(operation, *numbers)))
+    """Equal numbers do not exceed each other; Less Than reads the limit first, and 1 - x the opposite."""
+    numbers = (limit, value) if operation in {"LESS_THAN", "not GREATER_THAN"} else (value, limit)
+    cut = math(operation.removeprefix("not "), *numbers)
+
+    def factor(tree):
+        return complement(tree, cut(tree)) if operation.startswith("not ") else cut(tree)
+
+    surface = shader_material(mixed(DIFFUSE, CLEAR, factor))
     fast, general = read(surface), evaluated(surface)
     for quantity in fast:
         assert fast[quantity] == pytest.approx(general[quantity], rel=2e-3, abs=2e-4), quantity

@@ -94,6 +94,24 @@ def test_alpha_of_an_image_cuts_and_a_threshold_is_kept():
     assert threshold - 0.5 / 65535 > 0.3  # the engine lowers it by half a step: equal values stay clear
 
 
+def test_a_mask_of_gltf_is_read_at_the_resolution_of_its_image():
+    """The importer writes alpha >= cutoff as 1 - (alpha < cutoff): values equal to the cutoff are opaque."""
+    pixels = noise()
+    pixels[..., 3] = np.linspace(0, 1, 16).reshape(4, 4)
+    surface, node = textured("Alpha", "Alpha", pixels)
+    square(surface=surface)
+    tree = surface.node_tree
+    below, above = (tree.nodes.new("ShaderNodeMath") for _ in range(2))
+    below.operation, above.operation = "LESS_THAN", "SUBTRACT"
+    below.inputs[1].default_value, above.inputs[0].default_value = 0.3, 1.0
+    tree.links.new(node.outputs["Alpha"], below.inputs[0])
+    tree.links.new(below.outputs[0], above.inputs[1])
+    tree.links.new(above.outputs[0], tree.nodes["Principled BSDF"].inputs["Alpha"])
+    shadow = only_material().transmission.shadow
+    assert shadow.texture.pixels[..., 0] == pytest.approx(pixels[..., 3], abs=1 / 255)
+    assert shadow.threshold == pytest.approx(0.3, abs=1e-7)
+
+
 def test_glass_reflects_less_diffusely():
     import bpy
 

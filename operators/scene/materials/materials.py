@@ -46,6 +46,7 @@ _MATH: dict[str, np.ufunc] = {
     "MINIMUM": np.minimum,
 }  # fmt: skip
 
+_COMPARISONS = frozenset({"GREATER_THAN", "LESS_THAN"})
 
 #: Distance of the threshold from the limit of Greater Than and Less Than: a step of the engine's 16-bit maps,
 #: so that values equal to the limit stay below the threshold.
@@ -124,20 +125,19 @@ class ShaderReader:
         return colour if colour.is_zero else colour * bump_factor(node, self._cache, self._owner)
 
     def alpha(self, socket: bpy.types.NodeSocket) -> tuple[MaterialValue, float | None]:
-        """Return an alpha input; if a Math node cuts it at a threshold, its input and the threshold."""
-        output = feeding_socket(socket)
-        if output.is_output and output.node.bl_idname == "ShaderNodeMath":
-            node = output.node
-            if node.operation == "ROUND":
-                return self._value(node.inputs[0], 1), 0.5
-            if node.operation in {"GREATER_THAN", "LESS_THAN"}:
-                first, second = node.inputs[:2]
-                image, limit = (first, second) if node.operation == "GREATER_THAN" else (second, first)
-                number = self._value(limit, 1).number
-                if number < 0:
-                    raise ComplexError(node.name)
-                return self._value(image, 1), number + _STEP
-        return self._value(socket, 1), None
+        """Return an alpha input; if Math nodes cut it at a threshold, their input and the threshold."""
+        node = _math_node(socket)
+        if node is not None and node.operation == "ROUND":
+            return self._value(node.inputs[0], 1), 0.5
+        compared = node if node is None or node.operation in _COMPARISONS else _complemented(node)
+        if compared is None:
+            return self._value(socket, 1), None
+        is_greater = (compared.operation == "GREATER_THAN") == (compared == node)
+        image, limit = compared.inputs[:2] if is_greater else reversed(compared.inputs[:2])
+        number = self._value(limit, 1).number
+        if number < 0:
+            raise ComplexError(compared.name)
+        return self._value(image, 1), number + (_STEP if compared == node else 0)
 
     def _value(self, socket: bpy.types.NodeSocket, channels: int) -> MaterialValue:
         """Return the value of an input: its own one, or the output of the node linked to it."""
@@ -192,6 +192,20 @@ class ShaderReader:
             raise ComplexError  # the luminance of a tinted texture is not that of the texture times a number
         first, second = (self._value(colour, 1) for colour in colours)
         return first * second
+
+
+def _math_node(socket: bpy.types.NodeSocket) -> bpy.types.Node | None:
+    """Return the Math node that feeds a socket; None for other nodes and an unlinked socket."""
+    output = feeding_socket(socket)
+    return output.node if output.is_output and output.node.bl_idname == "ShaderNodeMath" else None
+
+
+def _complemented(node: bpy.types.Node) -> bpy.types.Node | None:
+    """Return the comparison of which a Math node takes 1 - x, as glTF's alpha mode Mask is imported."""
+    if node.operation != "SUBTRACT" or node.inputs[0].is_linked or node.inputs[0].default_value != 1:
+        return None
+    compared = _math_node(node.inputs[1])
+    return compared if compared is not None and compared.operation in _COMPARISONS else None
 
 
 def _mixed_shaders(socket: bpy.types.NodeSocket) -> Sequence[bpy.types.NodeSocket]:

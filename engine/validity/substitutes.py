@@ -61,7 +61,7 @@ def substitute_patches(
     patch_scene:  patches of the scene, or patch groups
     invalid:      (n,) bool, invalid patches
     light_of:     returns E/pi, (k, 3), of some patches, (k,) int64
-    find_pairs:   `find_substitutes`, or a version that caches its last result
+    find_pairs:   `find_substitutes`, or a version that caches its last results
     """
     if not invalid.any():
         return None

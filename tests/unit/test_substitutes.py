@@ -11,7 +11,7 @@ from engine.patches.texels_around import beside_any, cells_around
 from engine.plan.session_cache import SessionCache
 from engine.texel_gather.valid_patches import substitutes_of
 from engine.validity.invalid import is_invalid
-from engine.validity.substitutes import substitute_patches
+from engine.validity.substitutes import find_substitutes, substitute_patches
 
 HEIGHT, WIDTH = 5, 11
 
@@ -168,6 +168,21 @@ def test_final_gathers_replace_groups_whose_representative_is_invalid():
     assert np.array_equal(replaced, [inside, found_before])
     beside = np.abs(np.stack(np.divmod(found[replaced], 6)) - np.stack(np.divmod(replaced, 6)))
     assert (beside.max(axis=0) == 1).all()
+
+
+def test_pairs_of_groups_are_found_again_when_members_change():
+    """A column next to an invalid group changes to another group; all representatives stay."""
+    column = np.arange(WIDTH * WIDTH).reshape(WIDTH, WIDTH) % WIDTH
+    before = np.where(column < 5, 1, np.where(column == 5, 2, 3))
+    after = before.copy()
+    after[1:, 6] = 1
+    kept, invalid, found = SessionCache(), np.array([False, True, False]), []
+    for entries in (before, after):
+        groups, none = floor(entries), np.zeros(3)
+        groups.patches = PatchList(WIDTH, none, np.array([0, 5, 6]), none, np.zeros((3, 3)))
+        found.append(kept.find_substitutes(groups, invalid))
+        np.testing.assert_array_equal(found[-1], find_substitutes(groups, invalid))
+    assert (found[0][1] == 2).sum() > (found[1][1] == 2).sum() > 0
 
 
 def test_means_need_no_memory_for_patches_without_candidates(monkeypatch):

@@ -22,8 +22,12 @@ def room_of(context: SceneContext) -> np.ndarray | None:
     visible = {obj.session_uid for obj in visible_objects(context)}
 
     def triangles(evaluation: Evaluation) -> list[np.ndarray]:
-        items = evaluation.items(visible)
-        return [_world_triangles(item) for item in items if item.source.session_uid in wanted]
+        # Geometry Nodes may also make points and curves of a mesh object.
+        return [
+            _world_triangles(item)
+            for item in evaluation.items(visible)
+            if item.source.session_uid in wanted and item.object.type == "MESH"
+        ]
 
     found = [part for part in evaluate(context, triangles) if len(part)] if wanted else []
     return inner_box(np.concatenate(found)) if found else None

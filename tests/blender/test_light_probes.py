@@ -327,6 +327,26 @@ def test_the_button_fits_large_scenes():
     assert state(obj)[1:] == (189, 64, 1)
 
 
+@pytest.mark.parametrize("kind", ["MeshToPoints", "MeshToCurve"])
+def test_the_button_ignores_points_and_curves_of_nodes(kind):
+    import bpy
+
+    tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    converted, joined = tree.nodes.new(f"GeometryNode{kind}"), tree.nodes.new("GeometryNodeJoinGeometry")
+    tree.links.new(start.outputs[0], converted.inputs["Mesh"])
+    for output in (start.outputs[0], converted.outputs[0]):
+        tree.links.new(output, joined.inputs[0])
+    tree.links.new(joined.outputs[0], end.inputs[0])
+    square("Ground").modifiers.new("Nodes", "NODES").node_group = tree
+    bpy.context.view_layer.update()
+    assert bpy.ops.hemibake.add_light_probes() == {"FINISHED"}
+    (obj,) = [obj for obj in bpy.data.objects if obj.type == "LIGHT_PROBE"]
+    assert state(obj)[1:] == (9, 9, 1)
+
+
 @pytest.mark.parametrize(
     ("widths", "spacing"),
     [

@@ -15,8 +15,8 @@ _BEYOND = 0.05
 #: Steps along the grid to the 26 neighbours of a probe.
 _NEIGHBOURS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
 
-#: Probes that are filled at once, to limit memory and the time between two steps of progress.
-_AT_ONCE = 1 << 14
+#: Probes that are filled at once (fastest of 2^10 to 2^14): 76 kB each with eight light groups.
+_AT_ONCE = 1 << 10
 
 
 def moved_out(volume: ProbeVolume, ways: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

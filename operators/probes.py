@@ -1,4 +1,4 @@
-"""Add Light Probes operator: creates a Light Probe Volume in the room that renders show."""
+"""Add Light Probes operator: creates a Light Probe Volume that fills the room of a scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STEPS, _MANY, _NARROW = 8.1, 1 << 15, 0.1
 
 
 class HEMIBAKE_OT_add_light_probes(bpy.types.Operator):
-    """Add a Light Probe Volume between the outer walls of what renders show, and switch Light Probes on"""
+    """Add a Light Probe Volume inside the outer walls of rendered objects, and switch Light Probes on"""
 
     bl_idname = "hemibake.add_light_probes"
     bl_label = "Add Light Probes"

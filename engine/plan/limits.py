@@ -98,6 +98,8 @@ def _check_memory(
     """Raise SettingsError if triangles and patches alone exceed the memory of the device.
 
     The sum is a lower bound, so a scene that passes may still run out of memory.
+
+    uploaded:  number of triangles that receivers need, see `uploaded_triangles`
     """
     needed = triangles * _TRIANGLE_BYTES + uploaded * _USED_BYTES
     needed += patches * (_RECEIVER_BYTES + gathers * _GATHER_BYTES)

@@ -112,6 +112,24 @@ def test_a_mask_of_gltf_is_read_at_the_resolution_of_its_image():
     assert shadow.threshold == pytest.approx(0.3, abs=1e-7)
 
 
+def test_clear_pixels_of_a_cutout_do_not_darken_its_colors():
+    """Two colors on black: clear pixels have the color of the nearest leaf; opaque ones stay."""
+    pixels = np.zeros((16, 13, 4), np.float32)
+    pixels[2:5, 2:5], pixels[10:13, 8:11] = (0.2, 0.8, 0.4, 1), (0.8, 0.4, 0.2, 1)
+    surface, node = textured("Alpha", "Alpha", pixels)
+    surface.node_tree.links.new(
+        node.outputs["Color"], surface.node_tree.nodes["Principled BSDF"].inputs["Base Color"]
+    )
+    square(surface=surface)
+    shown = only_material().reflectance_map.pixels
+    opaque = pixels[..., 3] > 0
+    assert shown[opaque] == pytest.approx(pixels[opaque][:, :3], abs=1 / 255)
+    assert shown[1:6, 1:6] == pytest.approx(np.broadcast_to(pixels[3, 3, :3], (5, 5, 3)), abs=1 / 255)
+    assert shown[9:14, 7:12] == pytest.approx(np.broadcast_to(pixels[11, 9, :3], (5, 5, 3)), abs=1 / 255)
+    assert (shown.min(axis=(0, 1)) > pixels[opaque][:, :3].min(axis=0) - 1 / 255).all()
+    assert only_material().transmission.bounce.texture.pixels[..., 0] == pytest.approx(pixels[..., 3])
+
+
 def test_glass_reflects_less_diffusely():
     import bpy
 

@@ -10,6 +10,7 @@ from ....engine.scene.model import BackSide, Material
 from ....engine.scene.texture import Texture
 from ....engine.scene.transmission import OPAQUE, Fresnel, Transmission, Transmittance
 from ..objects.meshes import LIGHTMAP_UVS
+from .clear_pixels import box_sums
 from .evaluated_passes import COVERED, SMALLEST_PART, Pass, Pixels
 from .ray_kinds import BOUNCE, RayKind
 
@@ -129,11 +130,7 @@ def _spread(values: np.ndarray, opacity: np.ndarray) -> np.ndarray:
 
     opacity:  (h, w) float32
     """
-    width = opacity.shape[1]
-    weighted = np.concatenate([values * opacity[..., None], opacity[..., None]], axis=2)
-    padded = np.pad(weighted, ((1, 1), (1, 1), (0, 0)))
-    rows = padded[:-2] + padded[1:-1] + padded[2:]
-    sums = rows[:, :width] + rows[:, 1 : width + 1] + rows[:, 2:]
+    sums = box_sums(np.concatenate([values * opacity[..., None], opacity[..., None]], axis=2))
     filled = (opacity <= SMALLEST_PART) & (sums[..., 3] > SMALLEST_PART)
     spread = values.copy()
     spread[filled] = sums[filled][:, :3] / sums[filled][:, 3:]

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ....engine.scene.model import Material
+from ....engine.scene.texture import Texture
 from ....engine.scene.transmission import Fresnel
 from ...compat import node_input, node_tree
 from ...working_space import luminance_of
@@ -448,7 +449,7 @@ def read_material(
 
     def surface(rays: RayKind) -> DiffuseSurface:
         reader = ShaderReader(f"Material '{material.name}'", notes, cache, values, rays, glass)
-        return _output_surface(reader, tree)
+        return _fill_clear(_output_surface(reader, tree), cache)
 
     front = surface(BOUNCE)
     made = to_material(
@@ -462,6 +463,34 @@ def read_material(
     )
     note_surface(material.name, front, notes)
     return made
+
+
+def _fill_clear(surface: DiffuseSurface, cache: PixelCache) -> DiffuseSurface:
+    """Return a surface whose textures have colours where its cover, a texture of equal mapping, is clear."""
+    cover = surface.cover.texture
+    factor = surface.cover.constant[0]
+    if cover is None or factor <= 0:
+        return surface
+    least = _STEP if surface.threshold is None else surface.threshold / factor
+
+    def filled(value: MaterialValue) -> MaterialValue:
+        texture = value.texture
+        if texture is None or not _are_aligned(texture, cover):
+            return value
+        pixels = cache.fill_clear(texture.pixels, cover.pixels, float(least))
+        return replace(value, texture=replace(texture, pixels=pixels))
+
+    reflect, emit, transmit = (filled(value) for value in (surface.reflect, surface.emit, surface.transmit))
+    return replace(surface, reflect=reflect, emit=emit, transmit=transmit)
+
+
+def _are_aligned(first: Texture, second: Texture) -> bool:
+    """Return True if pixels of equal indices of two textures lie at the same points of a surface."""
+    return (
+        first.pixels.shape[:2] == second.pixels.shape[:2]
+        and (first.uv_map, first.extension) == (second.uv_map, second.extension)
+        and np.array_equal(first.transform, second.transform)
+    )
 
 
 def _output_surface(reader: ShaderReader, tree: bpy.types.NodeTree) -> DiffuseSurface:

@@ -10,6 +10,7 @@ from ...lookup import find
 from ...working_space import from_rec709, is_rec709, luminance_of
 from ..slice_timer import Slices, row_slices
 from .alpha_modes import DATA, AlphaMeaning, channels_of
+from .clear_pixels import fill_clear
 from .normal_map_tilts import CLASSES, count_tilts, image_state, kept_tilts
 
 #: Blender's names of color spaces with linear values, and of the sRGB color space.
@@ -45,6 +46,7 @@ class PixelCache:
         self._notes = notes
         self._images: dict[int, np.ndarray] = {}
         self._parts: dict[tuple[int, str], np.ndarray] = {}
+        self._filled: dict[tuple[int, int, float], np.ndarray] = {}
         self._tilts: dict[int, np.ndarray] = {}
 
     def read_part(self, image: bpy.types.Image | None, owner: str, part: str) -> np.ndarray:
@@ -63,6 +65,27 @@ class PixelCache:
             reading = self._read_part(key, owner, is_srgb(image), meaning, _is_scene_linear(image))
             raise PixelsNeededError(reading)
         return self._parts[key]
+
+    def fill_clear(self, pixels: np.ndarray, opacity: np.ndarray, least: float) -> np.ndarray:
+        """Return colours, (h, w, c) float32, whose clear pixels have the mean colour of opaque ones around.
+
+        Raises PixelsNeededError if they must be filled first.
+
+        pixels, opacity:  parts of images; opacity has 1 channel
+        least:            smallest opacity of opaque pixels
+        """
+        is_opaque = opacity[..., 0] >= least
+        if is_opaque.all() or not is_opaque.any():
+            return pixels
+        key = id(pixels), id(opacity), least
+        if key not in self._filled:
+            raise PixelsNeededError(self._fill_clear(key, pixels, is_opaque))
+        return self._filled[key]
+
+    def _fill_clear(
+        self, key: tuple[int, int, float], pixels: np.ndarray, is_opaque: np.ndarray
+    ) -> Slices[None]:
+        self._filled[key] = yield from fill_clear(pixels, is_opaque)
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
         """Return colour (see `is_srgb`, `AlphaMeaning`) and alpha, (h, w, 4) float32, first row at v = 0.

@@ -23,7 +23,7 @@ def fill_clear(pixels: np.ndarray, is_opaque: np.ndarray) -> Slices[np.ndarray]:
         weight = is_opaque[part][..., None].astype(np.float32)
         sums[rows] = _halved(np.concatenate([pixels[part] * weight, weight], axis=2))
         yield rows.stop / len(sums) / 2
-    means = _means(sums)
+    means = yield from _means(sums)
     filled = np.empty_like(pixels)
     for rows in row_slices(len(sums), sums.shape[1] * 16):
         part = slice(2 * rows.start, 2 * rows.stop)
@@ -33,7 +33,7 @@ def fill_clear(pixels: np.ndarray, is_opaque: np.ndarray) -> Slices[np.ndarray]:
     return filled
 
 
-def _means(sums: np.ndarray) -> np.ndarray:
+def _means(sums: np.ndarray) -> Slices[np.ndarray]:
     """Return mean colours, (h, w, c) float32, of sums of colours and their number, (h, w, c + 1) float32.
 
     Where the number is 0, the mean of the 3 x 3 pixels around counts, or that of the next coarser level.
@@ -41,12 +41,14 @@ def _means(sums: np.ndarray) -> np.ndarray:
     levels = [sums]
     while max(levels[-1].shape[:2]) > 1:
         levels.append(_halved(levels[-1]))
+        yield 0.5
     means = np.zeros((1, 1, sums.shape[2] - 1), np.float32)
     for level in reversed(levels):
         means = _doubled(means, *level.shape[:2])
         for near in (box_sums(level), level):
             number = near[..., -1:]
             means = np.where(number > 0, near[..., :-1] / np.maximum(number, 1), means)
+            yield 0.5
     return means
 
 

@@ -114,7 +114,7 @@ class UnwrapOperator(ModalOperator):
         """Report the result; if no object was unwrapped, undo everything, also moves of other charts."""
         if not made.objects:
             run.cancel()
-            made.moved = []
+            made.moved, made.notes = [], made.issues
         return self._tell(made, run.count)
 
     def _failed(self, context: bpy.types.Context, error: EngineError) -> set[str]:
@@ -144,7 +144,7 @@ class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
     def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
         """Report how many objects got new UVs, kept their UVs, or were moved in their lightmap."""
         for note in made.notes:
-            report_message(self, "ERROR" if made.skipped and not made.objects else "WARNING", note)
+            report_message(self, "WARNING" if made.objects else "ERROR", note)
         kept = count - len(made.objects) - len(made.skipped)
         done = counted(len(made.objects), "object")
         others = counted(len(made.moved), "other")

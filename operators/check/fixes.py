@@ -37,7 +37,7 @@ def unwrap(
         unwrap_missing(where, objects, settings.uv_layer, resolution, changes, movable=visible_meshes(where))
     )
     if made.skipped:
-        raise SceneError("\n".join(made.notes))
+        raise SceneError("\n".join(made.issues))
 
 
 def unwrap_again(

@@ -384,3 +384,28 @@ def test_a_refused_unwrap_leaves_the_charts_of_others():
         unwrap()
     assert (loop_uvs(other) == known).all()
     assert snapshot() == before
+
+
+def plates(name, rows):
+    """Return an object of rows x rows separate squares."""
+    starts = [(3 + 1.5 * i, 1.5 * k) for i in range(rows) for k in range(rows)]
+    points = [(x + dx, y + dy, 0) for x, y in starts for dx, dy in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    return mesh_object(name, points, np.arange(4 * rows**2).reshape(-1, 4).tolist())
+
+
+def test_a_refused_unwrap_tells_only_why():
+    import bpy
+
+    settings = bpy.context.scene.hemibake
+    settings.resolution = 64
+    for index in range(9):
+        square(f"Wall {index}", uvs=None).scale = (1 + index, 1, 1)
+    assert unwrap() == {"FINISHED"}
+    settings.resolution = 16
+    for name in ("Many", "Many Others"):
+        plates(name, 30).select_set(True)
+    before = snapshot()
+    with pytest.raises(RuntimeError, match="too many charts") as refused:
+        unwrap()
+    assert "New lightmap UVs were made" not in str(refused.value)
+    assert snapshot() == before

@@ -54,12 +54,14 @@ class UnwrapSummary:
     objects:  objects that got lightmap UVs
     moved:    objects whose charts were repacked to make room for other objects
     skipped:  objects that need lightmap UVs but cannot have them
-    notes:    sentences for the user
+    issues:   sentences for the user about skipped objects
+    notes:    all sentences for the user
     """
 
     objects: list[bpy.types.Object] = field(default_factory=list)
     moved: list[bpy.types.Object] = field(default_factory=list)
     skipped: list[bpy.types.Object] = field(default_factory=list)
+    issues: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -274,7 +276,8 @@ class _Unwrapping:
                 f"Modifiers of {{}} copy or create faces: a last modifier '{NAME}' stores their lightmap UVs."
             )
             self._made.notes.append(object_message(sentence, kept))
-        self._made.notes += self._issues.messages()
+        self._made.issues = self._issues.messages()
+        self._made.notes += self._made.issues
 
 
 def _outdated(obj: bpy.types.Object, modifier: bpy.types.Modifier, evaluation: Evaluation) -> bool:

@@ -145,6 +145,8 @@ class HEMIBAKE_OT_unwrap(UnwrapOperator, bpy.types.Operator):
         """Report how many objects got new UVs, kept their UVs, or were moved in their lightmap."""
         for note in made.notes:
             report_message(self, "WARNING" if made.objects else "ERROR", note)
+        if made.notes and not made.objects:
+            return {"CANCELLED"}
         kept = count - len(made.objects) - len(made.skipped)
         done = counted(len(made.objects), "object")
         others = counted(len(made.moved), "other")

@@ -393,7 +393,7 @@ def plates(name, rows):
     return mesh_object(name, points, np.arange(4 * rows**2).reshape(-1, 4).tolist())
 
 
-def test_a_refused_unwrap_tells_only_why():
+def test_a_refused_unwrap_tells_only_why(capfd):
     import bpy
 
     settings = bpy.context.scene.hemibake
@@ -404,8 +404,9 @@ def test_a_refused_unwrap_tells_only_why():
     settings.resolution = 16
     for name in ("Many", "Many Others"):
         plates(name, 30).select_set(True)
-    before = snapshot()
+    before, _ = snapshot(), capfd.readouterr()
     with pytest.raises(RuntimeError, match="too many charts") as refused:
         unwrap()
     assert "New lightmap UVs were made" not in str(refused.value)
+    assert "Info: " not in capfd.readouterr().out
     assert snapshot() == before

@@ -96,10 +96,10 @@ def block_shadow_rays(material: Material) -> Material:
     In Cycles, glass always blocks shadow rays, and the light that it refracts arrives by bounces.
     """
     kept = material.transmission
-    front, back = (
-        OPAQUE if side is not None and side.fresnel is None else side
-        for side in (kept.shadow, kept.shadow_back)
-    )
+    front = OPAQUE if kept.shadow.fresnel is None else kept.shadow
+    back = kept.shadow_back
+    if back is not None and back.fresnel is None:
+        back = OPAQUE
     return replace(material, transmission=replace(kept, shadow=front, shadow_back=back))
 
 

@@ -69,7 +69,11 @@ def _pairs(evaluation: Evaluation) -> Pairs:
         for instance in depsgraph.object_instances
         if instance.is_instance
     )
-    uids = ((pair[0].session_uid, pair[1].session_uid) for mode, *pair in found if _counts(*pair, mode))
+    uids = (
+        (instancer.session_uid, source.session_uid)
+        for mode, instancer, source in found
+        if _counts(instancer, source, mode)
+    )
     return tuple(dict.fromkeys(uids))
 
 

@@ -228,7 +228,7 @@ def test_object_whose_faces_are_made_by_modifiers_is_an_occluder():
     read = read_scene()
     assert [(mesh.name, mesh.atlas) for mesh in read.scene.meshes] == [("Square", 0), ("Made", -1)]
     (note,) = read.notes
-    assert "'Made': faces without lightmap UVs" in note and "apply its modifiers" in note
+    assert "'Made': faces without lightmap UVs" in note and "apply modifiers" in note
 
 
 @pytest.mark.parametrize("kind", ["SUBSURF", "BEVEL", "TRIANGULATE"])

@@ -56,7 +56,7 @@ _LOOK_UP, _ITERATED = 0.02, 0.01
 
 #: Seconds in which the first bake on a CPU loads the programs of each stage, and starts their first kernels.
 #: Measured with PoCL in CPU s, as the difference of the first and second bake of a session.
-_LOADING = {"patches": 0.14, "choosing": 0.25, "bounces": 0.05, "texels": 0.09, "images": 0.08}
+_LOADING = {"patches": 0.13, "choosing": 0.15, "bounces": 0.02, "texels": 0.07, "images": 0.05}
 
 #: Assumed fraction of lightmap texels that are patches, and their mean reflectance. Own charts covered 0.76
 #: to 0.94 of lightmaps of 256 x 256 to 1024 x 1024 texels.

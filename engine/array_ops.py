@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, reduce
 from itertools import pairwise
@@ -173,6 +173,20 @@ def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
     starts = run_starts(keys)
     counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int64)
     return counts
+
+
+def slices_by_sum(counts: np.ndarray, most: int) -> Iterator[slice]:
+    """Yield slices of consecutive entries whose sum is at most `most`, or of a single larger entry.
+
+    counts:  (n,) int64, not negative
+    """
+    ends = np.cumsum(counts)
+    first = 0
+    while first < len(ends):
+        before = ends[first] - counts[first]
+        last = max(first + 1, int(np.searchsorted(ends, before + most, "right")))
+        yield slice(first, last)
+        first = last
 
 
 def order_of(keys: np.ndarray) -> np.ndarray:

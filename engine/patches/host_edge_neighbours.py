@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..array_ops import slices_by_sum
 from .edge_boxes import EdgeBoxes
 
 #: Maximum number of candidate pairs that are compared at once.
@@ -49,7 +50,7 @@ def _in_one_cube(
     entries = np.searchsorted(box[order], np.arange(len(boxes) + 1))
     whole = np.bincount(box, count, len(boxes)).astype(np.int64)
     axes = np.stack([boxes.low.T, boxes.high.T], axis=1)
-    for part in _parts_of(whole):
+    for part in slices_by_sum(whole, _CHUNK):
         entry = order[entries[part.start] : entries[part.stop]]
         first = np.repeat(box[entry], count[entry])
         offset = np.repeat(np.cumsum(count[entry]) - count[entry], count[entry])
@@ -75,17 +76,3 @@ def _overlapping(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> tup
         meet = np.flatnonzero((low[first] <= high[second]) & (low[second] <= high[first]))
         first, second = first[meet], second[meet]
     return first, second
-
-
-def _parts_of(count: np.ndarray) -> Iterator[slice]:
-    """Split `count`, (n,) int, into runs whose sum is at most `_CHUNK`; yield their slices.
-
-    A run has at least one entry.
-    """
-    ends = np.cumsum(count)
-    start = 0
-    while start < len(count):
-        before = ends[start] - count[start]
-        end = max(start + 1, int(np.searchsorted(ends, before + _CHUNK, "right")))
-        yield slice(start, end)
-        start = end

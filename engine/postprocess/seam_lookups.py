@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..array_ops import nonzero_entries
+from ..array_ops import nonzero_entries, slices_by_sum
 from ..patches.chart_edges import ChartEdges, chart_edges
 from ..patches.edge_boxes import EdgeNeighbours
 from ..patches.edge_pairs import EdgePairs, edge_pairs
@@ -121,7 +120,7 @@ class _BorderTexels:
         start, end = (np.searchsorted(self._texel, texels[point, corner], side) for side in ("left", "right"))
 
         # Pair each lookup texel with every border point that reads the same texel, some texels at a time.
-        for some in _blocks(end - start):
+        for some in slices_by_sum(end - start, _PAIRS):
             count = (end - start)[some]
             entry = np.repeat(np.arange(some.start, some.stop), count)
             order = np.arange(len(entry)) + np.repeat(start[some] - np.cumsum(count) + count, count)
@@ -130,17 +129,6 @@ class _BorderTexels:
             faced = entry[np.einsum("kd,kd->k", beyond, self._borders.outward[border]) > _FACES]
             foreign[point[faced], corner[faced]] = True
         return foreign
-
-
-def _blocks(counts: np.ndarray) -> Iterator[slice]:
-    """Yield slices of entries whose counts, (n,) int64, add up to about _PAIRS, or of one entry."""
-    ends = np.cumsum(counts)
-    first = 0
-    while first < len(ends):
-        before = ends[first] - counts[first]
-        last = max(first + 1, int(np.searchsorted(ends, before + _PAIRS, "right")))
-        yield slice(first, last)
-        first = last
 
 
 def _moved(position: np.ndarray, foreign: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -79,10 +79,7 @@ def _listed(narrow: bool, tinted: bool, cutouts: tuple[str, ...]) -> list[Planne
 
 
 def _with_cutouts(launch: Launch, tinted: bool) -> Launch:
-    """Return the launch of a kernel of a program that traces rays, with the buffers for cut-outs.
-
-    See `RayTracer`.
-    """
+    """Return a launch with the buffers for cut-outs added, if its kernel traces rays (see `RayTracer`)."""
     if launch.name == _TRACES_NONE:
         return launch
     before, after = launch.arguments[:_HIERARCHY], launch.arguments[_HIERARCHY:]

@@ -123,7 +123,7 @@ class LightmapImages:
         return self._on_host(values)
 
     def _on_host(self, values: Values) -> np.ndarray:
-        """Scatter patch values on the host; see `scattered`."""
+        """Scatter patch values on the host, with shapes as in `scattered`."""
         channels = np.asarray(_rows(values))
         image = np.take(channels, self._entry.astype(np.int64) - 1, axis=0, mode="clip")
         image[self._entry == 0] = 0

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..array_ops import joined_rows, largest_in_rows, map_blocks, order_of, run_numbers, run_starts
+from ..array_ops import joined_rows, map_blocks, order_of, run_numbers, run_starts
 from ..scene.model import NO_LIGHTMAP, Mesh, Scene
 from ..scene.triangles import Triangles, bounding_box
 
@@ -156,14 +156,17 @@ def _shapes(meshes: list[Mesh], blocks: Blocks) -> _Shapes:
     shapes = _Shapes(np.empty(count), np.empty(count), np.empty((count, 3)), kind)
 
     def find(rows: slice) -> None:
-        positions = corners[rows].astype(np.float64)
-        edges = positions - positions[:, [2, 0, 1]]
-        width, area = largest_in_rows(np.linalg.norm(edges, axis=2)), triangle_areas(positions)
+        first, second, third = _coordinates(corners[rows].astype(np.float64))
+        normal = _normals(first, second, third)
+        width = np.maximum(
+            _lengths(first - third), np.maximum(_lengths(second - first), _lengths(third - second))
+        )
+        area = _lengths(normal) / 2
         if blocks.is_back:
             width = np.maximum(np.sqrt(area), _OF_LONGEST * width)
         shapes.width[rows], shapes.area[rows] = width, area
-        shapes.center[rows] = positions.mean(axis=1)
-        kind[rows] = (kind[rows] + material[rows]) * 6 + _dominant_axis(positions)
+        shapes.center[rows] = ((first + second + third) / 3).T
+        kind[rows] = (kind[rows] + material[rows]) * 6 + _dominant_axis(normal)
 
     map_blocks(count, 112, find)
     return shapes
@@ -180,7 +183,11 @@ def _fine_size(widths: np.ndarray, coarsest: float, texels: float) -> float:
 
 def _levels(widths: np.ndarray, size: float) -> np.ndarray:
     """Return the level of each triangle's block, (t,) int64, for texels `size` metres wide; see `_Places`."""
-    return np.minimum(np.ceil(np.log2(np.maximum(widths / size, 1.0))).astype(np.int64), 13)
+    level = np.zeros(len(widths), np.int64)
+    ratio = widths / size
+    large = np.flatnonzero(ratio > 1)
+    level[large] = np.minimum(np.ceil(np.log2(ratio[large])), 13)
+    return level
 
 
 def _fitting_places(shapes: _Shapes, capacity: int, size: float) -> _Places:
@@ -239,20 +246,32 @@ def triangle_areas(positions: np.ndarray) -> np.ndarray:
     areas = np.empty(len(positions), positions.dtype)
 
     def find(rows: slice) -> None:
-        # Coordinates first: short rows are slow in NumPy.
-        corner, second, third = np.ascontiguousarray(positions[rows].transpose(1, 2, 0))
-        (x, y, z), (u, v, w) = second - corner, third - corner
-        areas[rows] = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2) / 2
+        areas[rows] = _lengths(_normals(*_coordinates(positions[rows]))) / 2
 
     map_blocks(len(positions), 12 * positions.itemsize, find)
     return areas
 
 
-def _dominant_axis(positions: np.ndarray) -> np.ndarray:
-    """Return the axis direction, 0 to 5, that each triangle faces most, (t,) int."""
-    corner, second, third = np.ascontiguousarray(positions.transpose(1, 2, 0))
-    (x, y, z), (u, v, w) = second - corner, third - corner
-    normal = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+def _coordinates(positions: np.ndarray) -> np.ndarray:
+    """Return corners of triangles, (t, 3, 3), as (3 corners, 3 axes, t): short rows are slow in NumPy."""
+    return np.ascontiguousarray(positions.transpose(1, 2, 0))
+
+
+def _normals(first: np.ndarray, second: np.ndarray, third: np.ndarray) -> np.ndarray:
+    """Return normals, (3, t), twice as long as the area, of triangles with corners (3, t)."""
+    (x, y, z), (u, v, w) = second - first, third - first
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths of vectors, (3, t), as (t,)."""
+    x, y, z = vectors
+    lengths: np.ndarray = np.sqrt(x**2 + y**2 + z**2)
+    return lengths
+
+
+def _dominant_axis(normal: np.ndarray) -> np.ndarray:
+    """Return the axis direction, 0 to 5, that each triangle faces most, (t,) int; normal: (3, t)."""
     across, along, up = np.abs(normal)
     axis = np.where(along > across, 1, 0)
     axis[up > np.maximum(across, along)] = 2
@@ -272,20 +291,27 @@ def clusters(triangles: Triangles, chosen: np.ndarray, size: float) -> np.ndarra
     centers, axis = np.empty((len(chosen), 3), np.float32), np.empty(len(chosen), np.int8)
 
     def find(rows: slice) -> None:
-        positions = triangles.positions[chosen[rows]]
-        centers[rows], axis[rows] = positions.mean(axis=1), _dominant_axis(positions)
+        first, second, third = _coordinates(triangles.positions[chosen[rows]])
+        centers[rows] = ((first + second + third) / 3).T
+        axis[rows] = _dominant_axis(_normals(first, second, third))
 
     map_blocks(len(chosen), 60, find)
-    return _unique_rows([triangles.mesh[chosen], triangles.material[chosen], axis, *_cells(centers, size).T])
+    columns = [triangles.mesh[chosen], triangles.material[chosen], axis, *_cells(centers, size)]
+    order, starts = _equal_rows(columns)
+    number = np.empty(len(order), np.int64)
+    number[order] = run_numbers(starts, len(order))
+    return number
 
 
 def _cells(centers: np.ndarray, size: float, low: np.ndarray | None = None) -> np.ndarray:
-    """Return the grid cell that contains each point, (t, 3), as (t, 3) int64.
+    """Return the grid cell that contains each point, (t, 3), as (3, t) int64.
 
     low:  corner of the grid; None for the corner of the points' bounding box
     """
     low = centers.min(axis=0) if low is None else low
-    cells: np.ndarray = np.floor((centers - low) / size).astype(np.int64)
+    cells = np.empty(centers.shape[::-1], np.int64)
+    for axis in range(3):
+        cells[axis] = np.floor((centers[:, axis] - low[axis]) / size)
     return cells
 
 
@@ -298,53 +324,42 @@ def _places_at(shapes: _Shapes, size: float) -> _Places:
     small = np.flatnonzero(level == 0)
     if len(small):
         cells = _cells(shapes.center[small], size, shapes.center.min(axis=0))
-        cluster = _unique_rows([shapes.kind[small], *cells.T])
-        block[small] = len(level) + cluster
+        order, starts = _equal_rows([shapes.kind[small], *cells])
+        run = run_numbers(starts, len(order))
+        block[small[order]] = len(level) + run
 
         # One triangle represents its cluster, drawn with a probability in proportion to its area (Efraimidis
         # and Spirakis, 2006). The largest triangles would be a biased choice: hair was 14 % too bright.
         draw = np.random.default_rng(len(level)).exponential(size=len(level))[small]
-        is_chosen[small] = _is_least(draw / np.maximum(shapes.area[small], 1e-300), cluster)
+        keys = (draw / np.maximum(shapes.area[small], 1e-300))[order]
+        least = np.flatnonzero(keys == np.minimum.reduceat(keys, starts)[run])
+        is_chosen[small] = False
+        is_chosen[small[order[least[run_starts(run[least])]]]] = True
     return _Places(block, is_chosen, level, int((4 ** level[is_chosen]).sum()))
 
 
-def _is_least(values: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Return a mask of the first least value of each group, (k,) bool; group: (k,) int64, number of each."""
-    order = order_of(group)
-    starts = run_starts(group[order])
-    ordered = values[order]
-    least = np.minimum.reduceat(ordered, starts)
-    run = run_numbers(starts, len(order))
-    found = np.flatnonzero(ordered == least[run])
-    is_least = np.zeros(len(values), bool)
-    is_least[order[found[run_starts(run[found])]]] = True
-    return is_least
+def _equal_rows(columns: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return a stable order that makes equal rows of columns adjacent, (t,) int64, and where each run starts.
 
-
-def _unique_rows(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the index of each row of columns among their distinct rows, (t,) int64.
-
-    The distinct rows are sorted by the last column, then by the second last, and so on.
+    The rows are sorted by the last column, then by the second last, and so on.
 
     columns:  (t,) integers >= 0 each
     """
     sizes = [int(column.max()) + 1 for column in columns]
-    if math.prod(sizes) >= 1 << 63:
+    count = len(columns[0])
+    if (rows := math.prod(sizes)) >= 1 << 63:
         order = np.lexsort(columns)
-        same = [column[order[1:]] == column[order[:-1]] for column in columns]
-        new = ~np.logical_and.reduce(same)
-    else:
-        # One integer for each row needs less memory and time than sorting by columns.
-        row = np.zeros(len(columns[0]), np.int64)
-        for column, size in zip(reversed(columns), reversed(sizes), strict=True):
-            row *= size
-            row += column
-        order = np.argsort(row, kind="stable")
-        row = row[order]
-        new = row[1:] != row[:-1]
-    number = np.empty(len(order), np.int64)
-    number[order] = np.r_[0, np.cumsum(new)]
-    return number
+        new = np.logical_or.reduce([column[order[1:]] != column[order[:-1]] for column in columns])
+        return order, np.flatnonzero(np.r_[True, new])
+
+    # One integer for each row needs less memory and time than sorting by columns.
+    row = np.zeros(count, np.int64)
+    for column, size in zip(reversed(columns), reversed(sizes), strict=True):
+        row *= size
+        row += column
+    fits = rows.bit_length() + count.bit_length() <= 63
+    order = order_of(row) if fits else np.argsort(row, kind="stable")
+    return order, run_starts(row[order])
 
 
 def _pack(places: _Places, side: int, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:

@@ -43,6 +43,8 @@ class OpenSurfaces:
 
     def of(self, meshes: Sequence[Mesh]) -> np.ndarray:
         """Return `open_triangles` of meshes; a mesh that is closed by itself does not close others."""
+        if len(meshes) == 1:
+            return self._of_open(list(meshes))
         self._examine([mesh.positions for mesh in meshes])
         is_open = np.array([not self._closed[id(mesh.positions)][1] for mesh in meshes], bool)
         found = np.zeros(sum(len(mesh.positions) for mesh in meshes), bool)
@@ -155,10 +157,15 @@ def _edge_keys(positions: np.ndarray, cells: np.ndarray, shift: float) -> np.nda
     edges = np.empty(positions.shape[:2], np.uint64)
 
     def find(block: slice) -> None:
-        scaled = np.floor(positions[block] / cells[block, None, None] + shift).astype(np.int64)
-        corners = _mixed((scaled[..., 0] << 42) ^ (scaled[..., 1] << 21) ^ scaled[..., 2])
-        following = corners[:, [1, 2, 0]]
-        edges[block] = np.where(corners == following, np.uint64(0), _mixed(corners + following))
+        # Coordinates first: short rows are slow in NumPy.
+        scaled = np.ascontiguousarray(positions[block].transpose(2, 1, 0)) / cells[block]
+        scaled += shift
+        x, y, z = np.floor(scaled, out=scaled).astype(np.int64)
+        corners = _mixed((x << 42) ^ (y << 21) ^ z)
+        following = corners[[1, 2, 0]]
+        keys = _mixed(corners + following)
+        keys[corners == following] = 0
+        edges[block] = keys.T
 
     map_blocks(len(positions), 400, find)
     return edges
@@ -168,8 +175,10 @@ def _mixed(keys: np.ndarray) -> np.ndarray:
     """Return a 64-bit hash of each integer, uint64; see `_MIX`."""
     mixed = keys.astype(np.uint64)
     for shift, factor in _MIX:
-        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
-    return mixed ^ (mixed >> np.uint64(_LAST_SHIFT))
+        mixed ^= mixed >> np.uint64(shift)
+        mixed *= np.uint64(factor)
+    mixed ^= mixed >> np.uint64(_LAST_SHIFT)
+    return mixed
 
 
 def _paired(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -120,12 +120,12 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
         keys = keys.ravel() if len(left) == 3 * count else keys[np.searchsorted(some, left // 3), left % 3]
         if not (has_length := keys != 0).all():
             left, keys = left[has_length], keys[has_length]
+        if not np.bitwise_xor.reduce(keys):
+            return np.zeros(count, bool)
         is_odd, neighbours = _paired(keys)
         joined.append(left[neighbours] // 3)
         left = left[is_odd]
         some = np.unique(left // 3)
-        if not len(left):
-            return np.zeros(count, bool)
     return _components_of(some, np.concatenate(joined), count)
 
 

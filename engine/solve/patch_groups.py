@@ -96,7 +96,7 @@ class PatchGroups:
     @cached_property
     def rays(self) -> RayScene:
         """Rays from the groups."""
-        return self._rays.of(self.patch_scene)
+        return self._rays.shared_by(self.patch_scene)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of patch values over each group, (n, ...) -> (m, ...) float32."""

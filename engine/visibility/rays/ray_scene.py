@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
 
 import numpy as np
@@ -56,7 +57,8 @@ class RayScene:
         """
         self._compute, self._patch_scene, self._before, self.shaders = compute, patch_scene, before, shaders
         self._bvh = bvh
-        self._twins: dict[ComputeDevice, RayScene] = {}
+        self._twins: dict[ComputeDevice, Future[RayScene]] = {}
+        self._whole: RayScene | None = None
 
     @property
     def compute(self) -> ComputeDevice:
@@ -82,15 +84,30 @@ class RayScene:
         return self._compute is not None
 
     def share_with(self, peers: Sequence[ComputeDevice]) -> None:
-        """Set the other devices of a bake, which have no work yet."""
+        """Set the other devices of a bake, which have no work yet; threads prepare their scenes."""
         self.peers, self.shared = peers, False
+        for peer in peers:
+            self._prepare(peer)
 
     def on(self, peer: ComputeDevice) -> RayScene:
         """Return a scene of the same triangles and patches on another device, created on first use."""
         self.shared = bool(self.peers)
+        return self._prepare(peer).result()
+
+    def _prepare(self, peer: ComputeDevice) -> Future[RayScene]:
+        """Start to create the scene of another device, unless it exists."""
         if peer not in self._twins:
-            self._twins[peer] = RayScene(peer, self._patch_scene)
+            thread = ThreadPoolExecutor(1, "twin")
+            self._twins[peer] = thread.submit(self._twin, peer)
+            thread.shutdown(wait=False)
         return self._twins[peer]
+
+    def _twin(self, peer: ComputeDevice) -> RayScene:
+        """Return a scene of the same triangles and patches on another device, with its receivers."""
+        whole = self._whole and self._whole.on(peer)
+        twin = whole.of(self._patch_scene) if whole else RayScene(peer, self._patch_scene)
+        twin.receivers  # noqa: B018 - the device needs BVH and receivers first
+        return twin
 
     def of(self, patch_scene: PatchScene) -> RayScene:
         """Return a scene of the same triangles with other patches, for one device."""
@@ -98,6 +115,13 @@ class RayScene:
             return RayScene(None, patch_scene, shaders=self.shaders.of(patch_scene))
         other = RayScene(self._compute, patch_scene)
         other.rays = self.rays
+        return other
+
+    def shared_by(self, patch_scene: PatchScene) -> RayScene:
+        """Return a scene of the same triangles with other patches, which the same devices share."""
+        other = self.of(patch_scene)
+        other._whole = self
+        other.share_with(self.peers)
         return other
 
     @property

@@ -152,6 +152,12 @@ def upload_float4_once(compute: ComputeDevice, values: np.ndarray, first: int = 
     return compute.shared.of(values, _float4_form(first), lambda: upload_float4(compute, values, first))
 
 
+def float4_of(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
+    """Return the cached result of `upload_float4` if there is one, else a new one that is not cached."""
+    cached = compute.shared.get(values, _float4_form(0))
+    return upload_float4(compute, values) if cached is None else cached
+
+
 def _float4_form(first: int) -> str:
     """Return the key of `SharedBuffers` for a float4 copy of an array after `first` rows of zeros."""
     return f"float4 from {first}"

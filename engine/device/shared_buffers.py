@@ -16,6 +16,10 @@ class SharedBuffers:
     def __init__(self) -> None:
         self._made: dict[tuple[int, str], cl.Buffer] = {}
 
+    def get(self, array: np.ndarray, form: str) -> cl.Buffer | None:
+        """Return the buffer of an array in one of its device layouts, None if there is none."""
+        return self._made.get((id(array), form))
+
     def of(self, array: np.ndarray, form: str, make: Callable[[], cl.Buffer]) -> cl.Buffer:
         """Return the buffer of an array in one of its device layouts, created on first use.
 

@@ -8,15 +8,16 @@ Patches inside geometry stay separate too: they are dark, and would darken the f
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from ..array_ops import has_nonzero, taken
-from ..device.buffers import download, upload, upload_once
+from ..array_ops import has_nonzero, map_blocks, taken
+from ..device.buffers import download, float4_of, upload, upload_once
 from ..device.cl_device import ComputeDevice
-from ..device.device_array import colors_on_host
+from ..device.device_array import DeviceArray, Values
 from ..device.opencl import cl
 from ..device.planned_program import Source
 from ..patches.patch_materials import PatchMaterials
@@ -36,7 +37,6 @@ class PatchGroups:
     """Patch groups, each solved as one patch, its representative.
 
     width           side of the squares, texels
-    group           (n,) int64, group of each patch
     representative  (m,) int64, representative patch of each group
     texel_to_group  (atlases, r, r) uint32, group + 1 of each texel's patch, or 0
     """
@@ -56,22 +56,23 @@ class PatchGroups:
         area            (n,) float32, m^2
         representative  (n,) uint32, see `group_representatives`
         """
-        self.width = width
-        self.group, self.representative = numbered(representative)
+        self.width, self._followed = width, representative
+        self.representative = _leading(representative)
         self._rays, self._patch_scene, self._area = rays, patch_scene, area
         self._means = _GroupMeans(rays.compute, patch_scene, representative, self.representative, width)
-        entries = np.zeros(len(self.group) + 1, np.uint32)
-        np.add(self.group, 1, out=entries[1:], casting="unsafe")
-        self.texel_to_group = taken(entries, patch_scene.texel_to_patch.ravel()).reshape(
-            patch_scene.texel_to_patch.shape
-        )
+        self.texel_to_group = self._means.texel_to_group()
+
+    @cached_property
+    def group(self) -> np.ndarray:
+        """Group of each patch, (n,) int64."""
+        return numbered(self._followed)[0]
 
     @cached_property
     def patch_scene(self) -> PatchScene:
         """The groups as a PatchScene, with mean materials and the geometry of the representatives."""
         patch_scene, representative = self._patch_scene, self.representative
         surfaces = PatchMaterials(
-            self.mean(colors_on_host(patch_scene.surfaces.reflectance)),
+            self.mean(patch_scene.surfaces.reflectance),
             self.mean(patch_scene.surfaces.emission),
             None
             if patch_scene.surfaces.back_emission is None
@@ -89,18 +90,16 @@ class PatchGroups:
     @cached_property
     def area(self) -> np.ndarray:
         """Total area of the patches in each group, (m,) float32, m^2."""
-        members = np.bincount(self.group, minlength=len(self.representative)).astype(np.float32)
-        area: np.ndarray = self.mean(self._area) * members
-        return area
+        return self._means.of(self._area, total=True)
 
     @cached_property
     def rays(self) -> RayScene:
         """Rays from the groups."""
         return self._rays.shared_by(self.patch_scene)
 
-    def mean(self, values: np.ndarray) -> np.ndarray:
-        """Return the mean of patch values over each group, (n, ...) -> (m, ...) float32."""
-        if not has_nonzero(values):
+    def mean(self, values: Values) -> np.ndarray:
+        """Return the mean of patch values over each group, (n, 3) or (n,) -> (m, 3) or (m,) float32."""
+        if isinstance(values, np.ndarray) and not has_nonzero(values):
             return np.zeros((len(self.representative), *values.shape[1:]), np.float32)
         return self._means.of(values)
 
@@ -135,21 +134,52 @@ class _GroupMeans:
         width: int,
     ) -> None:
         self._compute, self._count, patches = compute, len(leading), patch_scene.patches
-        (self._kernel,) = compute.kernels(SOURCE, "group_means")
-        some = representative, leading.astype(np.uint32), patches.atlas[leading]
+        self._texels, self._patches = patch_scene.texel_to_patch, len(representative)
+        names = "group_means", "number_groups", "groups_of_texels"
+        self._mean, self._number, self._groups_of = compute.kernels(SOURCE, *names)
+        self._followed, self._leading = (
+            upload(compute, representative),
+            upload(compute, leading.astype(np.uint32)),
+        )
         self._groups = (
-            upload_once(compute, patch_scene.texel_to_patch), np.int32(patches.resolution), np.int32(width),
-            upload_once(compute, patches.texel), *(upload(compute, array) for array in some),
+            upload_once(compute, self._texels), np.int32(patches.resolution), np.int32(width),
+            upload_once(compute, patches.texel), self._followed, self._leading,
+            upload(compute, patches.atlas[leading]),
         )  # fmt: skip
 
-    def of(self, values: np.ndarray) -> np.ndarray:
-        """Return the group means of values, (n, ...) -> (m, ...) float32."""
-        compute, channels = self._compute, values.size // len(values)
-        count = self._count * channels
+    def of(self, values: Values, total: bool = False) -> np.ndarray:
+        """Return the group means of values, (n, 3) or (n,), as (m, 3) or (m,) float32.
+
+        total: True for the means times the members of each group
+        """
+        compute = self._compute
+        shape = (values.channels,) if isinstance(values, DeviceArray) else values.shape[1:]
+        rows, stride = self._rows(values)
+        count = self._count * math.prod(shape)
         means = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * count)
-        given = upload(compute, values.astype(np.float32, copy=False)), np.int32(channels)
-        compute.run(self._kernel, count, *self._groups, *given, means, np.uint32(count))
-        return download(compute, means, (self._count, *values.shape[1:]))
+        sizes = np.int32(stride), np.int32(math.prod(shape)), np.int32(total)
+        compute.run(self._mean, count, *self._groups, rows, *sizes, means, np.uint32(count))
+        return download(compute, means, (self._count, *shape))
+
+    def _rows(self, values: Values) -> tuple[cl.Buffer, int]:
+        """Return the buffer of values and the floats of its rows."""
+        if isinstance(values, DeviceArray):
+            return values.buffer, values.stride
+        if values.ndim == 1:
+            return upload(self._compute, values.astype(np.float32, copy=False)), 1
+        return float4_of(self._compute, values), 4
+
+    def texel_to_group(self) -> np.ndarray:
+        """Return the group + 1 of each texel's patch, (atlases, r, r) uint32, 0 for none."""
+        compute, texels = self._compute, self._texels
+        numbers = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * self._patches)
+        compute.run(self._number, self._count, self._leading, numbers, np.int32(self._count))
+        groups = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, texels.nbytes)
+        arguments = upload_once(compute, texels), self._followed, numbers, groups
+        compute.run(self._groups_of, texels.size, *arguments, np.uint32(texels.size))
+        entries = download(compute, groups, texels.shape).view(np.uint32)
+        compute.shared.of(entries, "bits", lambda: groups)
+        return entries
 
 
 def numbered(representative: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,10 +187,22 @@ def numbered(representative: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     representative:  (n,) uint32, representative of each patch
     """
-    leading = np.flatnonzero(representative == np.arange(len(representative), dtype=np.uint32))
+    leading = _leading(representative)
     number = np.zeros(len(representative), np.int64)
     number[leading] = np.arange(len(leading))
     return taken(number, representative), leading
+
+
+def _leading(representative: np.ndarray) -> np.ndarray:
+    """Return the patches that represent themselves, (m,) int64."""
+    leads = np.empty(len(representative), bool)
+
+    def compare(rows: slice) -> None:
+        own = np.arange(rows.start, rows.stop, dtype=np.uint32)
+        np.equal(representative[rows], own, out=leads[rows])
+
+    map_blocks(len(leads), 5, compare)
+    return np.flatnonzero(leads)
 
 
 def group_representatives(
@@ -194,8 +236,7 @@ def group_representatives(
         lookup, np.int32(patches.resolution), np.int32(width), texels, materials, rays.receivers,
         light, np.float32(radiance.mean(dtype=np.float64)), apart, leaders,
     )  # fmt: skip
-    result = np.empty(len(patches), np.uint32)
-    cl.enqueue_copy(compute.queue, result, leaders)
+    result = download(compute, leaders, (len(patches),)).view(np.uint32)
     if mapped is not None:
         result[mapped:] = np.arange(mapped, len(result), dtype=np.uint32)
     elif patch_scene.triangles.backs is not None:

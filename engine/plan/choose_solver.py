@@ -39,6 +39,7 @@ from ..visibility.sample_counts import ray_count
 from .choose_gather import choose_device_gather
 from .memory import MORE_RAYS, group_width, is_adaptive, is_smoothed
 from .receivers import Receivers, make_final_gather, separates_direct
+from .sharing import rays_of_groups
 from .solve_job import SolveJob
 from .solver_choice import SolverChoice
 
@@ -132,7 +133,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
         job,
         settings=_settings_of_groups(job),
         patch_scene=groups.patch_scene,
-        rays=groups.rays,
+        rays=rays_of_groups(job.rays, groups.patch_scene, job.settings),
         emission=emission,
         backs=backs,
         sampled_light=groups.mean(job.sampled_light),

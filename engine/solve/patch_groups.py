@@ -58,7 +58,7 @@ class PatchGroups:
         """
         self.width, self._followed = width, representative
         self.representative = _leading(representative)
-        self._rays, self._patch_scene, self._area = rays, patch_scene, area
+        self._patch_scene, self._area = patch_scene, area
         self._means = _GroupMeans(rays.compute, patch_scene, representative, self.representative, width)
         self.texel_to_group = self._means.texel_to_group()
 
@@ -91,11 +91,6 @@ class PatchGroups:
     def area(self) -> np.ndarray:
         """Total area of the patches in each group, (m,) float32, m^2."""
         return self._means.of(self._area, total=True)
-
-    @cached_property
-    def rays(self) -> RayScene:
-        """Rays from the groups."""
-        return self._rays.shared_by(self.patch_scene)
 
     def mean(self, values: Values) -> np.ndarray:
         """Return the mean of patch values over each group, (n, 3) or (n,) -> (m, 3) or (m,) float32."""

@@ -26,6 +26,7 @@ from engine.plan.solve_job import SolveJob
 from engine.scene.model import Scene
 from engine.session import Session
 from engine.settings import ALL_DEVICES
+from engine.visibility.rays import ray_scene
 from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.sample_counts import sample_bytes
 from engine.visibility.sampler import VisibilityBuffers
@@ -65,6 +66,7 @@ def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a second context of the device count as another device, for small bakes too."""
     monkeypatch.setattr(peers, "equal_devices", lambda device: [device])
     monkeypatch.setattr(sharing, "_FEWEST_RAYS", 1)
+    monkeypatch.setattr(sharing, "_FEWEST_OF_GROUPS", 1)
     monkeypatch.setattr(shadow_rays, "_FEWEST_SHARED", 1)
     monkeypatch.setattr(visibility_cache, "_FEWEST", 50)
     monkeypatch.setattr(RowRange, "take", _waiting_take)
@@ -114,9 +116,10 @@ def test_bake_that_one_device_did_alone_does_not_name_two(is_dark: bool) -> None
 
 
 @pytest.mark.usefixtures("two_devices")
-def test_both_devices_keep_visibility_for_the_next_bake() -> None:
+@pytest.mark.parametrize("width", [0, 2], ids=["patches", "groups"])
+def test_both_devices_keep_visibility_for_the_next_bake(width: int) -> None:
     scene, session = hilly_room(_WIDTH, 200), Session()
-    settings = replace(_SETTINGS, scheduler=ALL_DEVICES)
+    settings = replace(_SETTINGS, scheduler=ALL_DEVICES, patch_groups=width)
     _baked(session, settings, scene)
     kept = session._kept.samples
     rows = [sum(rows.last - rows.first for rows in cache.pieces) for cache in (kept, *kept.others)]
@@ -125,7 +128,40 @@ def test_both_devices_keep_visibility_for_the_next_bake() -> None:
     relit = replace(scene, materials=tuple(brighter))
     again = _baked(session, settings, relit)
     assert any("kept from the last bake" in reason for reason in again.report.reasons)
-    assert np.array_equal(again.image, _baked(Session(), _SETTINGS, relit).image)
+    alone = replace(settings, scheduler="")
+    assert np.array_equal(again.image, _baked(Session(), alone, relit).image)
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_other_device_gets_triangles_and_receivers_before_it_has_work(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ready, pack = threading.Event(), ray_scene.pack_receivers
+
+    def packed(*arguments: object) -> object:
+        if threading.current_thread() is not threading.main_thread():
+            ready.set()
+        return pack(*arguments)
+
+    monkeypatch.setattr(ray_scene, "pack_receivers", packed)
+    work = Session().bake(hilly_room(_WIDTH, 200), replace(_SETTINGS, scheduler=ALL_DEVICES))
+    while next(work).stage != "Direct light":
+        pass
+    assert ready.wait(30)
+    work.close()
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_light_groups_need_patch_groups_on_one_device() -> None:
+    room, session = hilly_room(_WIDTH, 200), Session()
+    lamp = Light(
+        "Lamp", "point", np.array([1.0, 1.0, 1.5]), np.eye(3), np.float32([3, 2, 1]), light_group="L"
+    )
+    scene = replace(room, lights=(lamp,), light_groups=("L",))
+    outputs = ("combined", "light_groups")
+    settings = replace(_SETTINGS, scheduler=ALL_DEVICES, patch_groups=2, outputs=outputs)
+    _baked(session, settings, scene)
+    assert not session._kept.samples.others
 
 
 @pytest.mark.usefixtures("two_devices")

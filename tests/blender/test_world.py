@@ -93,6 +93,19 @@ def test_a_turned_image_is_what_blender_renders(make):
     assert read.shape[0] == 256 and np.abs(small - read)[2:-2].mean() < 0.01
 
 
+@pytest.mark.parametrize("turn", [(0, 0, 1.1), (0.3, -0.4, 1.1)])
+def test_a_turned_image_keeps_the_light_of_a_small_sun(turn):
+    """A sun of one pixel falls between the pixels of the turned map."""
+    from mathutils import Euler
+
+    pixels = np.full((256, 512, 3), 0.1, np.float32)
+    pixels[171, 133] = 20000
+    turned = finished(part("operators.scene.light.world")._turned(pixels, np.array(Euler(turn).to_matrix())))
+    rows = part("engine.scene.sky_maps").row_fractions(256)
+    before, after = ((picture.mean(axis=1).T * rows).sum() for picture in (pixels, turned))
+    assert after == pytest.approx(before, rel=3e-3)
+
+
 def test_a_turned_image_of_few_rows_gets_no_more_columns():
     pixels = np.random.default_rng(3).random((1, 1031, 3)).astype(np.float32)
     turned = finished(part("operators.scene.light.world")._turned(pixels, np.eye(3)))

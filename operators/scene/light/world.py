@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,6 +32,9 @@ _ROWS = 4096
 
 #: Minimum numbers of rows and columns of a map that is turned (chosen).
 _TURNED = 256, 512
+
+#: Points at which a turned map is read, in all; each pixel is the mean of a square of points (chosen).
+_POINTS = 1 << 23
 
 #: Negative radiance that counts as rounding of a render, W/(m^2 sr).
 _ROUNDING = 1e-6
@@ -193,23 +197,39 @@ def _rotation(socket: bpy.types.NodeSocket) -> np.ndarray | None:
 def _turned(pixels: np.ndarray, matrix: np.ndarray) -> Slices[np.ndarray]:
     """Resample a map, (h, w, 3) float32, such that direction d gets the value at `matrix` @ d.
 
-    Small maps grow to `_TURNED` rows and columns: their own pixels would blur the interpolated light.
+    Small maps grow to `_TURNED` rows and columns: their own pixels would blur the interpolated light. Each
+    pixel is a mean over its area unless the rows stay: a sun of one pixel would gain or lose some percent.
     """
     height, width = pixels.shape[:2]
     lines, columns = height * -(-_TURNED[0] // height), width * -(-_TURNED[1] // width)
-    turned = np.empty((lines, columns, 3), np.float32)
-    phi = 2 * np.pi * (0.5 - (np.arange(columns) + 0.5) / columns)
-    theta = np.pi * (1 - (np.arange(lines) + 0.5) / lines)[:, None]
-    for rows in row_slices(lines, 20 * columns):
-        x, y = np.sin(theta[rows]) * np.cos(phi), np.sin(theta[rows]) * np.sin(phi)
-        z = np.broadcast_to(np.cos(theta[rows]), x.shape)
-        directions = np.stack([x, y, z], axis=2) @ matrix.T
-        length = np.maximum(np.linalg.norm(directions, axis=2), 1e-30)
-        u = 0.5 - np.arctan2(directions[..., 1], directions[..., 0]) / (2 * np.pi)
-        v = 1 - np.arccos(np.clip(directions[..., 2] / length, -1, 1)) / np.pi
-        turned[rows] = _interpolated(pixels, u * width - 0.5, v * height - 0.5)
-        yield rows.stop / len(turned)
+    across = 1 if _keeps_rows(matrix) else max(1, math.isqrt(_POINTS // (lines * columns)))
+    turned = np.zeros((lines, columns, 3), np.float32)
+    shifts = (np.arange(across) + 0.5) / across
+    for rows in row_slices(lines, 20 * columns * across**2):
+        theta = np.pi * (1 - (np.arange(rows.start, rows.stop)[:, None] + shifts).reshape(-1, 1) / lines)
+        for shift in shifts:
+            phi = 2 * np.pi * (0.5 - (np.arange(columns) + shift) / columns)
+            points = _turned_points(theta, phi, matrix) * (width, height) - 0.5
+            colours = _interpolated(pixels, points[..., 0], points[..., 1])
+            turned[rows] += colours.reshape(-1, across, columns, 3).mean(axis=1) / across
+        yield rows.stop / lines
     return turned
+
+
+def _keeps_rows(matrix: np.ndarray) -> bool:
+    """Return True if a matrix only rotates about z, which shifts the columns of a map."""
+    return np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) and abs(matrix[2, 2] - 1) < 1e-6
+
+
+def _turned_points(theta: np.ndarray, phi: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Return the points (u, v) of a map, (n, m, 2), in the turned directions of angles, (n, 1) and (m,)."""
+    x, y = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
+    z = np.broadcast_to(np.cos(theta), x.shape)
+    directions = np.stack([x, y, z], axis=2) @ matrix.T
+    length = np.maximum(np.linalg.norm(directions, axis=2), 1e-30)
+    u = 0.5 - np.arctan2(directions[..., 1], directions[..., 0]) / (2 * np.pi)
+    v = 1 - np.arccos(np.clip(directions[..., 2] / length, -1, 1)) / np.pi
+    return np.stack([u, v], axis=2)
 
 
 def _interpolated(pixels: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

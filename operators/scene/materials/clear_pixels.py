@@ -8,22 +8,27 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....engine.scene.color import linear_to_srgb, srgb_to_linear
 from ..slice_timer import Slices, row_slices
 
 
-def fill_clear(pixels: np.ndarray, is_opaque: np.ndarray) -> Slices[np.ndarray]:
+def fill_clear(pixels: np.ndarray, is_opaque: np.ndarray, srgb: bool = False) -> Slices[np.ndarray]:
     """Return pixels, (h, w, c) float32, whose clear ones have the mean colour of opaque pixels around them.
 
     is_opaque:  (h, w) bool, True for at least one pixel
+    srgb:       True if the pixels are sRGB-encoded; their means are those of linear colours
     """
     height, width, channels = pixels.shape
     sums = np.empty((-(-height // 2), -(-width // 2), channels + 1), np.float32)
     for rows in row_slices(len(sums), sums.shape[1] * 16):
         part = slice(2 * rows.start, 2 * rows.stop)
         weight = is_opaque[part][..., None].astype(np.float32)
-        sums[rows] = _halved(np.concatenate([pixels[part] * weight, weight], axis=2))
+        linear = srgb_to_linear(pixels[part]) if srgb else pixels[part]
+        sums[rows] = _halved(np.concatenate([linear * weight, weight], axis=2))
         yield rows.stop / len(sums) / 2
     means = yield from _means(sums)
+    if srgb:
+        means = linear_to_srgb(means)
     filled = np.empty_like(pixels)
     for rows in row_slices(len(sums), sums.shape[1] * 16):
         part = slice(2 * rows.start, 2 * rows.stop)

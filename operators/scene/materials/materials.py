@@ -477,7 +477,7 @@ def _fill_clear(surface: DiffuseSurface, cache: PixelCache) -> DiffuseSurface:
         texture = value.texture
         if texture is None or not _are_aligned(texture, cover):
             return value
-        pixels = cache.fill_clear(texture.pixels, cover.pixels, float(least))
+        pixels = cache.fill_clear(texture, cover.pixels, float(least))
         return replace(value, texture=replace(texture, pixels=pixels))
 
     reflect, emit, transmit = (filled(value) for value in (surface.reflect, surface.emit, surface.transmit))

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ....engine.scene.color import linear_to_srgb, luminance, srgb_to_linear
+from ....engine.scene.texture import Texture
 from ...lookup import find
 from ...working_space import from_rec709, is_rec709, luminance_of
 from ..slice_timer import Slices, row_slices
@@ -66,26 +67,28 @@ class PixelCache:
             raise PixelsNeededError(reading)
         return self._parts[key]
 
-    def fill_clear(self, pixels: np.ndarray, opacity: np.ndarray, least: float) -> np.ndarray:
-        """Return colours, (h, w, c) float32, whose clear pixels have the mean colour of opaque ones around.
+    def fill_clear(self, texture: Texture, opacity: np.ndarray, least: float) -> np.ndarray:
+        """Return pixels, (h, w, c) float32, whose clear ones have the mean colour of opaque ones around.
 
         Raises PixelsNeededError if they must be filled first.
 
-        pixels, opacity:  parts of images; opacity has 1 channel
-        least:            smallest opacity of opaque pixels
+        texture:  its pixels are a part of an image
+        opacity:  part of an image, (h, w, 1) float32
+        least:    smallest opacity of opaque pixels
         """
+        pixels = texture.pixels
         is_opaque = opacity[..., 0] >= least
         if is_opaque.all() or not is_opaque.any():
             return pixels
         key = id(pixels), id(opacity), least
         if key not in self._filled:
-            raise PixelsNeededError(self._fill_clear(key, pixels, is_opaque))
+            raise PixelsNeededError(self._fill_clear(key, texture, is_opaque))
         return self._filled[key]
 
     def _fill_clear(
-        self, key: tuple[int, int, float], pixels: np.ndarray, is_opaque: np.ndarray
+        self, key: tuple[int, int, float], texture: Texture, is_opaque: np.ndarray
     ) -> Slices[None]:
-        self._filled[key] = yield from fill_clear(pixels, is_opaque)
+        self._filled[key] = yield from fill_clear(texture.pixels, is_opaque, texture.srgb)
 
     def read(self, image: bpy.types.Image | None, owner: str) -> np.ndarray:
         """Return colour (see `is_srgb`, `AlphaMeaning`) and alpha, (h, w, 4) float32, first row at v = 0.

@@ -94,7 +94,8 @@ def test_alpha_of_an_image_cuts_and_a_threshold_is_kept():
     assert threshold - 0.5 / 65535 > 0.3  # the engine lowers it by half a step: equal values stay clear
 
 
-def test_a_mask_of_gltf_is_read_at_the_resolution_of_its_image():
+@pytest.mark.parametrize("factor", [None, 0.75])
+def test_a_mask_of_gltf_is_read_at_the_resolution_of_its_image(factor):
     """The importer writes alpha >= cutoff as 1 - (alpha < cutoff): values equal to the cutoff are opaque."""
     pixels = noise()
     pixels[..., 3] = np.linspace(0, 1, 16).reshape(4, 4)
@@ -104,12 +105,33 @@ def test_a_mask_of_gltf_is_read_at_the_resolution_of_its_image():
     below, above = (tree.nodes.new("ShaderNodeMath") for _ in range(2))
     below.operation, above.operation = "LESS_THAN", "SUBTRACT"
     below.inputs[1].default_value, above.inputs[0].default_value = 0.3, 1.0
-    tree.links.new(node.outputs["Alpha"], below.inputs[0])
+    alpha = node.outputs["Alpha"]
+    if factor is not None:
+        times = tree.nodes.new("ShaderNodeMath")
+        times.operation, times.inputs[1].default_value = "MULTIPLY", factor
+        tree.links.new(alpha, times.inputs[0])
+        alpha = times.outputs[0]
+    tree.links.new(alpha, below.inputs[0])
     tree.links.new(below.outputs[0], above.inputs[1])
     tree.links.new(above.outputs[0], tree.nodes["Principled BSDF"].inputs["Alpha"])
     shadow = only_material().transmission.shadow
     assert shadow.texture.pixels[..., 0] == pytest.approx(pixels[..., 3], abs=1 / 255)
     assert shadow.threshold == pytest.approx(0.3, abs=1e-7)
+    assert shadow.scale == pytest.approx(np.full(3, -1 if factor is None else -factor))
+
+
+def test_clear_pixels_have_the_mean_of_linear_colors():
+    """Half of the opaque pixels around the clear ones are white, half black."""
+    pixels = np.zeros((2, 8, 4), np.float32)
+    pixels[0, 2:4], pixels[1, 2:4, 3] = 1, 1
+    surface, node = textured("Alpha", "Alpha", pixels)
+    surface.node_tree.links.new(
+        node.outputs["Color"], surface.node_tree.nodes["Principled BSDF"].inputs["Base Color"]
+    )
+    square(surface=surface)
+    shown = only_material().reflectance_map
+    encoded = part("engine.scene.color").linear_to_srgb(np.float32([0.5]))[0]
+    assert shown.srgb and shown.pixels[:, :2] == pytest.approx(encoded, abs=0.01)
 
 
 def test_clear_pixels_of_a_cutout_do_not_darken_its_colors():

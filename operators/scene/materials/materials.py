@@ -168,7 +168,10 @@ class ShaderReader:
         if node.bl_idname in _MIXES:
             return self._product(node, channels)
         if node.bl_idname == "ShaderNodeMath" and node.operation in _MATH:
-            first, second = (self._value(factor, 1).number for factor in node.inputs[:2])
+            operands = [self._value(factor, 1) for factor in node.inputs[:2]]
+            if node.operation == "MULTIPLY" and not node.use_clamp and not all(map(_is_constant, operands)):
+                return operands[0] * operands[1]
+            first, second = (operand.number for operand in operands)
             number = float(_MATH[node.operation](first, second))
             return constant(min(max(number, 0.0), 1.0) if node.use_clamp else number)
         raise ComplexError(node.name)
@@ -345,6 +348,10 @@ def _mirror(reader: ShaderReader, node: bpy.types.Node) -> float:
     """Return F, the light that glass reflects at normal incidence; 0 below `LEAST_MIRROR`."""
     reflected = 1 - _window(reader, node)
     return reflected if reflected >= LEAST_MIRROR else 0.0
+
+
+def _is_constant(value: MaterialValue) -> bool:
+    return value.texture is None
 
 
 def _plain(value: MaterialValue) -> np.ndarray:

@@ -176,3 +176,15 @@ def test_refraction_passes_light_without_transparent_shadows(glass, expected):
     surface.use_transparent_shadow = False
     bpy.context.scene.hemibake.glass_transmits = glass
     assert passed(shown_material("Other")) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("emission", [0.0, 1.0])
+def test_sampled_light_through_materials_without_transparent_shadows_is_noted(emission):
+    surface = material("Clear")
+    surface.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = 0.5
+    square("Pane", surface=surface)
+    square("Glow", surface=material("Glow", emission=emission))
+    assert not any("Transparent Shadows" in note for note in read_scene().notes)
+    surface.use_transparent_shadow = False
+    is_noted = any("'Clear'" in note and "Transparent Shadows" in note for note in read_scene().notes)
+    assert is_noted == (emission > 0)

@@ -48,6 +48,11 @@ from .surface_notes import SurfaceNotes
 from .tree_nodes import used_nodes, uses_generated
 from .unphysical import INVALID_VALUES, invalid_images, note_pixels
 
+_BLOCKING = (
+    "Materials {} have no Transparent Shadows: bakes let light of emissive faces and textured worlds pass, "
+    "of which Cycles stops the part that it samples. Switch Transparent Shadows on."
+)
+
 
 @dataclass(frozen=True)
 class _Unevaluated:
@@ -253,11 +258,20 @@ class MaterialTable:
             sentence = "Materials {} are baked with their mean color: their objects have no lightmap UVs."
             self._notes.append(listing(sentence, _once(self._averaged)))
         self._notes += self._surface_notes.sentences()
+        self._note_blocking()
         for number in self._blocking:
             self._materials[number] = block_shadow_rays(self._materials[number])
         return tuple(
             hide_from_rays(material, *self._hidden[number]) for number, material in enumerate(self._materials)
         )
+
+    def _note_blocking(self) -> None:
+        """Append a note on materials that block light objects, but pass light that Cycles samples, too."""
+        entries = [self._materials[number] for number in sorted(self._blocking)]
+        names = [entry.name for entry in entries if entry.transmission.bounce.offset.any()]
+        glows = any(material.emission.any() for material in self._materials)
+        if names and (glows or _has_texture(self._watch.context.world)):
+            self._notes.append(listing(_BLOCKING, _once(names)))
 
     def _evaluate(self, index: int, name: str, size: int) -> Slices[Material]:
         """Evaluate a material to textures over lightmap UVs, or to mean values without lightmap UVs."""
@@ -399,6 +413,12 @@ class MaterialTable:
                 shapes.append(
                     copy_shape(item.object, layer, item.matrix, depsgraph, wearing, rest.get(item.key))
                 )
+
+
+def _has_texture(world: bpy.types.World | None) -> bool:
+    """Return True if a world has a texture, so that Cycles samples its light."""
+    tree = None if world is None else node_tree(world)
+    return any(node.bl_idname.startswith("ShaderNodeTex") for node in used_nodes(tree))
 
 
 def _may_deform(obj: bpy.types.Object) -> bool:

@@ -43,8 +43,11 @@ def main() -> None:
                 build(scenes, name)
                 set_up(bpy.context.scene.hemibake, resolution, None, scenes.SETTINGS.get(name, {}))
                 found = compare(bpy.context, options.samples or samples)
-            for material, (texels, difference, noise) in found.items():
-                row = table_row(f"{name}, {material}", str(texels), f"{difference:+.1%}", f"{noise:.1%}")
+            for material, (texels, ours, truth, noise) in found.items():
+                figures = f"{ours:.3g} instead of 0", ""
+                if truth:
+                    figures = f"{ours / truth - 1:+.1%}", f"{noise / truth:.1%}"
+                row = table_row(f"{name}, {material}", str(texels), *figures)
                 print(row, flush=True)
                 if options.page:
                     replace_rows(options.page, _MARKS, _TITLES, [row])
@@ -61,8 +64,8 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def compare(context, samples: int) -> dict[str, tuple[int, float, float]]:
-    """Return texels, relative difference of the mean, and noise of Cycles' mean, by name of a material.
+def compare(context, samples: int) -> dict[str, tuple[int, float, float, float]]:
+    """Return texels, the means of Hemibake and Cycles, and the noise of Cycles' mean, by name of a material.
 
     Channels that reflect nothing are left out, since Cycles stores no light there.
     """
@@ -90,8 +93,8 @@ def compare(context, samples: int) -> dict[str, tuple[int, float, float]]:
         if channels.any():
             ours, one, other = (image[..., :3][channels].mean() for image in (result.display, first, second))
             truth = (one + other) / 2
-            noise = abs(one - other) / 2 / truth
-            rows[name] = int(channels.any(axis=-1).sum()), ours / truth - 1, noise
+            noise = abs(one - other) / 2
+            rows[name] = int(channels.any(axis=-1).sum()), ours, truth, noise
     return rows
 
 

@@ -26,8 +26,7 @@ from benchmarks.tables import table
 from engine import Scene, Settings
 from engine.errors import WorkerError
 from engine.quality import QUALITIES
-from engine.worker.crash_recovery import bake_without_crashing_device
-from engine.worker.worker import Worker
+from engine.worker.worker import Worker, bake_without_crashing_device
 
 #: Names of the caches' states.
 _STATES = "nothing cached", "kernels cached"

@@ -59,8 +59,7 @@ from .scene.probe_volumes import count_probes
 from .scene.reflection_spheres import count_spheres
 from .scene.sun_path import SunPath, check_sun_path, place_suns, sun_times
 from .scene.uvs.unwrap import unwrap_missing
-from .scene.uvs.uv_modifier import has_uvs
-from .scene.uvs.uv_snapshot import UvSnapshot
+from .scene.uvs.uv_modifier import UvSnapshot, has_uvs
 from .user_files import keep_paces
 from .worker_manager import owner
 from .working_space import to_rec709

@@ -9,11 +9,11 @@ from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ..engine.encoding.encoding import Encoding, Limits
 from ..engine.encoding.half import Half
+from ..engine.encoding.ktx2 import SharedExponent
 from ..engine.encoding.logluv import LogLuv
 from ..engine.encoding.rgbd import Rgbd
 from ..engine.encoding.rgbe import Rgbe
 from ..engine.encoding.rgbm import Rgbm
-from ..engine.encoding.shared_exponent import SharedExponent
 from ..engine.encoding.signed_norm import SignedNorm
 from ..engine.encoding.srgb import Srgb
 from ..engine.outputs import PROJECTED_MAPS, SIGNED_MAPS, is_fraction

@@ -91,7 +91,7 @@ class WorkerManager:
 
         It reports the preparation that runs now, since a worker that builds a shader takes no bake meanwhile.
         """
-        from ..engine.worker.crash_recovery import bake_without_crashing_device
+        from ..engine.worker.worker import bake_without_crashing_device
 
         preparation = self.preparation
 

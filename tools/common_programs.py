@@ -17,10 +17,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
-from engine.device.kernel import Kernel
+from engine.device.kernel import Kernel, SideQueue
 from engine.device.opencl import cl
 from engine.device.planned_program import ProgramParts, Source, argument_codes
-from engine.device.side_queue import SideQueue
 from engine.pipeline import bake
 from engine.plan.common_programs import DEVICES, NARROW, PROGRAMS
 from engine.plan.rates import ray_speed

@@ -21,14 +21,13 @@ from headless import MODULE, ROOT, blender
 
 sys.path.insert(0, str(ROOT))
 from engine.encoding.encoding import Encoding
-from engine.encoding.ktx2 import from_rgb9e5, ktx2_texture
+from engine.encoding.ktx2 import SharedExponent, from_rgb9e5, ktx2_texture
 from engine.encoding.logluv import LogLuv
 from engine.encoding.png import png_bytes
 from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
-from engine.encoding.shared_exponent import SharedExponent
 from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 

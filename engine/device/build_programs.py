@@ -29,7 +29,7 @@ _ROOM, _BEGIN = 32 << 20, 1 << 20
 
 
 class InvokerCache(dict):
-    """Replacement in memory of PyOpenCL's database of generated code; see `pyopencl_invokers`."""
+    """Replacement in memory of PyOpenCL's database of generated code; see `opencl.InvokerCache`."""
 
     def __init__(self, *_names: str, **_options: object) -> None:
         super().__init__()

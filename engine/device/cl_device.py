@@ -10,12 +10,11 @@ import numpy as np
 
 from ..errors import DeviceError
 from .builders import Program
-from .builtins import needed_replacements
 from .cl_library import start_drivers
 from .device_records import SEARCH, DeviceKey, DeviceRecords
-from .driver_options import set_driver_options
-from .kernel import ITEMS, Kernel, run_on
-from .opencl import cl, load_opencl
+from .driver_options import needed_replacements, set_driver_options
+from .kernel import ITEMS, Kernel, SideQueue, run_on
+from .opencl import cl, keep_starters_in_memory, load_opencl
 from .planned_program import PlannedProgram, ProgramParts, Source
 from .program_cache import (
     Preparation,
@@ -24,9 +23,7 @@ from .program_cache import (
     marks_folder,
     program_name,
 )
-from .pyopencl_invokers import keep_starters_in_memory
 from .shared_buffers import SharedBuffers
-from .side_queue import SideQueue
 from .slice_limits import slice_limits
 from .source import program_source
 from .staging import Staging

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
+from types import TracebackType
 
 import moderngl
 
 from ..errors import DeviceError, DeviceMemoryError
-from .async_open import AsyncOpen
 from .cl_device import ComputeDevice
 from .gl_context import GraphicsContext
 from .opencl import cl
 from .peers import Peers, has_equals, open_peers
+from .planned_program import PlannedProgram
 
 #: Text in the OpenCL error for a buffer above the maximum size.
 _TOO_LARGE = "INVALID_BUFFER_SIZE"
@@ -104,3 +107,48 @@ def _is_memory_error(error: Exception) -> bool:
     """Return True if OpenCL reports full memory or a buffer above the maximum size."""
     too_large = isinstance(error, cl.Error) and _TOO_LARGE in str(error)
     return isinstance(error, cl.MemoryError) or too_large
+
+
+class AsyncOpen:
+    """Opens an OpenCL device in a thread; as a context manager it releases the device after an error.
+
+    open_device:  opens the device, given the programs to build ahead
+    """
+
+    def __init__(self, open_device: Callable[[Iterator[PlannedProgram]], ComputeDevice]) -> None:
+        self._ahead, self._compute = Future[Sequence[PlannedProgram]](), Future[ComputeDevice]()
+        threading.Thread(target=self._open, args=[open_device], name="opening", daemon=True).start()
+
+    def __enter__(self) -> AsyncOpen:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            return
+        if not self._ahead.done():
+            self._ahead.set_result(())
+        with suppress(BaseException):
+            self.compute().release()
+
+    def build_ahead(self, programs: Sequence[PlannedProgram]) -> None:
+        """Pass the programs to build before the first bake to the thread, which waits for this call.
+
+        Call it once.
+        """
+        self._ahead.set_result(programs)
+
+    def compute(self) -> ComputeDevice:
+        """Return the device once it is open; re-raise the error of `open_device`."""
+        return self._compute.result()
+
+    def _open(self, open_device: Callable[[Iterator[PlannedProgram]], ComputeDevice]) -> None:
+        try:
+            self._compute.set_result(open_device(self._programs()))
+        except BaseException as error:  # noqa: BLE001 - the caller of `compute` gets it
+            self._compute.set_exception(error)
+
+    def _programs(self) -> Iterator[PlannedProgram]:
+        """Yield the programs of `build_ahead` once they are set."""
+        yield from self._ahead.result()

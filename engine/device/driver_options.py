@@ -1,4 +1,4 @@
-"""Environment variables of OpenCL drivers and the loader, set before OpenCL is loaded."""
+"""Needs of OpenCL drivers: environment variables set before OpenCL is loaded, and missing built-ins."""
 
 from __future__ import annotations
 
@@ -6,7 +6,13 @@ import os
 import platform
 import sys
 from collections.abc import MutableMapping
+from contextlib import suppress
 from pathlib import Path
+
+from .opencl import cl
+from .planned_program import Source
+from .program_cache import build
+from .source import program_source
 
 #: Disables vectorization in Intel's CPU driver. With it, kernels return NaN or false shadows on an AMD EPYC
 #: (version 2026.2, measured); without it they match PoCL and build faster.
@@ -59,3 +65,30 @@ def vendor_folder(root: Path = Path("/")) -> Path | None:
     extensions = sorted(base.glob("*/OpenCL/vendors"), key=lambda path: "default" in path.parts)
     folders = [base / "OpenCL/vendors", *extensions]
     return next((folder for folder in folders if any(folder.glob("*.icd"))), None)
+
+
+#: Test kernel with built-in functions that an incomplete driver may lack, such as Mesa with a missing libclc.
+_PROBE = """
+__kernel void probe(__global float *x)
+{
+    x[get_global_id(0)] = fma(sqrt(2.0f), sin(x[0]), atan2(x[1], x[2]));
+}
+"""
+
+#: Files of kernels/ with replacements.
+_REPLACEMENTS: Source = ("own_builtins.cl",)
+
+
+def needed_replacements(context: cl.Context) -> Source:
+    """Return the files of kernels/ that programs of a driver need before their own; mostly none.
+
+    Raises cl.Error if the driver builds the test kernel neither without nor with replacements.
+    """
+    try:
+        build(context, _PROBE)
+    except cl.Error:
+        with suppress(cl.Error):
+            build(context, program_source(_REPLACEMENTS) + _PROBE)
+            return _REPLACEMENTS
+        raise
+    return ()

@@ -1,7 +1,8 @@
-"""Protocol and helpers of texel encodings."""
+"""Protocol and helpers of texel encodings; clipping of texels beyond their range."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -76,3 +77,32 @@ def quantised(values: np.ndarray, bits: int) -> np.ndarray:
 def largest_level(bits: int) -> int:
     """Return the largest unsigned integer of 8 or 16 bits."""
     return (1 << bits) - 1
+
+
+#: Fraction of the brightest channel by which a channel may be negative (chosen).
+_NEGATIVE = 0.01
+
+
+@dataclass(frozen=True)
+class Clipping:
+    """Clipped texels of a lightmap, (h, w) bool.
+
+    bright:    brighter than the encoding's maximum
+    dark:      not black, but encoded as black
+    negative:  with a channel that is negative by more than _NEGATIVE of the brightest channel
+    """
+
+    bright: np.ndarray
+    dark: np.ndarray
+    negative: np.ndarray
+
+
+def find_clipping(light: np.ndarray, limits: Limits, counted: np.ndarray) -> Clipping:
+    """Return the texels of a lightmap, (h, w, 3) float, that an encoding cannot represent.
+
+    counted: (h, w) bool, texels to test
+    """
+    brightest = np.abs(light).max(axis=-1)
+    dark = (brightest > 0) & (brightest < limits.smallest)
+    negative = light.min(axis=-1) < -_NEGATIVE * brightest
+    return Clipping(counted & (brightest > limits.largest), counted & dark, counted & negative)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
@@ -147,3 +148,36 @@ def _key_values(orientation: bytes) -> bytes:
     """Return the metadata: directions of the axes, such as "rdi" for right, down and in, and the writer."""
     entries = [b"KTXorientation\0" + orientation + b"\0", b"KTXwriter\0Hemibake\0"]
     return b"".join(struct.pack("<I", len(entry)) + entry + b"\0" * (-len(entry) % 4) for entry in entries)
+
+
+@dataclass(frozen=True)
+class SharedExponent:
+    """RGB9E5 in one channel of uint32; readers of KTX2 decode it."""
+
+    @property
+    def largest(self) -> float:
+        """Largest light that can be stored."""
+        return LARGEST
+
+    @property
+    def smallest(self) -> float:
+        """Smallest light that is not stored as black: half of the smallest step, 2^-24."""
+        return 2.0**-25
+
+    @property
+    def intensity(self) -> float:
+        """Scale from decoded texels to light: 1, since RGB9E5 stores absolute values."""
+        return 1.0
+
+    @property
+    def formula(self) -> str:
+        """GLSL 3.30 expression of a texel that a reader has decoded."""
+        return "light = intensity * rgb"
+
+    def encode(self, light: np.ndarray) -> np.ndarray:
+        """Encode light to texels, (h, w, 1) uint32."""
+        return rgb9e5(light)[..., None]
+
+    def decode(self, texels: np.ndarray) -> np.ndarray:
+        """Decode texels to light, float32."""
+        return from_rgb9e5(texels[..., 0])

@@ -18,7 +18,6 @@ from ..gather.interface import DeviceGather, Gather
 from ..gather.shader_gather import ShaderGather
 from ..scene.digests import digest_of
 from ..settings import Settings
-from ..solve.black_solution import BlackSolution
 from ..solve.device_radiosity import DeviceRadiosity
 from ..solve.final_gather import FinalGather
 from ..solve.grouped_solution import GroupedSolution
@@ -28,12 +27,12 @@ from ..solve.interpolation import Interpolation
 from ..solve.patch_groups import PatchGroups, SinglePatches, group_representatives, numbered
 from ..solve.radiosity_state import Radiosity
 from ..solve.resumed_solver import ResumedSolver
-from ..solve.solution import Solution
+from ..solve.solution import BlackSolution, Solution
 from ..solve.solver import ChooseSubstitutes, FirstGather, Solver
 from ..validity.invalid import is_invalid, patches_near_backs
 from ..validity.substitutes import substitute_patches
 from ..visibility.raster.tiles import IDENTITY_BYTES, plan_tiles
-from ..visibility.rays.near_openness import openness
+from ..visibility.rays.ray_scene import openness
 from ..visibility.rays.shaders.shader_scene import ShaderScene
 from ..visibility.sample_counts import ray_count
 from .choose_gather import choose_device_gather

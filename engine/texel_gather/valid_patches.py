@@ -11,7 +11,7 @@ from ..device.device_array import Values, colors_on_host, values_at
 from ..device.opencl import cl
 from ..direct.contact import Contacts
 from ..plan.solve_job import SolveJob
-from ..solve.exitant_radiance import exitant_radiance
+from ..solve.reflected_radiance import exitant_radiance
 from ..solve.solution import Solution
 from ..validity.invalid import is_doubtful, is_invalid
 from ..validity.lit_backs import lit_backs, lit_backs_on_host

@@ -1,14 +1,18 @@
-"""Worker: bakes in a child process, so that a cancel always works and a driver crash is contained."""
+"""Worker: bakes in a child process, so that a cancel always works and a driver crash is contained.
+
+A bake can start again without the device that crashed.
+"""
 
 from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from typing import Any, Self
 
 from ..bake_result import BakeResult
-from ..errors import WorkerError
+from ..device.device_records import DeviceRecords
+from ..errors import WorkerCrashError, WorkerError
 from ..progress import Progress
 from ..scene.model import Scene
 from ..settings import Settings
@@ -236,3 +240,26 @@ class _Changes:
     def drop(self, name: str) -> None:
         """Remove a block after use."""
         self._blocks.pop(name).__exit__()
+
+
+def bake_without_crashing_device(
+    worker: Worker, scene: Scene, settings: Settings, paces: Mapping[str, float]
+) -> Generator[Progress | None, None, BakeResult]:
+    """Bake in a worker; if that crashes while it uses an OpenCL device, bake again without the device.
+
+    Later bakes skip the device as well, see `DeviceRecords`; the report says so. The error is raised if the
+    user has chosen the device, or if the second bake crashes too; the device is then not skipped.
+    """
+    records = DeviceRecords(settings.cache_dir)
+    try:
+        return (yield from worker.run(scene, settings, dict(paces)))
+    except WorkerCrashError as crash:
+        device = records.leave(crash.process)
+        if device is None or settings.opencl_device is not None:
+            raise
+    records.skip(device, "crashed")
+    try:
+        return (yield from worker.run(scene, settings, dict(paces)))
+    except WorkerCrashError:
+        records.allow(device)
+        raise

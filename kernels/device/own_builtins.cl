@@ -1,5 +1,5 @@
 // Replacements of OpenCL C built-ins that call a fused multiply-add, for drivers that cannot link it: Mesa's rusticl
-// with an unpatched libclc (Mesa 26.2 with libclc 22). engine/device/builtins.py prepends this file to programs.
+// with an unpatched libclc (Mesa 26.2 with libclc 22). engine/device/driver_options.py prepends this file to programs.
 
 #define OWN static inline __attribute__((overloadable))
 

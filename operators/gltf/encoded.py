@@ -1,17 +1,21 @@
-"""Encodes lightmaps as the image files that glTF files hold."""
+"""Encodes lightmaps and complete maps as the image files that glTF files hold."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
+import bpy
 import numpy as np
 
 from ...engine.encoding.encoding import encode_in_bands, quantised
 from ...engine.encoding.png import png_bytes
 from ...engine.encoding.radiance import radiance_bytes
 from ...engine.encoding.rgbe import Rgbe
+from ...engine.encoding.srgb import Srgb
+from ..result.exr import rgba
 
 #: Irradiance of a texel value of 1: lightmaps store E / pi.
 IRRADIANCE = math.pi
@@ -56,3 +60,41 @@ def encode(name: str, pixels: np.ndarray, kind: str) -> EncodedLightmap:
         return EncodedLightmap(name, radiance_bytes(encode_in_bands(Rgbe(), pixels)), kind, IRRADIANCE)
     peak = float(pixels.max()) or 1.0
     return EncodedLightmap(name, png_bytes(quantised(pixels / peak, 8), srgb=False), kind, IRRADIANCE * peak)
+
+
+#: Quality of JPEG files, percent: no visible blocks.
+_QUALITY = 95
+
+#: Largest level of a channel of 8 bits.
+_WHITE = 255
+
+
+def encode_picture(
+    name: str, pixels: np.ndarray, kind: str, exposure: float, folder: Path
+) -> EncodedLightmap:
+    """Encode a complete map, (h, w, 3) float32, linear, bottom row first, as an sRGB picture.
+
+    kind:      MIME type, PNG or JPEG
+    exposure:  stops
+    folder:    place of a temporary file
+
+    Raises OSError or RuntimeError.
+    """
+    texels = encode_in_bands(Srgb(exposure), np.maximum(pixels, 0))
+    data = _jpeg(texels, folder) if kind == JPEG else png_bytes(texels, srgb=True)
+    return EncodedLightmap(name, data, kind, 1.0)
+
+
+def _jpeg(texels: np.ndarray, folder: Path) -> bytes:
+    """Return a JPEG file of texels, (h, w, 3) uint8, sRGB, bottom row first."""
+    height, width = texels.shape[:2]
+    path = folder / "picture.jpg"
+    image = bpy.data.images.new("hemibake", width, height, alpha=False)
+    try:
+        image.pixels.foreach_set(rgba(texels.astype(np.float32) / _WHITE))
+        image.filepath_raw, image.file_format = str(path), "JPEG"
+        image.save(quality=_QUALITY)
+        return path.read_bytes()
+    finally:
+        bpy.data.images.remove(image)
+        path.unlink(missing_ok=True)

@@ -26,6 +26,7 @@ from ..result.destination import blend_from, try_folder
 from ..result.directional_images import all_directional_images, directional_images
 from ..result.file_names import file_name, numbered_names
 from ..result.files import reason, replace_all, staging_folder
+from ..result.images import sun_mask
 from ..result.light_mixer import group_images
 from ..result.light_states import baked_groups, factors, manifest_states, mixed_light
 from ..result.lightmap_files import LightmapFile
@@ -33,15 +34,13 @@ from ..result.manifest import NAME, VERSION, is_ours, read_manifest, write_manif
 from ..result.moved_charts import warn_changed_uvs
 from ..result.pictures import read_pixels, rec709_pixels
 from ..result.preview import hide_preview, previewed, show_preview
-from ..result.shadow_mask_images import sun_mask
 from ..result.state_files import STATE
 from ..rollback import Rollback
 from ..scene import SceneContext
 from ..working_space import to_rec709
 from .baked_probes import baked_probes
 from .complete_maps import complete_maps
-from .encoded import EncodedLightmap, encode
-from .encoded_picture import encode_picture
+from .encoded import EncodedLightmap, encode, encode_picture
 from .export_items import ExportItem, ExportItems
 from .exporter import write_gltf
 from .gltf_nodes import read_gltf

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...engine.encoding.clipping import find_clipping
-from ...engine.encoding.encoding import Limits
+from ...engine.encoding.encoding import Limits, find_clipping
 from ...engine.encoding.signed_norm import SignedNorm
 from ...engine.encoding.srgb import Srgb
 from ...engine.object_message import ObjectMessage, object_message

@@ -185,7 +185,7 @@ def test_what_was_baked_alone_since_is_baked_again(rooms):
 
 def test_without_the_scene_of_the_last_bake_all_that_a_lamp_may_light_is_baked(rooms):
     (floor, _, lamp), _ = rooms
-    part("operators.scene_snapshots").baked_scenes.clear()
+    part("operators.changed_objects").baked_scenes.clear()
     lamp.location.x += 0.05
     bake("CHANGED")
     assert report()["objects"] == 4 and not baked()

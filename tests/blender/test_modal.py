@@ -360,9 +360,9 @@ def bake_button() -> list[str]:
 
 
 def shown_by(function: str) -> list[str]:
-    """Return the texts that a function of panels.progress draws."""
+    """Return the texts that a function of panels.bake draws."""
     shown: list[str] = []
-    getattr(part("panels.progress"), function)(Layout(shown))
+    getattr(part("panels.bake"), function)(Layout(shown))
     return shown
 
 

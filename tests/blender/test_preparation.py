@@ -14,7 +14,7 @@ def owner(monkeypatch):
     manager = part("operators.worker_manager").WorkerManager()
     stage = "Preparing for this device (once): 3 of 9"
     manager._worker = SimpleNamespace(preparation=lambda: (stage, 2.5))
-    monkeypatch.setattr(part("panels.progress"), "owner", manager)
+    monkeypatch.setattr(part("panels.bake"), "owner", manager)
     return manager
 
 
@@ -41,7 +41,7 @@ def test_a_bake_shows_the_preparation_until_the_worker_is_free(owner, monkeypatc
         yield None
         return "lightmap"
 
-    monkeypatch.setattr(part("engine.worker.crash_recovery"), "bake_without_crashing_device", bake)
+    monkeypatch.setattr(part("engine.worker.worker"), "bake_without_crashing_device", bake)
     owner.poll_preparation()
     started = owner.bake_in_worker()
     owner.running = SimpleNamespace(progress=owner.preparation)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.device import builtins
+from engine.device import driver_options
 from engine.device.buffers import upload
 from engine.device.cl_device import ComputeDevice
 from engine.device.opencl import cl
@@ -32,14 +32,14 @@ __kernel void evaluate(__global const float *a, __global const float *b, __globa
 @pytest.fixture
 def lacking(monkeypatch):
     """Let the driver fail to build a fused multiply-add that is not replaced, as rusticl does."""
-    build = builtins.build
+    build = driver_options.build
 
     def build_without_fma(context, source, *more):
         if "fma(" in source and "#define fma" not in source:
             raise cl.RuntimeError("Internal compilation error: nir_shader not fully linked")
         return build(context, source, *more)
 
-    monkeypatch.setattr(builtins, "build", build_without_fma)
+    monkeypatch.setattr(driver_options, "build", build_without_fma)
 
 
 def test_driver_that_lacks_built_ins_gets_replacements(lacking):
@@ -64,9 +64,9 @@ def test_driver_that_builds_nothing_is_told_by_its_own_error(monkeypatch):
     def fail(context, source, *more):
         raise cl.RuntimeError("error: no target" if "#define fma" not in source else "error: other")
 
-    monkeypatch.setattr(builtins, "build", fail)
+    monkeypatch.setattr(driver_options, "build", fail)
     with pytest.raises(cl.Error, match="no target"):
-        builtins.needed_replacements(None)
+        driver_options.needed_replacements(None)
 
 
 def test_replacements_agree_with_numpy():

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from engine import DeviceError, Settings, finished
-from engine.device import builtins, cl_device, survey
+from engine.device import cl_device, driver_options, survey
 from engine.device.cl_device import ComputeDevice, device_name, found_devices
 from engine.session import Session, find_devices
 from engine.worker.worker import Worker
@@ -122,7 +122,7 @@ Internal compilation error: nir_shader not fully linked
         if "atan2(" in source:
             raise cl_device.cl.RuntimeError(answer)
 
-    monkeypatch.setattr(builtins, "build", build)
+    monkeypatch.setattr(driver_options, "build", build)
     with pytest.raises(DeviceError, match="Internal compilation error: nir_shader not fully linked"):
         ComputeDevice()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.device.side_queue import SideQueue
+from engine.device.kernel import SideQueue
 from engine.patches import device_edge_neighbours, host_edge_neighbours
 from engine.patches.chart_edges import chart_edges
 from engine.patches.device_edge_neighbours import DeviceNeighbours

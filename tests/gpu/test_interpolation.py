@@ -14,8 +14,7 @@ from engine.plan import memory
 from engine.solve.interpolation import Interpolation
 from engine.solve.patch_groups import PatchGroups, group_representatives, numbered
 from engine.validity.invalid import patches_inside
-from engine.visibility.rays.near_openness import openness
-from engine.visibility.rays.ray_scene import RayScene
+from engine.visibility.rays.ray_scene import RayScene, openness
 from tests.analytic.drive import drive
 from tests.analytic.rooms import Atlas, block, scene_of
 from tests.analytic.scenes import nine_quad_room

@@ -11,10 +11,9 @@ import pyopencl as cl
 import pytest
 
 from engine import DeviceError
-from engine.device.async_open import AsyncOpen
 from engine.device.cl_device import ComputeDevice
 from engine.device.cl_library import start_drivers
-from engine.device.devices import Devices
+from engine.device.devices import AsyncOpen, Devices
 from engine.device.planned_program import PlannedProgram
 
 

@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.encoding.clipping import find_clipping
-from engine.encoding.encoding import encode_in_bands
+from engine.encoding.encoding import encode_in_bands, find_clipping
 from engine.encoding.half import Half
+from engine.encoding.ktx2 import SharedExponent
 from engine.encoding.logluv import LogLuv
 from engine.encoding.png import png_bytes
 from engine.encoding.radiance import radiance_bytes
 from engine.encoding.rgbd import Rgbd
 from engine.encoding.rgbe import Rgbe
 from engine.encoding.rgbm import Rgbm
-from engine.encoding.shared_exponent import SharedExponent
 from engine.encoding.signed_norm import SignedNorm
 from engine.encoding.srgb import Srgb
 

@@ -6,9 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from engine.encoding.clipping import find_clipping
-from engine.encoding.ktx2 import from_rgb9e5, ktx2_texture
-from engine.encoding.shared_exponent import SharedExponent
+from engine.encoding.encoding import find_clipping
+from engine.encoding.ktx2 import SharedExponent, from_rgb9e5, ktx2_texture
 from engine.postprocess.chart_mips import chart_mips
 
 RANDOM = np.random.default_rng(38)

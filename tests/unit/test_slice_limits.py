@@ -5,10 +5,8 @@ from types import SimpleNamespace
 import pyopencl as cl
 import pytest
 
-from engine.device import display
 from engine.device import slice_limits as limits_of
-from engine.device.display import has_window_system, is_data_center_card, may_have_display
-from engine.device.slice_limits import slice_limits
+from engine.device.slice_limits import has_window_system, is_data_center_card, may_have_display, slice_limits
 
 
 def device(kind, units=37, name="A card"):
@@ -36,14 +34,14 @@ def test_data_center_cards_have_no_display(name):
      "Intel(R) Arc(TM) A310 Graphics", "NVIDIA GeForce GT 200", "AMD Radeon RX 6800"],
 )  # fmt: skip
 def test_other_cards_may_have_one(name, monkeypatch):
-    monkeypatch.setattr(display.sys, "platform", "win32")
+    monkeypatch.setattr(limits_of.sys, "platform", "win32")
     assert not is_data_center_card(name)
     assert may_have_display(device(cl.device_type.GPU, name=name))
 
 
 @pytest.mark.parametrize("kind", [cl.device_type.CPU, cl.device_type.ACCELERATOR])
 def test_other_devices_have_none(kind, monkeypatch):
-    monkeypatch.setattr(display.sys, "platform", "win32")
+    monkeypatch.setattr(limits_of.sys, "platform", "win32")
     assert not may_have_display(device(kind))
 
 

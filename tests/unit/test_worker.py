@@ -23,9 +23,8 @@ from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
 from engine.worker import child, messages, shared_block
 from engine.worker import process as worker_process
-from engine.worker.crash_recovery import bake_without_crashing_device
 from engine.worker.messages import PackedMessage
-from engine.worker.worker import Worker
+from engine.worker.worker import Worker, bake_without_crashing_device
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -17,7 +17,7 @@ from ...scene.cutouts import Cutouts
 from ...scene.triangles import Triangles
 from .bvh import Bvh
 from .ray_tracer import SOURCE, RayTracer
-from .receiver_records import pack_receivers
+from .receiver_records import RECEIVER, pack_receivers
 from .shaders.shader_scene import ShaderScene
 from .shaders.shader_tracer import ShaderTracer
 from .upper_levels import UpperLevels
@@ -151,3 +151,15 @@ class RayScene:
         records = pack_receivers(self.compute, pack, self._patch_scene.patches, self._patch_scene.geometry)
         self.rays.run(place, self.count, records, np.int32(self.count))
         return records
+
+
+def openness(rays: RayScene, reach: float) -> cl.Buffer:
+    """Return the cosine-weighted unoccluded fraction of each patch's hemisphere, float32 on the device.
+
+    reach: distance of occluders that count, texels
+    """
+    compute, count = rays.compute, rays.count
+    (kernel,) = rays.rays.kernels((RECEIVER, "near_openness.cl"), "near_openness")
+    found = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 4 * count)
+    rays.rays.run(kernel, count, rays.receivers, np.float32(reach), found, np.int32(count))
+    return found

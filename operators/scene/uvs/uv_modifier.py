@@ -8,7 +8,7 @@ stays unchanged, and removing the modifier removes the UVs.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 import bpy
@@ -118,3 +118,29 @@ def _detach(uid: int, uv_layer: str) -> None:
     modifier = None if obj is None else uv_modifier(obj, uv_layer)
     if obj is not None and modifier is not None:
         obj.modifiers.remove(modifier)
+
+
+class UvSnapshot:
+    """UV source (see `uv_source`) of each object with lightmap UVs at the time of construction."""
+
+    def __init__(self, objects: Iterable[bpy.types.Object], uv_layer: str) -> None:
+        self._uv_layer = uv_layer
+        self._known = {
+            obj.session_uid: (obj.name, uv_source(obj, uv_layer)) for obj in objects if has_uvs(obj, uv_layer)
+        }
+
+    def names(self, uids: Iterable[int]) -> list[str]:
+        """Return the recorded names of objects by session uid; objects without lightmap UVs are left out."""
+        return [self._known[uid][0] for uid in uids if uid in self._known]
+
+    def lost(self) -> dict[int, str]:
+        """Return session uid and recorded name of objects whose lightmap UVs are gone or changed source."""
+        return {
+            obj.session_uid: self._known[obj.session_uid][0]
+            for obj in bpy.data.objects
+            if obj.session_uid in self._known and self._has_lost(obj)
+        }
+
+    def _has_lost(self, obj: bpy.types.Object) -> bool:
+        _, source = self._known[obj.session_uid]
+        return not has_uvs(obj, self._uv_layer) or uv_source(obj, self._uv_layer) != source

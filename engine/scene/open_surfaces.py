@@ -126,7 +126,7 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
         joined.append(left[neighbours] // 3)
         left = left[is_odd]
         some = np.unique(left // 3)
-    return _components_of(some, np.concatenate(joined), count)
+    return _components_of(some, np.concatenate(joined, axis=1), count)
 
 
 def _largest_coordinates(positions: np.ndarray) -> np.ndarray:
@@ -185,7 +185,7 @@ def _paired(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find equal keys, (k,) uint64.
 
     Returns a mask of keys that occur an odd number of times, (k,) bool, and the indices of pairs of equal
-    keys that connect all equal ones, (p, 2) int64.
+    keys that connect all equal ones, (2, p) int64.
     """
     order = order_of_hashes(keys)
     ordered = keys[order]
@@ -194,7 +194,7 @@ def _paired(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     is_odd = np.empty(len(keys), bool)
     is_odd[order] = (lengths % 2 == 1)[run_numbers(starts, len(keys))]
     same = np.flatnonzero(ordered[1:] == ordered[:-1])
-    return is_odd, np.stack([order[same], order[same + 1]], axis=-1)
+    return is_odd, np.stack([order[same], order[same + 1]])
 
 
 def _components_of(chosen: np.ndarray, neighbours: np.ndarray, count: int) -> np.ndarray:
@@ -204,9 +204,9 @@ def _components_of(chosen: np.ndarray, neighbours: np.ndarray, count: int) -> np
     Vishkin 1982).
 
     chosen:      (m,) int64, triangles
-    neighbours:  (p, 2) int64, pairs of triangles with a common edge
+    neighbours:  (2, p) int64, pairs of triangles with a common edge
     """
-    label, (one, other) = np.arange(count), neighbours.T
+    label, (one, other) = np.arange(count), neighbours
     while len(one):
         low, high = np.minimum(label[one], label[other]), np.maximum(label[one], label[other])
         np.minimum.at(label, high, low)

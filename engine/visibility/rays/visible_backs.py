@@ -180,7 +180,10 @@ def _visible(
     visible, more = np.zeros(len(candidates), bool), np.zeros(len(candidates), bool)
     area = triangle_areas(triangles.positions) / (COARSENESS * texel) ** 2
     chosen = np.flatnonzero(candidates)
-    cluster = clusters(triangles, chosen, _CLUSTER * texel)
+
+    # Number 0 contains all triangles that are no candidates.
+    cluster = np.zeros(len(candidates), np.int32)
+    cluster[chosen] = clusters(triangles, chosen, _CLUSTER * texel) + 1
     cast, max_rays = _caster(tracer, triangles.positions), _max_rays(tracer)
 
     def rays_from(weight: np.ndarray, side: float) -> list[CastRays]:
@@ -195,9 +198,9 @@ def _visible(
         hit_backs = np.zeros(int(cluster.max()) + 1, bool)
         for rays in (*fronts, *rays_from(np.where(more, area, 0), -1.0)):
             hits = yield from rays.hit_backs(visible)
-            hit_backs[cluster[hits[chosen]]] = True
-        more = fixed & ~visible
-        more[chosen] |= hit_backs[cluster] & ~visible[chosen]
+            hit_backs[cluster[np.flatnonzero(hits)]] = True
+        hit_backs[0] = False
+        more = (fixed | hit_backs[cluster]) & ~visible
         if not more.any():
             break
         visible |= more

@@ -13,8 +13,8 @@ from ..array_ops import (
     map_blocks,
     map_slabs,
     order_of_hashes,
-    run_numbers,
     run_starts,
+    taken,
 )  # fmt: skip
 from .memo import Memo
 from .model import Mesh
@@ -122,9 +122,9 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
             left, keys = left[has_length], keys[has_length]
         if not np.bitwise_xor.reduce(keys):
             return np.zeros(count, bool)
-        is_odd, neighbours = _paired(keys)
-        joined.append(left[neighbours] // 3)
-        left = left[is_odd]
+        odd, neighbours = _paired(keys)
+        joined.append((neighbours if len(left) == 3 * count else left[neighbours]) // 3)
+        left = left[odd]
         some = np.unique(left // 3)
     return _components_of(some, np.concatenate(joined, axis=1), count)
 
@@ -184,17 +184,14 @@ def _mixed(keys: np.ndarray) -> np.ndarray:
 def _paired(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find equal keys, (k,) uint64.
 
-    Returns a mask of keys that occur an odd number of times, (k,) bool, and the indices of pairs of equal
-    keys that connect all equal ones, (2, p) int64.
+    Returns the indices of keys that occur an odd number of times, ascending, (k,) int64, and the indices of
+    pairs of equal keys that connect all equal ones, (2, p) int64.
     """
-    order = order_of_hashes(keys)
-    ordered = keys[order]
-    starts = run_starts(ordered)
-    lengths = np.diff(np.append(starts, len(keys)))
-    is_odd = np.empty(len(keys), bool)
-    is_odd[order] = (lengths % 2 == 1)[run_numbers(starts, len(keys))]
+    order, ordered = order_of_hashes(keys)
+    lengths = np.diff(run_starts(ordered), append=len(keys))
+    odd = np.sort(order[np.repeat(lengths % 2 == 1, lengths)])
     same = np.flatnonzero(ordered[1:] == ordered[:-1])
-    return is_odd, np.stack([order[same], order[same + 1]])
+    return odd, np.stack([order[same], order[same + 1]])
 
 
 def _components_of(chosen: np.ndarray, neighbours: np.ndarray, count: int) -> np.ndarray:
@@ -208,11 +205,11 @@ def _components_of(chosen: np.ndarray, neighbours: np.ndarray, count: int) -> np
     """
     label, (one, other) = np.arange(count), neighbours
     while len(one):
-        low, high = np.minimum(label[one], label[other]), np.maximum(label[one], label[other])
-        np.minimum.at(label, high, low)
-        while not np.array_equal(further := label[label], label):
+        np.minimum.at(label, np.maximum(one, other), np.minimum(one, other))
+        while not np.array_equal(further := taken(label, label), label):
             label = further
-        differ = label[one] != label[other]
+        one, other = taken(label, one), taken(label, other)
+        differ = one != other
         one, other = one[differ], other[differ]
     is_chosen = np.zeros(count, bool)
     is_chosen[label[chosen]] = True

@@ -53,6 +53,6 @@ def test_one_nonzero_entry_anywhere_is_found(shape):
 def test_order_of_hashes_sorts_them_even_if_leading_bits_clash(count, mask):
     keys = np.random.default_rng(count).integers(0, 2**64, count // 2 + 1, dtype=np.uint64)
     keys = np.concatenate([keys, keys[::-1]])[:count] & np.uint64(mask)
-    order = array_ops.order_of_hashes(keys)
+    order, ordered = array_ops.order_of_hashes(keys)
     assert (np.sort(order) == np.arange(count)).all()
-    assert (keys[order] == np.sort(keys)).all()
+    assert (keys[order] == np.sort(keys)).all() and (ordered == keys[order]).all()

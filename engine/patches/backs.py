@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..array_ops import map_slabs
 from ..scene.memo import Memo
 from ..scene.model import NO_LIGHTMAP, BackSide, Material, Mesh, Scene
 from ..scene.open_surfaces import OpenSurfaces
@@ -160,10 +161,22 @@ def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray) -> Mesh:
     """
     return replace(
         mesh,
-        positions=mesh.positions.take(_FLIPPED, axis=1),
-        normals=-mesh.normals.take(_FLIPPED, axis=1),
-        uvs=mesh.uvs.take(_FLIPPED, axis=1),
+        positions=_in_opposite_order(mesh.positions),
+        normals=-_in_opposite_order(mesh.normals),
+        uvs=_in_opposite_order(mesh.uvs),
         material=materials[mesh.material],
-        texture_uvs={name: uvs.take(_FLIPPED, axis=1) for name, uvs in mesh.texture_uvs.items()},
+        texture_uvs={name: _in_opposite_order(uvs) for name, uvs in mesh.texture_uvs.items()},
         front=index,
     )
+
+
+def _in_opposite_order(corners: np.ndarray) -> np.ndarray:
+    """Return values of corners, (t, 3, c), in the opposite order."""
+    flipped = np.empty(corners.shape, corners.dtype)
+
+    def flip(rows: slice) -> None:
+        for corner, other in enumerate(_FLIPPED):
+            flipped[rows, corner] = corners[rows, other]
+
+    map_slabs(len(corners), 2 * flipped.nbytes // max(len(corners), 1), flip)
+    return flipped

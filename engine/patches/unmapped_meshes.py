@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..array_ops import joined_rows, map_blocks, order_of, run_numbers, run_starts
+from ..array_ops import joined_rows, map_blocks, order_of, run_numbers, run_starts, taken
 from ..scene.model import NO_LIGHTMAP, Mesh, Scene
 from ..scene.triangles import Triangles, bounding_box
 
@@ -62,7 +62,7 @@ class _Shapes:
 
     width   (t,) float64, minimum width of each block, m
     area    (t,) float64, m^2
-    center  (t, 3) float64, m
+    center  (3, t) float64, m
     kind    (t,) int64, one number for mesh, material and axis direction
     """
 
@@ -153,7 +153,7 @@ def _shapes(meshes: list[Mesh], blocks: Blocks) -> _Shapes:
     kind = np.repeat(np.arange(len(meshes)), [len(mesh.positions) for mesh in meshes])
     kind *= int(material.max()) + 1
     count = len(corners)
-    shapes = _Shapes(np.empty(count), np.empty(count), np.empty((count, 3)), kind)
+    shapes = _Shapes(np.empty(count), np.empty(count), np.empty((3, count)), kind)
 
     def find(rows: slice) -> None:
         first, second, third = _coordinates(corners[rows].astype(np.float64))
@@ -165,7 +165,7 @@ def _shapes(meshes: list[Mesh], blocks: Blocks) -> _Shapes:
         if blocks.is_back:
             width = np.maximum(np.sqrt(area), _OF_LONGEST * width)
         shapes.width[rows], shapes.area[rows] = width, area
-        shapes.center[rows] = ((first + second + third) / 3).T
+        shapes.center[:, rows] = (first + second + third) / 3
         kind[rows] = (kind[rows] + material[rows]) * 6 + _dominant_axis(normal)
 
     map_blocks(count, 112, find)
@@ -288,30 +288,37 @@ def clusters(triangles: Triangles, chosen: np.ndarray, size: float) -> np.ndarra
     chosen:  (k,) int64, indices of triangles
     size:    width of a cell, m
     """
-    centers, axis = np.empty((len(chosen), 3), np.float32), np.empty(len(chosen), np.int8)
+    centers, axis = np.empty((3, len(chosen)), np.float32), np.empty(len(chosen), np.int8)
 
     def find(rows: slice) -> None:
         first, second, third = _coordinates(triangles.positions[chosen[rows]])
-        centers[rows] = ((first + second + third) / 3).T
+        centers[:, rows] = (first + second + third) / 3
         axis[rows] = _dominant_axis(_normals(first, second, third))
 
     map_blocks(len(chosen), 60, find)
-    columns = [triangles.mesh[chosen], triangles.material[chosen], axis, *_cells(centers, size)]
+    columns = [
+        triangles.mesh[chosen],
+        triangles.material[chosen],
+        axis,
+        *_cells(centers, centers.min(axis=1), size),
+    ]
     order, starts = _equal_rows(columns)
     number = np.empty(len(order), np.int64)
     number[order] = run_numbers(starts, len(order))
     return number
 
 
-def _cells(centers: np.ndarray, size: float, low: np.ndarray | None = None) -> np.ndarray:
-    """Return the grid cell that contains each point, (t, 3), as (3, t) int64.
+def _cells(centers: np.ndarray, low: np.ndarray, size: float) -> np.ndarray:
+    """Return the grid cell that contains each point, (3, t), as (3, t) int64.
 
-    low:  corner of the grid; None for the corner of the points' bounding box
+    low:  (3,), corner of the grid
     """
-    low = centers.min(axis=0) if low is None else low
-    cells = np.empty(centers.shape[::-1], np.int64)
-    for axis in range(3):
-        cells[axis] = np.floor((centers[:, axis] - low[axis]) / size)
+    cells = np.empty(centers.shape, np.int64)
+
+    def find(rows: slice) -> None:
+        cells[:, rows] = np.floor((centers[:, rows] - low[:, None]) / size)
+
+    map_blocks(centers.shape[1], 48, find)
     return cells
 
 
@@ -323,7 +330,7 @@ def _places_at(shapes: _Shapes, size: float) -> _Places:
     # Small triangles of equal kind and grid cell form one cluster.
     small = np.flatnonzero(level == 0)
     if len(small):
-        cells = _cells(shapes.center[small], size, shapes.center.min(axis=0))
+        cells = _cells(shapes.center[:, small], shapes.center.min(axis=1), size)
         order, starts = _equal_rows([shapes.kind[small], *cells])
         run = run_numbers(starts, len(order))
         block[small[order]] = len(level) + run
@@ -371,18 +378,20 @@ def _pack(places: _Places, side: int, blocks: Blocks) -> tuple[np.ndarray, np.nd
     chosen = np.flatnonzero(places.chosen)
     chosen = chosen[np.argsort(-places.level[chosen], kind="stable")]
     sizes = 4 ** places.level[chosen]
-    start = np.zeros(int(places.block.max()) + 1, np.int64)
-    start[places.block[chosen]] = np.cumsum(sizes) - sizes
-    atlas, code = np.divmod(start[places.block], side * side)
+    atlas, code = np.divmod(np.cumsum(sizes) - sizes, side * side)
     origin = np.stack([_even_bits(code), _even_bits(code >> 1)], axis=1).astype(np.float32)
+    number = np.empty(int(places.block.max()) + 1, np.int64)
+    number[places.block[chosen]] = np.arange(len(chosen))
+    place = taken(number, places.block)
 
     # A chosen triangle spans its block; the corners of the other triangles of a cluster lie at the centre of
     # its texel.
-    high = (2.0**places.level - blocks.high).astype(np.float32)
-    corners = np.full((len(code), 3, 2), blocks.low, np.float32)
-    corners[:, 1, 0] = corners[:, 2, 1] = high
-    corners[~places.chosen] = 0.5
-    return atlas, origin[:, None] + corners
+    corners = np.repeat(taken(origin + np.float32(0.5), place), 3, axis=0).reshape(-1, 3, 2)
+    high = (2.0 ** places.level[chosen] - blocks.high).astype(np.float32)
+    spanned = np.full((len(chosen), 3, 2), blocks.low, np.float32)
+    spanned[:, 1, 0] = spanned[:, 2, 1] = high
+    corners[chosen] = origin[:, None] + spanned
+    return taken(atlas, place), corners
 
 
 def _even_bits(code: np.ndarray) -> np.ndarray:

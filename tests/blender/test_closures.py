@@ -643,10 +643,33 @@ def test_colored_closures_that_transmit_may_tint(kind, values, expected):
     assert tint_nodes.may_tint(surface) == expected
 
 
+@pytest.mark.parametrize(
+    ("kind", "noted"),
+    [("BsdfSheen", "sheen"), ("BsdfHairPrincipled", "hair nodes"), ("BsdfDiffuse", None)],
+)
+def test_closures_whose_reflection_is_not_baked_are_named(kind, noted):
+    collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
+    collected.add(shader_material(closure(kind)))
+    assert [noted in note for note in collected.sentences()] == [True] * (noted is not None)
+
+
+@pytest.mark.parametrize(("smooth", "count"), [(0.0, 0), (1.0, 1)])
+def test_smooth_falloff_of_surfaces_is_named(smooth, count):
+    collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
+    surface = material("Lamp")
+    falloff = surface.node_tree.nodes.new("ShaderNodeLightFalloff")
+    falloff.inputs["Smooth"].default_value = smooth
+    strength = surface.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"]
+    surface.node_tree.links.new(falloff.outputs["Quadratic"], strength)
+    collected.add(surface)
+    assert len(collected.sentences()) == count
+
+
 def test_nodes_that_bakes_evaluate_differently_are_named():
     collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
     names = ("Lacquer", "Clear Coat", "Fading", "Faint", "Dirty")
     coated, plain, far, faint, dirty = map(material, names)
+    dirty.node_tree.nodes["Principled BSDF"].inputs["Sheen Weight"].default_value = 0.2
     for surface, tint in ((coated, 0.4), (plain, 1.0)):
         node = surface.node_tree.nodes["Principled BSDF"]
         node.inputs["Coat Weight"].default_value = 0.7
@@ -667,6 +690,8 @@ def test_nodes_that_bakes_evaluate_differently_are_named():
     assert collected.sentences() == [
         "The tint of the coat of materials 'Lacquer' is not baked.",
         "Materials 'Fading', 'Faint' depend on Ray Length. A bake uses the length 1. Replace that node.",
+        "Materials 'Dirty' have sheen, whose reflected light is not baked. Set it to 0 for the same light in "
+        "renders.",
         "Materials 'Dirty': bakes evaluate their Ambient Occlusion nodes without other objects. Bake the "
         "node into an image.",
     ]

@@ -8,7 +8,7 @@ import bpy
 
 from ....engine.object_message import counted, listing
 from ...compat import node_tree
-from .closures import is_glass, is_unknown, may_emit
+from .closures import PRINCIPLED, is_glass, is_hair, is_unknown, may_emit
 from .ray_kinds import is_by_bounce
 from .rough_diffuse import is_rough
 from .smooth_metals import is_mirror
@@ -18,6 +18,10 @@ from .view_nodes import depends_on_view
 
 _VOLUMES = "The volumes of materials {} are not baked."
 _COATS = "The tint of the coat of materials {} is not baked."
+_SHEENS = (
+    "Materials {} have sheen, whose reflected light is not baked. Set it to 0 for the same light in renders."
+)
+_HAIR = "Materials {} have hair nodes, which bakes show black on faces. Use other shaders for faces."
 _LENGTHS = "Materials {} depend on Ray Length. A bake uses the length 1. Replace that node."
 _OCCLUSIONS = (
     "Materials {}: bakes evaluate their Ambient Occlusion nodes without other objects. "
@@ -50,8 +54,13 @@ _CLOSURES = {
     ),
 }
 
+_FALLOFF = "ShaderNodeLightFalloff"
+
 #: Outputs that depend on the length of a ray, by type of node.
-_LENGTH_OUTPUTS = {"ShaderNodeLightPath": ("Ray Length",), "ShaderNodeLightFalloff": ("Linear", "Constant")}
+_LENGTH_OUTPUTS = {"ShaderNodeLightPath": ("Ray Length",), _FALLOFF: ("Linear", "Constant")}
+
+#: Inputs with the weight of a node's sheen, by type of node; a Sheen BSDF has none.
+_SHEEN_WEIGHTS = {PRINCIPLED: "Sheen Weight", "ShaderNodeBsdfSheen": "", "ShaderNodeBsdfVelvet": ""}
 
 #: Numbers of nodes from which on they count as infinite; Blender replaces infinity by the largest float.
 _LARGEST = 1e30
@@ -70,6 +79,8 @@ class SurfaceNotes:
         self._volumes: set[str] = set()
         self._coats: set[str] = set()
         self._lengths: set[str] = set()
+        self._sheens: set[str] = set()
+        self._hair: set[str] = set()
         self._occlusions: set[str] = set()
         self._views: set[str] = set()
         self._rough: set[str] = set()
@@ -114,6 +125,10 @@ class SurfaceNotes:
     def _add_closure(self, material: str, node: bpy.types.Node) -> None:
         if is_glass(node):
             self._refracting.add(material)
+        if _has_sheen(node):
+            self._sheens.add(material)
+        if is_hair(node):
+            self._hair.add(material)
         if _has_tinted_coat(node):
             self._coats.add(material)
         if is_rough(node):
@@ -139,6 +154,7 @@ class SurfaceNotes:
             notes.append(listing(sentence, sorted(self._mirrors)))
         kinds = (
             (self._volumes, _VOLUMES), (self._coats, _COATS), (self._lengths, _LENGTHS),
+            (self._sheens, _SHEENS), (self._hair, _HAIR),
             (self._occlusions, _OCCLUSIONS), (self._views, _VIEWS), (self._rough, _ROUGH),
             (self._by_bounce & self._emissive, _BOUNCES), (self._instanced, _INSTANCERS),
             *((self._closures[kind], sentence) for kind, sentence in _CLOSURES.items()),
@@ -155,6 +171,8 @@ class SurfaceNotes:
 def _reads_ray_length(node: bpy.types.Node) -> bool:
     """Return True if a node depends on the length of a ray."""
     names = _LENGTH_OUTPUTS.get(node.bl_idname, ())
+    if node.bl_idname == _FALLOFF and number_of(node.inputs["Smooth"], linked=1.0) > 0:
+        names = tuple(node.outputs.keys())
     return any(node.outputs[name].is_linked for name in names)
 
 
@@ -181,6 +199,13 @@ def _is_valid(value: Any) -> bool:
         return abs(value) < _LARGEST
     is_array = hasattr(value, "__len__") and not isinstance(value, str)
     return not is_array or all(abs(number) < _LARGEST for number in value)
+
+
+def _has_sheen(node: bpy.types.Node) -> bool:
+    """Return True if a node reflects light by microfibers."""
+    name = _SHEEN_WEIGHTS.get(node.bl_idname)
+    weight = node.inputs.get(name) if name else None
+    return name == "" or (weight is not None and number_of(weight, linked=1.0) > 0)
 
 
 def _has_tinted_coat(node: bpy.types.Node) -> bool:

@@ -12,6 +12,7 @@ from dask.utils import parse_bytes
 from distributed.config import config
 
 from ..device.buffers import download
+from ..device.device_array import rows_of
 from ..device.opencl import cl
 from ..gather.gather_pass import GatherPass
 from ..gather.half_radiance import HalfRadiance
@@ -133,4 +134,4 @@ class BlockVisibility:
             return np.asarray(finished(self._gather.gather_l1()))
 
     def _gathered(self, radiance: cl.Buffer) -> np.ndarray:
-        return finished(self._gather.gather_from(radiance))
+        return rows_of(finished(self._gather.gather_from(radiance)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..device.device_array import rows_of
 from ..gather.gather_pass import GatherPass
 from ..gather.half_radiance import HalfRadiance
 from ..plan.gathered_samples import GatheredSamples
@@ -52,7 +53,7 @@ def _gathered(
     )
     visibility = untried_visibility(receivers_job.settings)
     gather, _ = final_gather(groups.job, visibility, receivers, receivers_job.settings)
-    return gather, finished(gather.gather_from(groups.table(light)))
+    return gather, rows_of(finished(gather.gather_from(groups.table(light))))
 
 
 def light_at_samples(

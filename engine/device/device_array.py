@@ -13,6 +13,9 @@ from .buffers import download, upload, upload_float4, upload_float4_once, upload
 from .cl_device import ComputeDevice
 from .opencl import cl
 
+#: Divisor of the device memory: float4 that take at most this part of it stay on the device until requested.
+KEPT_PART = 64
+
 
 class DeviceArray:
     """Array of n colors or scalars on the device; NumPy converts it to (n, c) float32.
@@ -117,6 +120,13 @@ class DeviceArray:
 Values: TypeAlias = np.ndarray | DeviceArray
 
 
+def values_of(compute: ComputeDevice, buffer: cl.Buffer, count: int) -> Values:
+    """Return (n, 4) float32 of a buffer that does not change; on the device if they take little memory."""
+    if buffer.size > compute.device.global_mem_size // KEPT_PART:
+        return download(compute, buffer, (count, 4))
+    return DeviceArray(compute, buffer, count, 4)
+
+
 def rows_on_device(compute: ComputeDevice, values: Values) -> tuple[cl.Buffer, int]:
     """Return the buffer of immutable values, (n, c), and their row stride in floats."""
     if isinstance(values, DeviceArray):
@@ -139,6 +149,11 @@ def float4_once(compute: ComputeDevice, values: Values) -> cl.Buffer:
 def rows_of(values: Values) -> np.ndarray:
     """Return all columns of values on the host, (n, c) float32."""
     return values.rows if isinstance(values, DeviceArray) else values
+
+
+def fourth_of(values: Values) -> np.ndarray:
+    """Return the fourth column of values, (n, 4), on the host: (n,) float32."""
+    return values.fourth if isinstance(values, DeviceArray) else np.ascontiguousarray(values[:, 3])
 
 
 def channel_sums(values: Values) -> Values:

@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..device.device_array import Values
 from ..device.opencl import cl
 from .device_l1 import L1
 
@@ -58,10 +59,17 @@ class Gather(Protocol):
         ...
 
 
-class PointGather(Gather, Protocol):
-    """Final gather by n points from m sources: `GatherPass`, or devices of other processes."""
+class PointGather(Protocol):
+    """Final gather by n points from m sources: `GatherPass`, or devices of other processes.
 
-    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, np.ndarray]:
+    Results are (n, 4) float32 as of `Gather`, on the device or the host.
+    """
+
+    def gather(self, radiance: np.ndarray) -> Generator[float, None, Values]:
+        """Gather from radiance, (m, 3) float32, W/(m^2 sr); yield progress 0..1."""
+        ...
+
+    def gather_from(self, radiance: cl.Buffer) -> Generator[float, None, Values]:
         """Gather from radiance on the device, float4 by source + 1; the first and last entries are black."""
         ...
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..device.buffers import download, upload, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
-from ..device.device_array import DeviceArray, Values, float4_on_device, float4_once
+from ..device.device_array import KEPT_PART, DeviceArray, Values, float4_on_device, float4_once
 from ..device.opencl import cl
 from ..gather.device_l1 import L1
 from ..gather.interface import DeviceGather
@@ -23,10 +23,6 @@ _ITEMS, _ADDING = (16384, 512), (256, 1)
 
 #: Floats per patch in buffers of irradiance.
 _STRIDE = 4
-
-#: Divisor of the device memory: irradiance that takes at most this part of it stays on the device until
-#: requested.
-_LEFT = 64
 
 #: Lower bound of the total area, m^2, since a scene of slivers may have area 0.
 _LEAST_AREA = 1e-30
@@ -191,7 +187,7 @@ class DeviceRadiosity:
     def _light(self, buffer: cl.Buffer, first: int) -> Values:
         """Return a copy of the float4 of all patches that start at byte `first` of a buffer."""
         compute, size = self._compute, 16 * self.count
-        if size > compute.device.global_mem_size // _LEFT:
+        if size > compute.device.global_mem_size // KEPT_PART:
             return download(compute, buffer, (self.count, 4), first)
         light = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
         cl.enqueue_copy(self._queue, light, buffer, src_offset=first, byte_count=size)

@@ -6,7 +6,7 @@ from collections.abc import Generator
 
 import numpy as np
 
-from ..device.device_array import Values, colors_on_host
+from ..device.device_array import DeviceArray, Values, colors_on_host, fourth_of, rows_of
 from ..device.opencl import cl
 from ..gather.device_l1 import L1
 from ..gather.interface import PointGather
@@ -37,7 +37,8 @@ class FinalGather:
         self._final, self._emission, self._reflectance = final, emission, reflectance
         self._bounces, self.separate_direct = bounces, separate_direct and bounces
         self.gathers = 2 if self.separate_direct else 1
-        self.direct, self.gathered = sampled_light, np.zeros((len(sampled_light), 4), np.float32)
+        self.direct = sampled_light
+        self._gathered: Values = np.zeros((len(sampled_light), 4), np.float32)
         self.done = False
 
     def gather(
@@ -56,11 +57,12 @@ class FinalGather:
         """Gather from sources whose radiance is on the device, float4 of each; yield progress 0..1."""
         yield from self._all_light(self._final.gather_from(radiance))
 
-    def _all_light(self, gather: Generator[float, None, np.ndarray]) -> Generator[float, None, None]:
+    def _all_light(self, gather: Generator[float, None, Values]) -> Generator[float, None, None]:
         """Gather all light. If direct light is a separate output, gather emission alone first."""
         if self.separate_direct:
-            self.direct = (yield from run_as_fraction(0.0, 0.5, self._final.gather(self._emission)))[:, :3]
-        self.gathered = yield from run_as_fraction(1 - 1 / self.gathers, 1.0, gather)
+            direct = yield from run_as_fraction(0.0, 0.5, self._final.gather(self._emission))
+            self.direct = rows_of(direct)[:, :3]
+        self._gathered = yield from run_as_fraction(1 - 1 / self.gathers, 1.0, gather)
         if not self._bounces:
             self.direct = self.gathered[:, :3]
         self.done = True
@@ -70,14 +72,24 @@ class FinalGather:
         return (yield from self._final.gather_l1())
 
     @property
-    def irradiance(self) -> np.ndarray:
-        """E/pi of all light, (n, 3) float32."""
-        return self.gathered[:, :3]
+    def gathered(self) -> np.ndarray:
+        """E/pi of all light and the fraction without back faces, (n, 4) float32."""
+        return rows_of(self._gathered)
 
     @property
-    def light(self) -> np.ndarray:
-        """E/pi of all light, (n, 3) float32; the same array as `irradiance`."""
-        return self.irradiance
+    def validity(self) -> np.ndarray:
+        """Fraction of each hemisphere without back faces, (n,) float32."""
+        return fourth_of(self._gathered)
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """E/pi of all light, (n, 3) float32."""
+        return self._gathered.colors if isinstance(self._gathered, DeviceArray) else self._gathered[:, :3]
+
+    @property
+    def light(self) -> Values:
+        """The array `irradiance`, on the device if it is there."""
+        return self._gathered if isinstance(self._gathered, DeviceArray) else self.irradiance
 
     @property
     def indirect(self) -> np.ndarray:

@@ -97,17 +97,17 @@ class GroupedSolution:
     @property
     def validity(self) -> np.ndarray:
         """Fraction of each patch's hemisphere without back faces, (n,) float32."""
-        return self.gathered[:, 3]
+        return self.last.validity if self.done else self.gathered[:, 3]
 
     @property
     def irradiance(self) -> np.ndarray:
         """E/pi of all light so far, (n, 3) float32."""
-        return self.gathered[:, :3]
+        return self.last.irradiance if self.done else self.gathered[:, :3]
 
     @property
-    def light(self) -> np.ndarray:
-        """E/pi of all light so far, (n, 3) float32; the same array as `irradiance`."""
-        return self.irradiance
+    def light(self) -> Values:
+        """The array `irradiance`, on the device if it is there."""
+        return self.last.light if self.done else self.irradiance
 
     @property
     def direct(self) -> np.ndarray:

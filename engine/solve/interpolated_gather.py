@@ -198,6 +198,16 @@ class InterpolatedGather:
         """E/pi of all light, (n, 3) float32."""
         return self.gathered[:, :3]
 
+    @property
+    def light(self) -> np.ndarray:
+        """E/pi of all light, (n, 3) float32; the same array as `irradiance`."""
+        return self.irradiance
+
+    @property
+    def validity(self) -> np.ndarray:
+        """Fraction of each hemisphere without back faces, (n,) float32."""
+        return self.gathered[:, 3]
+
     def _layers(self) -> list[np.ndarray]:
         """Return E/pi of groups without sampled light, (m, 4) float32 each: total, and direct if separate."""
         gathered = self._solver.gathered.copy()

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ..bake_result import FluxBalance
-from ..device.device_array import DeviceArray, Values, colors_on_host, rows_of
+from ..device.device_array import DeviceArray, Values, colors_on_host, fourth_of, rows_of
 from ..gather.device_l1 import L1
 from ..scene.color import rest_of
 from ..settings import Settings
@@ -150,10 +150,7 @@ class Solver:
     def validity(self) -> np.ndarray:
         """Fraction of each patch's hemisphere without back faces, (n,) float32; equal in all iterations."""
         if self._validity is None:
-            light = self._newest_light
-            self._validity = (
-                light.fourth if isinstance(light, DeviceArray) else np.ascontiguousarray(light[:, 3])
-            )
+            self._validity = fourth_of(self._newest_light)
         return self._validity
 
     def light_of(self, patches: np.ndarray) -> np.ndarray:

@@ -64,7 +64,7 @@ class Finishing:
         buried = warn_buried(scene, patch_scene, known)
         turned: list[str] = []
         if not self._job.settings.warm_start:
-            turned = warn_lit_back_faces(scene, self._job, self._solution.irradiance, len(known))
+            turned = warn_lit_back_faces(scene, self._job, self._solution.light, len(known))
         return *self.lit.warnings, *buried, *turned, *self._denoising.warnings
 
     @property

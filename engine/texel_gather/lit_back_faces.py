@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..array_ops import any_in_rows, take_rows, taken
+from ..array_ops import any_in_rows, taken
+from ..device.device_array import Values, colors_on_host, values_at
 from ..object_message import object_message
 from ..patches.unmapped_meshes import triangle_areas
 from ..plan.solve_job import SolveJob
@@ -48,7 +49,7 @@ _SENTENCE = (
 )
 
 
-def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atlases: int) -> list[str]:
+def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: Values, atlases: int) -> list[str]:
     """Return a warning that names the objects whose lightmap is dark only because of their normals.
 
     Surfaces that emit or transmit light are left out: a lamp lights the wall behind it, and the lightmap of a
@@ -66,8 +67,8 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
     examined = mapped & ~emits & ~_passes_light(scene)
 
     # Few patches show that most objects are not dark.
-    some = slice(None, None, max(1, len(patches) // _SAMPLED))
-    light = luminance(irradiance[some])
+    some = np.arange(0, len(patches), max(1, len(patches) // _SAMPLED))
+    light = luminance(values_at(irradiance, some))
     level = max(float(light.mean(dtype=np.float64)), _open_light(scene))
     count, total = _light_of_meshes(triangles.mesh[patches[some]], light, meshes)
     examined &= _may_be_dark(count, total, level)
@@ -75,11 +76,11 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: np.ndarray, atl
         return []
     of_patch = taken(triangles.mesh, patches)
     chosen = np.flatnonzero(taken(examined, of_patch))
-    count, total = _light_of_meshes(taken(of_patch, chosen), luminance(take_rows(irradiance, chosen)), meshes)
+    count, total = _light_of_meshes(taken(of_patch, chosen), luminance(values_at(irradiance, chosen)), meshes)
     dark = _open_meshes(scene, np.flatnonzero((count > 0) & (total <= _DARK * level * count)))
     if not dark:
         return []
-    lit = _BackLight(scene, job, irradiance)
+    lit = _BackLight(scene, job, colors_on_host(irradiance))
     names = [
         scene.meshes[index].name
         for index in dark

@@ -246,7 +246,7 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
     graphics, compute = request.devices.graphics, request.devices.compute
     atlases = len(request.scene.atlases)
 
-    # Lightmap UVs of objects without a lightmap and of visible back faces, which rays find.
+    # Add lightmap UVs for objects without a lightmap, and for back faces that test rays find visible.
     scene = yield from _placed(request)
 
     # Send the scene to the other processes, which build their ray tracing structures while this process

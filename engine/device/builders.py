@@ -35,7 +35,7 @@ _PARSED, _COMPILED, _PARSED_SOURCE = 0.06, 0.08, 62_000
 #: many expected seconds of finished builds.
 _PRIOR = 2.0
 
-#: Seconds after which a hanging driver, and a process that was killed, is abandoned.
+#: Seconds to wait for a driver that hangs, and for the end of a process after it was killed.
 _PATIENCE, _ENDING = 60.0, 2.0
 
 

@@ -60,7 +60,7 @@ class DeviceNeighbours:
                 yield found
 
     def _inputs(self, boxes: EdgeBoxes, sizes: np.ndarray, rank: np.ndarray) -> tuple:
-        """Return the first kernel arguments: a hash grid with each box entered at its own cube size."""
+        """Return the first kernel arguments: a hash grid whose cubes fit the size of each box."""
         keys, owner = boxes.cubes(sizes[rank][:, None])
         keys += rank[owner] * FACTORS[3]
         order = np.argsort(keys)

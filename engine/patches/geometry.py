@@ -167,7 +167,7 @@ def _find_steps(triangles: Triangles, resolution: int, steps: TexelSteps, block:
     length = _length(normal)
     geometric = np.where(length > 1e-20, normal / np.maximum(length, 1e-20), [[0], [0], [1]])
     steps.edge_u[block], steps.edge_v[block], steps.geometric[block] = edge_u.T, edge_v.T, geometric.T
-    # float32 overflows for the squared area of huge texels, and at last for the area.
+    # The squared area of huge texels overflows float32, so it is float64; an area beyond float32 is clamped.
     steps.area[block] = np.minimum(
         _length(_cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max
     )

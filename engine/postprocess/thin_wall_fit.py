@@ -21,8 +21,7 @@ from .device_images import DeviceTexels
 from .lightmap_points import LightmapPoints, centre_points, joined_points
 from .texel_samples import TexelSamples
 
-#: Fraction of the brightest light nearby below which light counts as that bright, so that weights stay
-#: bounded.
+#: Lower limit of the light in weights, as a fraction of the brightest light nearby; it bounds the weights.
 _FAINT = 1 / 20
 
 #: Distance in texels from samples inside a wall up to which texels are fitted.

@@ -66,7 +66,7 @@ def godot_probes(
 #: Nodes and tetrahedra of a cell.
 _NODES, _TETRAHEDRA = 5, 6
 
-#: Nodes of a cell compare two coordinates; a node is over where the first is larger.
+#: Pair of coordinates that each node of a cell compares; points whose first one is larger lie over the node.
 _COMPARED = ((0, 1), (1, 2), (0, 2), (0, 2), (1, 2))
 
 #: Children over and under each node of a cell: a node, or -(t + 1) for tetrahedron t of the cell.

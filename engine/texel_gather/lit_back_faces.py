@@ -116,7 +116,7 @@ def _emitters(job: SolveJob) -> np.ndarray:
 
 
 def _open_light(scene: Scene) -> float:
-    """Return the luminance of E/pi in the open: the mean radiance of the sky, or a brighter sun."""
+    """Return the luminance of E/pi without any shadow: the larger of the mean sky and the brightest sun."""
     sky = float(luminance(scene.world.reshape(-1, 3)).mean(dtype=np.float64))
     suns = [float(luminance(lamp.strength[None])[0]) / np.pi for lamp in scene.lights if lamp.kind == "sun"]
     return max(sky, *suns, 0.0)

@@ -28,10 +28,10 @@ class ChartBitmap:
 
     @cached_property
     def tests(self) -> list[tuple[int, int, int, int]]:
-        """The longest span first, then all spans in a coarse-to-fine order: row, first column, level, rest.
+        """Spans in the order of collision tests: row, first column, `level`, `rest`.
 
-        `level` and `rest` encode the length as in `AtlasBitmap`. Neighbouring rows mostly give the same
-        result, so distant rows are tested first.
+        `level` and `rest` encode the length as in `AtlasBitmap`. The longest span is the first. The others
+        follow from distant rows to adjacent ones, since adjacent rows mostly give the same result.
         """
         longest = max(self.spans, key=lambda span: span[2])
         count = len(self.spans)

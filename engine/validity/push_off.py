@@ -71,8 +71,8 @@ def push_off_points(
 
     scene:    ray tracer and points
     count:    number of points
-    reach:    width of a texel in widths of the points, which limits the rays; more than 1 if points are
-              parts of texels
+    reach:    maximum length of the rays: the width of a texel, in units of the points' own widths; more than
+              1 if points stand for parts of texels
     normals:  (t, 3) float32, unit, of the triangles
     lit:      marks of back faces that reflect or emit light; None if no back face has patches
     """

@@ -127,7 +127,7 @@ def probe_volume_data(probes: GodotProbes) -> str:
 
 
 def scene(model: str, lightmaps: Sequence[tuple[str, str, bool]]) -> str:
-    """Return a scene with a glTF file and its lightmaps, in front of black and without tone mapping.
+    """Return a scene with a glTF file and its lightmaps, with a black background and without tone mapping.
 
     model:      name of the glTF file
     lightmaps:  name and data file of each LightmapGI, and True if it has shadow masks

@@ -76,7 +76,7 @@ def to_material(name: str, sides: Sides) -> Material:
 
 
 def hide_from_rays(material: Material, from_shadow: bool, from_bounces: bool) -> Material:
-    """Return a material that shadow rays, gather rays or both pass. If gather rays do, it emits nothing."""
+    """Return a material that is transparent to shadow rays, gather rays (then it is black) or both."""
     transmission = material.transmission
     if from_shadow:
         transmission = replace(transmission, shadow=CLEAR, shadow_back=None)

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import bpy
 
-#: An input (its link or its own value), an output, a colour, or a number.
+#: Operand of `SocketMath`: an output, a colour or a number; an input stands for its link or its own value.
 Operand: TypeAlias = bpy.types.NodeSocket | Sequence[float] | float
 
 

@@ -29,7 +29,7 @@ class _Layer:
     """UV layers of one name on several meshes.
 
     meshes:  the meshes that have a layer of this name
-    first:   True if it is the first of several layers of one of the meshes
+    first:   True if a mesh has several layers and this one is its first
     usable:  True if it has no overlaps and stays within 0-1 on each mesh that was checked
     """
 

@@ -44,7 +44,6 @@ def unregister() -> None:
 def _classes() -> tuple[type, ...]:
     from . import (
         bake,
-        cancel,
         checks,
         export,
         last_bake,
@@ -66,7 +65,7 @@ def _classes() -> tuple[type, ...]:
     )
 
     modules = (
-        properties, presets, bake, live, cancel, checks, unwrap, uv_modifiers, lightmap_size, lightmaps,
+        properties, presets, bake, live, checks, unwrap, uv_modifiers, lightmap_size, lightmaps,
         light_states, preview, preview_switch, export, probes, probe_spheres, select, last_bake, preferences,
         self_test,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Bake operator: modal in a window, where a worker process bakes; blocking elsewhere."""
+"""Bake operator: modal in a window, where a worker process bakes; blocking elsewhere. Cancel ends a bake."""
 
 from __future__ import annotations
 
@@ -182,4 +182,23 @@ class Console:
             print(progress_line(progress), flush=True)  # noqa: T201
 
 
-CLASSES = (HEMIBAKE_OT_bake,)
+class HEMIBAKE_OT_cancel(bpy.types.Operator):
+    """Cancel the running bake and undo its changes"""
+
+    bl_idname = "hemibake.cancel"
+    bl_label = "Cancel Bake"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not owner.busy:
+            cls.poll_message_set("No bake is running")
+        return owner.busy
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Request the end; the modal operator of the bake handles the request at its next event."""
+        assert owner.running is not None
+        owner.running.cancel_requested = True
+        return {"FINISHED"}
+
+
+CLASSES = (HEMIBAKE_OT_bake, HEMIBAKE_OT_cancel)

@@ -17,7 +17,6 @@ from . import (
     outputs,
     preferences,
     presets,
-    reflection_cubes,
 )  # fmt: skip
 
 #: Modules of panels, in the order of the sidebar.
@@ -31,7 +30,6 @@ _PANELS = (
     outputs,
     light_groups,
     light_probes,
-    reflection_cubes,
     advanced,
 )
 

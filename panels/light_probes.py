@@ -1,10 +1,14 @@
-"""Light Probes panel: whether bakes include light probes, their settings, and a button that adds a volume."""
+"""Light Probes and Reflection Cubes panels: switches and settings of both outputs for moving objects."""
 
 from __future__ import annotations
 
 import bpy
 
 from .sidebar import SubPanel, split_properties
+from .wrapped_text import draw_text, line_width
+
+#: Text about the places of cubes and the menu entry that adds one.
+_SPHERES = "One cube for each Light Probe Sphere: Add > Light Probe > Sphere"
 
 
 class HEMIBAKE_PT_light_probes(SubPanel, bpy.types.Panel):
@@ -27,4 +31,22 @@ class HEMIBAKE_PT_light_probes(SubPanel, bpy.types.Panel):
         column.prop(settings, "probes_indirect_only")
 
 
-CLASSES = (HEMIBAKE_PT_light_probes,)
+class HEMIBAKE_PT_reflection_cubes(SubPanel, bpy.types.Panel):
+    """Switch and settings of reflection cubes."""
+
+    bl_label = "Reflection Cubes"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.scene.hemibake, "reflection_cubes", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.hemibake
+        split_properties(layout)
+        column = layout.column()
+        column.active = settings.reflection_cubes
+        column.prop(settings, "reflection_size")
+        draw_text(column, _SPHERES, line_width(context), "INFO")
+
+
+CLASSES = (HEMIBAKE_PT_light_probes, HEMIBAKE_PT_reflection_cubes)

@@ -37,8 +37,8 @@ MAX_BACKS_OUTSIDE = PROBES // 4
 #: two rooms in one plane from a box on a floor. Above it, a patch counts as inside geometry in texel groups.
 MAX_BACKS_OPEN = PROBES // 2
 
-#: A point that is lit by back faces, such as a ceiling behind a lamp's panel, has at most this many probe
-#: rays that hit anything else before one hits an emissive back face.
+#: Maximum number of probe rays of a backlit point that hit anything else before one hits an emissive back
+#: face. A ceiling behind a lamp's panel is backlit.
 MAX_OTHERS_BACKLIT = 3
 
 #: Number of first probe rays of a sample point; if none of them hits a back face, the point is valid and no
@@ -59,9 +59,8 @@ DARK_BACK = 0.03
 #: 6, the floor 1.5 texels below a single-plane roof would count as inside.
 LIT_FROM = 3.0
 
-#: Light is not interpolated to patches with more than this fraction of samples that hit back faces, because a
-#: surface is close to them, such as a panel below a ceiling. It is 1 - FRONTS of
-#: kernels/solve/interpolate.cl.
+#: Maximum fraction of samples that hit back faces for a patch with interpolated light. With more, a surface
+#: is close to the patch, such as a panel below a ceiling. It is 1 - FRONTS of kernels/solve/interpolate.cl.
 MAX_BACKS_INTERPOLATED = 0.1
 
 #: A probe of a volume is invalid if more than this fraction of its directions hit dark back faces (Majercik

@@ -35,7 +35,7 @@ ORDERS = {
         "command_line", "light_states", "preferences", "presets", "quality_property", "uv_modifiers",
         "applied_copies",
         "changed_objects", "lightmap_list", "lightmap_size", "live_watch", "preview", "preview_switch",
-        "setting_properties", "bake_report", "devices", "file_handlers", "cancel", "log",
+        "setting_properties", "bake_report", "devices", "file_handlers", "log",
         "probe_spheres", "probes", "result", "scene", "light_state_names",
         "file_format", "worker_manager", "object_properties", "translations", "user_files",
         "chart_settings", "compat", "denoise_library", "extension", "handlers", "last_bake", "lookup",

@@ -47,6 +47,13 @@ def is_by_bounce(node: bpy.types.Node) -> bool:
     )
 
 
+def reads_ray_depth(node: bpy.types.Node) -> bool:
+    """Return True if a node counts the bounces, or transparent surfaces, of a ray."""
+    return node.bl_idname == _LIGHT_PATH and any(
+        output.is_linked and output.name.endswith("Depth") for output in node.outputs
+    )
+
+
 def is_by_side(output: bpy.types.NodeSocket) -> bool:
     """Return True if the value of an output depends on the side that a ray hits."""
     return output.node.bl_idname == _GEOMETRY and output.name == "Backfacing"

@@ -9,7 +9,7 @@ import bpy
 from ....engine.object_message import counted, listing
 from ...compat import node_tree
 from .closures import PRINCIPLED, is_glass, is_hair, is_unknown, may_emit
-from .ray_kinds import is_by_bounce
+from .ray_kinds import is_by_bounce, reads_ray_depth
 from .rough_diffuse import is_rough
 from .smooth_metals import is_mirror
 from .sockets import channels, feeding_socket, number_of
@@ -18,6 +18,7 @@ from .view_nodes import depends_on_view
 
 _VOLUMES = "The volumes of materials {} are not baked."
 _COATS = "The tint of the coat of materials {} is not baked."
+_DEPTHS = "Materials {} depend on a ray depth. A bake uses the depth of a first bounce. Replace that output."
 _SHEENS = (
     "Materials {} have sheen, whose reflected light is not baked. Set it to 0 for the same light in renders."
 )
@@ -79,6 +80,7 @@ class SurfaceNotes:
         self._volumes: set[str] = set()
         self._coats: set[str] = set()
         self._lengths: set[str] = set()
+        self._depths: set[str] = set()
         self._sheens: set[str] = set()
         self._hair: set[str] = set()
         self._occlusions: set[str] = set()
@@ -113,6 +115,8 @@ class SurfaceNotes:
         self._add_closure(material, node)
         if _reads_ray_length(node):
             self._lengths.add(material)
+        if reads_ray_depth(node):
+            self._depths.add(material)
         if node.bl_idname == "ShaderNodeAmbientOcclusion":
             self._occlusions.add(material)
         if _reads_instancer(node):
@@ -154,7 +158,7 @@ class SurfaceNotes:
             notes.append(listing(sentence, sorted(self._mirrors)))
         kinds = (
             (self._volumes, _VOLUMES), (self._coats, _COATS), (self._lengths, _LENGTHS),
-            (self._sheens, _SHEENS), (self._hair, _HAIR),
+            (self._depths - self._emissive, _DEPTHS), (self._sheens, _SHEENS), (self._hair, _HAIR),
             (self._occlusions, _OCCLUSIONS), (self._views, _VIEWS), (self._rough, _ROUGH),
             (self._by_bounce & self._emissive, _BOUNCES), (self._instanced, _INSTANCERS),
             *((self._closures[kind], sentence) for kind, sentence in _CLOSURES.items()),

@@ -16,22 +16,27 @@ from .device_bilinear_equations import SOURCE, DeviceBilinearEquations
 
 _NAMES = (
     "sum_points", "spread_along_links", "spread_along_seams", "widen_ranges", "ranges_of_seams", "bound",
-    "range_of_all", "differences", "begin_run", "cg_curvature", "advance", "cg_direction", "add_up",
+    "range_of_all", "differences", "begin_run", "begin_steps", "cg_curvature", "advance", "cg_direction",
     "descend", "clamp_bounds", "keep_texels",
 )  # fmt: skip
+
+#: Kernels with the same groups.
+_SUMMING = ("range_of_all", "begin_run", "begin_steps", "cg_curvature", "advance", "cg_direction", "descend")
 
 #: Maximum iterations of the unconstrained and the bounded run, and iterations between tests for convergence.
 _STEPS, _FEWER, _LOOK = 20, 6, 4
 
-#: Work items of a group in the kernels that sum, and of the group that adds the groups' partial sums.
-_GROUP, _ADDING = 64, 256
+#: Work items of a group in the kernels that sum, and maximum number of groups: each group of the next kernel
+#: adds up the partial sums of all.
+_GROUP, _GROUPS = 256, 256
 
 #: Unknowns up to which one work group runs all iterations, so that launches do not take more time than the
 #: work (chosen).
 _SMALL = 256
 
-#: Results that kernel `add_up` computes from sums; numbers as in kernels/postprocess/bilinear_fit.cl.
-_ENERGY, _STEP, _RATIO, _ENOUGH = map(np.int32, range(4))
+#: Index of the stopping threshold among the scalars of a run, as in kernels/postprocess/bilinear_fit.cl. The
+#: residual norms of even and odd steps come before it.
+_ENOUGH = 2
 
 
 class DeviceBilinearFit:
@@ -51,23 +56,21 @@ class DeviceBilinearFit:
             equations.shares,
         )  # fmt: skip
         self._rows_of_seams = np.int32(equations.seams)
-        self._group = self._kernels["cg_curvature"].group(_GROUP)[0]
-        self._adding = self._kernels["add_up"].group(_ADDING)[0]
-        self._groups = -(-int(count) // self._group)
-        fits = self._kernels["descend"].group(self._group)[0] == self._group
-        self._is_small = fits and int(count) <= min(_SMALL, self._group * self._adding)
+        self._group = min(self._kernels[name].group(_GROUP)[0] for name in _SUMMING)
+        self._groups = min(_GROUPS, -(-int(count) // self._group))
+        self._is_small = int(count) <= _SMALL
         self._size = np.uint32(equations.size)
         self._reserve(1)
 
     def _reserve(self, images: int) -> None:
         """Allocate buffers for the given number of images."""
         compute, count, seams = self._compute, int(self._count), max(1, self._equations.seams)
-        names = ("right", "solution", "residual", "direction", "change", "low", "high")
+        names = ("right", "solution", "residual", "direction", "following", "change", "low", "high")
         self._images, self._vectors = images, {name: self._buffer(16 * count * images) for name in names}
         self._products, self._more_products = (self._buffer(16 * seams * images) for _ in range(2))
-        self._held, self._run_numbers = zeros(compute, words_of(count * images)), zeros(compute, 64 * images)
+        self._held, self._run_numbers = zeros(compute, words_of(count * images)), zeros(compute, 48 * images)
         self._all_points = self._buffer(32 * images)
-        self._sums = self._buffer(16 * self._groups * images)
+        self._curvatures, self._energies = (self._buffer(16 * self._groups * images) for _ in range(2))
 
     def _buffer(self, size: int) -> cl.Buffer:
         """Return a buffer of `size` bytes with undefined contents."""
@@ -119,16 +122,11 @@ class DeviceBilinearFit:
             arguments = *arguments, self._count, np.int32(count)
             self._compute.run(self._kernels[name], count, *arguments, layers=self._images)
 
-    def _summed(self, name: str, made: np.int32, *arguments: object) -> None:
-        """Run a kernel that writes partial sums over the unknowns, then add them up as scalar `made`."""
+    def _summed(self, name: str, *arguments: object, groups: int | None = None) -> None:
+        """Run a kernel whose groups sum over the unknowns; None for the groups of all partial sums."""
+        size = (self._group * (groups or self._groups), self._images)
         local = cl.LocalMemory(16 * self._group)
-        size = (self._groups * self._group, self._images)
-        queue = self._compute.queue
-        self._kernels[name](queue, size, (self._group, 1), *arguments, self._count, local)
-        self._kernels["add_up"](
-            queue, (self._adding, self._images), (self._adding, 1), self._sums, np.int32(self._groups), made,
-            self._run_numbers, cl.LocalMemory(16 * self._adding),
-        )  # fmt: skip
+        self._kernels[name](self._compute.queue, size, (self._group, 1), *arguments, local)
 
     def _start(self, images: cl.Buffer, light: cl.Buffer, scales: cl.Buffer) -> None:
         """Compute the initial values of the unknowns, and the range of the samples around each.
@@ -161,48 +159,61 @@ class DeviceBilinearFit:
         self._run("widen_ranges", equations.neighbours, equations.linked, *own, *bounds)
         self._run_seams("ranges_of_seams", equations.columns, *bounds, *seams)
         self._kernels["range_of_all"](
-            self._compute.queue, (self._adding, self._images), (self._adding, 1), *own, self._all_points,
-            self._count, cl.LocalMemory(32 * self._adding),
+            self._compute.queue, (self._group, self._images), (self._group, 1), *own, self._all_points,
+            self._count, cl.LocalMemory(32 * self._group),
         )  # fmt: skip
         listed = equations.starts, equations.read_by
         nearest = own[1], self._tight
         self._run("bound", *listed, *seams, self._all_points, *nearest, *bounds, self._rows_of_seams)
 
     def _descend(self, first: bool, steps: int) -> None:
-        """Run Jacobi-preconditioned conjugate gradients (Shewchuk 1994) on unknowns not at a bound."""
-        vectors, inverse, run = self._vectors, self._equations.inverse, self._run_numbers
-        solution, residual, direction = (vectors[name] for name in ("solution", "residual", "direction"))
+        """Run Jacobi-preconditioned conjugate gradients (Shewchuk 1994) on unknowns not at a bound.
+
+        A GPU runs all steps, since steps of converged channels change nothing and a test would wait for it.
+        """
         if self._is_small:
             self._descend_at_once(first, steps)
             return
+        vectors, equations, sizes = self._vectors, self._equations, (self._rows_of_seams, self._count)
+        inverse, run, seam_rows = equations.inverse, self._run_numbers, (equations.columns, equations.entries)
+        solution, residual, change = (vectors[name] for name in ("solution", "residual", "change"))
         self._difference(solution)
         self._summed(
-            "begin_run", _ENOUGH if first else _ENERGY, *self._rows, inverse, vectors["right"], self._held,
-            solution, self._products, residual, direction, self._sums, self._rows_of_seams,
+            "begin_run", *self._rows, inverse, vectors["right"], self._held, solution, self._products,
+            residual, vectors["direction"], self._energies, *sizes,
         )  # fmt: skip
+        begun = self._energies, np.int32(self._groups), np.int32(first), run
+        self._summed("begin_steps", *begun, groups=1)
+        self._difference(vectors["direction"])
         for step in range(steps):
-            if step % _LOOK == 0 and self._done():
+            if self._compute.processor and step % _LOOK == 0 and self._done(step % 2):
                 return
-            self._difference(direction)
+            odd, direction, following = np.int32(step % 2), vectors["direction"], vectors["following"]
             self._summed(
-                "cg_curvature", _STEP, *self._rows, self._held, direction, self._products, vectors["change"],
-                self._sums, self._rows_of_seams,
+                "cg_curvature", *self._rows, self._held, direction, self._products, change,
+                self._curvatures, *sizes,
             )  # fmt: skip
             self._summed(
-                "advance", _RATIO, inverse, direction, vectors["change"], run, solution, residual, self._sums
-            )
-            self._run("cg_direction", inverse, residual, run, direction)
+                "advance", inverse, direction, change, self._curvatures, run, odd, solution, residual,
+                self._energies, self._count,
+            )  # fmt: skip
+            if step < steps - 1:
+                self._summed(
+                    "cg_direction", *seam_rows, inverse, residual, self._energies, run, odd, direction,
+                    following, self._products, *sizes,
+                )  # fmt: skip
+                vectors["direction"], vectors["following"] = following, direction
 
     def _descend_at_once(self, first: bool, steps: int) -> None:
-        """Run all iterations with one work group per image; the sums have the order of `_descend`."""
-        equations, vectors = self._equations, self._vectors
+        """Run all iterations with one work group per image."""
+        equations, vectors, width = self._equations, self._vectors, max(1, _SMALL // self._group)
         names = ("residual", "direction", "change")
         self._kernels["descend"](
             self._compute.queue, (self._group, self._images), (self._group, 1), *self._rows,
             equations.columns, equations.entries, equations.inverse, vectors["right"], self._held,
             vectors["solution"], self._products, *(vectors[name] for name in names), self._run_numbers,
             np.int32(first), np.int32(steps), self._rows_of_seams, self._count,
-            cl.LocalMemory(16 * self._group), cl.LocalMemory(16 * self._adding), np.int32(self._adding),
+            cl.LocalMemory(16 * self._group), cl.LocalMemory(16 * width), np.int32(width),
         )  # fmt: skip
 
     def _difference(self, values: cl.Buffer) -> None:
@@ -210,7 +221,10 @@ class DeviceBilinearFit:
         equations = self._equations
         self._run_seams("differences", equations.columns, equations.entries, values, self._products)
 
-    def _done(self) -> bool:
-        """Return True if the residual of every channel of every image is below its tolerance."""
-        numbers = download(self._compute, self._run_numbers, (self._images, 4, 4))
-        return bool((numbers[:, _ENERGY] <= numbers[:, _ENOUGH]).all())
+    def _done(self, odd: int) -> bool:
+        """Return True if the residual of every channel of every image is below its tolerance.
+
+        odd:  1 before an odd step
+        """
+        numbers = download(self._compute, self._run_numbers, (self._images, _ENOUGH + 1, 4))
+        return bool((numbers[:, odd] <= numbers[:, _ENOUGH]).all())

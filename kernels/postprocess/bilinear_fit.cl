@@ -10,12 +10,10 @@
 #define OVERSHOOT 0.02f  // extension of bounds, as a fraction of the range
 #define TOLERANCE 5e-3f  // residual at which a run ends, relative to its first
 
-// Scalars of a run, stored in `run` for each image.
-#define ENERGY 0
-#define STEP 1
-#define RATIO 2
-#define ENOUGH 3
-#define NUMBERS 4
+// Scalars of a run, stored in `run` for each image: the preconditioned residual norm of even and of odd steps, and the
+// norm at which the run ends.
+#define ENOUGH 2
+#define NUMBERS 3
 
 #define EQUATIONS \
     __global const int *neighbours, __global const float *factors, __global const uint *linked, \
@@ -217,20 +215,30 @@ __kernel void range_of_all(__global const float4 *low, __global const float4 *hi
     }
 }
 
-// Returns the difference between both sides of a seam.
-float4 difference_at(const int8 c, const float8 e, __global const float4 *values)
+// Returns the difference between both sides of a seam from the eight values that it reads.
+float4 difference_of(const float8 e, const float4 *v)
 {
-    return e.s0 * values[c.s0] + e.s1 * values[c.s1] + e.s2 * values[c.s2] + e.s3 * values[c.s3] + e.s4 * values[c.s4]
-        + e.s5 * values[c.s5] + e.s6 * values[c.s6] + e.s7 * values[c.s7];
+    return e.s0 * v[0] + e.s1 * v[1] + e.s2 * v[2] + e.s3 * v[3] + e.s4 * v[4] + e.s5 * v[5] + e.s6 * v[6]
+        + e.s7 * v[7];
+}
+
+// Returns the difference between both sides of a seam. columns: the eight unknowns that it reads.
+float4 difference_at(__global const int *columns, const float8 e, __global const float4 *values)
+{
+    float4 v[BOTH_SIDES];
+    for (int k = 0; k < BOTH_SIDES; ++k)
+        v[k] = values[columns[k]];
+    return difference_of(e, v);
 }
 
 // Stores the difference between both sides of each seam.
-__kernel void differences(__global const int8 *columns, __global const float8 *entries, __global const float4 *values,
+__kernel void differences(__global const int *columns, __global const float8 *entries, __global const float4 *values,
                           __global float4 *products, const int unknowns, const int count)
 {
     const int seam = get_global_id(0);
     if (seam < count)
-        products[IMAGE * count + seam] = difference_at(columns[seam], entries[seam], values + IMAGE * unknowns);
+        products[IMAGE * count + seam] =
+            difference_at(columns + seam * BOTH_SIDES, entries[seam], values + IMAGE * unknowns);
 }
 
 // Returns a row of the normal equations times a vector. products: seam differences of that vector.
@@ -273,24 +281,50 @@ void add_group(const float4 value, __local float4 *partial, __global float4 *sum
         sums[IMAGE * get_num_groups(0) + get_group_id(0)] = partial[0];
 }
 
+// Returns the sum of the partial sums of all groups of a launch, in the same order in every group.
+float4 total_of(__global const float4 *sums, const int groups, __local float4 *partial)
+{
+    float4 sum = (float4)(0.0f);
+    for (int i = get_local_id(0); i < groups; i += get_local_size(0))
+        sum += sums[IMAGE * groups + i];
+    sum_group(sum, partial);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    const float4 total = partial[0];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return total;
+}
+
 // Starts conjugate gradients: residual, first search direction, and partial sums of the preconditioned residual norm.
+// Like the other kernels with partial sums, it runs in few groups, which take the unknowns in turn.
 __kernel void begin_run(EQUATIONS, __global const float *inverse, __global const float4 *right,
                         __global const uchar *held, __global const float4 *solution, __global const float4 *products,
                         __global float4 *residual, __global float4 *direction, __global float4 *sums, const int rows,
                         const int count, __local float4 *partial)
 {
-    const int unknown = get_global_id(0);
-    const size_t plane = IMAGE * count, here = plane + unknown;
+    const size_t plane = IMAGE * count;
     float4 energy = (float4)(0.0f);
-    if (unknown < count) {
+    for (int unknown = get_global_id(0); unknown < count; unknown += get_global_size(0)) {
+        const size_t here = plane + unknown;
         const float4 product = row_times(neighbours, factors, linked, starts, seams, shares, solution + plane,
                                          products + IMAGE * rows, unknown, count);
         const float4 r = free_channels(held[here]) * (right[here] - product);
         residual[here] = r;
         direction[here] = inverse[unknown] * r;
-        energy = inverse[unknown] * r * r;
+        energy += inverse[unknown] * r * r;
     }
     add_group(energy, partial, sums);
+}
+
+// Stores the residual norm before the first step, and with `first` the norm at which the run ends. One group per image.
+__kernel void begin_steps(__global const float4 *sums, const int groups, const int first, __global float4 *run,
+                          __local float4 *partial)
+{
+    const float4 energy = total_of(sums, groups, partial);
+    if (get_local_id(0) > 0)
+        return;
+    run[NUMBERS * IMAGE] = energy;
+    if (first)
+        run[NUMBERS * IMAGE + ENOUGH] = TOLERANCE * TOLERANCE * energy;
 }
 
 // Multiplies the matrix by the search direction, and stores partial sums of its curvature.
@@ -298,82 +332,79 @@ __kernel void cg_curvature(EQUATIONS, __global const uchar *held, __global const
                            __global const float4 *products, __global float4 *change, __global float4 *sums,
                            const int rows, const int count, __local float4 *partial)
 {
-    const int unknown = get_global_id(0);
-    const size_t plane = IMAGE * count, here = plane + unknown;
-    float4 energy = (float4)(0.0f);
-    if (unknown < count) {
+    const size_t plane = IMAGE * count;
+    float4 curvature = (float4)(0.0f);
+    for (int unknown = get_global_id(0); unknown < count; unknown += get_global_size(0)) {
+        const size_t here = plane + unknown;
         const float4 q = free_channels(held[here])
             * row_times(neighbours, factors, linked, starts, seams, shares, direction + plane, products + IMAGE * rows,
                         unknown, count);
         change[here] = q;
-        energy = q * direction[here];
+        curvature += q * direction[here];
     }
-    add_group(energy, partial, sums);
+    add_group(curvature, partial, sums);
 }
 
-// Takes a step along the search direction and updates the residual; stores partial sums of its norm.
+// Takes a step along the search direction and updates the residual; stores partial sums of its norm. Channels below the
+// threshold get steps of 0. curvatures: partial sums of cg_curvature, one for each group of this launch; odd: 1 in odd
+// steps.
 __kernel void advance(__global const float *inverse, __global const float4 *direction, __global const float4 *change,
-                      __global const float4 *run, __global float4 *solution, __global float4 *residual,
-                      __global float4 *sums, const int count, __local float4 *partial)
+                      __global const float4 *curvatures, __global const float4 *run, const int odd,
+                      __global float4 *solution, __global float4 *residual, __global float4 *sums, const int count,
+                      __local float4 *partial)
 {
-    const int unknown = get_global_id(0);
-    const size_t here = IMAGE * count + unknown;
-    const float4 step = run[NUMBERS * IMAGE + STEP];
+    const float4 curvature = total_of(curvatures, get_num_groups(0), partial), before = run[NUMBERS * IMAGE + odd];
+    const int4 busy = before > run[NUMBERS * IMAGE + ENOUGH];
+    const float4 step = busy && curvature > 0.0f ? before / curvature : (float4)(0.0f);
     float4 energy = (float4)(0.0f);
-    if (unknown < count) {
+    for (int unknown = get_global_id(0); unknown < count; unknown += get_global_size(0)) {
+        const size_t here = IMAGE * count + unknown;
         solution[here] += step * direction[here];
         const float4 r = residual[here] - step * change[here];
         residual[here] = r;
-        energy = inverse[unknown] * r * r;
+        energy += inverse[unknown] * r * r;
     }
     add_group(energy, partial, sums);
 }
 
-__kernel void cg_direction(__global const float *inverse, __global const float4 *residual, __global const float4 *run,
-                           __global float4 *direction, const int count)
+// Returns the next search direction of an unknown.
+float4 next_of(const float inverse, const float4 residual, const float4 ratio, const float4 direction)
 {
-    const int unknown = get_global_id(0);
-    const size_t here = IMAGE * count + unknown;
-    if (unknown < count)
-        direction[here] = inverse[unknown] * residual[here] + run[NUMBERS * IMAGE + RATIO] * direction[here];
+    return inverse * residual + ratio * direction;
 }
 
-// Adds the partial sums of all groups and updates scalars of the run. `made` is the scalar of the sum: at the start
-// the stopping threshold ENOUGH (and ENERGY), ENERGY at a restart, STEP, or after a step RATIO (and ENERGY). Channels
-// below the threshold get steps of 0.
-__kernel void add_up(__global const float4 *sums, const int groups, const int made, __global float4 *run,
-                     __local float4 *partial)
+// Computes the next search direction and its difference between both sides of each seam, and stores the residual norm
+// for the next step. energies: partial sums of `advance`, one for each group of this launch; odd: 1 in odd steps.
+__kernel void cg_direction(__global const int *columns, __global const float8 *entries, __global const float *inverse,
+                           __global const float4 *residual, __global const float4 *energies, __global float4 *run,
+                           const int odd, __global const float4 *direction, __global float4 *following,
+                           __global float4 *products, const int rows, const int count, __local float4 *partial)
 {
-    const int item = get_local_id(0);
-    float4 sum = (float4)(0.0f);
-    for (int i = item; i < groups; i += get_local_size(0))
-        sum += sums[IMAGE * groups + i];
-    partial[item] = sum;
-    for (int step = get_local_size(0) / 2; step > 0; step /= 2) {
-        barrier(CLK_LOCAL_MEM_FENCE);
-        if (item < step)
-            partial[item] += partial[item + step];
-    }
-    if (item > 0)
-        return;
-    sum = partial[0];
+    const float4 energy = total_of(energies, get_num_groups(0), partial);
     run += NUMBERS * IMAGE;
-    const int4 busy = run[ENERGY] > run[ENOUGH];
-    if (made == ENOUGH)
-        run[ENOUGH] = TOLERANCE * TOLERANCE * sum;
-    if (made == STEP) {
-        run[STEP] = busy && sum > 0.0f ? run[ENERGY] / sum : (float4)(0.0f);
-        return;
+    const float4 before = run[odd];
+    const int4 busy = before > run[ENOUGH];
+    const float4 ratio = busy ? energy / before : (float4)(0.0f);
+    if (get_global_id(0) == 0)
+        run[1 - odd] = energy;
+    residual += IMAGE * count, direction += IMAGE * count;
+    for (int unknown = get_global_id(0); unknown < count; unknown += get_global_size(0))
+        following[IMAGE * count + unknown] =
+            next_of(inverse[unknown], residual[unknown], ratio, direction[unknown]);
+    for (int seam = get_global_id(0); seam < rows; seam += get_global_size(0)) {
+        float4 v[BOTH_SIDES];
+        for (int k = 0; k < BOTH_SIDES; ++k) {
+            const int column = columns[seam * BOTH_SIDES + k];
+            v[k] = next_of(inverse[column], residual[column], ratio, direction[column]);
+        }
+        products[IMAGE * rows + seam] = difference_of(entries[seam], v);
     }
-    if (made == RATIO)
-        run[RATIO] = busy ? sum / run[ENERGY] : (float4)(0.0f);
-    run[ENERGY] = sum;
 }
 
-// Runs all iterations of a small system in one work group per image: begin_run, differences, cg_curvature, advance,
-// cg_direction and add_up, with sums in the same order. totals: partial sums of each chunk of a group's size; `width`,
+// Runs all iterations of a small system in one work group per image: begin_run, differences, cg_curvature, advance and
+// cg_direction. totals: partial sums of each chunk of a group's size; `width`,
 // a power of two, is at least the number of chunks. Ends when all channels are below the threshold.
-__kernel void descend(EQUATIONS, __global const int8 *columns, __global const float8 *entries,
+__kernel void descend(EQUATIONS, __global const int *columns, __global const float8 *entries,
                       __global const float *inverse, __global const float4 *right, __global const uchar *held,
                       __global float4 *solution, __global float4 *products, __global float4 *residual,
                       __global float4 *direction, __global float4 *change, __global float4 *run, const int first,
@@ -393,7 +424,7 @@ __kernel void descend(EQUATIONS, __global const int8 *columns, __global const fl
         if (starts_run || is_curvature) {
             __global const float4 *values = starts_run ? solution : direction;
             for (int seam = item; seam < rows; seam += items)
-                products[seam] = difference_at(columns[seam], entries[seam], values);
+                products[seam] = difference_at(columns + seam * BOTH_SIDES, entries[seam], values);
             barrier(CLK_GLOBAL_MEM_FENCE);
         }
         for (int chunk = 0; chunk * items < count; ++chunk) {
@@ -441,7 +472,7 @@ __kernel void descend(EQUATIONS, __global const int8 *columns, __global const fl
             ratio = busy ? sum / energy : (float4)(0.0f);
             energy = sum;
             for (int unknown = item; !starts_run && unknown < count; unknown += items)
-                direction[unknown] = inverse[unknown] * residual[unknown] + ratio * direction[unknown];
+                direction[unknown] = next_of(inverse[unknown], residual[unknown], ratio, direction[unknown]);
         }
         barrier(CLK_GLOBAL_MEM_FENCE | CLK_LOCAL_MEM_FENCE);
     }

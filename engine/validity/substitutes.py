@@ -18,6 +18,9 @@ from ..scene.color import channel_sum
 #: Texels that are processed at once.
 _TEXELS = 1 << 18
 
+#: Patches for each invalid one from which the invalid ones count as few (chosen).
+_FEW = 16
+
 #: Minimum cosine between the normals of a patch and its substitute, and maximum distance between their
 #: planes, texels.
 _ALIKE, _NEAR = 0.9, 0.5
@@ -34,15 +37,24 @@ def find_substitutes(patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs
 
     invalid:  (n,) bool, invalid patches; at least one
     """
-    shown = patch_scene.texel_to_patch
-    invalid_texels = taken(np.concatenate([[False], invalid]), shown.ravel()).reshape(shown.shape)
-    texels = np.flatnonzero(invalid_texels & beside_any((shown > 0) & ~invalid_texels))
+    texels = _invalid_texels(patch_scene, invalid)
     pairs = [
         _valid_neighbours(patch_scene, invalid, texels[first : first + _TEXELS])
         for first in range(0, max(len(texels), 1), _TEXELS)
     ]
     patch, neighbour = (np.concatenate(numbers) for numbers in zip(*pairs, strict=True))
     return patch, neighbour
+
+
+def _invalid_texels(patch_scene: PatchScene, invalid: np.ndarray) -> np.ndarray:
+    """Return the texels of invalid patches that may have a valid one beside them, (k,) int64, ascending."""
+    shown = patch_scene.texel_to_patch
+    if np.count_nonzero(shown) == len(invalid) > _FEW * np.count_nonzero(invalid):
+        # Each patch has one texel, and so few are invalid that all their neighbours are looked up.
+        return patch_scene.patches.key[invalid]
+    invalid_texels = taken(np.concatenate([[False], invalid]), shown.ravel()).reshape(shown.shape)
+    texels: np.ndarray = np.flatnonzero(invalid_texels & beside_any((shown > 0) & ~invalid_texels))
+    return texels
 
 
 def substitute_patches(

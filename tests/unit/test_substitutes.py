@@ -39,7 +39,8 @@ def floor(entries=None, height=None):
     places = np.stack([column, row, np.zeros(WIDTH * WIDTH)], axis=1).astype(float)
     places[:, 2] = 0 if height is None else height.ravel()
     at = np.flatnonzero(grid.ravel() > 0)[first]
-    return SimpleNamespace(texel_to_patch=grid[None].astype(np.uint32), geometry=Places(places[at]))
+    index, patches = grid[None].astype(np.uint32), SimpleNamespace(key=at)
+    return SimpleNamespace(texel_to_patch=index, patches=patches, geometry=Places(places[at]))
 
 
 def gathered_by(light, front):

@@ -47,6 +47,7 @@ def map_blocks(count: int, row: int, work: Callable[[slice], object]) -> None:
     map_slabs(count, row, work_on_slab)
 
 
+@cache
 def _threads() -> int:
     return min(_MAX_THREADS, os.cpu_count() or 1)
 

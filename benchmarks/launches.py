@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 #: Settings of each kind of work.
 WORK: dict[str, dict[str, Any]] = {
-    "U": {"texel_samples": 4, "hide_seams": True},
-    "G": {"texel_samples": 1, "hide_seams": False, "margin": 0},
+    "U": {"texel_samples": 4, "hide_seams": True, "centres": False},
+    "G": {"texel_samples": 1, "hide_seams": False, "margin": 0, "centres": False},
 }
 
 #: Earlier names of settings, for checkouts that have them.

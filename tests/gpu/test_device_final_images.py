@@ -7,6 +7,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
+from benchmarks.device_log import LAUNCH, DeviceLog
 from engine.device.buffers import download, upload, upload_float4
 from engine.device.cl_device import ComputeDevice
 from engine.direct.contact import Contacts
@@ -349,3 +350,16 @@ def test_one_work_group_makes_the_bits_of_many_launches(
     monkeypatch.setattr(device_bilinear_fit, "_SMALL", 0)
     launched = DeviceFinalImages(compute, *case).images(texels, values)
     assert at_once.any() and (at_once == launched).all()
+
+
+def test_a_step_of_the_fit_takes_three_launches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both runs take all their steps here: 4 launches to begin, and 3 a step but 2 in the last."""
+    monkeypatch.setattr(device_bilinear_fit, "_SMALL", 0)
+    monkeypatch.setattr(device_bilinear_fit.DeviceBilinearFit, "_done", lambda *_: False)
+    case, log = strips(0), DeviceLog()
+    with log.logging():
+        display = DeviceFinalImages(ComputeDevice(), *case)
+        log.clear()
+        display.images(*lit(case, 0))
+    names = "differences", "begin_run", "begin_steps", "cg_curvature", "advance", "cg_direction"
+    assert sum(entry.name in names for entry in log.entries if entry.kind == LAUNCH) == 2 * 4 + 26 * 3 - 2

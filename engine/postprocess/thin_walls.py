@@ -35,7 +35,8 @@ def in_thin_walls(
     """Return the samples, (k,) int64, inside walls thinner than two texels that part light from dark.
 
     All visible samples within one texel on one side of the wall are darker by `_DIFFERS` than the mean on the
-    other side. A shadow at the foot of a wall that is lit on both sides does not count.
+    other side. Neither a shadow at the foot of a wall that is lit on both sides counts, nor a pocket, whose
+    samples are enclosed.
 
     patch_scene:  patches of the scene
     samples:      samples of all texels
@@ -45,7 +46,7 @@ def in_thin_walls(
     """
     thin = np.flatnonzero(np.isfinite(push_offs.thickness) & (push_offs.wall >= 0))
     thin = thin[push_offs.thickness[thin] < _PARTING * _texel(patch_scene, samples, thin)]
-    outside = np.flatnonzero(visible & (push_offs.wall < 0))
+    outside = np.flatnonzero(visible & (push_offs.wall < 0) & ~push_offs.enclosed)
     if not len(thin) or not len(outside):
         return thin[:0]
     keys, resolution = samples.keys(patch_scene.patches.resolution), patch_scene.patches.resolution

@@ -36,6 +36,7 @@ from ..validity.push_off import joined_push_offs
 from ..visibility.sample_counts import expected_samples, ray_count
 from .light_group_final_gather import gather_light_groups, of_all_light
 from .light_group_solver import LightGroupSolution
+from .pockets import in_pockets
 from .texel_sample_points import TexelGatherJob, TexelSamplePoints, with_other_sides
 from .valid_patches import invalid_patches, lit_backs_of, radiance_of, substitutes_of
 
@@ -277,6 +278,7 @@ def _joined(
         "surface is not uniform."
     )
     light = channel_sum(irradiance)
+    visible = visible & ~in_pockets(keys, visible, push_offs.enclosed, light)
     inside = in_thin_walls(patch_scene, samples, push_offs, visible, light)
     warnings = warn_thin_walls(texel_job.scene, patch_scene, samples, push_offs, inside)
     return TexelSampleLight(

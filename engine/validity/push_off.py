@@ -22,6 +22,9 @@ from .thresholds import KERNEL_OPTIONS, SOURCE
 #: Maximum cosine between the normals of two opposite sides of a wall; the sides of a corner exceed it.
 _APART = -0.9
 
+#: Results of the test of a point: INSIDE and ENCLOSED of kernels/validity/push_off.cl.
+_INSIDE, _ENCLOSED = 1, 2
+
 #: Tolerance of the barycentrics of a point that lies on its triangle.
 _ON_TRIANGLE = 1e-6
 
@@ -36,20 +39,23 @@ class PushOffs:
     wall:       (s,) int32, triangle of the covering geometry; -1 for points outside and points without
                 push-off
     inside:     (s,) bool, True for each point inside geometry, with or without push-off
+    enclosed:   (s,) bool, True for points outside, at least three quarters of whose probe rays hit back
+                faces
     """
 
     offset: np.ndarray
     thickness: np.ndarray
     wall: np.ndarray
     inside: np.ndarray
+    enclosed: np.ndarray
 
     def without(self, points: np.ndarray) -> PushOffs:
         """Return the push-offs with a mask of points, (s,) bool, marked as outside."""
-        rows, arrays = np.flatnonzero(points), (self.offset, self.thickness, self.wall, self.inside)
+        rows, names = np.flatnonzero(points), self.__dataclass_fields__
         if not len(rows):
             return self
-        others = [array.copy() for array in arrays]
-        for array, nothing in zip(others, (0, np.inf, -1, False), strict=True):
+        others = [getattr(self, name).copy() for name in names]
+        for array, nothing in zip(others, (0, np.inf, -1, False, False), strict=True):
             array[rows] = nothing
         return PushOffs(*others)
 
@@ -78,17 +84,18 @@ def push_off_points(
     """
     if scene.shaders is not None:
         return _shader_push_offs(scene.shaders, reach, normals, lit)
-    inside, found = _run(scene, count, reach, normals, lit)
+    tested, found = _run(scene, count, reach, normals, lit)
     offset, thickness = np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
     wall = np.full(count, -1, np.int32)
 
     # Few points are inside; only their records leave the device.
+    inside = tested == _INSIDE
     between = np.flatnonzero(inside)
     if len(between):
         way, wall[between], side = _taken(scene, found, between)
         offset[between] = way[:, :3]
         thickness[between] = _thickness(way[:, 3], side, normals)
-    return PushOffs(offset, thickness, wall, inside)
+    return PushOffs(offset, thickness, wall, inside, tested == _ENCLOSED)
 
 
 def find_inside(
@@ -96,8 +103,9 @@ def find_inside(
 ) -> np.ndarray:
     """Return a mask of the points inside geometry, (count,) bool; parameters as for `push_off_points`."""
     if scene.shaders is not None:
-        return push_offs(scene.shaders, reach, normals, lit)[1][:, 3] != 0
-    return _run(scene, count, reach, normals, lit)[0]
+        return push_offs(scene.shaders, reach, normals, lit)[1][:, 3] == _INSIDE
+    inside: np.ndarray = _run(scene, count, reach, normals, lit)[0] == _INSIDE
+    return inside
 
 
 def _kernels(scene: RayScene) -> list[Kernel]:
@@ -111,15 +119,15 @@ def _run(
 ) -> tuple[np.ndarray, list[cl.Buffer]]:
     """Compute push-offs on the device.
 
-    Returns a mask of the points inside geometry, (count,) bool, and three buffers. The buffers hold
-    offsets with thickness, walls, and the triangles of both sides, see `_taken`.
+    Returns the result of the test of each point, (count,) uint8, and three buffers. The buffers hold offsets
+    with thickness, walls, and the triangles of both sides, see `_taken`.
     """
     compute, push = scene.compute, _kernels(scene)[0]
     found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
     marks, number = zeros(compute, words_of(count)), np.int32(count)
     inputs = scene.receivers, upload_once(compute, normals), lit, np.float32(reach)
     scene.rays.run(push, count, *inputs, *found, marks, number)
-    return download_bytes(compute, marks, count).view(bool), found
+    return download_bytes(compute, marks, count), found
 
 
 def _shader_push_offs(
@@ -127,11 +135,12 @@ def _shader_push_offs(
 ) -> PushOffs:
     """Return the push-offs of the points of a ray scene, computed by OpenGL compute shaders."""
     offsets, numbers = push_offs(scene, reach, normals, lit)
-    inside = numbers[:, 3] != 0
+    inside = numbers[:, 3] == _INSIDE
     thickness = np.full(len(offsets), np.inf, np.float32)
     thickness[inside] = _thickness(offsets[inside, 3], numbers[inside, 1:3], normals)
     offset = np.where(inside[:, None], offsets[:, :3], np.float32(0))
-    return PushOffs(offset, thickness, np.where(inside, numbers[:, 0], np.int32(-1)), inside)
+    wall, enclosed = np.where(inside, numbers[:, 0], np.int32(-1)), numbers[:, 3] == _ENCLOSED
+    return PushOffs(offset, thickness, wall, inside, enclosed)
 
 
 def _thickness(measured: np.ndarray, sides: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from .thresholds import KERNEL_OPTIONS
 _TABLES = 6
 
 #: STATE_WORDS of shaders/validity/push_off.comp.
-_PUSH_OFF_STATE = 5
+_PUSH_OFF_STATE = 6
 
 #: The thresholds as definitions of GLSL.
 _FEATURES = tuple(option.removeprefix("-D").replace("=", " ") for option in KERNEL_OPTIONS)
@@ -47,7 +47,8 @@ def push_offs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the push-off of each point.
 
-    Returns (n, 4) float32, offset and thickness, m; and (n, 4) int32: wall, two sides, 1 for points inside.
+    Returns (n, 4) float32, offset and thickness, m; and (n, 4) int32: wall, two sides, result of the
+    test of kernels/validity/push_off.cl.
 
     reach:    maximum length of the rays, texels
     normals:  (t, 3) float32, unit, of the triangles

@@ -30,7 +30,7 @@ MAX_ESCAPES = 3
 
 #: The front of a surface is outside if at most this many of its probe rays hit back faces. In a corner inside
 #: geometry where a wall ends, rays from front faces hit other front faces, and back faces in a quarter of the
-#: cases.
+#: cases. A texel sample is enclosed if at most this many of its rays hit anything but back faces.
 MAX_BACKS_OUTSIDE = PROBES // 4
 
 #: A side of a face is open if at most this many of its probe rays hit back faces. This distinguishes walls of
@@ -41,8 +41,8 @@ MAX_BACKS_OPEN = PROBES // 2
 #: face. A ceiling behind a lamp's panel is backlit.
 MAX_OTHERS_BACKLIT = 3
 
-#: Number of first probe rays of a sample point; if none of them hits a back face, the point is valid and no
-#: more rays are traced.
+#: Number of first probe rays of a sample point; if none of them hits a back face and one reaches farther than
+#: `LIT_FROM`, the point is valid and no more rays are traced.
 FIRST_PROBES = 3
 
 #: A light is enclosed if this fraction of its rays hits back faces without patches. It is below 1, because of

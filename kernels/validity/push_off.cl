@@ -8,6 +8,8 @@
 
 #define WAYS 8        // rays in the tangent plane; opposite rays measure the thickness
 #define MARGIN 0.05f  // distance of a moved point from the face, in texel widths
+#define INSIDE 1      // results of the test, as in engine/validity/push_off.py
+#define ENCLOSED 2
 
 // Returns how far a probe ray indicates the outside: 2 if it hits nothing, or a front face that is outside itself; 1 if
 // it hits a lit back face at a distance, which also occurs in pockets that light leaks into; else 0. From a point
@@ -24,35 +26,52 @@ int escape(const Rays *rays, const Hit *hit, const float3 at, const float height
     return 2 * hits_few_backfaces(rays, at + height * normal, normal, lit, near, MAX_BACKS_OUTSIDE);
 }
 
-// Returns true if a point is inside geometry. If none of its first probe rays hits a back face, it is outside, and no
-// more rays are traced. near: see meets_dark_back, metres. backs_only: set to true if none of its probe rays hits
-// anything but back faces.
-bool is_inside(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,
-               __global const float *normals, __global const uchar *lit, const float near, bool *backs_only)
+// Returns true if the first probe rays of a point prove that it is outside: none hits a dark back face, and one reaches
+// farther than `near`. In a crevice inside geometry, all of them may hit front faces close by.
+bool is_clearly_outside(const Rays *rays, const float3 start, const float3 x, const float3 y, const float3 z,
+                        __global const uchar *lit, const float near)
+{
+    bool far = false;
+    for (int i = 0; i < FIRST_PROBES; ++i) {
+        const Hit hit = nearest_hit(rays, start, probe_direction(i, x, y, z), false);
+        if (meets_dark_back(&hit, lit, near))
+            return false;
+        far |= hit.triangle < 0 || hit.distance > near;
+    }
+    return far;
+}
+
+// Tests a point by its probe rays: returns INSIDE if it is inside geometry, ENCLOSED if it is not but all except
+// MAX_BACKS_OUTSIDE of the rays hit back faces, dark or lit; else 0. near: see meets_dark_back, metres. backs_only: set
+// to true if all rays hit back faces.
+uchar test_point(const Rays *rays, const Receiver *r, const float3 start, const float3 x, const float3 y,
+                 __global const float *normals, __global const uchar *lit, const float near, bool *backs_only)
 {
     int out = 0, fronts = 0;
-    const Probes most = {0, FIRST_PROBES, FIRST_PROBES};
-    if (probe(rays, start, r->geometric, lit, near, FIRST_PROBES, most).backs == 0)
-        return false;
-    for (int i = 0; i < LOOKS && out <= MAX_ESCAPES; ++i) {
+    if (is_clearly_outside(rays, start, x, y, r->geometric, lit, near))
+        return 0;
+    for (int i = 0; i < LOOKS && (out <= MAX_ESCAPES || fronts <= MAX_BACKS_OUTSIDE); ++i) {
         const float3 direction = probe_direction(i, x, y, r->geometric);
         const Hit hit = nearest_hit(rays, start, direction, false);
         fronts += hit.triangle < 0 || hit.front;
-        out += escape(rays, &hit, start + hit.distance * direction, r->height, normals, lit, near);
+        if (out <= MAX_ESCAPES)
+            out += escape(rays, &hit, start + hit.distance * direction, r->height, normals, lit, near);
     }
     *backs_only = fronts == 0;
-    return out <= MAX_ESCAPES;
+    if (out <= MAX_ESCAPES)
+        return INSIDE;
+    return fronts <= MAX_BACKS_OUTSIDE ? ENCLOSED : 0;
 }
 
 // Computes the push-off of each point inside geometry; nothing else is written for other points.
 // ways: xyz the displacement, metres, 0 for none; w the thickness of the object around the point, metres, INFINITY if
 //     its sides are farther than `reach` texels.
 // walls: nearest triangle of the object, or -1. sides: the two triangles between which thickness is measured.
-// inside: 1 for points inside. normals: of the triangles. lit: see meets_dark_back. reach: width of a texel in widths
-//     of the points; more than 1 if points are parts of texels.
+// tested: INSIDE, ENCLOSED or 0, see test_point. normals: of the triangles. lit: see meets_dark_back. reach: width
+//     of a texel in widths of the points; more than 1 if points are parts of texels.
 __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers, __global const float *normals,
                        __global const uchar *lit, const float reach, __global float4 *ways, __global int *walls,
-                       __global int2 *sides, __global uchar *inside, const int count)
+                       __global int2 *sides, __global uchar *tested, const int count)
 {
     const int point = get_global_id(0);
     if (point >= count)
@@ -63,8 +82,8 @@ __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     float3 x, y;
     basis(r.geometric, &x, &y);
     bool backs_only = false;
-    inside[point] = is_inside(&rays, &r, start, x, y, normals, lit, LIT_FROM * reach * r.size, &backs_only);
-    if (!inside[point])
+    tested[point] = test_point(&rays, &r, start, x, y, normals, lit, LIT_FROM * reach * r.size, &backs_only);
+    if (tested[point] != INSIDE)
         return;
     ways[point] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);
     walls[point] = -1;

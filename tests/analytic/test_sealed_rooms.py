@@ -295,3 +295,44 @@ def test_a_panel_that_shines_close_to_a_wall_lights_it_from_behind(visibility, t
 def sky_scene(*meshes):
     """Return a black scene under a sky of radiance 1."""
     return scene_of(meshes, reflectance=0.0, world=np.ones(3, np.float32))
+
+
+#: A lamp beside a low shell, which is 15 texels from the left end of the floor and cuts texels in half.
+BESIDE, SHELL = (0.15, 0.4, 0.5), 0.62
+
+
+def shell_on_floor(slit):
+    """Return a floor and a hollow shell, 5 by 10 texels, whose faces are single and face outward.
+
+    slit:  width of an opening along the middle of its top, m
+    """
+    floor, top = floor_under_sky(), (0.2 - slit) / 2
+    sides = box_faces((SHELL, 0.2, -0.02), (SHELL + 0.2, 0.6, 0.1))[2:, ::-1]
+    tops = [box_faces((x, 0.2, -0.02), (x + top, 0.6, 0.1))[1:2, ::-1] for x in (SHELL, SHELL + 0.2 - top)]
+    return floor, occluder(np.concatenate([sides, *tops]), "Shell")
+
+
+def texels_cut_by_shell(lightmap):
+    """Return the light of the texels of the floor that the shell's wall halves, without its ends."""
+    return lightmap.display[0, 6:14, 15].mean(axis=-1)
+
+
+@pytest.mark.parametrize("texel_samples", [4, 16])
+def test_a_pocket_with_a_slit_leaves_texels_in_front_of_it_lit(texel_samples):
+    """Probe rays escape through the slit, so the inside is visible, but it is dark."""
+    floor, shell = shell_on_floor(0.06)
+    scene = scene_of([floor, shell], [lamp(BESIDE)], 0.1)
+    lightmap = drive(scene, replace(SETTINGS, texel_samples=texel_samples, hide_seams=False))
+    expected = lamp_light(BESIDE, line(SHELL - TEXEL / 2)).mean()
+    assert texels_cut_by_shell(lightmap) == pytest.approx(np.full(8, expected), rel=0.2)
+
+
+def test_a_dim_room_whose_walls_face_outward_is_no_pocket():
+    """Texels that its wall halves show the mean of both sides."""
+    floor, shell = shell_on_floor(0.06)
+    inside, power = (SHELL + 0.1, 0.4, 0.09), 0.01
+    scene = scene_of([floor, shell], [lamp(BESIDE), lamp(inside, power)], 0.1)
+    lightmap = drive(scene, replace(SETTINGS, hide_seams=False))
+    points = [np.array([(SHELL + step, 0.4)]) for step in (-TEXEL / 4, TEXEL / 4)]
+    expected = (lamp_light(BESIDE, points[0]) + power * lamp_light(inside, points[1])) / 2
+    assert texels_cut_by_shell(lightmap)[3:5] == pytest.approx(np.full(2, expected), rel=0.1)

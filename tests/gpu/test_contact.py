@@ -209,6 +209,8 @@ def test_probes_find_the_same_without_opencl(graphics, compute, shift):
     )
     same = (theirs.inside == ours.inside) & (theirs.wall == ours.wall)
     assert theirs.inside.any() and same.mean() > 0.99
+    assert theirs.enclosed.any() and (theirs.enclosed == ours.enclosed).mean() > 0.99
+    assert not (theirs.inside & theirs.enclosed).any()
 
     # Ways out of equal length are common among whole coordinates; rounding decides between them.
     assert (np.abs(theirs.offset - ours.offset)[same].max(axis=1) > 1e-3).mean() < 2e-3
@@ -243,6 +245,23 @@ def test_lit_back_faces_make_a_room_outside_but_no_narrow_pocket(graphics, compu
         inside[size] = found[patch_scene.geometry.triangle < 2]
     room, pocket = inside.values()
     assert len(room) == 25 * 23 * side**2 and not room.any() and pocket.mean() > 0.6
+
+
+@pytest.mark.parametrize("shift", [NEAR, FAR])
+@pytest.mark.parametrize("shaders", [False, True])
+def test_a_crevice_whose_first_probes_hit_front_faces_is_inside(graphics, compute, shift, shaders):
+    """A texel within a body has a small face above it, which meets back faces, like all other probes."""
+    texel, above = ((4, 4, 1), (1, 0, 0), (0, 1, 0)), ((4, 4, 1.7), (0, 1, 0), (1, 0, 0))
+    faces = [rectangle(*texel)[None], rectangle(*above)[None], room_walls(9, 9, 9)[:, ::-1]]
+    charts = [(0, 0, 1, 1), (3, 0, 1, 1), *((6 + 5 * side, 0, 3, 3) for side in range(6))]
+    mesh = quads(np.concatenate(faces) + np.array(shift), charts, [0] * 8, 64, "Body")
+    patch_scene = make_patch_scene(graphics, compute, Scene((mesh,), (material("Grey", 0.5),)), SETTINGS)
+    rays = RayScene(compute, patch_scene)
+    if shaders:
+        rays = RayScene(None, patch_scene, shaders=ShaderScene(graphics, patch_scene))
+    inside = find_inside(rays, rays.count, 1.0, patch_scene.geometry.steps.geometric)
+    on_texel = patch_scene.geometry.triangle < 2
+    assert on_texel.sum() == 1 and inside[on_texel].all()
 
 
 @pytest.mark.parametrize("shift", [NEAR, FAR])

@@ -17,6 +17,10 @@ WIDTH, SIDE = 7, 4
 WALL = (3.2, 3.6)
 
 
+#: Light of samples that back faces enclose.
+POCKET = 0.01
+
+
 def floor_and_wall():
     """Return a floor of two triangles and the two long sides of a wall across it."""
     low, high = (0, 0, 0), (WIDTH, WIDTH, 0)
@@ -49,25 +53,38 @@ def samples_of_floor():
     return TexelSamples(np.zeros(count, np.int32), texel, position, weight, triangle, barycentric)
 
 
+def push_offs_of(inside, wall, enclosed):
+    """Return the push-offs of samples inside a wall, (s,) bool, and of enclosed samples, (s,) bool."""
+    return PushOffs(
+        np.zeros((len(inside), 3), np.float32),
+        np.where(inside, np.float32(0.4), np.float32(np.inf)),
+        np.where(inside, wall, -1).astype(np.int32),
+        inside,
+        enclosed,
+    )
+
+
 @pytest.mark.parametrize(
     ("left", "right", "foot", "found"),
-    [(1.0, 0.0, 1.0, True), (0.2, 1.0, 1.0, True), (1.0, 1.0, 0.05, False), (1.0, 0.9, 1.0, False)],
+    [
+        (1.0, 0.0, 1.0, True),
+        (0.2, 1.0, 1.0, True),
+        (1.0, 1.0, 0.05, False),
+        (1.0, 0.9, 1.0, False),
+        (1.0, POCKET, 1.0, False),
+        (POCKET, 1.0, 1.0, False),
+    ],
 )
 @pytest.mark.parametrize("wall", [2, 3])
 @pytest.mark.parametrize("at_once", [2, 100])
 def test_a_wall_counts_if_one_side_is_darker_as_a_whole(left, right, foot, found, wall, at_once, monkeypatch):
-    """Light at the foot of the wall is `foot` times that of its side."""
+    """Light at the foot of the wall is `foot` times that of its side; a pocket is no dark side."""
     monkeypatch.setattr(thin_walls, "_AT_ONCE", at_once)
     samples = samples_of_floor()
     x = samples.position[:, 0]
     inside = (x > WALL[0]) & (x < WALL[1])
     light = np.where(x < WALL[0], left, right)
     light[np.abs(x - np.mean(WALL)) < 0.5] *= foot
-    push_offs = PushOffs(
-        np.zeros((len(x), 3), np.float32),
-        np.where(inside, np.float32(0.4), np.float32(np.inf)),
-        np.where(inside, wall, -1).astype(np.int32),
-        inside,
-    )
+    push_offs = push_offs_of(inside, wall, ~inside & (light == POCKET))
     thin = in_thin_walls(floor_and_wall(), samples, push_offs, ~inside, light.astype(np.float32))
     assert list(thin) == list(np.flatnonzero(inside) if found else [])

@@ -14,8 +14,10 @@ import pytest
 from benchmarks.rooms import hilly_room
 from engine import Light, Settings, finished
 from engine.bake_result import BakeResult
+from engine.bake_state import BakeState
 from engine.device import peers
 from engine.device.cl_device import ComputeDevice
+from engine.device.device_array import DeviceArray
 from engine.device.opencl import cl
 from engine.device.row_range import RowRange
 from engine.direct import shadow_rays
@@ -149,6 +151,16 @@ def test_other_device_gets_triangles_and_receivers_before_it_has_work(
         pass
     assert ready.wait(30)
     work.close()
+
+
+def test_light_of_a_final_gather_stays_on_the_device() -> None:
+    states: list[BakeState] = []
+    settings = replace(_SETTINGS, patch_groups=2)
+    made = finished(Session().bake(hilly_room(_WIDTH, 200), settings, inspect=states.append))
+    light = states[0].solution.light
+    assert isinstance(light, DeviceArray) and "rows" not in vars(light)
+    assert np.array_equal(np.asarray(light), states[0].solution.irradiance)
+    assert made.image.any()
 
 
 @pytest.mark.usefixtures("two_devices")

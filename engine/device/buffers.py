@@ -81,6 +81,17 @@ def upload_once(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
     return compute.shared.of(values, "bits", lambda: upload(compute, values))
 
 
+def lasting_buffer(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
+    """Return a buffer of an array that must not change and outlives all kernels that read it.
+
+    A CPU reads the array itself, without a copy. Other devices get the buffer of `upload_once`.
+    """
+    flags = values.flags
+    if not (compute.processor and flags.c_contiguous and flags.writeable):
+        return upload_once(compute, values)
+    return cl.Buffer(compute.context, cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR, hostbuf=values)
+
+
 def replace_rows_once(
     compute: ComputeDevice, values: np.ndarray, changed: np.ndarray, rows: np.ndarray
 ) -> None:

@@ -12,6 +12,7 @@ from ..device.buffers import (
     download,
     download_colors,
     download_colors_once,
+    lasting_buffer,
     upload,
     upload_float4_once,
     upload_once,
@@ -260,9 +261,8 @@ def glow_arguments(compute: ComputeDevice, patch_scene: PatchScene, bright: Samp
         back = upload_float4_once(compute, surfaces.emission_of_backs, first=1)
     else:
         front = back = zeros(compute, 16)
-    lookups = (
-        upload_once(compute, array) for array in (patch_scene.texel_to_patch, patch_scene.triangles.uvs)
-    )
+    uvs = lasting_buffer(compute, patch_scene.triangles.uvs)
+    lookups = upload_once(compute, patch_scene.texel_to_patch), uvs
     return (front, back, *lookups, np.int32(patch_scene.patches.resolution))
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import upload, upload_once
+from ..device.buffers import lasting_buffer, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from .geometry import PatchGeometry
@@ -56,9 +56,9 @@ class DeviceBorder:
         self._nearest, self._middles = compute.kernels(SOURCE, *names, options=OPTIONS)
         self._texels = upload_once(compute, border.texel), upload_once(compute, border.triangle)
         triangles, offsets = geometry.triangles, np.array(OFFSETS, np.int32)[:, ::-1]
-        self._uvs = upload_once(compute, triangles.uvs)
-        arrays = (triangles.positions, triangles.mesh, geometry.steps.longer, offsets)
-        self._scene = [upload(compute, array) for array in arrays]
+        arrays = triangles.uvs, triangles.positions, triangles.mesh, geometry.steps.longer
+        self._uvs, *scene = (lasting_buffer(compute, array) for array in arrays)
+        self._scene = [*scene, upload(compute, offsets)]
 
     def nearest_patches(self, patches: PatchList, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the nearest patch + 1 on the surface of each border texel, or 0, (m,) uint32.

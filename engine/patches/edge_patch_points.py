@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..array_ops import any_in_rows
-from ..device.buffers import download_bytes, replace_rows_once, upload_once, words_of, zeros
+from ..device.buffers import (
+    download_bytes,
+    lasting_buffer,
+    replace_rows_once,
+    upload_once,
+    words_of,
+    zeros,
+)
 from ..device.cl_device import ComputeDevice
 from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
 from .geometry import PatchGeometry
@@ -49,8 +56,9 @@ def _found_on_edges(
 ) -> np.ndarray:
     """Find the patches on chart edges with an OpenCL kernel; return their indices, (k,) int64."""
     (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)
-    arrays = geometry.triangles.uvs, texel_to_patch, patches.triangle, patches.barycentric
-    inputs = [upload_once(compute, array) for array in arrays]
+    arrays = texel_to_patch, patches.triangle, patches.barycentric
+    uvs = lasting_buffer(compute, geometry.triangles.uvs)
+    inputs = [uvs, *(upload_once(compute, array) for array in arrays)]
     size = texel_to_patch.size
     marks = zeros(compute, words_of(size))
     compute.run(kernel, size, *inputs, np.int32(patches.resolution), marks, np.int32(size))

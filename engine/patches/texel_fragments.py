@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..array_ops import joined_rows, map_blocks, order_of, take_rows
-from ..device.buffers import download, upload, upload_once, zeros
+from ..device.buffers import download, lasting_buffer, upload, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..scene.triangles import Triangles
@@ -83,7 +83,7 @@ class TexelClipper:
     def __init__(self, compute: ComputeDevice, triangles: Triangles, resolution: int) -> None:
         self.compute, self._triangles, self._resolution = compute, triangles, resolution
         self._kernels = dict(zip(_NAMES, compute.kernels("texel_fragments.cl", *_NAMES), strict=True))
-        self._uvs = upload_once(compute, triangles.uvs)
+        self._uvs = lasting_buffer(compute, triangles.uvs)
         self._listed: dict[int, tuple] = {}
 
     def rows(self, atlases: int) -> tuple:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import download_bytes, upload_once, words_of, zeros
+from ..device.buffers import download_bytes, lasting_buffer, upload_once, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from ..patches.patch_list import PatchList
 from ..scene.triangles import Triangles
@@ -69,8 +69,8 @@ def off_centre_patches(
 def _found_thin(compute: ComputeDevice, triangles: Triangles, patches: PatchList) -> np.ndarray:
     """Return the indices of off-centre patches, (k,) int64, computed by an OpenCL kernel."""
     (kernel,) = compute.kernels(SOURCE, "find_thin")
-    arrays = triangles.uvs, patches.triangle, patches.barycentric, patches.texel
-    inputs = (upload_once(compute, array) for array in arrays)
+    arrays = patches.triangle, patches.barycentric, patches.texel
+    inputs = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
     thin = zeros(compute, words_of(len(patches)))
     size = np.int32(patches.resolution), np.float32(_AT_CENTRE), thin, np.int32(len(patches))
     compute.run(kernel, len(patches), *inputs, *size)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..array_ops import to_float4
-from ..device.buffers import download, upload, upload_once
+from ..device.buffers import download, lasting_buffer, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
@@ -98,9 +98,9 @@ class ProbeRows:
         tinted = () if self._palette is None else ("-DTINTED",)
         (self._project,) = compute.kernels(("project_probes.cl",), "project_probes", options=tinted)
         triangles = sources.triangles
-        arrays = triangles.uvs, triangles.atlas, sources.texel_to_patch
+        arrays = triangles.atlas, sources.texel_to_patch
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
-        lookups = (upload_once(compute, array) for array in arrays)
+        lookups = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
         sizes = None if triangles.backs is None else upload_once(compute, triangles.uv_sizes)
         self._lightmaps = (*lookups, np.int32(sources.patches.resolution), backs, sizes)
         self._size = int(triangles.mesh.size).bit_length()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..array_ops import to_float4
-from ..device.buffers import download, upload, upload_once
+from ..device.buffers import download, lasting_buffer, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..device.time_slicer import sliced
@@ -69,8 +69,8 @@ class CubeTracer:
         )
         (self._shade,) = compute.kernels("shade_cube.cl", "add_textured")
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
-        arrays = triangles.uvs, triangles.atlas, patch_scene.texel_to_patch
-        lookups = (upload_once(compute, array) for array in arrays)
+        arrays = triangles.atlas, patch_scene.texel_to_patch
+        lookups = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
         sky = np.atleast_3d(scene.world.astype(np.float32)).reshape(-1, 3)
         height, width = scene.world.shape[:2] if scene.world.ndim == 3 else (1, 1)
         padded = np.zeros((len(light.light) + 2, 4), np.float32)

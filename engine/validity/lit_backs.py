@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.buffers import download, upload, upload_once
+from ..device.buffers import download, lasting_buffer, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
@@ -34,8 +34,8 @@ def lit_backs(
         return None
     mean = mean_luminance(compute, radiance, count)
     (kernel,) = compute.kernels("lit_backs.cl", "luminance_of_backs")
-    arrays = triangles.uvs, triangles.atlas, sources.texel_to_patch
-    lookups = (upload_once(compute, array) for array in arrays)
+    arrays = triangles.atlas, sources.texel_to_patch
+    lookups = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
     found = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * triangles.solid)
     compute.run(
         kernel, triangles.solid, *lookups, np.int32(sources.patches.resolution),

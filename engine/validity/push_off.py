@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..array_ops import joined_rows, row_products, take_rows
-from ..device.buffers import download, download_bytes, upload, upload_once, words_of, zeros
+from ..device.buffers import download, download_bytes, lasting_buffer, upload, words_of, zeros
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..patches.geometry import PatchGeometry
@@ -125,7 +125,7 @@ def _run(
     compute, push = scene.compute, _kernels(scene)[0]
     found = [cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * count) for size in (16, 4, 8)]
     marks, number = zeros(compute, words_of(count)), np.int32(count)
-    inputs = scene.receivers, upload_once(compute, normals), lit, np.float32(reach)
+    inputs = scene.receivers, lasting_buffer(compute, normals), lit, np.float32(reach)
     scene.rays.run(push, count, *inputs, *found, marks, number)
     return download_bytes(compute, marks, count), found
 

@@ -7,12 +7,14 @@ from engine.device.buffers import (
     download,
     download_colors_once,
     insert_rows_once,
+    lasting_buffer,
     replace_rows_once,
     upload,
     upload_float4,
     upload_float4_once,
     upload_once,
 )
+from engine.device.opencl import cl
 
 
 @pytest.mark.parametrize(("count", "bright"), [
@@ -27,6 +29,27 @@ def test_colours_become_float4_however_many_are_black(compute, count, bright, en
     expected = np.zeros((first + count + last, 4), np.float32)
     expected[first : first + count, :3] = colours
     assert np.array_equal(wide, expected)
+
+
+def test_a_processor_reads_lasting_arrays_in_place(compute):
+    values = np.random.default_rng(11).random((40_001, 3), np.float32)
+    buffer = lasting_buffer(compute, values)
+    assert np.array_equal(download(compute, buffer, values.shape), values)
+    if compute.processor:
+        assert buffer.flags & cl.mem_flags.USE_HOST_PTR
+        assert buffer.get_host_array(values.shape, values.dtype).ctypes.data == values.ctypes.data
+    else:
+        assert lasting_buffer(compute, values) is buffer
+
+
+@pytest.mark.parametrize("made", ["read_only", "strided"])
+def test_lasting_arrays_that_a_device_cannot_read_in_place_are_copied(compute, made):
+    values = np.random.default_rng(12).random((1009, 4), np.float32)
+    values = values[::2] if made == "strided" else values
+    values.flags.writeable = made != "read_only"
+    buffer = lasting_buffer(compute, values)
+    assert not buffer.flags & cl.mem_flags.USE_HOST_PTR
+    assert np.array_equal(download(compute, buffer, values.shape), values)
 
 
 def test_colours_that_came_from_the_device_are_uploaded_from_there(compute):

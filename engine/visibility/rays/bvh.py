@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.buffers import download, upload, zeros
+from ...device.buffers import download, lasting_buffer, upload, zeros
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
 from ...device.opencl import cl
@@ -171,12 +171,16 @@ class _Builder:
         self._boxes, self._links = (
             self._buffer(2 * record.dtype.itemsize * self._count) for record in (BOX, LINK)
         )
-        self._positions = upload(compute, positions.astype(np.float32, copy=False))
+        self._positions = lasting_buffer(compute, positions.astype(np.float32, copy=False))
         self._reach = max(reach, 1e-30)
 
     def build(self) -> Bvh:
         """Build the BVH by merging, joining and widening; return it."""
-        return self._widen(self._join(*self._merge(*self._sorted())))
+        bvh = self._widen(self._join(*self._merge(*self._sorted())))
+        # A CPU reads the caller's positions, which may not outlive this call.
+        if self._compute.processor:
+            self._queue.finish()
+        return bvh
 
     def _sorted(self) -> tuple[cl.Buffer, int]:
         """Return sorted Morton keys, with triangle indices in the lowest bits, and the mask of these bits.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.buffers import upload, upload_once
+from ...device.buffers import lasting_buffer, upload, upload_once
 from ...device.cl_device import ComputeDevice
 from ...device.kernel import Kernel
 from ...device.opencl import cl
@@ -89,8 +89,8 @@ class RaySampler:
             "trace_visibility.cl", "trace_visibility", "gather_rays"
         )
         triangles = sources.triangles
-        arrays = (triangles.uvs, triangles.atlas, sources.texel_to_patch)
-        lookups = (upload_once(compute, array) for array in arrays)
+        arrays = triangles.atlas, sources.texel_to_patch
+        lookups = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...array_ops import map_blocks
-from ...device.buffers import download_bytes, upload, words_of, zeros
+from ...device.buffers import download_bytes, lasting_buffer, upload, words_of, zeros
 from ...device.cpu_renderers import draws_on_cpu
 from ...device.opencl import cl
 from ...patches.unmapped_meshes import COARSENESS, clusters, triangle_areas
@@ -223,7 +223,7 @@ def _caster(tracer: RayTracer | ShaderTracer, positions: np.ndarray) -> Callable
     """
     if isinstance(tracer, ShaderTracer):
         return partial(ShaderBackRays, tracer, storage_buffer(tracer.graphics, positions))
-    return partial(_KernelBackRays, tracer, upload(tracer.compute, positions))
+    return partial(_KernelBackRays, tracer, lasting_buffer(tracer.compute, positions))
 
 
 class _KernelBackRays:

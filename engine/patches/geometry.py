@@ -44,11 +44,6 @@ class TexelSteps:
         arrays = self.edge_u, self.edge_v, self.geometric, self.area, self.whole
         return TexelSteps(*(take_rows(array, chosen) for array in arrays))
 
-    def scaled(self, factor: float) -> TexelSteps:
-        """Return the texel steps of a lightmap whose texels are `factor` times as wide."""
-        edges = np.float32(factor) * self.edge_u, np.float32(factor) * self.edge_v
-        return TexelSteps(*edges, self.geometric, np.float32(factor**2) * self.area, self.whole)
-
 
 class PatchGeometry:
     """World-space geometry of patches, computed on first use.
@@ -58,6 +53,7 @@ class PatchGeometry:
     triangle:     (n,) int32, index into `triangles`
     barycentric:  (n, 3) float32, position on the triangle
     counts:       (t,) int64, number of patches on each triangle; None to compute it
+    width:        width of a patch, texels
     """
 
     def __init__(
@@ -67,19 +63,21 @@ class PatchGeometry:
         triangle: np.ndarray,
         barycentric: np.ndarray,
         counts: np.ndarray | None = None,
+        width: float = 1.0,
     ) -> None:
-        self.triangles, self.steps = triangles, steps
+        self.triangles, self.steps, self.width = triangles, steps, width
         self.triangle, self.barycentric, self._counts = triangle, barycentric, counts
 
     def subset(self, chosen: slice | np.ndarray) -> PatchGeometry:
         """Return the geometry of a subset of the patches."""
         where = take_rows(self.triangle, chosen), take_rows(self.barycentric, chosen)
-        return PatchGeometry(self.triangles, self.steps, *where)
+        return PatchGeometry(self.triangles, self.steps, *where, width=self.width)
 
     def at(self, patches: PatchList) -> PatchGeometry:
         """Return the geometry of patches at other positions on the same triangles."""
         counts = self._counts if patches.triangle is self.triangle else None
-        return PatchGeometry(self.triangles, self.steps, patches.triangle, patches.barycentric, counts)
+        where = patches.triangle, patches.barycentric
+        return PatchGeometry(self.triangles, self.steps, *where, counts, self.width)
 
     @cached_property
     def on_triangle(self) -> np.ndarray:
@@ -104,21 +102,18 @@ class PatchGeometry:
 
     @cached_property
     def edge_u(self) -> np.ndarray:
-        """World-space step of one texel along u, (n, 3) float32, m."""
-        edge: np.ndarray = self.steps.edge_u.take(self.triangle, axis=0)
-        return edge
+        """World-space step of one patch along u, (n, 3) float32, m."""
+        return scaled(self.steps.edge_u.take(self.triangle, axis=0), self.width)
 
     @cached_property
     def edge_v(self) -> np.ndarray:
-        """World-space step of one texel along v, (n, 3) float32, m."""
-        edge: np.ndarray = self.steps.edge_v.take(self.triangle, axis=0)
-        return edge
+        """World-space step of one patch along v, (n, 3) float32, m."""
+        return scaled(self.steps.edge_v.take(self.triangle, axis=0), self.width)
 
     @cached_property
     def area(self) -> np.ndarray:
-        """Area of one texel, (n,) float32, m^2."""
-        area: np.ndarray = self.steps.area.take(self.triangle, axis=0)
-        return area
+        """Area of one patch, (n,) float32, m^2."""
+        return scaled(self.steps.area.take(self.triangle, axis=0), self.width**2)
 
     @cached_property
     def material(self) -> np.ndarray:
@@ -142,6 +137,11 @@ def patch_geometry(
     """Return the world-space geometry of all patches; steps: texel steps, None to compute them."""
     steps = steps or texel_steps(triangles, patches.resolution)
     return PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
+
+
+def scaled(values: np.ndarray, factor: float) -> np.ndarray:
+    """Return float32 values times a factor; the values themselves for a factor of 1."""
+    return values if factor == 1 else np.float32(factor) * values
 
 
 def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..array_ops import any_in_rows, take_rows
 from ..device.opencl import cl
 from ..direct.lighting import DirectLighting
-from ..patches.geometry import PatchGeometry, TexelSteps
+from ..patches.geometry import PatchGeometry
 from ..patches.patch_list import PatchList
 from ..patches.patch_scene import PatchScene
 from ..patches.sides import Sides, own_sides
@@ -42,13 +42,6 @@ class TexelGatherJob:
     solved: SolveJob
     choice: SolverChoice
     lighting: DirectLighting
-    _steps: dict[float, TexelSteps] = field(default_factory=dict)
-
-    def steps(self, side: float) -> TexelSteps:
-        """Return the world-space steps of a sample on each triangle; `side` samples along u and v."""
-        if side not in self._steps:
-            self._steps[side] = self.job.patch_scene.geometry.steps.scaled(1 / side)
-        return self._steps[side]
 
 
 def with_other_sides(samples: TexelSamples, patch_scene: PatchScene) -> tuple[TexelSamples, Sides | None]:
@@ -91,12 +84,12 @@ class TexelSamplePoints:
 
         # A sample represents a fraction of its texel.
         self._side = math.sqrt(settings.texel_samples)
-        self._steps = texel_job.steps(self._side)
         self._place(samples)
 
     def _place(self, samples: TexelSamples) -> None:
         patch_scene = self._job.patch_scene
-        geometry = PatchGeometry(patch_scene.triangles, self._steps, samples.triangle, samples.barycentric)
+        steps, where = patch_scene.geometry.steps, (samples.triangle, samples.barycentric)
+        geometry = PatchGeometry(patch_scene.triangles, steps, *where, width=1 / self._side)
         patches = PatchList(
             patch_scene.patches.resolution,
             samples.atlas,
@@ -116,7 +109,8 @@ class TexelSamplePoints:
         lit_backs:  see `validity.lit_backs`
         """
         samples, patch_scene = self.samples, self.patch_scene
-        push_offs = push_off_points(self.rays, len(samples), self._side, self._steps.geometric, lit_backs)
+        geometric = patch_scene.geometry.steps.geometric
+        push_offs = push_off_points(self.rays, len(samples), self._side, geometric, lit_backs)
         push_offs = push_offs.without(lit)
         inside = np.flatnonzero(push_offs.inside)
         inside = inside[any_in_rows(take_rows(push_offs.offset, inside))]

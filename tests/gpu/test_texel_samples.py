@@ -172,6 +172,18 @@ def test_texels_show_the_weighted_mean_of_visible_samples(compute):
     assert means.of(values[:, 0]) == pytest.approx(means.of(values)[:, :1])
 
 
+def test_samples_have_the_steps_of_their_width():
+    triangles = triangles_of(SQUARE)
+    where = np.array([0, 1], np.int32), np.full((2, 3), 1 / 3, np.float32)
+    steps = texel_steps(triangles, RESOLUTION)
+    whole, half = (PatchGeometry(triangles, steps, *where, width=width) for width in (1.0, 0.5))
+    for part in (half, half.subset(slice(0, 2))):
+        assert np.array_equal(part.edge_u, whole.edge_u / 2) and whole.edge_u.any()
+        assert np.array_equal(part.edge_v, whole.edge_v / 2)
+        assert np.array_equal(part.area, whole.area / 4)
+        assert np.array_equal(part.center, whole.center)
+
+
 def test_points_that_leave_their_triangle_are_not_pushed():
     triangles = triangles_of(SQUARE)
     steps = texel_steps(triangles, RESOLUTION)

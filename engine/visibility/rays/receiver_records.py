@@ -11,7 +11,7 @@ from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
 from ...device.kernel import Kernel
 from ...device.opencl import cl
-from ...patches.geometry import PatchGeometry, TexelSteps
+from ...patches.geometry import PatchGeometry, TexelSteps, scaled
 from ...patches.patch_list import PatchList
 from ..views.viewpoints import OF_COORDINATE, OF_DIAGONAL, OF_TEXEL
 
@@ -99,27 +99,33 @@ def _used_triangles(compute: ComputeDevice, geometry: PatchGeometry) -> tuple[cl
             number = np.empty(len(used), np.int32)
             number[chosen] = np.arange(len(chosen), dtype=np.int32)
             arrays = number[geometry.triangle], triangles.positions[chosen], triangles.normals[chosen]
-            return *(upload(compute, array) for array in arrays), _upload_steps(compute, steps.subset(chosen))
+            records = _upload_steps(compute, steps.subset(chosen), geometry.width)
+            return *(upload(compute, array) for array in arrays), records
     return (
         upload_once(compute, geometry.triangle),
         upload_once(compute, triangles.positions),
         upload_once(compute, triangles.normals),
-        compute.shared.of(steps.area, "steps", lambda: _upload_steps(compute, steps)),
+        compute.shared.of(
+            steps.area, f"steps {geometry.width}", lambda: _upload_steps(compute, steps, geometry.width)
+        ),
     )
 
 
-def _upload_steps(compute: ComputeDevice, steps: TexelSteps) -> cl.Buffer:
-    """Upload the records of triangles, (t,) TEXEL_STEP; converts some at a time to save host memory."""
+def _upload_steps(compute: ComputeDevice, steps: TexelSteps, width: float) -> cl.Buffer:
+    """Upload the records of triangles, (t,) TEXEL_STEP; converts some at a time to save host memory.
+
+    width: of a patch, texels
+    """
     count, size = len(steps.area), TEXEL_STEP.dtype.itemsize
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * max(count, 1))
     for first in range(0, count, _CONVERTED):
         some = slice(first, first + _CONVERTED)
         records = TEXEL_STEP.array(
             min(_CONVERTED, count - first),
-            edge_u=steps.edge_u[some],
-            edge_v=steps.edge_v[some],
+            edge_u=scaled(steps.edge_u[some], width),
+            edge_v=scaled(steps.edge_v[some], width),
             geometric=steps.geometric[some],
-            area=steps.area[some],
+            area=scaled(steps.area[some], width**2),
         )
         write(compute, buffer, records, size * first)
     return buffer

@@ -16,19 +16,19 @@ _TINY = 1e-20
 def receivers_on_host(patches: PatchList, geometry: PatchGeometry) -> np.ndarray:
     """Return the records of patches, (n,) RECEIVER, without the offsets of their rays."""
     triangle, weights, triangles = geometry.triangle, geometry.barycentric, geometry.triangles
-    corners, normals, steps = triangles.positions[triangle], triangles.normals[triangle], geometry.steps
+    corners, normals = triangles.positions[triangle], triangles.normals[triangle]
     at = np.einsum("nk,nkd->nd", weights, corners, dtype=np.float32)
     mean = np.einsum("nk,nkd->nd", weights, normals, dtype=np.float32)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
-    geometric = steps.geometric[triangle]
+    geometric = geometry.geometric
     records = RECEIVER.array(
         len(triangle),
         at=at,
-        height=_heights(at, steps.area[triangle], triangles.diagonal, triangles.origin),
+        height=_heights(at, geometry.area, triangles.diagonal, triangles.origin),
         normal=np.where(size > _TINY, mean / np.maximum(size, _TINY), geometric),
         geometric=geometric,
-        edge_u=steps.edge_u[triangle],
-        edge_v=steps.edge_v[triangle],
+        edge_u=geometry.edge_u,
+        edge_v=geometry.edge_v,
         corner=corners[:, 0],
         edge1=corners[:, 1] - corners[:, 0],
         edge2=corners[:, 2] - corners[:, 0],

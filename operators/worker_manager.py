@@ -91,6 +91,7 @@ class WorkerManager:
 
         It reports the preparation that runs now, since a worker that builds a shader takes no bake meanwhile.
         """
+        from ..engine.device.freed_memory import give_back_freed_memory
         from ..engine.worker.worker import bake_without_crashing_device
 
         preparation = self.preparation
@@ -98,6 +99,7 @@ class WorkerManager:
         def bake(scene: Scene, settings: Settings) -> Generator[Progress | None, None, BakeResult]:
             if preparation is not None:
                 yield preparation
+            give_back_freed_memory()
             return (yield from bake_without_crashing_device(self.worker(), scene, settings, self.paces))
 
         return bake

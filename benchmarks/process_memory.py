@@ -43,7 +43,7 @@ class ProcessMemory:
 
     def __enter__(self) -> ProcessMemory:
         self._end, self._lock, self._stage = Event(), Lock(), ""
-        self._first, self._cpu = _memory(), _cpu()
+        self._first, self._cpu = used_memory(), _cpu()
         self._thread = Thread(target=self._follow, daemon=True)
         self._thread.start()
         return self
@@ -69,13 +69,13 @@ class ProcessMemory:
 
     def _follow(self) -> None:
         while not self._end.wait(_INTERVAL):
-            used = _memory() - self._first
+            used = used_memory() - self._first
             with self._lock:
                 use = self._of(self._stage)
                 use.peak = max(use.peak, used)
 
 
-def _memory() -> int:
+def used_memory() -> int:
     """Return the memory of this process and its children, bytes."""
     anonymous, blocks = 0, dict[str, int]()
     for pid in _processes():

@@ -6,8 +6,9 @@ import pytest
 from benchmarks.curves import Point, envelope, reach, reach_by_sampling
 from benchmarks.driver_caches import driver_caches
 from benchmarks.halls import hall
-from benchmarks.process_memory import _memory
+from benchmarks.process_memory import used_memory
 from benchmarks.rooms import cornell_box, dark_box, hilly_room
+from benchmarks.suites import levels
 from engine.scene.checks import check_scene
 
 
@@ -104,4 +105,21 @@ def test_each_block_of_shared_memory_counts_once(tmp_path, monkeypatch):
     task.mkdir(parents=True)
     (task / "children").write_text("41 42 43")
     monkeypatch.setattr("benchmarks.process_memory._PROC", tmp_path)
-    assert _memory() == (3 * 2 + 3 + 5 + 2) * mib
+    assert used_memory() == (3 * 2 + 3 + 5 + 2) * mib
+
+
+def test_growth_of_memory_is_relative_to_that_of_the_arrays():
+    mib = 1 << 20
+
+    def level(name, arrays, peak):
+        stages = {"Unwrapping": {"cpu": 1.0, "peak": mib}, "Direct light": {"cpu": 2.0, "peak": peak * mib}}
+        facts = {"triangles": 3, "counted": 3, "patches": 5, "scene_bytes": arrays * mib, "fixed": 400 * mib}
+        return {"name": name, "stages": stages, **facts}
+
+    read_only = {key: value for key, value in level("large", 900, 3).items() if key != "patches"}
+    lines = levels.tables(
+        [level("small", 100, 700), level("middle", 300, 1500), read_only], None
+    ).splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    assert ["small", "100 MiB", "400 MiB", "700 MiB", "7", "–"] in cells
+    assert cells[-1] == ["middle", "300 MiB", "400 MiB", "1,500 MiB", "5", "4"]

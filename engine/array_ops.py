@@ -17,6 +17,9 @@ _MAX_THREADS, _MIN_BYTES = 4, 1 << 21
 #: Rows of a block whose intermediate values fit into the CPU's cache, a few hundred bytes each (chosen).
 _BLOCK = 1 << 13
 
+#: Rows of a block of `has_nonzero`, whose flags fit into the CPU's cache (chosen).
+_SCANNED = 1 << 16
+
 
 def map_slabs(count: int, row: int, work: Callable[[slice], object]) -> None:
     """Call `work` with slices that partition `count` rows, in threads; re-raise its exceptions.
@@ -98,16 +101,10 @@ def joined_rows(parts: list[np.ndarray]) -> np.ndarray:
 def has_nonzero(values: np.ndarray) -> bool:
     """Return True if an array has a nonzero entry, NaN included.
 
-    Several times as fast as np.any for floats.
+    Several times as fast as np.any for floats. One thread: the operations on a block are shorter than a hand-over.
     """
-    found: list[bool] = []
-
-    def find(slab: slice) -> None:
-        if not found and bool((values[slab] != 0).any()):
-            found.append(True)
-
-    map_blocks(len(values), values.nbytes // max(len(values), 1), find)
-    return bool(found)
+    blocks = range(0, len(values), _SCANNED)
+    return any(bool((values[first : first + _SCANNED] != 0).any()) for first in blocks)
 
 
 def any_in_rows(values: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..array_ops import has_nonzero, map_blocks, taken
+from ..array_ops import has_nonzero, map_slabs, taken
 from ..device.buffers import download, float4_of, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values
@@ -196,7 +196,7 @@ def _leading(representative: np.ndarray) -> np.ndarray:
         own = np.arange(rows.start, rows.stop, dtype=np.uint32)
         np.equal(representative[rows], own, out=leads[rows])
 
-    map_blocks(len(leads), 5, compare)
+    map_slabs(len(leads), 5, compare)
     return np.flatnonzero(leads)
 
 

@@ -653,10 +653,11 @@ def test_closures_whose_reflection_is_not_baked_are_named(kind, noted):
     assert [noted in note for note in collected.sentences()] == [True] * (noted is not None)
 
 
+@pytest.mark.parametrize("emission", [0.0, 1.0])
 @pytest.mark.parametrize(("output", "count"), [("Transparent Depth", 1), ("Is Shadow Ray", 0)])
-def test_alpha_by_ray_depth_is_named(output, count):
+def test_alpha_by_ray_depth_is_named(output, count, emission):
     collected = part("operators.scene.materials.surface_notes").SurfaceNotes(glass=True)
-    surface = material("Screen")
+    surface = material("Screen", emission=emission)
     path = surface.node_tree.nodes.new("ShaderNodeLightPath")
     alpha = surface.node_tree.nodes["Principled BSDF"].inputs["Alpha"]
     surface.node_tree.links.new(path.outputs[output], alpha)

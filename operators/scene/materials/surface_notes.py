@@ -156,11 +156,12 @@ class SurfaceNotes:
             verb = "reflects" if len(self._mirrors) == 1 else "reflect"
             sentence = f"{count} {verb} light in all directions instead of mirroring it: {{}}."
             notes.append(listing(sentence, sorted(self._mirrors)))
+        bounced = self._by_bounce & self._emissive
         kinds = (
             (self._volumes, _VOLUMES), (self._coats, _COATS), (self._lengths, _LENGTHS),
-            (self._depths - self._emissive, _DEPTHS), (self._sheens, _SHEENS), (self._hair, _HAIR),
+            (self._depths - bounced, _DEPTHS), (self._sheens, _SHEENS), (self._hair, _HAIR),
             (self._occlusions, _OCCLUSIONS), (self._views, _VIEWS), (self._rough, _ROUGH),
-            (self._by_bounce & self._emissive, _BOUNCES), (self._instanced, _INSTANCERS),
+            (bounced, _BOUNCES), (self._instanced, _INSTANCERS),
             *((self._closures[kind], sentence) for kind, sentence in _CLOSURES.items()),
         )  # fmt: skip
         notes += [listing(sentence, sorted(materials)) for materials, sentence in kinds if materials]

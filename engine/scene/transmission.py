@@ -46,6 +46,11 @@ class Transmittance:
     threshold: float | None = None
     fresnel: Fresnel | None = None
 
+    @property
+    def passes(self) -> bool:
+        """True if light can pass."""
+        return bool(self.offset.any() or self.scale.any())
+
 
 #: Transmittance of an opaque surface.
 OPAQUE = Transmittance()

@@ -178,10 +178,14 @@ def test_refraction_passes_light_without_transparent_shadows(glass, expected):
     assert passed(shown_material("Other")) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("emission", [0.0, 1.0])
-def test_sampled_light_through_materials_without_transparent_shadows_is_noted(emission):
+@pytest.mark.parametrize(("emission", "textured"), [(0.0, False), (1.0, False), (1.0, True)])
+def test_sampled_light_through_materials_without_transparent_shadows_is_noted(emission, textured):
     surface = material("Clear")
-    surface.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = 0.5
+    alpha = surface.node_tree.nodes["Principled BSDF"].inputs["Alpha"]
+    alpha.default_value = 0.5
+    if textured:
+        noise = surface.node_tree.nodes.new("ShaderNodeTexNoise")
+        surface.node_tree.links.new(noise.outputs[0], alpha)
     square("Pane", surface=surface)
     square("Glow", surface=material("Glow", emission=emission))
     assert not any("Transparent Shadows" in note for note in read_scene().notes)

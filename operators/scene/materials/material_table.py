@@ -268,7 +268,7 @@ class MaterialTable:
     def _note_blocking(self) -> None:
         """Append a note on materials that block light objects, but pass light that Cycles samples, too."""
         entries = [self._materials[number] for number in sorted(self._blocking)]
-        names = [entry.name for entry in entries if entry.transmission.bounce.offset.any()]
+        names = [entry.name for entry in entries if entry.transmission.bounce.passes]
         glows = any(material.emission.any() for material in self._materials)
         if names and (glows or _has_texture(self._watch.context.world)):
             self._notes.append(listing(_BLOCKING, _once(names)))
@@ -418,7 +418,8 @@ class MaterialTable:
 def _has_texture(world: bpy.types.World | None) -> bool:
     """Return True if a world has a texture, so that Cycles samples its light."""
     tree = None if world is None else node_tree(world)
-    return any(node.bl_idname.startswith("ShaderNodeTex") for node in used_nodes(tree))
+    kinds = {node.bl_idname for node in used_nodes(tree)} - {"ShaderNodeTexCoord"}
+    return any(kind.startswith("ShaderNodeTex") for kind in kinds)
 
 
 def _may_deform(obj: bpy.types.Object) -> bool:

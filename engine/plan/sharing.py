@@ -14,8 +14,8 @@ from ..visibility.sample_counts import ray_count
 #: traces this number (measured).
 _FEWEST_RAYS = 1 << 31
 
-#: Minimum number of rays from patch groups that several devices share: one H200 traces fewer in 0.1 s
-#: (measured).
+#: Minimum number of rays from patch groups that several devices share (chosen): one H200 traces 1.8 billion
+#: in 0.32 s (measured), thus this number in 0.1 s.
 _FEWEST_OF_GROUPS = 1 << 29
 
 

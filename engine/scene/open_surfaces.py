@@ -120,7 +120,8 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
         keys = keys.ravel() if len(left) == 3 * count else keys[np.searchsorted(some, left // 3), left % 3]
         if not (has_length := keys != 0).all():
             left, keys = left[has_length], keys[has_length]
-        # All edges have an even number of triangles, except by a chance of 2^-64; see `closed_meshes`.
+        # If the XOR of all keys is 0, each edge has an even number of triangles: the meshes are closed.
+        # Keys of open edges cancel by chance with a probability of 2^-64; see `closed_meshes`.
         if not np.bitwise_xor.reduce(keys):
             return np.zeros(count, bool)
         odd, neighbours = _paired(keys)

@@ -12,10 +12,10 @@ _DARK = 0.1
 
 
 def in_pockets(keys: np.ndarray, visible: np.ndarray, enclosed: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """Return a mask of the samples in pockets, (s,) bool: enclosed, and dark next to open samples.
+    """Return a mask of the samples in pockets, (s,) bool: enclosed and much darker than open samples.
 
-    A slit lets single probe rays escape from a pocket, so its samples may count as outside. Rooms whose
-    walls face outward have enclosed samples, too; the light of other samples in the texel distinguishes them.
+    Probe rays can leave a pocket through a slit, so its samples may count as outside. Samples in a room whose
+    walls face outward are enclosed, too. Its texels have no brighter open samples, so the room stays lit.
 
     keys:      (s,) int64, texel of each sample, ascending
     visible:   (s,) bool, valid samples

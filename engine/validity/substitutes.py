@@ -47,7 +47,7 @@ def find_substitutes(patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs
 
 
 def _invalid_texels(patch_scene: PatchScene, invalid: np.ndarray) -> np.ndarray:
-    """Return the texels of invalid patches that may have a valid one beside them, (k,) int64, ascending."""
+    """Return texels of invalid patches, (k,) int64, ascending; may omit those without valid neighbours."""
     shown = patch_scene.texel_to_patch
     if np.count_nonzero(shown) == len(invalid) > _FEW * np.count_nonzero(invalid):
         # Each patch has one texel, and so few are invalid that all their neighbours are looked up.

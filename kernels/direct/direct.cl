@@ -18,8 +18,8 @@
 // Tolerance at which visibility values count as equal; covers rounding.
 #define SAME 1e-3f
 
-// Number of sampling rounds for an emitter that is partly visible (penumbra, or shadow edge within the texel). Almost
-// all noise of direct light arises there.
+// Maximum number of sampling rounds for an emitter that is partly visible (penumbra, or shadow edge within the texel).
+// Almost all noise of direct light arises there.
 #define ROUNDS 4
 
 // Minimum number of rays to an emitter for shaft culling; for fewer, tracing them is faster (measured).
@@ -106,6 +106,14 @@ void add_tilted(L1 *l1, const float3 light, const Run *run)
 
 bool is_even(const Run *run) { return largest(run->most - run->least) < SAME; }
 
+// Returns true if an emitter needs another sampling round: its rays disagree, or few of them met the cone of an area
+// light with a spread. Few rays are often all blocked where a little light arrives, and ending there would bias it.
+bool needs_round(const Run *run, __global const Emitter *e)
+{
+    const float enough = fmin(run->expected, fmax(TRIAL, TRIAL_FRACTION * run->expected));
+    return run->rounds < ROUNDS && (!is_even(run) || (has_spread(e) && run->traced < enough));
+}
+
 void finish_run(const Run *run, Sum *sum)
 {
     const float part = 1.0f / run->rounds;
@@ -161,8 +169,8 @@ __kernel void sample_direct_light(RAYS_ARGUMENTS, __global const ReceiverRecord 
     int step;
     for (int index = 0; total > 0.0f; index += step) {
         if (index == budget || index + offset >= span.x) {
-            // If only some of the rays reached the emitter, sample it again with further points of the sequence.
-            if (!is_even(&run) && run.rounds < ROUNDS) {
+            // Another round takes further points of the sequence.
+            if (emitter >= 0 && needs_round(&run, emitters + emitter)) {
                 ++run.rounds;
                 index = run.first;
             } else {

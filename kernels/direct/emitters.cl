@@ -191,6 +191,9 @@ bool shows_front(const Receiver *r, const float3 corner, const float3 normal)
     return dot(normal, corner) < -r->height * length(normal);
 }
 
+// Returns true for a triangle of an area light that emits into a cone.
+bool has_spread(__global const Emitter *e) { return e->kind == TRIANGLE && e->triangle < 0 && e->spread < 1.57f; }
+
 // Samples an emissive triangle or a triangle of an area light: by solid angle if it is wide, else by area.
 Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiver *r, const float3 p, const float2 u)
 {
@@ -237,7 +240,7 @@ Sample sample_triangle(__global const Emitter *e, const Glow *glow, const Receiv
         if (cosine <= 0.0f)
             return s;
         radiance = vload3(0, e->strength);
-        if (e->spread < 1.57f) {
+        if (has_spread(e)) {
             // Spread angle, the formula of Cycles' area lights (kernel/light/area.h).
             const float tangent = tan(e->spread);
             const float slope = sqrt(fmax(1.0f - cosine * cosine, 0.0f)) / fmax(cosine, 1e-6f);

@@ -101,6 +101,14 @@ Run start_run(const int first, const float expected)
 
 bool is_even(const Run run) { return largest(run.most - run.least) < SAME; }
 
+// Returns true if an emitter needs another sampling round: its rays disagree, or few of them met the cone of an area
+// light with a spread. Few rays are often all blocked where a little light arrives, and ending there would bias it.
+bool needs_round(const Run run, const int e)
+{
+    float enough = min(run.expected, max(TRIAL, TRIAL_FRACTION * run.expected));
+    return run.rounds < ROUNDS && (!is_even(run) || (has_spread(e) && run.traced < enough));
+}
+
 void add_scaled(inout L1 l1, const vec3 scale, const L1 added)
 {
 #ifdef DIRECTIONAL
@@ -188,8 +196,8 @@ bool sample_on(const Receiver r)
     while (!done && steps < MAX_STEPS) {
         ++steps;
         if (index == budget || float(index) + offset >= span.x) {
-            // If only some of the rays reached the emitter, sample it again with further points of the sequence.
-            if (!is_even(run) && run.rounds < ROUNDS) {
+            // Another round takes further points of the sequence.
+            if (emitter >= 0 && needs_round(run, emitter)) {
                 ++run.rounds;
                 index = run.first;
             } else {

@@ -172,6 +172,12 @@ vec3 glow_at(const int e, const vec2 w, const bool front)
     return table_vec3((front ? first_radiance : first_back_radiance) + 4 * entry);
 }
 
+// Returns true for a triangle of an area light that emits into a cone.
+bool has_spread(const int e)
+{
+    return emitters[e].kind == TRIANGLE && emitters[e].triangle < 0 && emitters[e].spread < 1.57;
+}
+
 // Samples an emissive triangle or a triangle of an area light: by solid angle if it is wide, else by area.
 Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u)
 {
@@ -218,10 +224,9 @@ Sample sample_triangle(const int e, const Receiver r, const vec3 p, const vec2 u
         if (cosine <= 0.0)
             return s;
         radiance = strength_of(e);
-        float spread = emitters[e].spread;
-        if (spread < 1.57) {
+        if (has_spread(e)) {
             // Spread angle, the formula of Cycles' area lights (kernel/light/area.h).
-            float tangent = tan(spread);
+            float spread = emitters[e].spread, tangent = tan(spread);
             float slope = sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 1e-6);
             radiance *= max(tangent - slope, 0.0) / (tangent - spread);
         }

@@ -148,6 +148,22 @@ def test_spread():
     assert baked(lamp) == pytest.approx(expected, rel=2e-2)
 
 
+def test_dim_penumbra_of_a_spread():
+    """A roof hides a light's cone except for its rim, in which few of 16 rays start."""
+    half, edge = np.radians(10), 0.08
+    lamp = light("area", size=np.ones(2), half_angle=half)
+    roof = rectangle((-2, -2, 1), (2 + edge) * X, 4 * Y)
+    few = [dataclasses.replace(SETTINGS, light_samples=16, seed=seed) for seed in range(20)]
+    image = np.mean([baked(lamp, 0.002, roof, settings=each) for each in few])
+
+    # The integral over the part of the light that the roof does not hide.
+    x, y = np.meshgrid(*2 * [(np.arange(1000) + 0.5) / 1000 - 0.5])
+    slope = np.hypot(x, y) / 2
+    radiance = 5 * np.maximum(np.tan(half) - slope, 0) / (np.tan(half) - half) * (x > 2 * edge)
+    expected = (radiance / (1 + slope**2) ** 2).mean() / (np.pi * 4)
+    assert image == pytest.approx(expected, rel=0.06)
+
+
 def test_area_lights_shine_on_one_side():
     lamp = dataclasses.replace(light("area", size=np.ones(2)), axes=np.array([X, -Y, -Z]))
     assert (baked(lamp) == 0).all()

@@ -55,7 +55,7 @@ def _drawn(n: int, layers: int | None, budget: float, half: bool = False) -> dic
 
     layers: of the paper's array, None for batches as they fit; half: in 16-bit floats
     """
-    size = (_ARRAY, _ARRAY, layers) if layers else None
+    size = (_ARRAY, _ARRAY, layers) if layers else (0, 0, 0)
     chosen = settings(
         {"method": "paper", "hemicube": n, "visibility": "raster", "array_size": size, "half_radiance": half},
         resolution=_RESOLUTION, sample_emission=False,

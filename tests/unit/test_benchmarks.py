@@ -8,8 +8,9 @@ from benchmarks.driver_caches import driver_caches
 from benchmarks.halls import hall
 from benchmarks.process_memory import used_memory
 from benchmarks.rooms import cornell_box, dark_box, hilly_room
-from benchmarks.suites import levels
+from benchmarks.suites import fig5, levels
 from engine.scene.checks import check_scene
+from engine.settings import check_settings
 
 
 def _sampled(samples: list[int]) -> list[Point]:
@@ -123,3 +124,18 @@ def test_growth_of_memory_is_relative_to_that_of_the_arrays():
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     assert ["small", "100 MiB", "400 MiB", "700 MiB", "7", "–"] in cells
     assert cells[-1] == ["middle", "300 MiB", "400 MiB", "1,500 MiB", "5", "4"]
+
+
+class _CheckedError(Exception):
+    """Ends a bake whose settings are valid."""
+
+
+@pytest.mark.parametrize("layers", [1, None])
+def test_fig5_has_valid_settings_with_an_array_and_in_batches(layers, monkeypatch):
+    def solving(scene, settings):
+        check_settings(settings)
+        raise _CheckedError
+
+    monkeypatch.setattr(fig5, "solving", solving)
+    with pytest.raises(_CheckedError):
+        fig5._drawn(64, layers, 1.0)

@@ -80,7 +80,7 @@ def choose_solver(job: SolveJob) -> tuple[Solution, SolverChoice, SolveJob]:
 def solver_like(job: SolveJob, choice: SolverChoice, substitute: np.ndarray | None) -> Solver:
     """Return a solver for one part of the light, such as a light group.
 
-    It uses the samples of `choice` and the substitutes of the solution of all light. substitute: (n,) int64,
+    It uses the samples of `choice` and the substitutes of the solution of all light. substitute: (n,) uint32,
     substitute of each patch; None if all are valid.
     """
     settings = replace(job.settings, method=choice.method, visibility=choice.visibility)
@@ -109,9 +109,10 @@ def _solver(
 
 
 def _substitutes(job: SolveJob, contacts: Contacts, gathered: FirstGather) -> np.ndarray | None:
-    """Return the substitute of each patch, (n,) int64, from the first iteration; None if all are valid."""
+    """Return the substitute of each patch, (n,) uint32, from the first iteration; None if all are valid."""
     invalid = is_invalid(gathered.validity, contacts)
-    return substitute_patches(job.patch_scene, invalid, gathered.light_of, job.kept.find_substitutes)
+    find_pairs = partial(job.kept.find_substitutes, compute=job.compute)
+    return substitute_patches(job.patch_scene, invalid, gathered.light_of, find_pairs)
 
 
 def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, SolverChoice, SolveJob]:

@@ -157,13 +157,15 @@ class SessionCache:
             self._rays = RayScene(compute, patch_scene, self._top, shaders, known(Bvh))
         return self._rays
 
-    def find_substitutes(self, patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs:
+    def find_substitutes(
+        self, patch_scene: PatchScene, invalid: np.ndarray, compute: ComputeDevice | None = None
+    ) -> PatchPairs:
         """Return the pairs of `substitutes.find_substitutes`, cached for the same patches and mask.
 
         Patch groups with the same representatives may have other members, so that the index maps differ.
         """
         inputs = patch_scene.patches, patch_scene.texel_to_patch, invalid
-        return self._substitutes.get(inputs, lambda: find_substitutes(patch_scene, invalid))
+        return self._substitutes.get(inputs, lambda: find_substitutes(patch_scene, invalid, compute))
 
     def inside(self, rays: RayScene) -> np.ndarray:
         """Return the patches inside geometry, (n,) bool; see `validity.invalid.patches_inside`."""

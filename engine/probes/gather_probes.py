@@ -176,7 +176,7 @@ def _radiance(job: SolveJob, light: Values, substitute: np.ndarray | None) -> Pr
 
     job:         patches with all light, or with the light of one group
     light:       (n, 3) float32, E/pi of the patches
-    substitute:  (n,) int64, substitute patches; None if all are valid
+    substitute:  (n,) uint32, substitute patches; None if all are valid
     """
     radiance = radiance_of(job, light, substitute)
     mean = mean_luminance(job.opencl, radiance, job.count)

@@ -141,8 +141,8 @@ class DeviceRadiosity:
         return IterationStep(change / self.count, relative / self._fronts, np.pi * flux * self.area)
 
     def set_substitutes(self, substitute: np.ndarray) -> None:
-        """Replace the reflected light of each patch by its substitute's light, (n,) int64."""
-        self._substitute = upload(self._compute, substitute.astype(np.uint32))
+        """Replace the reflected light of each patch by its substitute's light, (n,) uint32."""
+        self._substitute = upload(self._compute, substitute.astype(np.uint32, copy=False))
         self._make_radiance()
 
     def balance(self, newest: int, emission: np.ndarray, direct: Values) -> FluxSums:

@@ -46,7 +46,7 @@ class FinalGather:
     ) -> Generator[float, None, None]:
         """Gather from sources with E/pi `irradiance`, (m, 3) float32; yield progress 0..1.
 
-        substitute: (m,) int64, see `reflected_light`
+        substitute: (m,) uint32, see `reflected_light`
         """
         radiance = self._emission
         if self._bounces:

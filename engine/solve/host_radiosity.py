@@ -56,7 +56,7 @@ class HostRadiosity:
         return self._emission + reflected_light(self._reflectance, self._irradiance, self._substitute)
 
     def set_substitutes(self, substitute: np.ndarray) -> None:
-        """Replace the reflected light of each patch by its substitute's light, (n,) int64."""
+        """Replace the reflected light of each patch by its substitute's light, (n,) uint32."""
         self._substitute = substitute
 
     def sweep(self, column: int) -> Generator[float, None, None]:

@@ -17,7 +17,7 @@ def reflected_light(
 
     reflectance:  (n, 3) float32
     irradiance:   (n, 3) float32, E/pi
-    substitute:   (n,) int64, patch whose reflected light replaces each patch's own; None if none
+    substitute:   (n,) uint32, patch whose reflected light replaces each patch's own; None if none
     """
     reflected: np.ndarray = reflectance * irradiance
     return reflected if substitute is None else reflected[substitute]
@@ -37,12 +37,12 @@ def exitant_radiance(
     emission:     (n, 3) float32, W/(m^2 sr)
     reflectance:  (n, 3) float32
     irradiance:   (n, 3) float32, E/pi
-    substitute:   (n,) int64, patch whose reflected light replaces each patch's own; None if none
+    substitute:   (n,) uint32, patch whose reflected light replaces each patch's own; None if none
     """
     (kernel,) = compute.kernels("exitant_radiance.cl", "exitant_radiance")
     count, radiance = len(emission), zeros(compute, 16 * (len(emission) + 2))
     surfaces = upload_float4_once(compute, emission, first=1), float4_once(compute, reflectance)
     light, stride = rows_on_device(compute, irradiance)
-    others = None if substitute is None else upload(compute, substitute.astype(np.uint32))
+    others = None if substitute is None else upload(compute, substitute.astype(np.uint32, copy=False))
     compute.run(kernel, count, *surfaces, light, np.int32(stride), others, radiance, np.int32(count))
     return radiance

@@ -60,7 +60,7 @@ class Solver:
     start:               light with which the radiosity was created
     validity:            (n,) float32, fraction of each hemisphere without back faces, if known
     choose_substitutes:  returns `substitute` from the result of the first iteration; None for no substitutes
-    substitute:          (n,) int64, patch whose reflected light replaces each patch's own, itself for most;
+    substitute:          (n,) uint32, patch whose reflected light replaces each patch's own, itself for most;
                          None for no substitutes, and before the first iteration
 
     Sparse iterations, which read a part of the samples, come first if the radiosity supports them; a few full

@@ -42,7 +42,7 @@ def gather_light_groups(
     groups:             job of each light group
     source_irradiance:  (m, 3) float32 for each group, E/pi of the senders
     sampled:            (g, n, 3) float32, E/pi of light from shadow rays
-    substitute:         (m,) int64, substitute patches, see `reflected_light`
+    substitute:         (m,) uint32, substitute patches, see `reflected_light`
     """
     light = sampled.copy()
     lit = [number for number, group in enumerate(groups) if group.lit]

@@ -142,7 +142,7 @@ def _gathered(
 ) -> Generator[float, None, list[np.ndarray]]:
     """Iterate each light group to convergence; return gathered light, (m, 4) float32 each.
 
-    substitute:  (m,) int64, substitute patches, see `reflected_light`
+    substitute:  (m,) uint32, substitute patches, see `reflected_light`
     """
     gathered = [np.zeros((solved.count, 4), np.float32) for _ in parts]
     lit = [number for number, part in enumerate(parts) if part.lit]

@@ -25,7 +25,7 @@ def radiance_of(
 ) -> cl.Buffer:
     """Return the exitant radiance of patches on the device, float4 of each, from E/pi (m, 3).
 
-    substitute:  (m,) int64, substitute patches, see `exitant_radiance`
+    substitute:  (m,) uint32, substitute patches, see `exitant_radiance`
     """
     if not solved.settings.has_indirect:
         return upload_float4(solved.opencl, solved.emission, first=1, last=1)
@@ -43,13 +43,14 @@ def substitutes_of(
 
     invalid:            (n,) bool, invalid patches, see `invalid_patches`
     source_irradiance:  (m, 3) float32, E/pi of the senders
-    of_groups:          (m,) int64, substitutes of the iterations, see `Solution.substitute`
+    of_groups:          (m,) uint32, substitutes of the iterations, see `Solution.substitute`
     """
     if texel_job.solved is not texel_job.job:
         invalid = _invalid_groups(texel_job, invalid, of_groups)
     solved = texel_job.solved
     light_of = partial(values_at, source_irradiance)
-    return substitute_patches(solved.patch_scene, invalid, light_of, solved.kept.find_substitutes)
+    find_pairs = partial(solved.kept.find_substitutes, compute=solved.compute)
+    return substitute_patches(solved.patch_scene, invalid, light_of, find_pairs)
 
 
 def _invalid_groups(

@@ -10,7 +10,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..array_ops import nonzero_entries, taken
+from ..array_ops import nonzero_entries, order_of, run_numbers, run_starts, taken
+from ..device.buffers import download, download_bytes, lasting_buffer, upload, upload_once, words_of
+from ..device.cl_device import ComputeDevice
+from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..patches.texels_around import beside_any, entries_around
 from ..scene.color import channel_sum
@@ -32,17 +35,52 @@ _FAINTEST = 1e-4
 PatchPairs = tuple[np.ndarray, np.ndarray]
 
 
-def find_substitutes(patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs:
+def find_substitutes(
+    patch_scene: PatchScene, invalid: np.ndarray, compute: ComputeDevice | None = None
+) -> PatchPairs:
     """Return pairs of invalid patches and valid ones in neighbouring texels on the same plane.
 
-    invalid:  (n,) bool, invalid patches; at least one
+    invalid:  (n,) bool, invalid patches; at least one. Must not change, since its upload is cached
+    compute:  OpenCL device; None to use NumPy
     """
+    if compute is not None:
+        return _find_on_device(compute, patch_scene, invalid)
     texels = _invalid_texels(patch_scene, invalid)
     pairs = [
         _valid_neighbours(patch_scene, invalid, texels[first : first + _TEXELS])
         for first in range(0, max(len(texels), 1), _TEXELS)
     ]
     patch, neighbour = (np.concatenate(numbers) for numbers in zip(*pairs, strict=True))
+    return patch, neighbour
+
+
+def _find_on_device(compute: ComputeDevice, patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs:
+    """Return the result of `find_substitutes`, computed on the OpenCL device."""
+    entries, geometry = patch_scene.texel_to_patch, patch_scene.geometry
+    options = f"-DALIKE={_ALIKE}f", f"-DNEAR={_NEAR}f"
+    count, list_all = compute.kernels(
+        "substitutes.cl", "count_candidates", "list_candidates", options=options
+    )
+    arrays = entries, invalid, geometry.triangle, geometry.barycentric, geometry.triangles.positions
+    inputs = (
+        *(upload_once(compute, array) for array in arrays),
+        *(lasting_buffer(compute, array) for array in (geometry.steps.geometric, geometry.steps.longer)),
+    )
+
+    # Count the candidates of each texel, then list those of the few texels that have any.
+    counts = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, words_of(entries.size))
+    compute.run_texels(count, entries.shape, *inputs, counts)
+    number = download_bytes(compute, counts, entries.size)
+    texels = np.flatnonzero(number > 0)
+    ends = np.cumsum(number[texels], dtype=np.uint32)
+    if not len(texels):
+        return texels, texels
+    pairs = int(ends[-1])
+    where = upload(compute, texels.astype(np.uint32)), upload(compute, ends - number[texels])
+    listed = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 8 * pairs)
+    side = np.int32(entries.shape[-1])
+    compute.run(list_all, len(texels), *inputs, side, *where, np.uint32(pairs), listed, np.int32(len(texels)))
+    patch, neighbour = download(compute, listed, (2, pairs)).view(np.uint32).astype(np.int64)
     return patch, neighbour
 
 
@@ -63,7 +101,7 @@ def substitute_patches(
     light_of: Callable[[np.ndarray], np.ndarray],
     find_pairs: Callable[[PatchScene, np.ndarray], PatchPairs] = find_substitutes,
 ) -> np.ndarray | None:
-    """Return the substitute of each patch, (n,) int64, valid patches themselves; None if all are valid.
+    """Return the substitute of each patch, (n,) uint32, valid patches themselves; None if all are valid.
 
     The substitute is the brightest candidate that is not brighter than the harmonic mean of all candidates.
     Under a thin wall with light on one side that mean is dark, so the dark side takes no light of the lit
@@ -78,27 +116,44 @@ def substitute_patches(
     if not invalid.any():
         return None
     patch, neighbour = find_pairs(patch_scene, invalid)
-
+    order = order_of(patch)
+    patch, neighbour = patch[order], neighbour[order]
     light = channel_sum(light_of(neighbour)).astype(np.float64)
-
-    # The first pair of each patch is the closest to the mean that is not brighter.
-    above = light - _harmonic_means(light, patch)
-    order = np.lexsort((np.abs(above), above > 0, patch))
-    patch, first = np.unique(patch[order], return_index=True)
-    result = np.arange(len(invalid))
-    result[patch] = neighbour[order[first]]
+    starts = run_starts(patch)
+    first = _closest_below_means(light, starts)
+    result = np.arange(len(invalid), dtype=np.uint32)
+    result[patch[starts]] = neighbour[first]
     return result
 
 
-def _harmonic_means(light: np.ndarray, patch: np.ndarray) -> np.ndarray:
+def _closest_below_means(light: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return a candidate of each patch, (k,) int64: closest to the harmonic mean and not brighter.
+
+    light:   (p,) float64, light of the candidates
+    starts:  (k,) int64, first candidate of each patch
+    """
+    number = run_numbers(starts, len(light))
+    above = light - _harmonic_means(light, number)
+
+    # Rounding can put all candidates of a patch above their mean.
+    distance = np.where(above > 0, np.inf, -above)
+    nearest = np.minimum.reduceat(distance, starts) if len(starts) else starts
+    rounded = np.isinf(nearest)
+    if rounded.any():
+        distance = np.where(rounded[number], above, distance)
+        nearest = np.minimum.reduceat(distance, starts)
+    closest = np.flatnonzero(distance == nearest[number])
+    first: np.ndarray = closest[run_starts(number[closest])]
+    return first
+
+
+def _harmonic_means(light: np.ndarray, number: np.ndarray) -> np.ndarray:
     """Return the harmonic mean of the light of all candidates of the same patch, (p,) float64, by candidate.
 
-    light:  (p,) float64, light of the candidates
-    patch:  (p,) int64, patch of each candidate
+    light:   (p,) float64, light of the candidates
+    number:  (p,) int64, number of each candidate's patch, without gaps
     """
     faintest = max(_FAINTEST * float(light.max(initial=0)), 1e-30)
-    # Numbers without gaps, so that memory grows with the pairs, not with the patches.
-    number = np.unique(patch, return_inverse=True)[1]
     inverse = np.bincount(number, 1 / np.maximum(light, faintest))
     mean: np.ndarray = np.bincount(number) / np.maximum(inverse, 1e-30)
     return mean[number]

@@ -154,7 +154,9 @@ def test_final_gathers_replace_groups_whose_representative_is_invalid():
     groups.patches = PatchList(
         WIDTH, nothing.astype(np.int64), representative, nothing, np.zeros((len(nothing), 2))
     )
-    texel_job = SimpleNamespace(job=job, solved=SimpleNamespace(patch_scene=groups, kept=SessionCache()))
+    texel_job = SimpleNamespace(
+        job=job, solved=SimpleNamespace(patch_scene=groups, kept=SessionCache(), compute=None)
+    )
     light = np.tile(np.linspace(1, 2, len(nothing), dtype=np.float32)[:, None], (1, 3))
 
     inside, found_before, valid = group[2 * WIDTH + 2], group[6 * WIDTH + 6], group[4 * WIDTH + 8]

@@ -167,6 +167,16 @@ def run_numbers(starts: np.ndarray, count: int) -> np.ndarray:
     return np.repeat(np.arange(len(starts)), np.diff(starts, append=count))
 
 
+def range_members(firsts: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return the members of ranges of integers, one range after another, (k,) int64.
+
+    firsts, counts:  (n,) int64, first member and number of members of each range
+    """
+    members: np.ndarray = np.arange(counts.sum())
+    members += np.repeat(firsts - np.cumsum(counts) + counts, counts)
+    return members
+
+
 def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
     """Return the histogram of keys below `most`, (most,) int64; fast if equal keys are adjacent."""
     starts = run_starts(keys)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..array_ops import any_in_rows, nonzero_rows
+from ..array_ops import any_in_rows, nonzero_rows, take_rows
 from .cl_device import ComputeDevice
 from .opencl import cl
 
@@ -95,17 +95,18 @@ def lasting_buffer(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:
 def replace_rows_once(
     compute: ComputeDevice, values: np.ndarray, changed: np.ndarray, rows: np.ndarray
 ) -> None:
-    """Cache the buffer of `changed`, (n, 3) float32, as a device copy of `values` with some rows replaced.
+    """Cache the buffer of `changed`, (n, c) or (n,) float32, as a device copy of `values` with changed rows.
 
     values:  array that `upload_once` has uploaded
-    rows:    (k,) int64, rows in which both differ
+    rows:    (k,) integers, rows in which both differ; an array of uint32 is uploaded once
     """
     before, size = upload_once(compute, values), values.nbytes
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
     cl.enqueue_copy(compute.queue, buffer, before, byte_count=size)
     (put,) = compute.kernels("float4_rows.cl", "put_rows")
-    arrays = upload(compute, changed[rows]), upload(compute, rows.astype(np.uint32))
-    compute.run(put, len(rows), *arrays, buffer, np.int32(len(rows)))
+    numbers, columns = rows.astype(np.uint32, copy=False), np.int32(changed.size // len(changed))
+    arrays = upload(compute, take_rows(changed, rows)), upload_once(compute, numbers)
+    compute.run(put, len(rows), *arrays, columns, buffer, np.int32(len(rows)))
     compute.shared.of(changed, "bits", lambda: buffer)
 
 

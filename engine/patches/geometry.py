@@ -156,30 +156,30 @@ def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
 
 def _find_steps(triangles: Triangles, resolution: int, steps: TexelSteps, block: slice) -> None:
     """Compute the steps of a block of triangles, whose intermediate values fit into the CPU's cache."""
-    corners, uvs = _axes_first(triangles.positions[block]), _axes_first(triangles.uvs[block])
+    corners, uvs = axes_first(triangles.positions[block]), axes_first(triangles.uvs[block])
     first, second = (corners[:, k] - corners[:, 0] for k in (1, 2))
     (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]) * resolution for k in (1, 2))
     determinant = u1 * v2 - u2 * v1
     scale = np.where(np.abs(determinant) > 1e-12, 1.0 / np.where(determinant == 0, 1, determinant), 0.0)
     edge_u = ((v2 * first - v1 * second) * scale).astype(np.float32)
     edge_v = ((u1 * second - u2 * first) * scale).astype(np.float32)
-    normal = _cross(first, second)
+    normal = cross(first, second)
     length = _length(normal)
     geometric = np.where(length > 1e-20, normal / np.maximum(length, 1e-20), [[0], [0], [1]])
     steps.edge_u[block], steps.edge_v[block], steps.geometric[block] = edge_u.T, edge_v.T, geometric.T
     # The squared area of huge texels overflows float32, so it is float64; an area beyond float32 is clamped.
     steps.area[block] = np.minimum(
-        _length(_cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max
+        _length(cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max
     )
     steps.whole[block] = length / 2
 
 
-def _axes_first(corners: np.ndarray) -> np.ndarray:
+def axes_first(corners: np.ndarray) -> np.ndarray:
     """Return triangle corners, (t, 3, d), as (d, 3, t): NumPy is fastest on long rows."""
     return np.ascontiguousarray(corners.transpose(2, 1, 0))
 
 
-def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the cross products of vectors, (3, t) each."""
     (ax, ay, az), (bx, by, bz) = first, second
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

@@ -25,8 +25,9 @@ class GatheredSamples(NumpyPickle):
     irradiance: np.ndarray
     values: dict[str, np.ndarray]
 
-    def subset(self, chosen: slice) -> GatheredSamples:
-        """Return the samples of a slice."""
-        some = self.samples.subset(chosen), self.push_offs.subset(chosen)
+    def first(self, count: int) -> GatheredSamples:
+        """Return the first `count` samples."""
+        chosen = slice(count)
+        some = self.samples.subset(chosen), self.push_offs.first(count)
         rest = self.visible[chosen], self.normals[chosen], self.irradiance[chosen]
         return GatheredSamples(*some, *rest, {name: light[chosen] for name, light in self.values.items()})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..array_ops import run_starts
 from ..device.buffers import download, upload, upload_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
@@ -54,14 +53,13 @@ class TexelMeans:
     ) -> None:
         self._compute, self._resolution = compute, np.int32(shape[1])
         self._kernels = dict(zip(_NAMES, compute.kernels(SOURCE, *_NAMES), strict=True))
-        keys = samples.keys(shape[1])
-        starts = run_starts(keys)
-        texels, self._count = keys[starts], len(starts)
-        firsts = np.append(starts, len(keys)).astype(np.int32)
-        self._samples, self._firsts = self._buffer(16 * len(keys)), upload(compute, firsts)
+        texels, self._count = samples.texels(shape[1]), len(samples.starts)
+        firsts = np.append(samples.starts, len(samples)).astype(np.int32)
+        self._samples, self._firsts = self._buffer(16 * len(samples)), upload(compute, firsts)
         listed = [upload_once(compute, array) for array in (samples.position, samples.weight)]
         listed.append(upload(compute, np.asarray(visible, np.uint8)))
-        compute.run(self._kernels["list_samples"], len(keys), *listed, self._samples, np.int32(len(keys)))
+        count = np.int32(len(samples))
+        compute.run(self._kernels["list_samples"], len(samples), *listed, self._samples, count)
 
         # State of each texel and of its neighbours.
         self._places = upload(compute, texels.astype(np.uint32))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -53,6 +54,19 @@ class TexelSamples(NumpyPickle):
         """Return atlas * r * r + texel of each sample, (s,) int64."""
         keys: np.ndarray = self.atlas.astype(np.int64) * resolution**2 + self.texel
         return keys
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """First sample of each texel, (t,) int64."""
+        changes = self.texel[1:] != self.texel[:-1]
+        changes |= self.atlas[1:] != self.atlas[:-1]
+        return np.flatnonzero(np.append(True, changes)[: len(self)])
+
+    def texels(self, resolution: int) -> np.ndarray:
+        """Return atlas * r * r + texel of each texel, (t,) int64."""
+        texels: np.ndarray = self.atlas[self.starts].astype(np.int64) * resolution**2
+        texels += self.texel[self.starts]
+        return texels
 
     def subset(self, chosen: slice | np.ndarray) -> TexelSamples:
         """Return the samples that a slice or a mask selects."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..array_ops import row_products, run_starts
+from ..array_ops import range_members, row_products, run_starts
 from ..object_message import object_message
 from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
@@ -44,14 +44,20 @@ def in_thin_walls(
     visible:      (s,) bool, valid samples
     light:        (s,) float32, E/pi, sum of the channels
     """
-    thin = np.flatnonzero(np.isfinite(push_offs.thickness) & (push_offs.wall >= 0))
-    thin = thin[push_offs.thickness[thin] < _PARTING * _texel(patch_scene, samples, thin)]
-    outside = np.flatnonzero(visible & (push_offs.wall < 0) & ~push_offs.enclosed)
-    if not len(thin) or not len(outside):
+    chosen = np.flatnonzero(np.isfinite(push_offs.thickness) & (push_offs.wall >= 0))
+    width = _texel(patch_scene, samples, push_offs.rows[chosen])
+    chosen = chosen[push_offs.thickness[chosen] < _PARTING * width]
+    thin = push_offs.rows[chosen]
+    if not len(thin):
+        return thin
+    is_outside = visible & ~push_offs.enclosed
+    is_outside[push_offs.rows[push_offs.wall >= 0]] = False
+    outside = np.flatnonzero(is_outside)
+    if not len(outside):
         return thin[:0]
     keys, resolution = samples.keys(patch_scene.patches.resolution), patch_scene.patches.resolution
     triangles = len(patch_scene.triangles.positions)
-    places, number = np.unique(keys[thin] * triangles + push_offs.wall[thin], return_inverse=True)
+    places, number = np.unique(keys[thin] * triangles + push_offs.wall[chosen], return_inverse=True)
     starts = run_starts(keys[outside])
     known, parts = keys[outside[starts]], np.zeros(len(places), bool)
     for first in range(0, len(places), _AT_ONCE):
@@ -97,11 +103,12 @@ def warn_thin_walls(
     """Return a warning: names of the walls around samples `inside`, (k,) int64, and the remedy."""
     if not len(inside):
         return []
-    meshes = np.unique(patch_scene.triangles.mesh[push_offs.wall[inside]])
+    chosen = np.searchsorted(push_offs.rows, inside)
+    meshes = np.unique(patch_scene.triangles.mesh[push_offs.wall[chosen]])
 
     # Texel density at which a texel is thin enough to separate both sides, at the thinnest place.
     units = 1 / scene.metres_per_unit
-    density = units * float((_PARTING / np.maximum(push_offs.thickness[inside], 1e-6)).max())
+    density = units * float((_PARTING / np.maximum(push_offs.thickness[chosen], 1e-6)).max())
     now = units / float(_texel(patch_scene, samples, inside).max())
     remedy = "Cut the lightmap UVs along the wall."
     if density <= _ADVISED * now:
@@ -139,8 +146,7 @@ def _samples_around(
     pairs = []
     for there, here in _steps_around(known, texels, resolution):
         of_pair = count[there]
-        step = np.arange(of_pair.sum()) - np.repeat(np.cumsum(of_pair) - of_pair, of_pair)
-        pairs.append((np.repeat(here, of_pair), np.repeat(starts[there], of_pair) + step))
+        pairs.append((np.repeat(here, of_pair), range_members(starts[there], of_pair)))
     place, sample = (np.concatenate(arrays) for arrays in zip(*pairs, strict=True))
     return place, sample
 

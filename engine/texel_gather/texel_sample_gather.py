@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from ..array_ops import joined_rows, run_starts
+from ..array_ops import joined_rows
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, channel_sums
 from ..device.opencl import cl
@@ -43,8 +44,9 @@ from .valid_patches import invalid_patches, lit_backs_of, radiance_of, substitut
 #: Minimum rays of a sample, and minimum shadow rays to each light.
 _LEAST_RAYS, _LEAST_LIGHT_RAYS = 16, 4
 
-#: Maximum number of points that gather at once; each takes about 0.5 KiB of device memory.
-_BATCH = 1 << 19
+#: Number of points that gather at once on any device, and the bytes of device memory for each further one: a
+#: point takes about 0.5 KiB, of at most a 64th of the memory.
+_BATCH, _OF_MEMORY = 1 << 19, 64 * 512
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class TexelSampleLight:
     inside:   (k,) int64, samples inside walls thinner than two texels
     values:   (s, 3) or (s,) float32, value of each output, by name; empty without samples
     invalid:  (n,) bool, invalid patches
-    substitute: (m,) int64, substitute of each sender of light; None if all are valid
+    substitute: (m,) uint32, substitute of each sender of light; None if all are valid
     count:     samples of each texel
     reasons:   sentences for the report
     warnings:  messages for the user
@@ -144,7 +146,7 @@ def gather_texel_samples(
         lit = yield from remote.gather_at(samples, sent, texel_job.choice, settings)
     else:
         lit = []
-        for batch, done in _batches(samples):
+        for batch, done in _batches(samples, compute):
             lit.append((yield from run_as_fraction(*done, gather_at(texel_job, radiance, batch, settings))))
     return _joined(texel_job, lit, known, substitute, count)
 
@@ -160,7 +162,7 @@ def light_groups_in_texels(
         return []
     settings = of_all_light(_settings_of_samples(texel_job.job.settings, lit.count))
     light: list[np.ndarray] = []
-    for batch, done in _batches(lit.samples):
+    for batch, done in _batches(lit.samples, texel_job.job.opencl):
         both, sides = with_other_sides(batch, texel_job.job.patch_scene)
         points = TexelSamplePoints(texel_job, both, settings)
         found = yield from run_as_fraction(*done, _gather_groups(texel_job, groups, lit.substitute, points))
@@ -176,7 +178,7 @@ def _gather_groups(
 ) -> Generator[float, None, np.ndarray]:
     """Return E/pi of light groups at texel samples, (g, s, 3) float32.
 
-    substitute:  (m,) int64, substitute of each sender of light; None if all are valid
+    substitute:  (m,) uint32, substitute of each sender of light; None if all are valid
     """
     lighting = texel_job.lighting.of(points.rays, points.settings)
     sampled = yield from run_as_fraction(0.0, 0.3, lighting.gather_by_group())
@@ -191,13 +193,20 @@ def _gather_groups(
     return (yield from run_as_fraction(0.3, 1.0, gathering))
 
 
-def _batches(samples: TexelSamples) -> Iterator[tuple[TexelSamples, tuple[float, float]]]:
-    """Split samples into batches; yield each with the fractions of the work before and after it."""
-    if len(samples) <= _BATCH:
+def _batches(
+    samples: TexelSamples, compute: ComputeDevice
+) -> Iterator[tuple[TexelSamples, tuple[float, float]]]:
+    """Split samples between texels into batches.
+
+    Yields each with the fractions of the work before and after it.
+    """
+    most = max(_BATCH, compute.device.global_mem_size // _OF_MEMORY)
+    if len(samples) <= most:
         yield samples, (0.0, 1.0)
         return
-    for first in range(0, len(samples), _BATCH):
-        last = min(first + _BATCH, len(samples))
+    ends = np.append(samples.starts, len(samples))
+    borders = np.unique(ends[np.searchsorted(ends, [*range(0, len(samples), most), len(samples)])])
+    for first, last in pairwise(borders.tolist()):
         yield samples.subset(slice(first, last)), (first / len(samples), last / len(samples))
 
 
@@ -254,7 +263,7 @@ def gather_at(
     normals = geometry.normal if settings.denoise else np.zeros((0, 3), np.float32)
     visible = ~(is_invalid(last.gathered[:, 3], lighting.contacts()) | push_offs.inside)
     lit = GatheredSamples(points.samples, push_offs, visible, normals, received.irradiance, values)
-    return lit if sides is None else lit.subset(slice(count))
+    return lit if sides is None else lit.first(count)
 
 
 def _joined(
@@ -272,13 +281,13 @@ def _joined(
     )
     values = {name: joined_rows([batch.values[name] for batch in lit]) for name in lit[0].values}
     patch_scene = texel_job.job.patch_scene
-    keys = samples.keys(patch_scene.patches.resolution)
     reason = (
-        f"Light was gathered at {len(keys):,} more points in {len(run_starts(keys)):,} texels whose light or "
-        "surface is not uniform."
+        f"Light was gathered at {len(samples):,} more points in {len(samples.starts):,} texels whose light "
+        "or surface is not uniform."
     )
     light = channel_sum(irradiance)
-    visible = visible & ~in_pockets(keys, visible, push_offs.enclosed, light)
+    visible = visible.copy()
+    visible[in_pockets(samples.starts, visible, push_offs.enclosed, light)] = False
     inside = in_thin_walls(patch_scene, samples, push_offs, visible, light)
     warnings = warn_thin_walls(texel_job.scene, patch_scene, samples, push_offs, inside)
     return TexelSampleLight(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..array_ops import any_in_rows, take_rows
+from ..device.buffers import replace_rows_once
 from ..device.opencl import cl
 from ..direct.lighting import DirectLighting
 from ..patches.geometry import PatchGeometry
@@ -112,17 +113,27 @@ class TexelSamplePoints:
         geometric = patch_scene.geometry.steps.geometric
         push_offs = push_off_points(self.rays, len(samples), self._side, geometric, lit_backs)
         push_offs = push_offs.without(lit)
-        inside = np.flatnonzero(push_offs.inside)
-        inside = inside[any_in_rows(take_rows(push_offs.offset, inside))]
-        if not len(inside):
+        has_offset = np.flatnonzero(any_in_rows(push_offs.offset))
+        if not len(has_offset):
             return push_offs
-        moved, stays = pushed_barycentrics(patch_scene.geometry.subset(inside), push_offs.offset[inside])
-        inside, moved = inside[stays], moved[stays]
+        inside = push_offs.rows[has_offset]
+        geometry = patch_scene.geometry.subset(inside)
+        moved, stays = pushed_barycentrics(geometry, take_rows(push_offs.offset, has_offset))
+        inside, moved, triangle = inside[stays], take_rows(moved, stays), geometry.triangle[stays]
         push_offs.inside[inside] = False
-        barycentric, weight = samples.barycentric.copy(), samples.weight.copy()
-        position = samples.position.copy()
-        barycentric[inside], weight[inside] = moved, _PUSHED * weight[inside]
-        triangle = samples.triangle[inside]
-        position[inside] = on_lightmap(patch_scene.triangles, triangle, moved, patch_scene.patches.resolution)
-        self._place(replace(samples, barycentric=barycentric, weight=weight, position=position))
+        position = on_lightmap(patch_scene.triangles, triangle, moved, patch_scene.patches.resolution)
+        self._place(self._with_rows(inside, moved, _PUSHED * samples.weight[inside], position))
         return push_offs
+
+    def _with_rows(
+        self, rows: np.ndarray, barycentric: np.ndarray, weight: np.ndarray, position: np.ndarray
+    ) -> TexelSamples:
+        """Return samples with other values of some of them, (k,) int64; see `TexelSamples`."""
+        compute, numbers, changed = self._job.opencl, rows.astype(np.uint32), dict[str, np.ndarray]()
+        for name, values in (("barycentric", barycentric), ("weight", weight), ("position", position)):
+            before = getattr(self.samples, name)
+            changed[name] = before.copy()
+            changed[name][rows] = values
+            if len(rows):
+                replace_rows_once(compute, before, changed[name], numbers)
+        return replace(self.samples, **changed)

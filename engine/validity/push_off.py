@@ -5,15 +5,16 @@ Rays in the tangent plane search the nearest back face, where the covering geome
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..array_ops import joined_rows, row_products, take_rows
+from ..array_ops import joined_rows, map_blocks, row_products, take_rows
 from ..device.buffers import download, download_bytes, lasting_buffer, upload, words_of, zeros
 from ..device.kernel import Kernel
 from ..device.opencl import cl
-from ..patches.geometry import PatchGeometry
+from ..patches.geometry import PatchGeometry, axes_first, cross
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.rays.shaders.shader_scene import ShaderScene
 from .shader_probes import push_offs
@@ -25,24 +26,28 @@ _APART = -0.9
 #: Results of the test of a point: INSIDE and ENCLOSED of kernels/validity/push_off.cl.
 _INSIDE, _ENCLOSED = 1, 2
 
+#: Words of a point that compact_push_offs takes: offset, thickness, wall, two sides.
+_OF_POINT = 7
+
 #: Tolerance of the barycentrics of a point that lies on its triangle.
 _ON_TRIANGLE = 1e-6
 
 
 @dataclass(frozen=True)
 class PushOffs:
-    """Push-off of each point, (s, ...) arrays.
+    """Push-offs of the points inside geometry.
 
-    offset:     (s, 3) float32, m, displacement along the surface to just outside the nearest wall; 0 for none
-    thickness:  (s,) float32, m, thickness of the covering geometry along the surface, between opposite sides;
+    rows:       (k,) int64, points inside geometry, with or without push-off, ascending
+    offset:     (k, 3) float32, m, displacement along the surface to just outside the nearest wall; 0 for none
+    thickness:  (k,) float32, m, thickness of the covering geometry along the surface, between opposite sides;
                 inf if no opposite sides are near
-    wall:       (s,) int32, triangle of the covering geometry; -1 for points outside and points without
-                push-off
-    inside:     (s,) bool, True for each point inside geometry, with or without push-off
+    wall:       (k,) int32, triangle of the covering geometry; -1 without push-off
+    inside:     (s,) bool, True for each point that is inside geometry and stays there
     enclosed:   (s,) bool, True for points outside, at least three quarters of whose probe rays hit back
                 faces
     """
 
+    rows: np.ndarray
     offset: np.ndarray
     thickness: np.ndarray
     wall: np.ndarray
@@ -51,23 +56,32 @@ class PushOffs:
 
     def without(self, points: np.ndarray) -> PushOffs:
         """Return the push-offs with a mask of points, (s,) bool, marked as outside."""
-        rows, names = np.flatnonzero(points), self.__dataclass_fields__
-        if not len(rows):
+        if not points.any():
             return self
-        others = [getattr(self, name).copy() for name in names]
-        for array, nothing in zip(others, (0, np.inf, -1, False, False), strict=True):
-            array[rows] = nothing
-        return PushOffs(*others)
+        return self._of_rows(~points[self.rows], 0, self.inside & ~points, self.enclosed & ~points)
 
-    def subset(self, chosen: slice) -> PushOffs:
-        """Return the push-offs of a range of points."""
-        return PushOffs(*(take_rows(getattr(self, name), chosen) for name in self.__dataclass_fields__))
+    def first(self, count: int) -> PushOffs:
+        """Return the push-offs of the first `count` points."""
+        return self._of_rows(self.rows < count, 0, self.inside[:count], self.enclosed[:count])
+
+    def _of_rows(
+        self, chosen: np.ndarray | slice, shift: int, inside: np.ndarray, enclosed: np.ndarray
+    ) -> PushOffs:
+        """Return some rows, whose points have numbers higher by `shift`, with other masks of points."""
+        arrays = self.rows, self.offset, self.thickness, self.wall
+        rows, offset, thickness, wall = (take_rows(array, chosen) for array in arrays)
+        return PushOffs(rows + shift, offset, thickness, wall, inside, enclosed)
 
 
 def joined_push_offs(several: list[PushOffs]) -> PushOffs:
     """Concatenate push-offs; the list must not be empty."""
+    firsts = np.cumsum([0, *(len(push_offs.inside) for push_offs in several)])
+    moved = [
+        each._of_rows(slice(None), first, each.inside, each.enclosed)
+        for each, first in zip(several, firsts[:-1], strict=True)
+    ]
     names = PushOffs.__dataclass_fields__
-    return PushOffs(*(joined_rows([getattr(push_offs, name) for push_offs in several]) for name in names))
+    return PushOffs(*(joined_rows([getattr(push_offs, name) for push_offs in moved]) for name in names))
 
 
 def push_off_points(
@@ -85,17 +99,10 @@ def push_off_points(
     if scene.shaders is not None:
         return _shader_push_offs(scene.shaders, reach, normals, lit)
     tested, found = _run(scene, count, reach, normals, lit)
-    offset, thickness = np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
-    wall = np.full(count, -1, np.int32)
-
-    # Few points are inside; only their records leave the device.
     inside = tested == _INSIDE
-    between = np.flatnonzero(inside)
-    if len(between):
-        way, wall[between], side = _taken(scene, found, between)
-        offset[between] = way[:, :3]
-        thickness[between] = _thickness(way[:, 3], side, normals)
-    return PushOffs(offset, thickness, wall, inside, tested == _ENCLOSED)
+    rows = np.flatnonzero(inside)
+    offset, thickness, wall = _taken(scene, found, rows, normals)
+    return PushOffs(rows, offset, thickness, wall, inside, tested == _ENCLOSED)
 
 
 def find_inside(
@@ -135,38 +142,34 @@ def _shader_push_offs(
 ) -> PushOffs:
     """Return the push-offs of the points of a ray scene, computed by OpenGL compute shaders."""
     offsets, numbers = push_offs(scene, reach, normals, lit)
-    inside = numbers[:, 3] == _INSIDE
-    thickness = np.full(len(offsets), np.inf, np.float32)
-    thickness[inside] = _thickness(offsets[inside, 3], numbers[inside, 1:3], normals)
-    offset = np.where(inside[:, None], offsets[:, :3], np.float32(0))
-    wall, enclosed = np.where(inside, numbers[:, 0], np.int32(-1)), numbers[:, 3] == _ENCLOSED
-    return PushOffs(offset, thickness, wall, inside, enclosed)
+    inside, enclosed = (numbers[:, 3] == result for result in (_INSIDE, _ENCLOSED))
+    rows = np.flatnonzero(inside)
+    way, number = offsets[rows], numbers[rows]
+    thickness = _thickness(way[:, 3], number[:, 1:3].T, normals)
+    return PushOffs(rows, np.ascontiguousarray(way[:, :3]), thickness, number[:, 0], inside, enclosed)
 
 
-def _thickness(measured: np.ndarray, sides: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _thickness(measured: np.ndarray, sides: Iterable[np.ndarray], normals: np.ndarray) -> np.ndarray:
     """Return the thickness of walls, (k,) float32, m; inf if the normals of the two sides are not opposite.
 
-    measured: (k,) float32, m; sides: (k, 2) int32, triangles that it is measured between, -1 for none
+    measured: (k,) float32, m; sides: triangles that it is measured between, two (k,) int32, -1 for none
     """
-    one, other = (take_rows(normals, triangle) for triangle in sides.T)
+    one, other = (take_rows(normals, triangle) for triangle in sides)
     return np.where(row_products(one, other) < _APART, measured, np.float32(np.inf))
 
 
 def _taken(
-    scene: RayScene, found: list[cl.Buffer], points: np.ndarray
+    scene: RayScene, found: list[cl.Buffer], points: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return push-off data of the `found` points from the device.
-
-    Returns offsets and thickness, (k, 4) float32, walls, (k,) int32, and the two triangles of the sides, (k,
-    2) int32.
-    """
+    """Return offset, thickness and wall of points, (k,) int64, from the device; see `PushOffs`."""
     compute, kernel, count = scene.compute, _kernels(scene)[1], len(points)
-    taken = [cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, size * count) for size in (16, 4, 8)]
-    compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), *taken, np.int32(count))
-    offsets, walls, sides = (
-        download(compute, buffer, (count, columns)) for buffer, columns in zip(taken, (4, 1, 2), strict=True)
-    )
-    return offsets, walls.view(np.int32)[:, 0], sides.view(np.int32)
+    if not count:
+        return np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
+    taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * _OF_POINT * count)
+    compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), taken, np.int32(count))
+    columns = download(compute, taken, (_OF_POINT, count))
+    wall, *sides = columns[4:].view(np.int32)
+    return columns[:3].T, _thickness(columns[3], sides, normals), wall
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,12 +177,26 @@ def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np
 
     The second array, (s,) bool, is True for points that stay on their triangles.
     """
-    corners = geometry.triangles.positions[geometry.triangle].astype(np.float64)
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(first, second)
-    square = np.maximum((normal * normal).sum(axis=1), 1e-300)
-    v = (np.cross(offset, second) * normal).sum(axis=1) / square
-    w = (np.cross(first, offset) * normal).sum(axis=1) / square
-    moved = geometry.barycentric + np.stack([-v - w, v, w], axis=1)
-    stays = moved.min(axis=1) >= -_ON_TRIANGLE
-    return np.clip(moved, 0, 1).astype(np.float32), stays
+    count = len(offset)
+    moved, stays = np.empty((count, 3), np.float32), np.empty(count, bool)
+
+    def push(block: slice) -> None:
+        of_points = geometry.triangles.positions.take(geometry.triangle[block], axis=0)
+        corners, away = axes_first(of_points.astype(np.float64)), offset[block].T
+        first, second = (corners[:, corner] - corners[:, 0] for corner in (1, 2))
+        normal = cross(first, second)
+        square = np.maximum(_dot(normal, normal), 1e-300)
+        v, w = _dot(cross(away, second), normal) / square, _dot(cross(first, away), normal) / square
+        there = geometry.barycentric[block].T + np.stack([-v - w, v, w])
+        stays[block] = there.min(axis=0) >= -_ON_TRIANGLE
+        moved[block] = np.clip(there, 0, 1).T
+
+    map_blocks(count, 200, push)
+    return moved, stays
+
+
+def _dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the dot products of vectors, (3, n) each."""
+    x, y, z = one * other
+    products: np.ndarray = x + y + z
+    return products

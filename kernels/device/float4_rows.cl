@@ -32,12 +32,13 @@ __kernel void scatter_colours(__global const float *colors, __global const uint 
         wide[first + places[i]] = (float4)(vload3(i, colors), 0.0f);
 }
 
-// Scatters (n, 3) float values to rows places[i] of another (m, 3) float array.
-__kernel void put_rows(__global const float *values, __global const uint *places, __global float *rows, const int count)
+// Scatters rows of `columns` floats to rows places[i] of another array.
+__kernel void put_rows(__global const float *values, __global const uint *places, const int columns,
+                       __global float *rows, const int count)
 {
     const int i = get_global_id(0);
-    if (i < count)
-        vstore3(vload3(i, values), places[i], rows);
+    for (int column = 0; i < count && column < columns; ++column)
+        rows[(size_t)places[i] * columns + column] = values[(size_t)i * columns + column];
 }
 
 // Inserts rows into an array of rows of `columns` words. Row k of `others` becomes row inserted[k] of the result;

@@ -111,15 +111,16 @@ __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     ways[point].w = thickness;
 }
 
-// Gathers the results of the chosen points into packed arrays.
+// Gathers the results of the chosen points into columns of `count` words: offset, thickness, wall, both sides.
 __kernel void compact_push_offs(__global const float4 *ways, __global const int *walls, __global const int2 *sides,
-                                __global const int *points, __global float4 *taken, __global int *taken_walls,
-                                __global int2 *taken_sides, const int count)
+                                __global const int *points, __global float *taken, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
-    taken[i] = ways[points[i]];
-    taken_walls[i] = walls[points[i]];
-    taken_sides[i] = sides[points[i]];
+    const float words[] = {ways[points[i]].x,         ways[points[i]].y,           ways[points[i]].z,
+                           ways[points[i]].w,         as_float(walls[points[i]]),  as_float(sides[points[i]].x),
+                           as_float(sides[points[i]].y)};
+    for (int column = 0; column < 7; ++column)
+        taken[(size_t)column * count + i] = words[column];
 }

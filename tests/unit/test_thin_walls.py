@@ -55,13 +55,10 @@ def samples_of_floor():
 
 def push_offs_of(inside, wall, enclosed):
     """Return the push-offs of samples inside a wall, (s,) bool, and of enclosed samples, (s,) bool."""
-    return PushOffs(
-        np.zeros((len(inside), 3), np.float32),
-        np.where(inside, np.float32(0.4), np.float32(np.inf)),
-        np.where(inside, wall, -1).astype(np.int32),
-        inside,
-        enclosed,
-    )
+    rows = np.flatnonzero(inside)
+    count = len(rows)
+    offset, thickness = np.zeros((count, 3), np.float32), np.full(count, 0.4, np.float32)
+    return PushOffs(rows, offset, thickness, np.full(count, wall, np.int32), inside, enclosed)
 
 
 @pytest.mark.parametrize(

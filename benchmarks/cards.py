@@ -4,6 +4,7 @@
 
 A bake is RESOLUTIONxRAYS, or RESOLUTIONxRAYSxGROUPS, where GROUPS is the width of texel groups. Bakes by one
 and by all devices alternate after a first one of each, which builds programs; nothing is kept between them.
+A machine without equal GPUs only bakes by one device.
 --budget limits the visibility data of each device, GiB, so that both choose the same method.
 """
 
@@ -24,18 +25,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.rooms import hilly_room
 from benchmarks.tables import table
 from engine import BakeResult, Scene, Settings, finished
+from engine.device.cl_device import ComputeDevice
 from engine.device.freed_memory import keep_freed_memory
+from engine.device.peers import has_equals
 from engine.session import Session
 from engine.settings import ALL_DEVICES
-
-#: Values of `Settings.scheduler` by the name of the column.
-_DEVICES = {"one": "", "all": ALL_DEVICES}
 
 
 def main() -> None:
     """Bake each size and print a table."""
     options = _parse()
     keep_freed_memory()
+    schedulers = _schedulers()
     for bake in options.bakes:
         resolution, samples, *groups = map(int, bake.split("x"))
         scene = hilly_room(resolution, options.triangles)
@@ -44,21 +45,31 @@ def main() -> None:
             patch_groups=groups[0] if groups else 0, memory_budget=round(options.budget * 2**30),
         )  # fmt: skip
         print(f"\n## {resolution}² × {samples} rays, groups {groups[0] if groups else 'automatic'}\n")
-        _measure(scene, settings, options.repeat, options.profile)
+        _measure(scene, settings, schedulers, options.repeat, options.profile)
 
 
-def _measure(scene: Scene, settings: Settings, repeat: int, profile: bool) -> None:
+def _schedulers() -> dict[str, str]:
+    """Return values of `Settings.scheduler` by row; a machine without equal GPUs has one."""
+    compute = ComputeDevice()
+    shares = has_equals(compute)
+    compute.release()
+    return {"one": "", "all": ALL_DEVICES} if shares else {"one": ""}
+
+
+def _measure(
+    scene: Scene, settings: Settings, schedulers: dict[str, str], repeat: int, profile: bool
+) -> None:
     """Alternate bakes by one and by all devices; print medians by stage and the ratio."""
     session = Session()
-    made: dict[str, list[tuple[float, BakeResult]]] = {name: [] for name in _DEVICES}
+    made: dict[str, list[tuple[float, BakeResult]]] = {name: [] for name in schedulers}
     for number in range(repeat + 1):
-        for name, scheduler in _DEVICES.items():
+        for name, scheduler in schedulers.items():
             session.forget()
             began = time.perf_counter()
             result = finished(session.bake(scene, replace(settings, scheduler=scheduler)))
             if number:
                 made[name].append((time.perf_counter() - began, result))
-    for name, scheduler in _DEVICES.items() if profile else ():
+    for name, scheduler in schedulers.items() if profile else ():
         session.forget()
         with cProfile.Profile() as profiler:
             finished(session.bake(scene, replace(settings, scheduler=scheduler)))
@@ -82,9 +93,8 @@ def _table(made: dict[str, list[tuple[float, BakeResult]]]) -> str:
             statistics.median(result.report.seconds[stage] for _, result in bakes) for stage in stages
         ]
         rows.append((name, statistics.median(times), f"{min(times):.3g}–{max(times):.3g}", *of_stages))
-    ratio = rows[0][1] / rows[1][1]
-    titles = ("devices", "total, s", "spread, s", *stages)
-    return f"{table(titles, rows)}\n\none / all = {ratio:.2f}"
+    ratio = f"one / all = {rows[0][1] / rows[1][1]:.2f}" if len(rows) > 1 else "No other GPU is equal."
+    return f"{table(('devices', 'total, s', 'spread, s', *stages), rows)}\n\n{ratio}"
 
 
 def _digest(result: BakeResult) -> str:

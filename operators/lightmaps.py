@@ -110,7 +110,7 @@ class HEMIBAKE_OT_lightmap_select(_OfActiveLightmap, bpy.types.Operator):
 class _PackOperator(_OfActiveLightmap, UnwrapOperator):
     """Base class of operators that pack the chosen lightmap again."""
 
-    _anew: UvAction
+    _action: UvAction
 
     def _start(self, context: bpy.types.Context) -> Unwrapping:
         self._name = chosen_name(context.scene)
@@ -124,7 +124,7 @@ class _PackOperator(_OfActiveLightmap, UnwrapOperator):
                 "{}: a UV layer of their own is chosen. Clear UV Layer under Active Object to repack them."
             )
             raise EngineError(object_message(sentence, chosen))
-        return Unwrapping(context, objects, self._anew)
+        return Unwrapping(context, objects, self._action)
 
     def _tell(self, made: UnwrapSummary, count: int) -> set[str]:
         for note in made.notes:
@@ -142,7 +142,7 @@ class HEMIBAKE_OT_lightmap_repack(_PackOperator, bpy.types.Operator):
 
     bl_idname = "hemibake.lightmap_repack"
     bl_label = "Repack Lightmap"
-    _anew = UvAction.PACKING
+    _action = UvAction.PACKING
 
 
 class HEMIBAKE_OT_lightmap_unwrap(_PackOperator, bpy.types.Operator):
@@ -150,7 +150,7 @@ class HEMIBAKE_OT_lightmap_unwrap(_PackOperator, bpy.types.Operator):
 
     bl_idname = "hemibake.lightmap_unwrap"
     bl_label = "Unwrap Lightmap Again"
-    _anew = UvAction.CHARTS
+    _action = UvAction.CHARTS
 
 
 CLASSES = (

@@ -71,7 +71,7 @@ def unwrap_missing(
     uv_layer: str,
     resolution: int,
     changes: Rollback,
-    anew: UvAction = UvAction.NONE,
+    action: UvAction = UvAction.NONE,
     movable: Sequence[bpy.types.Object] = (),
 ) -> Generator[Progress | None, None, UnwrapSummary]:
     """Give lightmap UVs to each object with faces that has none; runs in slices and returns a summary.
@@ -89,14 +89,14 @@ def unwrap_missing(
     each yield. Changes that need an undo step are made after the last yield, and the step must follow at
     once.
 
-    anew:     what is done with the UVs that objects have already
+    action:   treatment of existing lightmap UVs
     movable:  objects whose charts may be repacked if their UVs are still as Hemibake made them
     """
     if not uv_layer:
         raise SceneError("The lightmap UV layer has no name. Type one, such as Lightmap.")
     uids = [obj.session_uid for obj in objects]
     free = frozenset(obj.session_uid for obj in movable)
-    make = partial(_Unwrapping, context, uv_layer, resolution, changes, anew, free)
+    make = partial(_Unwrapping, context, uv_layer, resolution, changes, action, free)
     yield Progress("Unwrapping", 0.0)
     yield None
     for _ in range(_ATTEMPTS):
@@ -116,10 +116,10 @@ class _Unwrapping:
         uv_layer: str,
         resolution: int,
         changes: Rollback,
-        anew: UvAction,
+        action: UvAction,
         movable: frozenset[int],
     ) -> None:
-        self._context, self._uv_layer, self._anew = context, uv_layer, anew
+        self._context, self._uv_layer, self._action = context, uv_layer, action
         self._resolution, self._changes = resolution, changes
         self._made, self._issues = UnwrapSummary(), Issues()
         self._left: list[int] = []
@@ -135,13 +135,13 @@ class _Unwrapping:
         # Changes before a yield are temporary: all of them are undone before the next yield.
         trial = Rollback()
         objects = self._prepare(uids, trial)
-        users = users_of_meshes(objects, self._uv_layer, self._anew is not UvAction.NONE)
+        users = users_of_meshes(objects, self._uv_layer, self._action is not UvAction.NONE)
         trial.undo()
-        own = yield from self._reader.read(users, self._anew is UvAction.PACKING)
+        own = yield from self._reader.read(users, self._action is UvAction.PACKING)
         moving = yield from self._members.users_to_move(own)
         self._moving = {uid for users in moving for uid in users.uids}
         own += yield from self._reader.read(moving, keeps_charts=True)
-        if self._anew is UvAction.PACKING:
+        if self._action is UvAction.PACKING:
             own = yield from with_areas(own)
             if self._packings.is_current(own, self._reader.digests):
                 return self._made
@@ -159,7 +159,7 @@ class _Unwrapping:
             trial = Rollback()
             self._prepare(uids, trial)
             self._store(pages, trial)
-        if self._anew is not UvAction.NONE and self._left:
+        if self._action is not UvAction.NONE and self._left:
             trial.undo()
             raise SceneError(" ".join(self._issues.messages()))
         self._changes.add(trial.undo)
@@ -186,7 +186,7 @@ class _Unwrapping:
         self, kept: Sequence[tuple[bpy.types.Object, bpy.types.Modifier]]
     ) -> list[bpy.types.Object]:
         """Return the objects whose UV modifier must be made again."""
-        if self._anew is not UvAction.NONE or not kept:
+        if self._action is not UvAction.NONE or not kept:
             return [obj for obj, _ in kept]
         return evaluate(
             self._context,
@@ -221,7 +221,7 @@ class _Unwrapping:
             return []
         targets = yield from with_areas(targets)
         self._look_up(targets)
-        properties, one_page = self._context.scene.hemibake, self._anew is not UvAction.NONE
+        properties, one_page = self._context.scene.hemibake, self._action is not UvAction.NONE
         squares, atlases = squares_of(
             targets, self._objects, self._uv_layer, self._resolution, properties, one_page
         )

@@ -69,14 +69,14 @@ class Users:
     layer: str
 
 
-def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str, anew: bool) -> list[Users]:
+def users_of_meshes(objects: Sequence[bpy.types.Object], uv_layer: str, every: bool) -> list[Users]:
     """Return the users of each editable mesh that lacks its lightmap UV layer.
 
-    anew:  True to include meshes that have the layer
+    every:  True to include meshes that already have the layer
     """
     users: dict[tuple[int, str], list[int]] = {}
     for obj in objects:
-        if obj.data.is_editable and (anew or not has_uvs(obj, uv_layer)):
+        if obj.data.is_editable and (every or not has_uvs(obj, uv_layer)):
             key = (obj.data.session_uid, lightmap_layer(obj, uv_layer))
             users.setdefault(key, []).append(obj.session_uid)
     return [Users(tuple(uids), layer) for (_, layer), uids in users.items()]

@@ -118,7 +118,8 @@ def cut_along_walls(
         raise SceneError(object_message(sentence, kept))
     if not floors:
         sentence = (
-            "No edge runs along {}. Cut an edge loop there into the surface below, or raise the density."
+            "{}: the surface below has no edge along the wall. Cut an edge loop into that surface along the "
+            "wall, or raise the density."
         )
         raise SceneError(object_message(sentence, [obj.name for obj in objects]))
     for obj in floors:

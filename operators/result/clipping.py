@@ -47,11 +47,11 @@ def _sentences(file: LightmapFile, limits: Limits, counted: np.ndarray) -> Itera
         yield _too_bright(file, limits, clipping.bright, bright), clipping.bright
     if dark > _DARK:
         sentence = (
-            f"{dark:.1%} of its texels, of {{}}, are darker than {limits.smallest:.2g} and became black"
+            f"{dark:.1%} of its texels (on {{}}) are darker than {limits.smallest:.2g} and became black"
         )
         yield f"'{file.name}': {sentence}. {_remedy_for_dark(file)}.", clipping.dark
     if negative > _DARK and _is_unsigned(file):
-        sentence = f"{negative:.1%} of its texels, of {{}}, have colors outside Rec.709, which became duller"
+        sentence = f"{negative:.1%} of its texels (on {{}}) have colors outside Rec.709, which became duller"
         yield f"'{file.name}': {sentence}. Choose OpenEXR, which keeps negative channels.", clipping.negative
 
 
@@ -67,7 +67,7 @@ def _too_bright(file: LightmapFile, limits: Limits, clipped: np.ndarray, fractio
     height, width = clipped.shape
     most = float(brightest.max())
     return (
-        f"'{file.name}': {fraction:.1%} of its texels, of {{}}, were clipped to {limits.largest:.5g}. "
+        f"'{file.name}': {fraction:.1%} of its texels (on {{}}) were clipped to {limits.largest:.5g}. "
         f"The brightest had {most:.5g}, at texel {column}, {row}, UV {(column + 0.5) / width:.3f}, "
         f"{(row + 0.5) / height:.3f}. {_remedy_for_bright(file, most)}."
     )

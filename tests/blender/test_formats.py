@@ -313,7 +313,7 @@ def test_light_that_is_clipped_is_told(settings, name, values, words):
     bake()
     (warning,) = report()["warnings"]
     limit = values.get("light_range", 1)
-    clipped = f"100.0% of its texels, of 'Furnace', were clipped to {limit}."
+    clipped = f"100.0% of its texels (on 'Furnace') were clipped to {limit}."
     assert warning.startswith(f"'house_Lightmap.png': {clipped}")
     assert "texel " in warning and "UV 0." in warning and words in warning
     assert report()["objects_of_warnings"] == [["Furnace"]]
@@ -345,7 +345,7 @@ def test_light_that_becomes_black_is_told(settings):
     glow(1e-5)
     bake()
     (warning,) = report()["warnings"]
-    assert "100.0% of its texels, of" in warning and "Raise the Exposure" in warning
+    assert "100.0% of its texels (on" in warning and "Raise the Exposure" in warning
 
 
 def test_half_floats_that_are_clipped_are_told(settings):

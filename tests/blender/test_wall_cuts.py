@@ -85,7 +85,7 @@ def test_wall_without_an_edge_is_named_and_nothing_changes(columns):
     wall((1.0, -0.1, 0), (1.02, 3.1, 2))
     bpy.ops.hemibake.unwrap()
     before = snapshot()
-    with pytest.raises(RuntimeError, match="No edge runs along 'Wall'"):
+    with pytest.raises(RuntimeError, match="'Wall': the surface below has no edge"):
         cut()
     assert snapshot() == before
 

@@ -49,8 +49,8 @@ from .tree_nodes import used_nodes, uses_generated
 from .unphysical import INVALID_VALUES, invalid_images, note_pixels
 
 _BLOCKING = (
-    "Materials {} have no Transparent Shadows: bakes let light of emissive faces and textured worlds pass, "
-    "of which Cycles stops the part that it samples. Switch Transparent Shadows on."
+    "Materials {} have no Transparent Shadows: in bakes, light of emissive faces and textured worlds passes "
+    "them; Cycles blocks a part of it. Switch Transparent Shadows on."
 )
 
 

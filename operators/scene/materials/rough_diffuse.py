@@ -18,8 +18,8 @@ from .sockets import number_of
 #: Hemispherical mean albedo of a white surface without compensation: (1 + _GAIN r) / (1 + _LOSS r).
 _GAIN, _LOSS = (2 - 5.6 / np.pi) / 3, (np.pi / 2 - 2 / 3) / np.pi
 
-#: Roughness from which a surface of medium reflectance is 5 % darker along its normal than on average over
-#: directions of light.
+#: Roughness above which the report names a closure (chosen). There, the albedo at normal incidence is 1.8 %
+#: below its hemispherical mean without compensation, and 0.9 % with it at color 0.5 (computed).
 _RELEVANT = 0.25
 
 
@@ -33,7 +33,7 @@ def diffuse_roughness(node: bpy.types.Node) -> bpy.types.NodeSocket | None:
 
 
 def is_rough(node: bpy.types.Node) -> bool:
-    """Return True if light that a closure reflects along its normal differs visibly from the mean."""
+    """Return True if the reflection of a closure depends visibly on the direction."""
     socket = diffuse_roughness(node)
     return socket is not None and number_of(socket, linked=1.0) > _RELEVANT
 

@@ -1,4 +1,4 @@
-"""Levels of detail: objects that show the lightmap of their first level."""
+"""Levels of detail (LOD): simpler meshes that show the lightmap of the most detailed one, the first level."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _NAME = re.compile(r"(?P<stem>.+)(?P<mark>_LOD)(?P<level>\d+)(?P<copy>\.\d{3,})?
 
 
 class LevelFinder:
-    """Search for first levels among the objects of the file.
+    """Finds the first level (LOD 0) of objects of the file.
 
-    It lists the objects once, for the first level of detail that it meets. Make one for each pass over
-    objects, and do not keep it, since changes of the file make it invalid.
+    The list of all objects is cached at the first search, and any change of the file makes it invalid. Use
+    a new finder for each pass over objects.
     """
 
     @cached_property
@@ -63,7 +63,7 @@ class LevelFinder:
 
 
 def levels_of(scene: bpy.types.Scene) -> dict[bpy.types.Object, list[bpy.types.Object]]:
-    """Return the further levels of each first level in a scene, in the order of the scene."""
+    """Return the simpler levels of detail of each first level (LOD 0), in the order of the scene."""
     found: dict[bpy.types.Object, list[bpy.types.Object]] = {}
     finder = LevelFinder()
     for obj in scene.objects:
@@ -74,7 +74,7 @@ def levels_of(scene: bpy.types.Scene) -> dict[bpy.types.Object, list[bpy.types.O
 
 
 def _first_names(name: str) -> tuple[str, ...]:
-    """Return the names that the first level of `name` may have; empty if `name` is no further level."""
+    """Return the possible names of the first level of `name`; empty if `name` has no number above 0."""
     match = _NAME.fullmatch(name)
     if match is None or int(match["level"]) == 0:
         return ()

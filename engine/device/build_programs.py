@@ -23,8 +23,8 @@ _NICE = 10
 #: Number of work items along an axis from which PoCL compiles a kernel without optimizing for small grids.
 _MANY = 1 << 16
 
-#: Size in bytes of the buffer that replaces all buffers of a launch, and offset of its start. With a count of
-#: zero, a kernel may access the element before the first.
+#: Size in bytes of the zeroed buffer that trial launches pass for each buffer argument, and offset at which
+#: the argument starts. With a count of zero, a kernel may access the element before the first.
 _ROOM, _BEGIN = 32 << 20, 1 << 20
 
 

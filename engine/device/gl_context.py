@@ -90,9 +90,11 @@ class GraphicsContext:
     def compute_program(
         self, name: str, features: Sequence[str] = (), records: Sequence[DeviceStruct] = ()
     ) -> moderngl.ComputeShader:
-        """Build shaders/<name>.comp, or reuse an unused program; needs `computes`.
+        """Return the program of shaders/<name>.comp: one of an earlier bake that is free, or a new one.
 
-        records: structs that the shader reads; a name stands for one layout
+        The context must support compute shaders, see `computes`.
+
+        records:  structs that the shader reads; structs of one name must have the same fields
         """
         program: moderngl.ComputeShader = self._unused(
             (name, tuple(features)),

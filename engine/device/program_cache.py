@@ -134,7 +134,7 @@ class ProgramCache:
 
     @property
     def _key(self) -> str:
-        """Key of the device in the pace file, independent of the driver version."""
+        """Key of the device in the file of build paces, independent of the driver version."""
         return f"{self._device.platform.name}: {self._device.name}"
 
     def _read_paces(self) -> dict[str, float]:

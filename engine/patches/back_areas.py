@@ -53,9 +53,10 @@ def back_areas(
 
 
 def _blocks_of(triangles: Triangles, backs: np.ndarray) -> np.ndarray:
-    """Return the back faces that have blocks, (b,) int64; all others mirror the chart of their front face.
+    """Return the back faces that lie in blocks of texels, (b,) int64; see `unmapped_meshes`.
 
-    Triangles that share a texel have all corners at its centre, so that fronts and backs may coincide there.
+    All others mirror the chart of their front face. A triangle that shares one texel with others has all
+    corners at the texel's centre and counts as a block, although its front may have the same UVs.
     """
     front = np.flatnonzero(backs >= 0)
     back = backs[front]

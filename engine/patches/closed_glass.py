@@ -1,6 +1,6 @@
 """Closed bodies of glass: each front face also reflects the light of the face behind it.
 
-A body has no patches inside, so that the light that the far face of a pane reflects would be lost.
+A body has no patches inside, which could reflect light at the far face of a pane.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ _CLEAREST = 0.8
 
 
 def with_closed_glass(scene: Scene, surfaces: OpenSurfaces | None = None) -> Scene:
-    """Return the scene with other materials for closed bodies of glass; the same scene without any.
+    """Return the scene with other materials for closed bodies of glass; the same scene without such bodies.
 
-    Bodies are closed if their faces of glass are, so that a single sheet in a closed room is open.
+    Only glass faces count: a single sheet in a closed room is open.
 
     surfaces:  open surfaces of the previous scene; None without one
     """
@@ -57,9 +57,9 @@ def _with_numbers(mesh: Mesh, chosen: np.ndarray, numbers: np.ndarray) -> Mesh:
 
 
 def _plain_glass(material: Material) -> Fresnel | None:
-    """Return the loss of clear glass that reflects light, without textures, equal from both sides; else None.
+    """Return the Fresnel term of untextured clear glass with equal sides; None for other materials.
 
-    Of tinted glass, light of lamps and objects inside a body meets one side, so each side keeps its T.
+    Tinted glass keeps a transmittance for each side, since light from inside a body meets one side only.
     """
     sides = material.transmission
     if material.translucent or material.back or sides.bounce_back or not material.reflectance.any():
@@ -91,5 +91,5 @@ def _reflecting_twice(material: Material, loss: Fresnel) -> Material:
 
 
 def _side(face: Transmittance, body: int) -> Transmittance:
-    """Return the transmittance of a side of a body; without glass it equals the face."""
+    """Return a face's transmittance for one side of a body; the same object without a Fresnel term."""
     return face if face.fresnel is None else replace(face, fresnel=replace(face.fresnel, body=body))

@@ -62,13 +62,13 @@ class DrawingRates:
         self._name = f"{device}, {hemicube}"
 
     def bound(self, triangles: int) -> float:
-        """Return the expected maximum rate for a scene; infinity if unknown."""
+        """Return the expected maximum drawing rate in a scene, texels per second; infinity if unknown."""
         known = self._known().get(self._name, {})
         rates = [rate for size, rate in known.items() if int(size) <= triangles.bit_length()]
         return min(rates, default=math.inf)
 
     def record(self, triangles: int, rate: float) -> None:
-        """Record a measured rate."""
+        """Record a measured drawing rate, texels per second."""
         if self._path is None:
             return
         known = self._known()

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 #: Guessed seconds, until measured, to open devices and to choose a method.
 _OPENING, _CHOOSING = 0.5, 0.5
 
-#: Guessed times of the host, s: to copy a texel of an image, and to list a texel as a patch. A triangle costs
-#: as much as `_TRIANGLE` listed texels. At 1024 x 1024 texels the list took 0.5, 1.3, 9.2 and 13.7 CPU s of 2
-#: cores for 48, 5,000, 109,000 and 316,000 triangles.
+#: Guessed times of the host, s: to copy one texel of an image, and to find the patch of one texel. A triangle
+#: costs as much as the patches of `_TRIANGLE` texels. Measured for all patches of 1024 x 1024 texels on two
+#: cores: 0.5, 1.3, 9.2 and 13.7 CPU s for 48, 5,000, 109,000 and 316,000 triangles.
 _TEXEL, _LISTED, _TRIANGLE = 1e-7, 2e-6, 8
 
 #: Guessed seconds of a CPU for each ray or hemicube texel, and for each shadow ray; chosen for a machine that

@@ -13,8 +13,8 @@ _NEIGHBORS = ((0, 1), (0, -1), (1, 1), (1, -1))
 def chart_mips(light: np.ndarray, has_patch: np.ndarray) -> list[np.ndarray]:
     """Return the mip levels of a lightmap, the lightmap first, down to one texel; each (h, w, 3) float32.
 
-    A texel is the mean of the texels among the four below it that belong to one chart, the one with most of
-    them. Texels next to a chart repeat its light.
+    Of the four texels below a texel, those of the most frequent chart are averaged. Texels next to a chart
+    repeat its light.
 
     light:      (h, w, 3) float32
     has_patch:  (h, w) bool, texels of charts

@@ -185,7 +185,7 @@ class _Gutters:
         self._fills = Dilation(known, 1), MembraneFill(extended, np.ones_like(extended))
 
     def fill(self, image: np.ndarray) -> None:
-        """Fill a contiguous (h, w, 3) float32 image in place."""
+        """Fill the gutters of a contiguous (h, w, 3) float32 image in place."""
         for fill in self._fills:
             fill.fill(image)
 

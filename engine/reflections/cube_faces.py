@@ -95,7 +95,10 @@ def halved(faces: np.ndarray) -> np.ndarray:
 
 
 def mean_radiance(faces: np.ndarray) -> np.ndarray:
-    """Return the mean over the sphere of faces, (6, s, s, 3), as (3,) float64."""
+    """Return the mean radiance over all directions, (3,) float64, weighted by solid angle.
+
+    faces:  (6, s, s, 3) float32, radiance
+    """
     angles = texel_solid_angles(faces.shape[1])
     mean: np.ndarray = np.einsum("fyxc,yx->c", faces, angles) / (4 * np.pi)
     return mean

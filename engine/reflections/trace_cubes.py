@@ -118,7 +118,7 @@ class CubeTracer:
         yield from sliced(self._compute.queue, batch.first, batch.last, launch, slices)
 
     def _add_textured(self, batch: _Batch) -> float:
-        """Add the textured parts of the light of a batch; return the number of rays that are outside."""
+        """Add textured emission and reflection to a batch; return the number of `_Batch.outside`."""
         surfaces, triangles = batch.hits()
         hit = np.bincount(surfaces + 1, minlength=2 * self._colors.count + 1)[1:]
         for surface, parts in self._colors.textured.items():
@@ -130,7 +130,11 @@ class CubeTracer:
     def _shade_surface(
         self, batch: _Batch, chosen: np.ndarray, triangles: np.ndarray, parts: Sequence[TexturedPart]
     ) -> None:
-        """Add the textured parts of one surface to the samples that hit it, (k,) int64."""
+        """Add the textured emission and reflection of one surface to the samples that hit it.
+
+        chosen:     (k,) int64, indices of the samples
+        triangles:  (k,) int64, triangle that each sample hits
+        """
         compute = self._compute
         hit, places = np.unique(triangles, return_inverse=True)
         rows = (upload(compute, values.astype(np.int32)) for values in (chosen, places))

@@ -247,7 +247,10 @@ def _drafting(pieces: Sequence[_Piece]) -> Any:
 
 
 def _segments(atlas: Any, index: int, piece: _Piece) -> Segments:
-    """Return the charts of one piece from a draft; xatlas received the piece times its scale."""
+    """Return the charts of one piece from the draft layout: UVs of corners, m, and chart of each triangle.
+
+    xatlas received the positions times `piece.scale`; the result is without that scale.
+    """
     _, indices, uvs = atlas.get_mesh(index)
     _, charts = atlas.get_mesh_vertex_assignment(index)
     texels = (uvs.astype(np.float64) * [atlas.width, atlas.height])[indices]

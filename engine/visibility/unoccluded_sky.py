@@ -15,7 +15,8 @@ ROWS, COLUMNS = 49, 96
 #: Size of the downsampled sky, rows and columns.
 _PIXELS = (32, 64)
 
-#: Steps of longitude in the convolution; a common multiple of table columns and centres of pixels.
+#: Steps of longitude in the convolution, a multiple of the table's columns and of twice the sky's columns, so
+#: that all columns of the table and all pixel centres lie on steps.
 _STEPS = 384
 
 #: Maximum root mean square of the sky's luminance, relative to its mean. Up to it a few rays estimate the

@@ -6,7 +6,7 @@
 
 // Back faces in view of surfaces (engine/visibility/rays/visible_backs.py).
 
-// The triangle that a ray starts from: the first whose rays end beyond its number.
+// Returns the triangle from which a ray starts: the first whose range ends after the ray's number.
 int start_triangle(const uint ray, __global const uint *ends, const int triangles)
 {
     int low = 0, high = triangles - 1;
@@ -28,8 +28,8 @@ typedef struct {
     float3 start, beside, direction;
 } TestRay;
 
-// The back face that a test ray meets, -1 for none. A ray exactly through the common edge of two triangles may miss
-// both and meet a back face behind them, so the parallel ray from `beside` must meet a back face too.
+// Returns the triangle whose back face a test ray hits, -1 for none. A ray exactly through the common edge of two
+// triangles may miss both and hit a back face behind them, so the parallel ray from `beside` must hit a back face too.
 int back_met(const Rays *rays, const TestRay *ray)
 {
     const Hit hit = nearest_hit(rays, ray->start, ray->direction, false);
@@ -39,15 +39,15 @@ int back_met(const Rays *rays, const TestRay *ray)
     return other.triangle >= 0 && !other.front ? hit.triangle : -1;
 }
 
-// True if a probe meets a back face that is not known to be visible.
+// Returns true if a probe ray hits a back face that no earlier round found.
 bool meets_unknown_back(const Rays *rays, const float3 start, const float3 direction, __global const uchar *marks)
 {
     const Hit hit = nearest_hit(rays, start, direction, false);
     return hit.triangle >= 0 && !hit.front && marks[hit.triangle] != KNOWN;
 }
 
-// True if all probes from a point meet back faces that are not known to be visible: the point is inside of something,
-// as the floor below a box. A probe leaves only if the parallel one from `beside` leaves too; see `back_met`.
+// Returns true if a point lies inside geometry, such as the floor below a box: all of its probe rays hit back faces
+// that no earlier round found. A ray counts as a hit if it or the parallel ray from `beside` hits; see `back_met`.
 bool is_enclosed(const Rays *rays, const TestRay *ray, const float3 x, const float3 y, const float3 normal,
                  __global const uchar *marks)
 {
@@ -60,11 +60,13 @@ bool is_enclosed(const Rays *rays, const TestRay *ray, const float3 x, const flo
     return enclosed;
 }
 
-// Mark each triangle whose back a ray meets. Rays start all over triangles and follow the cosine; a start inside of
-// something does not count. corners: 9 floats a triangle; side: 1 for rays from fronts, -1 from backs; height: of
-// their start above the surface, and distance of parallel rays, m; marks: of triangles, 0 or KNOWN before, 1 for those
-// that are found; enclosed: a bit of each ray that starts inside of something and meets an unknown back; again: not 0
-// to cast only these, since other rays meet the same as before; first: number of the first ray of this launch.
+// Marks each triangle whose back face a test ray hits. Origins are spread over the triangles, directions are
+// cosine-distributed. Rays with an origin inside geometry do not count.
+// corners: 9 floats per triangle. side: 1 for rays from front faces, -1 from back faces. height: of origins above the
+//     surface, and distance of parallel rays, metres. marks: per triangle, KNOWN or 0 before; set to 1 by a hit.
+// enclosed: one bit per ray, set if its origin is inside geometry and the ray hits a new back face.
+// again: not 0 to repeat only the rays of `enclosed`; all other rays would hit the same triangles.
+// first: number of the first ray of this launch.
 __kernel void mark_visible_backs(RAYS_ARGUMENTS, __global const float *corners, __global const uint *ends,
                                  const int triangle_count, const float side, const float height, __global uchar *marks,
                                  __global uint *enclosed, const int again, const uint first, const int count)

@@ -1,5 +1,5 @@
 #version 430
-// Marks each triangle whose back a test ray meets. As kernels/visibility/visible_backs.cl.
+// Marks each triangle whose back face a test ray hits, as kernels/visibility/visible_backs.cl does.
 #define RECEIVER_ACCESS readonly
 #define DITHERED
 #include "bvh_traversal.glsl"
@@ -9,7 +9,7 @@
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 4) readonly buffer Corners { float corners[]; };  // 9 of each triangle, metres
-layout(std430, binding = 5) readonly buffer Ends { uint ends[]; };         // first ray after those of each triangle
+layout(std430, binding = 5) readonly buffer Ends { uint ends[]; };         // end of each triangle's range of rays
 layout(std430, binding = 6) buffer Enclosed { uint enclosed[]; };          // a bit of each ray, see the kernel
 layout(std430, binding = 7) buffer Marks { uint marks[]; };                // 0 or KNOWN before, 1 for found ones
 uniform int start, end, triangle_count, again;
@@ -24,7 +24,7 @@ vec3 corner_of(const int triangle, const int k)
     return vec3(corners[i], corners[i + 1], corners[i + 2]);
 }
 
-// The triangle that a ray starts from: the first whose rays end beyond its number.
+// Returns the triangle from which a ray starts: the first whose range ends after the ray's number.
 int start_triangle(const uint ray)
 {
     int low = 0, high = triangle_count - 1;

@@ -47,17 +47,17 @@ class CastRays(Protocol):
     """Test rays on a device."""
 
     def hit_backs(self, known: np.ndarray) -> Generator[None, None, np.ndarray]:
-        """Return a mask of triangles whose unknown back face some ray hits, (t,) bool; yield after launches.
+        """Return a mask of triangles whose back face a ray hits for the first time, (t,) bool.
 
-        The first call casts all rays. Later calls cast those that start inside something, since only their
-        result depends on the known back faces. Triangles that a call returns must be known in the next one,
-        or of no interest.
+        Yields after launches. The first call casts all rays. Later calls repeat the rays that start inside
+        geometry, since only their result depends on the known back faces. The next call must include the
+        returned triangles in `known`, unless the caller ignores them.
 
-        known:  (t,) bool, back faces that earlier rounds found; no ray searches for them, and probes that
-                meet them are not enclosed
+        known:  (t,) bool, back faces that earlier rounds found. Hits of them are not returned, and a ray
+                origin whose probe rays hit them is not enclosed
         """
 
 
 def marks_of(known: np.ndarray) -> np.ndarray:
-    """Return the marks of triangles before rays, (t,) uint8: KNOWN of visible_backs.cl, or 0."""
+    """Return the mark of each triangle before the rays of a round, (t,) uint8: KNOWN of the kernel, or 0."""
     return np.where(known, np.uint8(_KNOWN), np.uint8(0))

@@ -48,8 +48,8 @@ _RAYS = 4
 #: Minimum number of rays of one round, from front faces and from back faces (chosen).
 _MIN_RAYS = 1 << 11
 
-#: Maximum number of rays of one round (chosen). A CPU casts as many in seconds; larger scenes have fewer rays
-#: per texel. On a GPU they are enough for 268 million texels. Ray numbers fit 32 bits.
+#: Maximum number of rays of one round (chosen); ray numbers are uint32. A CPU casts the maximum in a few
+#: seconds, so larger scenes have fewer rays per texel. A GPU reaches the maximum at 268 million texels.
 _MAX_RAYS_CPU, _MAX_RAYS_GPU = 1 << 22, 1 << 30
 
 #: Number of rays of one launch, so that a launch is short on a CPU and on a slow GPU (chosen). Sizes that

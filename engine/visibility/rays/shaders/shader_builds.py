@@ -18,10 +18,10 @@ _GUESS = 8.0
 
 
 class ShaderBuilds:
-    """Seconds of builds in a folder. A damaged file counts as missing.
+    """Durations of shader builds, in a file of the cache folder. A damaged file counts as missing.
 
-    folder:    the cache folder; None for no record, so that all shaders count as built
-    graphics:  context of the driver
+    folder:    cache folder; if None, nothing is recorded and all shaders count as built
+    graphics:  context whose driver builds the shaders
     """
 
     def __init__(self, folder: str | None, graphics: GraphicsContext) -> None:
@@ -37,11 +37,11 @@ class ShaderBuilds:
 
     @property
     def expected_seconds(self) -> float:
-        """Expected seconds of a build: the longest one of this driver, else a guess."""
+        """Expected duration of a build, s: the longest one of this driver, else a guess."""
         return max(self._known().values(), default=_GUESS)
 
     def keep(self, shader: str, seconds: float) -> None:
-        """Record a build."""
+        """Record the duration of a build, s."""
         if self._path is None:
             return
         known = {**self._known(), shader: seconds}
@@ -49,7 +49,7 @@ class ShaderBuilds:
             write_json(self._path, {**read_json(self._path), self._driver: known})
 
     def _known(self) -> dict[str, float]:
-        """Return the seconds of this driver's builds, by shader."""
+        """Return the duration of each build by this driver, s, by digest of the shader."""
         known = read_json(self._path).get(self._driver)
         if not isinstance(known, dict):
             return {}

@@ -74,7 +74,7 @@ impl Plugin for HemibakePlugin {
             .add_systems(
                 Update,
                 (
-                    (loading::start_loading, probes::start_volumes),
+                    (loading::start_loading, loading::start_volumes),
                     loading::finish_loading,
                     (
                         loading::report_ready,

@@ -24,6 +24,7 @@ use crate::{
     manifest_cache::{ManifestCache, ManifestFile},
     mixing::{MixedLightmap, MixedLightmaps},
     pending::{Loading, PendingLightmap, ShownLightmap, Surface},
+    probes::{PendingVolume, ProbeVolumes},
     settings::HemibakeSettings,
 };
 
@@ -182,7 +183,8 @@ impl<'a> Plan<'a> {
             && self.settings.shows_probes
             && !self.loading.lightmaps.is_empty()
         {
-            self.loading.add_volumes(manifest, self.server, self.folder);
+            let volumes = PendingVolume::load_all(manifest, self.server, self.folder);
+            self.loading.volumes.extend(volumes);
         }
     }
 
@@ -275,6 +277,44 @@ pub(crate) struct Surfaces<'w, 's> {
         ),
     >,
     names: Query<'w, 's, &'static Name>,
+}
+
+/// Starts to load the volumes of spawned [`ProbeVolumes`].
+pub(crate) fn start_volumes(
+    mut commands: Commands,
+    server: Res<AssetServer>,
+    mut manifests: ResMut<ManifestCache>,
+    mut waiting: Local<Vec<Entity>>,
+    spawned: Query<Entity, Added<ProbeVolumes>>,
+    volumes: Query<&ProbeVolumes>,
+) {
+    waiting.extend(&spawned);
+    waiting.retain(|entity| {
+        let Ok(ProbeVolumes(path)) = volumes.get(*entity) else {
+            return false;
+        };
+        let path = AssetPath::from(path.clone());
+        let Some(manifest) = manifests.get(&server, &path) else {
+            return true;
+        };
+        let mut loading = Loading::default();
+        match manifest {
+            ManifestFile::Read(manifest) => {
+                let folder = path.parent().unwrap_or_default();
+                loading
+                    .volumes
+                    .extend(PendingVolume::load_all(&manifest, &server, &folder));
+            }
+            ManifestFile::Faulty(problem) => loading.problems.push(problem),
+            ManifestFile::Missing(reason) => {
+                loading.problems.push(format!(
+                    "{path}: not readable ({reason}). Name the manifest of a bake."
+                ));
+            }
+        }
+        commands.entity(*entity).insert(loading);
+        false
+    });
 }
 
 /// Shows the lightmaps of scenes whose maps are loaded.

@@ -9,9 +9,7 @@ use bevy::{
 
 use crate::{
     manifest::{Entry, Manifest, MapFile, ProbeVolume},
-    manifest_cache::{ManifestCache, ManifestFile},
     map_files::{MapState, PendingMap},
-    pending::Loading,
     settings::HemibakeSettings,
 };
 
@@ -43,32 +41,26 @@ pub(crate) struct PendingVolume {
     pub map: PendingMap,
 }
 
-impl Loading {
+impl PendingVolume {
     /// Starts to load the probe volumes of a manifest in a folder.
-    pub fn add_volumes(
-        &mut self,
+    pub fn load_all(
         manifest: &Manifest,
         server: &AssetServer,
         folder: &AssetPath<'static>,
-    ) {
-        for volume in &manifest.probes {
-            let Some(file) = volume.ktx2.clone() else {
-                continue;
-            };
+    ) -> impl Iterator<Item = Self> {
+        manifest.probes.iter().filter_map(move |volume| {
             let entry = Entry {
                 format: "ktx2".into(),
                 ..Entry::default()
             };
-            let map = PendingMap::load(server, folder, &MapFile { file, entry });
-            self.volumes.push(PendingVolume {
+            let file = volume.ktx2.clone()?;
+            Some(Self {
                 volume: volume.clone(),
-                map,
-            });
-        }
+                map: PendingMap::load(server, folder, &MapFile { file, entry }),
+            })
+        })
     }
-}
 
-impl PendingVolume {
     /// Returns the components of the volume, or a message.
     pub fn bundle(self, settings: &HemibakeSettings) -> Result<impl Bundle, String> {
         let Self { volume, map } = self;
@@ -105,41 +97,6 @@ fn transform_of(volume: &ProbeVolume) -> Result<Transform, String> {
         "Probe volume '{}': Bevy shows no sheared volumes. Apply the scale of its parents in Blender, and bake again.",
         volume.name
     ))
-}
-
-/// Starts to load the volumes of spawned [`ProbeVolumes`].
-pub(crate) fn start_volumes(
-    mut commands: Commands,
-    server: Res<AssetServer>,
-    mut manifests: ResMut<ManifestCache>,
-    mut waiting: Local<Vec<Entity>>,
-    spawned: Query<Entity, Added<ProbeVolumes>>,
-    volumes: Query<&ProbeVolumes>,
-) {
-    waiting.extend(&spawned);
-    waiting.retain(|entity| {
-        let Ok(ProbeVolumes(path)) = volumes.get(*entity) else {
-            return false;
-        };
-        let path = AssetPath::from(path.clone());
-        let Some(manifest) = manifests.get(&server, &path) else {
-            return true;
-        };
-        let mut loading = Loading::default();
-        match manifest {
-            ManifestFile::Read(manifest) => {
-                loading.add_volumes(&manifest, &server, &path.parent().unwrap_or_default());
-            }
-            ManifestFile::Faulty(problem) => loading.problems.push(problem),
-            ManifestFile::Missing(reason) => {
-                loading.problems.push(format!(
-                    "{path}: not readable ({reason}). Name the manifest of a bake."
-                ));
-            }
-        }
-        commands.entity(*entity).insert(loading);
-        false
-    });
 }
 
 /// Lets probe volumes show baked light as it is stored.

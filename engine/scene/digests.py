@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import weakref
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass
+from functools import cache
 
 import numpy as np
 
-from ..array_ops import map_slabs
 from .cutouts import transmission_maps, transmittances
 from .model import Material, Mesh, Scene
 from .texture import Texture
+from .transmission import Transmission
 
 #: Arrays of a mesh that determine its patches and their visibility.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
@@ -23,8 +26,8 @@ _OF_BACKS = ("uvs", "material")
 #: Bytes of a short hash, used in file names, and of other hashes.
 _SHORT, _LONG = 20, 64
 
-#: Bytes that a thread hashes at once.
-_PIECE = 1 << 20
+#: Bytes that a thread hashes at once, and maximum number of threads.
+_PIECE, _MAX_THREADS = 1 << 20, 4
 
 #: Fields of a texture that determine how it is mapped and looked up, without its pixels.
 _MAPPING = ("uv_map", "extension", "smooth")
@@ -99,10 +102,22 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
         digest.feed([mesh.name, mesh.atlas, mesh.front, *(getattr(mesh, name) for name in names)])
         if mesh.front is None:
             digest.feed_uvs(mesh, maps)
+    # Most materials share the transmission of opaque surfaces.
+    by_object: dict[int, bytes] = {}
     for material in scene.materials:
-        for entry in transmittances(material.transmission):
-            digest.feed([entry.offset, entry.scale, entry.threshold, entry.fresnel])
-            digest.feed_texture(entry.texture)
+        transmission = material.transmission
+        if id(transmission) not in by_object:
+            by_object[id(transmission)] = _transmission_digest(transmission, known)
+        digest.feed([by_object[id(transmission)]])
+    return digest.value()
+
+
+def _transmission_digest(transmission: Transmission, known: ArrayDigests | None) -> bytes:
+    """Return a hash of the transmittance of both sides of a surface."""
+    digest = _Digest(known)
+    for entry in transmittances(transmission):
+        digest.feed([entry.offset, entry.scale, entry.threshold, entry.fresnel])
+        digest.feed_texture(entry.texture)
     return digest.value()
 
 
@@ -116,11 +131,15 @@ def surfaces_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     for mesh in scene.meshes:
         if mesh.front is None:
             digest.feed_uvs(mesh, maps)
-    for material in scene.materials:
-        digest.feed([material.reflectance, material.emission, material.translucency, material.back is None])
-        if material.back is not None:
-            digest.feed([material.back.reflectance, material.back.emission])
-        for texture in _maps(material):
+    sides = [side for material in scene.materials for side in (material, material.back) if side is not None]
+    colors = [color for side in sides for color in (side.reflectance, side.emission)]
+    colors += [material.translucency for material in scene.materials]
+    digest.feed([np.array(colors).tobytes(), [material.back is None for material in scene.materials]])
+
+    # Few materials of large scenes have textures.
+    for place, texture in enumerate(maps):
+        if texture is not None:
+            digest.feed([place])
             digest.feed_texture(texture)
     return digest.value()
 
@@ -162,11 +181,15 @@ def _bytes_of(array: np.ndarray) -> memoryview:
 def _tree_digest(array: np.ndarray) -> bytes:
     """Return the hash of a large array: its pieces are hashed in threads, then their hashes (Merkle 1980)."""
     values = _bytes_of(array)
-    pieces = [b""] * -(-len(values) // _PIECE)
+    pieces = [values[first : first + _PIECE] for first in range(0, len(values), _PIECE)]
+    return _hash(b"".join(_pool().map(_hash, pieces)))
 
-    def hash_pieces(slab: slice) -> None:
-        for number in range(slab.start, slab.stop):
-            pieces[number] = hashlib.blake2b(values[number * _PIECE : (number + 1) * _PIECE]).digest()
 
-    map_slabs(len(pieces), _PIECE, hash_pieces)
-    return hashlib.blake2b(b"".join(pieces)).digest()
+def _hash(values: memoryview | bytes) -> bytes:
+    return hashlib.blake2b(values).digest()
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Return threads for hashes, which the threads of `map_slabs` do not wait for."""
+    return ThreadPoolExecutor(min(_MAX_THREADS, os.cpu_count() or 1), "hashes")

@@ -187,27 +187,21 @@ def read_cutouts(scene: Scene) -> Cutouts:
             first, channels[index] = images.first_value(entry.texture)
             maps[index] = _map_entry(entry.texture, first)
             layer[index] = layers.index(index // SETS, entry.texture)
-    mapped = maps[:, 1] > 0
-    opacity = [_opacity(entry) for entry in entries]
+    offset, scale = (
+        np.array([getattr(entry, name) for entry in entries], np.float32).reshape(-1, 3)
+        for name in ("offset", "scale")
+    )
     return Cutouts(
         pixels=images.pixels(),
         maps=maps,
         channels=channels,
         layer=layer,
-        base=np.array([base for base, _ in opacity], np.float32).reshape(-1, 3),
-        factor=np.where(
-            mapped[:, None], np.array([factor for _, factor in opacity], np.float32).reshape(-1, 3), 0
-        ).astype(np.float32),
+        base=np.float32(1) - offset,
+        factor=np.where(maps[:, 1:2] > 0, -scale, np.float32(0)),
         threshold=np.array([_threshold(entry) for entry in entries], np.float32),
         fresnel=np.array([_fresnel(entry) for entry in entries], np.float32).reshape(-1, 4),
         uvs=layers.uvs(),
     )
-
-
-def _opacity(entry: Transmittance) -> tuple[np.ndarray, np.ndarray]:
-    """Return base and factor of a transmittance's opacity: opacity = base + factor * map."""
-    one = np.float32(1)
-    return one - entry.offset.astype(np.float32), -entry.scale.astype(np.float32)
 
 
 def _threshold(entry: Transmittance) -> float:

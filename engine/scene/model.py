@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ class Material:
     transmission: Transmission = field(default_factory=Transmission)
     back: BackSide | None = None
 
-    @property
+    @cached_property
     def translucent(self) -> bool:
         """True if light on one side leaves the other side diffusely."""
         return bool(np.any(self.translucency))

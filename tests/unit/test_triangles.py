@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,16 @@ def test_the_median_corner_becomes_the_origin_however_far_away_some_meshes_are()
     for index, mesh in enumerate(scene.meshes[:2]):
         assert (triangles.positions[triangles.mesh == index] + triangles.origin == mesh.positions).all()
     assert triangles.mesh.tolist() == [0] * 12 + [1] * 12 + [2] * 2
+
+
+@pytest.mark.parametrize("atlases", [(0, 1, 2), (1, 0, 1), (2, 2, 0)])
+def test_triangles_of_an_atlas_are_a_slice_if_they_are_adjacent(atlases):
+    meshes = tuple(replace(room((0, 0, 9 * k), f"{k}"), atlas=atlas) for k, atlas in enumerate(atlases))
+    triangles = join_meshes(Scene(meshes, (GREY,), atlases=("A", "B", "C")))
+    for atlas in range(3):
+        chosen = triangles.in_atlas(atlas)
+        assert np.arange(36)[chosen].tolist() == np.flatnonzero(triangles.atlas == atlas).tolist()
+        assert isinstance(chosen, slice) == (atlases != (1, 0, 1) or atlas != 1)
 
 
 def test_the_scene_stays_as_it_was():

@@ -136,6 +136,22 @@ def row_products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return products
 
 
+def indices_where(count: int, row: int, mask: Callable[[slice], np.ndarray]) -> np.ndarray:
+    """Return the indices below `count` at which a mask is True, (k,) int64, with threads.
+
+    row:   bytes that `mask` reads for each index
+    mask:  returns the mask of a slice, (m,) bool
+    """
+    found: dict[int, np.ndarray] = {}
+
+    def find(slab: slice) -> None:
+        found[slab.start] = np.flatnonzero(mask(slab))
+        found[slab.start] += slab.start
+
+    map_slabs(count, row, find)
+    return joined_rows([found[start] for start in sorted(found)])
+
+
 def nonzero_rows(values: np.ndarray) -> np.ndarray:
     """Return the indices of rows of (n, c) that have a nonzero entry, (k,) int64. Fast if they are few."""
     found: dict[tuple[int, int], np.ndarray] = {}
@@ -179,7 +195,12 @@ def range_members(firsts: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
     """Return the histogram of keys below `most`, (most,) int64; fast if equal keys are adjacent."""
-    starts = run_starts(keys)
+
+    def ends(slab: slice) -> np.ndarray:
+        return keys[slab.start + 1 : slab.stop + 1] != keys[slab]
+
+    later = indices_where(max(len(keys) - 1, 0), 2 * keys.itemsize, ends) + 1
+    starts = np.append(np.zeros(min(len(keys), 1), np.int64), later)
     counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int64)
     return counts
 

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
+from ..array_ops import take_rows, taken
 from ..device.gl_context import GraphicsContext
+from ..scene.triangles import Triangles
 
 #: Blending of fragments in the same texel: keep the last, the nearest, or the sum.
 _LAST, _NEAREST, _SUM = range(3)
@@ -62,8 +64,8 @@ def draw_charts(
         return [np.zeros((0, size), _TYPES[kind]) for size, kind in drawing.targets]
     context, size = graphics.context, (resolution, height)
     targets = [context.texture(size, components, dtype=kind) for components, kind in drawing.targets]
-    depth = context.depth_renderbuffer(size)
-    framebuffer = context.framebuffer(targets, depth)
+    depth = [context.depth_renderbuffer(size)] if drawing.kept == _NEAREST else []
+    framebuffer = context.framebuffer(targets, *depth)
     program = graphics.program(drawing.name, drawing.stages)
     if "resolution" in program:
         program["resolution"] = float(resolution)
@@ -84,8 +86,23 @@ def draw_charts(
         for target, (components, kind) in zip(targets, drawing.targets, strict=True)
     ]
     graphics.check("drawing lightmap UVs")
-    graphics.discard(vertices, buffer, framebuffer, depth, *targets)
+    graphics.discard(vertices, buffer, framebuffer, *depth, *targets)
     return images
+
+
+def draw_atlas(
+    graphics: GraphicsContext, drawing: Drawing, triangles: Triangles, atlas: int, resolution: int
+) -> list[np.ndarray]:
+    """Return the result of `draw_charts` for the triangles of an atlas."""
+    return draw_charts(graphics, drawing, take_rows(triangles.uvs, triangles.in_atlas(atlas)), resolution)
+
+
+def drawn_triangles(triangles: Triangles, atlas: int, numbers: np.ndarray) -> np.ndarray:
+    """Return the indices of drawn triangles, (k,) int32, from numbers that `draw_atlas` returned, not 0."""
+    chosen = triangles.in_atlas(atlas)
+    places = numbers.astype(np.int32)
+    places += (chosen.start if isinstance(chosen, slice) else 0) - 1
+    return places if isinstance(chosen, slice) else taken(chosen.astype(np.int32), places)
 
 
 def _rows_with_charts(uvs: np.ndarray, resolution: int) -> int:

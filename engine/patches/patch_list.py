@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..array_ops import map_slabs, take_rows, taken
+from ..array_ops import indices_where, map_slabs, take_rows, taken
 from ..device.gl_context import GraphicsContext
 from ..errors import SceneError
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
-from .chart_raster import ALIGNED, PATCHES, Drawing, draw_charts
+from .chart_raster import ALIGNED, PATCHES, Drawing, draw_atlas, drawn_triangles
 
 #: Arrays of a patch list with one entry for each patch.
 _COLUMNS = ("atlas", "texel", "triangle", "barycentric")
@@ -27,9 +27,15 @@ class TexelIndex:
 
     def __init__(self, resolution: int, atlas: np.ndarray, texel: np.ndarray) -> None:
         self._resolution = resolution
-        self.key = np.multiply(atlas, resolution**2, dtype=np.int64)
-        self.key += texel
-        self._entries: tuple[int, np.ndarray] | None = None
+        self.key = key = np.empty(len(texel), np.int64)
+
+        def number(slab: slice) -> None:
+            key[slab] = atlas[slab]
+            key[slab] *= resolution**2
+            key[slab] += texel[slab]
+
+        map_slabs(len(key), 16, number)
+        self._entries: dict[int, np.ndarray] = {}
 
     def count_in(self, atlases: int) -> int:
         """Return the number of patches in the first `atlases` atlases, which come before all others."""
@@ -38,20 +44,26 @@ class TexelIndex:
     def on_texels(self, atlases: int) -> np.ndarray:
         """Return the patch + 1 of each texel, (atlases, r, r) uint32, 0 for none.
 
-        Cached for one number of atlases.
+        Cached: fewer atlases are a part of the array of more.
         """
-        if self._entries is None or self._entries[0] != atlases:
-            count = self.count_in(atlases)
-            entries = np.zeros((atlases, self._resolution, self._resolution), np.uint32)
-            flat, key = entries.ravel(), self.key[:count]
+        if atlases not in self._entries:
+            most = max(self._entries, default=0)
+            whole = self._entries[most] if most > atlases else self._numbered(atlases)
+            self._entries[atlases] = whole[:atlases]
+        return self._entries[atlases]
 
-            def number(slab: slice) -> None:
-                flat[key[slab]] = np.arange(slab.start + 1, slab.stop + 1, dtype=np.uint32)
+    def _numbered(self, atlases: int) -> np.ndarray:
+        """Return a new array of `on_texels`, read-only."""
+        count = self.count_in(atlases)
+        entries = np.zeros((atlases, self._resolution, self._resolution), np.uint32)
+        flat, key = entries.ravel(), self.key[:count]
 
-            map_slabs(count, 8, number)
-            entries.flags.writeable = False
-            self._entries = atlases, entries
-        return self._entries[1]
+        def number(slab: slice) -> None:
+            flat[key[slab]] = np.arange(slab.start + 1, slab.stop + 1, dtype=np.uint32)
+
+        map_slabs(count, 8, number)
+        entries.flags.writeable = False
+        return entries
 
 
 @dataclass(frozen=True)
@@ -116,57 +128,56 @@ def list_patches(
     Raises SceneError if no texel centre is covered.
     """
     drawing = ALIGNED if align else PATCHES
-    patches = [
-        _patches_in(graphics, drawing, triangles, atlas, resolution) for atlas in range(len(scene.atlases))
-    ]
-    if not any(len(part) for part in patches):
+    atlases = range(len(scene.atlases))
+    drawn = [_drawn_in(graphics, drawing, triangles, atlas, resolution) for atlas in atlases]
+    counts = [len(texel) for texel, _, _ in drawn]
+    if not any(counts):
         names = ", ".join(f"'{mesh.name}'" for mesh in scene.meshes[:5])
         raise SceneError(
             f"No texel of a {resolution} x {resolution} lightmap lies on a surface: "
             f"the lightmap UVs of {names} are too small or have no area. "
             "Unwrap them again or raise the resolution."
         )
-    return concatenate(patches)
+    texel, triangle = (np.empty(sum(counts), np.int32) for _ in range(2))
+    barycentric, ends = np.empty((sum(counts), 3), np.float32), np.cumsum(counts)
+    for end, count, parts in zip(ends, counts, drawn, strict=True):
+        here = slice(end - count, end)
+        texel[here], triangle[here] = parts[:2]
+        _complete(parts[2], barycentric[here])
+    atlas = np.repeat(np.arange(len(atlases), dtype=np.int32), counts)
+    return PatchList(resolution, atlas, texel, triangle, barycentric)
 
 
-def concatenate(parts: list[PatchList]) -> PatchList:
-    """Concatenate patch lists with the same lightmap resolution."""
-    if len(parts) == 1:
-        return parts[0]
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
-    return PatchList(parts[0].resolution, **joined)
-
-
-def _patches_in(
+def _drawn_in(
     graphics: GraphicsContext, drawing: Drawing, triangles: Triangles, atlas: int, resolution: int
-) -> PatchList:
-    """Return the patches of one atlas."""
-    chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
-    number, barycentric = draw_charts(graphics, drawing, taken(triangles.uvs, chosen), resolution)
-    texel = np.flatnonzero(number[:, 0] != 0)
-    triangle = taken(np.r_[np.int32(-1), chosen], taken(number[:, 0], texel))
-    weights = _on_triangle(taken(barycentric.view(np.uint64)[:, 0], texel).view(np.float32).reshape(-1, 2))
-    here = np.full(len(texel), atlas, np.int32)
-    return PatchList(resolution, here, texel.astype(np.int32), triangle, weights)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return texel, (n,) int64, triangle, (n,) int32, and two barycentrics, (n, 2), of an atlas's patches."""
+    number, barycentric = draw_atlas(graphics, drawing, triangles, atlas, resolution)
+    flat = number[:, 0]
+    texel = indices_where(len(flat), 8, lambda slab: flat[slab] != 0)
+    weights = taken(barycentric.view(np.uint64)[:, 0], texel).view(np.float32).reshape(-1, 2)
+    return texel, drawn_triangles(triangles, atlas, taken(flat, texel)), weights
 
 
-def _on_triangle(drawn: np.ndarray) -> np.ndarray:
-    """Return three barycentrics, (n, 3) float32, from the two that were drawn, (n, 2) float32.
+def _complete(drawn: np.ndarray, barycentric: np.ndarray) -> None:
+    """Store three barycentrics, (n, 3) float32, of the two that were drawn, (n, 2) float32.
 
     On slivers the rasterizer interpolates values outside the triangle or NaN; these are clamped.
     """
-    barycentric, not_on = np.empty((len(drawn), 3), np.float32), [np.zeros(0, np.int64)]
+    not_on = [np.zeros(0, np.int64)]
 
-    def complete(slab: slice) -> None:
-        first, second, third = barycentric[slab].T
-        first[:], second[:] = drawn[slab].T
-        np.subtract(1 - first, second, out=third)
-        not_on.append(slab.start + np.flatnonzero(~(barycentric[slab] >= 0)) // 3)
+    def store(slab: slice) -> None:
+        two, three = drawn[slab], barycentric[slab]
+        third = 1 - two[:, 0]
+        third -= two[:, 1]
+        three[:, :2], three[:, 2] = two, third
+        # The minimum is NaN if any value is.
+        if len(two) and not (two.min() >= 0 and third.min() >= 0):
+            not_on.append(slab.start + np.flatnonzero(~(three >= 0)) // 3)
 
-    map_slabs(len(barycentric), 12, complete)
+    map_slabs(len(barycentric), 20, store)
     off = np.unique(np.concatenate(not_on))
     inside = np.clip(np.nan_to_num(barycentric[off]), 0, 1)
     total = inside.sum(axis=1, keepdims=True)
     middle = np.float32(1 / 3)
     barycentric[off] = np.divide(inside, total, out=np.full_like(inside, middle), where=total > 0)
-    return barycentric

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..array_ops import any_in_rows, taken
+from ..array_ops import any_in_rows, indices_where, taken
 from ..device.gl_context import GraphicsContext
 from ..errors import OverlapError
 from ..object_message import counted, object_message
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .border_texels import BorderTexels
-from .chart_raster import OVERLAP, TOUCHED, draw_charts
+from .chart_raster import OVERLAP, TOUCHED, draw_atlas, drawn_triangles
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 
@@ -36,10 +36,10 @@ def _border_texels_in(
     graphics: GraphicsContext, triangles: Triangles, atlas: int, covered: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the border texels of one atlas and the touching triangle nearest to each centre."""
-    chosen = np.flatnonzero(triangles.atlas == atlas).astype(np.int32)
-    (number,) = draw_charts(graphics, TOUCHED, taken(triangles.uvs, chosen), len(covered))
-    texel = np.flatnonzero((number[:, 0] > 0) & (covered.ravel()[: len(number)] == 0))
-    return atlas * covered.size + texel, chosen[number[texel, 0] - 1]
+    (number,) = draw_atlas(graphics, TOUCHED, triangles, atlas, len(covered))
+    touched, own = number[:, 0], covered.ravel()
+    texel = indices_where(len(touched), 8, lambda slab: (touched[slab] != 0) & (own[slab] == 0))
+    return atlas * covered.size + texel, drawn_triangles(triangles, atlas, taken(touched, texel))
 
 
 def warn_uncovered(scene: Scene, texels: np.ndarray) -> list[str]:
@@ -91,8 +91,7 @@ def check_overlap(
     """
     found = []
     for atlas in range(len(scene.atlases)):
-        uvs = taken(triangles.uvs, np.flatnonzero(triangles.atlas == atlas))
-        (count,) = draw_charts(graphics, OVERLAP, uvs, patches.resolution)
+        (count,) = draw_atlas(graphics, OVERLAP, triangles, atlas, patches.resolution)
         found.append(atlas * patches.resolution**2 + np.flatnonzero(count[:, 0] > 1))
     keys = np.concatenate(found)
     place = np.searchsorted(patches.key, keys).clip(max=len(patches) - 1)

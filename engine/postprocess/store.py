@@ -37,7 +37,7 @@ class LightmapImages:
         self.invalid = np.zeros(len(self.texel), bool)
         self._dark = np.zeros(len(patches), bool)
         on_texels = patches.on_texels(atlases)
-        self.has_patch, self._entry = on_texels > 0, on_texels.ravel().copy()
+        self.has_patch, self._entry = on_texels > 0, on_texels.ravel()
 
     def fits(self, patches: PatchList, atlases: int, rings: int) -> bool:
         """Return True if these images fit the given patches, number of atlases and margin in texels."""
@@ -70,6 +70,9 @@ class LightmapImages:
         """Remove patches that are covered by a touching face, (n,) bool, from the images."""
         if not same_values(dark, self._dark):
             before, now = (np.flatnonzero(flags[self._chosen]) for flags in (self._dark, dark))
+            if not self._entry.flags.writeable:
+                # Most bakes have no dark patches, and share the array of the patch list.
+                self._entry = self._entry.copy()
             self._entry[self.texel[before]] = before + 1
             self._entry[self.texel[now]] = 0
             self._device, self._dark = None, dark

@@ -10,7 +10,7 @@ from engine import Scene, SceneChanges, Session, Settings, finished
 from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.gather.visibility_cache import VisibilityCache
-from engine.patches import chart_raster, patch_list, texel_coverage
+from engine.patches import chart_raster
 from engine.patches.patch_scene import make_patch_scene
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
@@ -204,8 +204,7 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
     live = session.live(open_room(), SETTINGS)
     finished(live.converge())
     draw = chart_raster.draw_charts
-    for module in (patch_list, texel_coverage):
-        monkeypatch.setattr(module, "draw_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
+    monkeypatch.setattr(chart_raster, "draw_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
     for _ in range(6):
         charts = session._kept._patch_scene.triangles.uvs
         live.update(edit(live.scene, random))

@@ -115,6 +115,20 @@ def test_one_atlas_is_held_at_a_time(graphics):
     assert len(patches) == atlases * 77 and most < 2 * 12 * resolution**2
 
 
+def test_texels_of_fewer_atlases_are_a_part_of_all(graphics):
+    charts = (0, 0, 7, 11), (1, 0, 8, 5), (2, 3, 9, 9)
+    meshes = (replace(one_quad(chart, 17), atlas=atlas) for atlas, chart in enumerate(charts))
+    scene = Scene(tuple(meshes), (GREY,), atlases=("A", "B", "C"))
+    for order in (1, 2, 3), (3, 2, 1):
+        patches = list_patches(graphics, scene, join_meshes(scene), 17)
+        for atlases in order:
+            entries = patches.on_texels(atlases)
+            assert entries.shape == (atlases, 17, 17) and entries is patches.on_texels(atlases)
+            covered = np.flatnonzero(entries)
+            assert covered.tolist() == patches.key[patches.atlas < atlases].tolist()
+            assert entries.ravel()[covered].tolist() == list(range(1, len(covered) + 1))
+
+
 def test_nothing_covered_is_an_error(graphics):
     scene = Scene((one_quad((0, 0, 1, 1), 4099),), (GREY,))
     with pytest.raises(SceneError, match="No texel.*'Quad'.*[Uu]nwrap"):

@@ -31,6 +31,13 @@ def test_slabs_are_all_rows_once(four, count):
     assert len(threads) == 1 if count < 200_000 else len(threads) > 1
 
 
+@pytest.mark.parametrize("count", [0, 5, 1_000_003])
+def test_indices_of_a_mask_are_ascending_over_all_slabs(four, count):
+    flags = np.random.default_rng(count).random(count) < 0.3
+    found = array_ops.indices_where(count, 8, lambda slab: flags[slab])
+    assert np.array_equal(found, np.flatnonzero(flags))
+
+
 @pytest.mark.parametrize("bad", [0, 3])
 def test_an_error_of_any_slab_is_raised(four, bad):
     def work(slab):

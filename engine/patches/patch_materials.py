@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..array_ops import any_in_rows, nonzero_rows, take_rows, taken
+from ..array_ops import any_in_rows, indices_where, nonzero_rows, take_rows, taken
 from ..device.buffers import upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, colors_on_host, values_at
@@ -169,12 +169,15 @@ def _made_surfaces(
     reflectance: Values = (
         _constants_on(device, scene, geometry) if device else _constants(scene, "reflectance", geometry)
     )
-    emission = _constants(scene, "emission", geometry)
+
+    # Few materials emit, so only their patches are written and tested.
+    emitting = _emitting(scene, geometry)
+    emission = np.zeros((len(geometry.triangle), 3), np.float32)
+    colors = np.array([material.emission for material in scene.materials], np.float32)
+    emission[emitting] = colors[geometry.triangles.material[geometry.triangle[emitting]]]
     _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
     back_emission = _back_emission(compute, scene, geometry, resolution)
-
-    # Few materials emit, so only their patches are tested.
-    emitters = _shining(scene, geometry, emission) if back_emission is None else None
+    emitters = emitting[any_in_rows(take_rows(emission, emitting))] if back_emission is None else None
     return PatchMaterials(reflectance, emission, back_emission, emitters=emitters)
 
 
@@ -217,13 +220,13 @@ def _maps(scene: Scene, kind: str) -> list[Texture | None]:
     return [getattr(material, f"{kind}_map") for material in scene.materials]
 
 
-def _shining(scene: Scene, geometry: PatchGeometry, emission: np.ndarray) -> np.ndarray:
-    """Return the emissive patches, (k,) int64: their material emits and its texture is not black there."""
+def _emitting(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
+    """Return the patches of emissive materials, (k,) int64; their textures may be black there."""
     emits = np.array([material.emission.any() for material in scene.materials], bool)
     if not emits.any():
         return np.zeros(0, np.int64)
-    patches = np.flatnonzero(taken(emits.take(geometry.triangles.material), geometry.triangle))
-    return patches[any_in_rows(take_rows(emission, patches))]
+    of_triangle, triangle = emits.take(geometry.triangles.material), geometry.triangle
+    return indices_where(len(triangle), 5, lambda slab: of_triangle.take(triangle[slab]))
 
 
 def _multiply(

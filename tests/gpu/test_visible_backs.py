@@ -274,6 +274,13 @@ def test_later_rounds_need_only_rays_that_start_inside_something(tracer, monkeyp
     assert np.array_equal(visible(), found) and 0 == rounds[0] < rounds[1] < found.sum()
 
 
+def test_triangles_without_weight_cast_no_rays():
+    weight = np.zeros(1009, np.float32)
+    weight[[3, 4, 997]] = 1, 2, 5
+    rays = np.diff(BackRays.of(weight, 80, 1.0, 0.0).ends.astype(np.int64), prepend=0)
+    assert rays[[3, 4, 997]].tolist() == [10, 20, 50] and rays.sum() == 80
+
+
 def test_many_rays_are_shared_evenly():
     """Also by weights in float32, which cannot hold the sums."""
     count, triangles = 1 << 30, 1009

@@ -38,9 +38,12 @@ class BackRays:
 
         Not all weights may be 0.
         """
-        total = np.cumsum(weight, dtype=np.float64)
+        # Later rounds start from few triangles.
+        starting = np.flatnonzero(weight)
+        total = np.cumsum(weight[starting], dtype=np.float64)
         ends = np.floor(total * (count / max(total[-1], 1e-300))).clip(max=count).astype(np.uint32)
-        return cls(ends, side, height, count)
+        repeated = np.diff(starting, prepend=0, append=len(weight))
+        return cls(np.repeat(np.append(np.uint32(0), ends), repeated), side, height, count)
 
 
 class CastRays(Protocol):
@@ -60,4 +63,4 @@ class CastRays(Protocol):
 
 def marks_of(known: np.ndarray) -> np.ndarray:
     """Return the mark of each triangle before the rays of a round, (t,) uint8: KNOWN of the kernel, or 0."""
-    return np.where(known, np.uint8(_KNOWN), np.uint8(0))
+    return known.view(np.uint8) * np.uint8(_KNOWN)

@@ -54,7 +54,7 @@ def main() -> None:
     from engine.session import Session
 
     resolution = arguments.resolution or {**SCENES, **RESOLUTIONS}[arguments.scene]
-    scene = _scene(arguments.scene, resolution, arguments.arrays)
+    scene = made_scene(arguments.scene, resolution, arguments.arrays)
     for work in arguments.work:
         settings = _settings(resolution, arguments.quality, work)
         log, session = DeviceLog(), Session()
@@ -175,7 +175,7 @@ def relit_scene(scene: Scene) -> Scene:
     return replace(scene, materials=tuple(brighter))
 
 
-def _scene(name: str, resolution: int, arrays: Path | None) -> Scene:
+def made_scene(name: str, resolution: int, arrays: Path | None) -> Scene:
     """Return a scene by its name; arrays: folder of stored scenes."""
     from benchmarks.halls import hall
     from benchmarks.interiors import furnished_room, sealed_rooms

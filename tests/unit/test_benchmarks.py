@@ -1,10 +1,12 @@
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.curves import Point, envelope, reach, reach_by_sampling
 from benchmarks.driver_caches import driver_caches
+from benchmarks.glim import fastest, plain_scene
 from benchmarks.halls import hall
 from benchmarks.process_memory import used_memory
 from benchmarks.rooms import cornell_box, dark_box, hilly_room
@@ -139,3 +141,18 @@ def test_fig5_has_valid_settings_with_an_array_and_in_batches(layers, monkeypatc
     monkeypatch.setattr(fig5, "solving", solving)
     with pytest.raises(_CheckedError):
         fig5._drawn(64, layers, 1.0)
+
+
+def test_the_fastest_samples_that_reach_a_goal_count():
+    errors = [(0.06, 0.1, "coarse"), (0.05, 0.3, "slow"), (0.04, 0.2, "fine")]
+    assert fastest(errors, 5) == "fine" and fastest(errors, 1) is None
+
+
+def test_a_plain_scene_keeps_constants_only():
+    scene = replace(cornell_box(64), world=np.full((2, 4, 3), 0.5, np.float32))
+    plain = plain_scene(scene)
+    assert plain.world.tolist() == [1, 1, 1] and not plain.lights
+    assert max(made.reflectance.max() for made in plain.materials) <= np.float32(0.8)
+    assert [made.emission.tolist() for made in plain.materials] == [
+        made.emission.tolist() for made in scene.materials
+    ]

@@ -168,6 +168,9 @@ def _bake(request: _Request, inspect: Inspect) -> Generator[Progress, None, Bake
     # Gather iterations until convergence (III.B, IV.C).
     solved = yield from _solved(request, lit, areas)
 
+    if lit.rays.early:
+        lit.rays.early.clear()
+
     # Outputs at the patches, and at texel samples where texels are not uniform.
     made, gathered = yield from _made(stages, lit.outputs, solved)
 
@@ -264,7 +267,7 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
 
     # Direct light: shadow rays to lights, small bright surfaces and bright sky.
     rays = kept.ray_scene(graphics, compute, patch_scene)
-    notes = share(rays, request.devices.peers if request.shares else None, settings)
+    notes = share(rays, patch_scene, request.devices.peers if request.shares else None, settings)
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_groups = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1
@@ -320,6 +323,8 @@ def _solved(
 
     # The iterations also measure which patches lie inside geometry; with patch groups, the final gather does.
     texels = TexelGatherJob(lit.scene, job, solved, choice, lit.lighting)
+    if lit.rays.early:
+        lit.rays.early.stop()
     validity = yield from _converge(stages, lit, solution, texels, contacts, atlases)
     return _Solved(texels, solution, contacts, validity, atlases)
 

@@ -15,6 +15,7 @@ from .device_records import SEARCH, DeviceKey, DeviceRecords
 from .driver_options import needed_replacements, set_driver_options
 from .kernel import ITEMS, Kernel, SideQueue, run_on
 from .opencl import cl, keep_starters_in_memory, load_opencl
+from .peer_threads import PeerThread
 from .planned_program import PlannedProgram, ProgramParts, Source
 from .program_cache import (
     Preparation,
@@ -45,6 +46,7 @@ class ComputeDevice:
     ahead:                     programs that are built ahead, see `build_ahead`
     key, notes:                of the device, and sentences about devices that are skipped
     shared:                    cache of uploaded arrays
+    thread:                    runs the tasks of this device if it shares the bake of another one
     default_sizes:             default work-group sizes of the hot kernels for this kind of device
     work_sizes:                measured sizes stored for this device, else the default
 
@@ -62,6 +64,7 @@ class ComputeDevice:
         keep_starters_in_memory()
         self._built: dict[tuple, cl.Program] = {}
         self._kernels: dict[tuple, Kernel] = {}
+        self.thread = PeerThread()
         self.shared = SharedBuffers()
         self._slice_sizes: dict[tuple, TimeSlicer] = {}
         self._records = DeviceRecords(cache_dir)
@@ -202,7 +205,8 @@ class ComputeDevice:
         return self.processor and self._programs.preparation(self._planned) is not None
 
     def release(self) -> None:
-        """Stop the builds of programs in other processes."""
+        """End the tasks of the device's thread and the builds of programs in other processes."""
+        self.thread.end()
         self._programs.stop()
         self._records.leave()
 

@@ -91,6 +91,8 @@ class Devices:
     def clear(self) -> None:
         """Release the data of the last bake, but keep contexts and programs."""
         self.graphics.clear()
+        for peer in self._peers.opened if self._peers else ():
+            peer.thread.end()
 
     def release(self) -> None:
         """Release everything."""

@@ -223,7 +223,7 @@ class ShadowRays:
                 found.append((first, download(peer, there, (end - first, 4), 16 * first)))
 
         own = rows.progress(self._slices(work, samples, rows, result))
-        yield from run_in_parallel(own, [partial(cast_on, peer) for peer in peers], rows.stop)
+        yield from run_in_parallel(own, [(peer.thread, partial(cast_on, peer)) for peer in peers], rows.stop)
         for first, light in found:
             write(self._compute, result, light, 16 * first)
         return result

@@ -12,6 +12,7 @@ from ..device.peer_threads import run_in_parallel
 from ..device.row_range import RowRange
 from ..progress import finished, run_as_fraction
 from ..resume.checkpoint import Checkpoint
+from ..visibility.rays.early_hits import EarlyHits
 from ..visibility.rays.ray_sampler import GatheredBuffers, RaySampler
 from ..visibility.sampler import SampleLayout, VisibilitySampler
 from .background_light import BackgroundLight
@@ -145,6 +146,7 @@ class RayStreamGather:
     """Gather that traces all rays in every iteration and stores no samples.
 
     others:  other devices that gather a part of the patches; none with L1
+    early:   hits that the other devices have traced; None without any
     """
 
     def __init__(
@@ -155,8 +157,9 @@ class RayStreamGather:
         sources: int,
         l1: L1Gather | NoL1,
         others: Sequence[PeerStream] = (),
+        early: EarlyHits | None = None,
     ) -> None:
-        self._sampler, self._count, self._l1 = sampler, count, l1
+        self._sampler, self._count, self._l1, self._early = sampler, count, l1, early
         self._compute, self._sources, self._others = compute, sources, others
         self._kernels = GatherKernels(compute, SampleLayout.of(sampler))
         self._gathered = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
@@ -165,12 +168,13 @@ class RayStreamGather:
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
         """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
         seen = GatheredBuffers(self._gathered, light.patches_seen, self._backs_seen, self._l1.result)
-        rows = RowRange(0, self._count, 1 + len(self._others))
+        left = self._count if self._early is None else self._early.stop()
+        rows = RowRange(0, left, 1 + len(self._others))
         own = rows.progress(self._sampler.gather(rows, light.radiance, seen))
         others = []
         if self._others:
             radiance = download(self._compute, light.radiance, (self._sources + 2, 4))
-            others = [partial(other.gather, rows, radiance) for other in self._others]
+            others = [(other.thread, partial(other.gather, rows, radiance)) for other in self._others]
         yield from run_in_parallel(own, others, rows.stop)
         for other in self._others:
             other.write_to(self._compute, self._gathered, light.patches_seen)

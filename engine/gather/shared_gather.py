@@ -150,7 +150,7 @@ class SharedCachedGather(CachedGather):
         cache = self._own.cache
         rows = RowRange(0, 0 if cache.complete else cache.count, 1 + len(self._others))
         own = rows.progress(self._own.fill(rows))
-        fill = [partial(_fill_there, other, rows) for other in self._others]
+        fill = [(other.compute.thread, partial(_fill_there, other, rows)) for other in self._others]
         yield from run_in_parallel(own, fill, rows.stop)
         cache.join([other.cache for other in self._others])
         self._static.complete = True

@@ -17,6 +17,7 @@ from ..gather.peer_stream import PeerStream
 from ..gather.remote_gather import RemoteIteration
 from ..gather.shared_gather import DeviceParts, DeviceRows, SharedCachedGather
 from ..gather.visibility_cache import BackfaceLight, VisibilityCache
+from ..visibility.rays.early_hits import EarlyHits
 from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.sample_counts import expected_samples
 from ..visibility.sampler import SampleLayout, VisibilitySampler
@@ -182,7 +183,7 @@ def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
     l1, sources = _l1_gather(job, sampling), len(job.emission)
     if isinstance(sampler, RaySampler):
         others = [] if job.settings.directional else _peer_streams(job)
-        return RayStreamGather(job.opencl, sampler, job.count, sources, l1, others)
+        return RayStreamGather(job.opencl, sampler, job.count, sources, l1, others, _early_hits(job))
     fitting = max(min(memory_budget(job), job.settings.batch_bytes) // sampler.row_bytes, sampler.batch)
     backs = BackfaceLight(job.opencl, job.count, sources, job.settings.directional)
     return StreamGather(
@@ -199,9 +200,15 @@ def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
 def _peer_streams(job: SolveJob) -> list[PeerStream]:
     """Return the rows of a stream gather on each other device that shares the work of the patches."""
     return [
-        PeerStream(peer, partial(_ray_sampler, job, peer), job.count, len(job.emission))
+        PeerStream(peer, partial(_ray_sampler, job, peer), job.count, len(job.emission), _early_hits(job))
         for peer in job.rays.peers
     ]
+
+
+def _early_hits(job: SolveJob) -> EarlyHits | None:
+    """Return the hits of these rays that other devices have traced; None without any."""
+    early = job.rays.early
+    return early if early and early.serves(job.settings) and not job.settings.directional else None
 
 
 def _ray_sampler(job: SolveJob, peer: ComputeDevice) -> RaySampler:

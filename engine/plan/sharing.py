@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ..device.peers import Peers
 from ..patches.patch_scene import PatchScene
 from ..settings import Settings
+from ..visibility.rays.early_hits import EarlyHits
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sample_counts import ray_count
 
@@ -19,12 +20,17 @@ _FEWEST_RAYS = 1 << 31
 _FEWEST_OF_GROUPS = 1 << 29
 
 
-def share(rays: RayScene, open_peers: Callable[[], Peers] | None, settings: Settings) -> tuple[str, ...]:
+def share(
+    rays: RayScene, patch_scene: PatchScene, open_peers: Callable[[], Peers] | None, settings: Settings
+) -> tuple[str, ...]:
     """Choose the other devices that share the work of a bake, none for a small one; return report sentences.
+
+    The devices start to prepare and to trace.
 
     open_peers:  opens the other devices that the settings allow; None for none
     """
     rays.share_with(())
+    rays.early = None
     if open_peers is None or settings.warm_start:
         return ()
     count = rays.count * ray_count(settings)
@@ -32,7 +38,21 @@ def share(rays: RayScene, open_peers: Callable[[], Peers] | None, settings: Sett
         return (f"One device baked: {count:,} rays are too few to share; the minimum is {_FEWEST_RAYS:,}.",)
     peers = open_peers()
     rays.share_with(peers.opened)
+    if peers.opened and _traces_early(rays, patch_scene, settings):
+        rays.early = EarlyHits(rays, patch_scene, settings)
     return peers.notes
+
+
+def _traces_early(rays: RayScene, patch_scene: PatchScene, settings: Settings) -> bool:
+    """Return True if all patches will cast their rays once they have light, after work of the host.
+
+    A hit is the index of a texel without a tint, see trace_hits.cl.
+    """
+    in_groups = settings.has_indirect and settings.patch_groups > 1
+    traced = settings.visibility != "raster" and settings.method in ("auto", "cached")
+    fits = patch_scene.texel_to_patch.size <= 1 << 31 and not patch_scene.cutouts.tinted
+    adaptive = settings.adaptive and rays.compute.processor
+    return in_groups and traced and fits and not (adaptive or settings.directional)
 
 
 def rays_of_groups(rays: RayScene, groups: PatchScene, settings: Settings) -> RayScene:

@@ -57,6 +57,17 @@ Hit turned(const Lightmaps *lightmaps, Hit hit)
     return hit;
 }
 
+// Returns the index of the texel that a ray hits, among the texels of all lightmaps.
+size_t texel_of_hit(const Lightmaps *lightmaps, const Hit shown)
+{
+    __global const float2 *corner = lightmaps->uvs + 3 * shown.triangle;
+    const float2 w = shown.weights;
+    const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
+    const int2 texel = clamp(convert_int2(uv * lightmaps->resolution), 0, lightmaps->resolution - 1);
+    const size_t row = (size_t)lightmaps->atlases[shown.triangle] * lightmaps->resolution + texel.y;
+    return row * lightmaps->resolution + texel.x;
+}
+
 // Returns the item-buffer entry of a ray's nearest hit: patch + 1, with the BACK bit for back faces, or SKY. tint:
 // palette index of the colour of transparent surfaces passed (visibility_sample.cl).
 uint sample_of_hit(const Rays *rays, const Lightmaps *lightmaps, const float3 origin, const float3 direction,
@@ -73,12 +84,7 @@ uint sample_of_hit(const Rays *rays, const Lightmaps *lightmaps, const float3 or
     if (hit.triangle < 0)
         return SKY;
     const Hit shown = turned(lightmaps, hit);
-    __global const float2 *corner = lightmaps->uvs + 3 * shown.triangle;
-    const float2 w = shown.weights;
-    const float2 uv = corner[0] * (1.0f - w.x - w.y) + corner[1] * w.x + corner[2] * w.y;
-    const int2 texel = clamp(convert_int2(uv * lightmaps->resolution), 0, lightmaps->resolution - 1);
-    const size_t row = (size_t)lightmaps->atlases[shown.triangle] * lightmaps->resolution + texel.y;
-    return lightmaps->texel_to_patch[row * lightmaps->resolution + texel.x] | (shown.front ? 0u : BACK);
+    return lightmaps->texel_to_patch[texel_of_hit(lightmaps, shown)] | (shown.front ? 0u : BACK);
 }
 
 // Traces a ray and returns its item-buffer entry.

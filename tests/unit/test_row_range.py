@@ -7,7 +7,7 @@ from collections.abc import Generator
 
 import pytest
 
-from engine.device.peer_threads import run_in_parallel
+from engine.device.peer_threads import PeerThread, run_in_parallel
 from engine.device.row_range import RowRange
 
 
@@ -53,7 +53,7 @@ def test_error_of_another_device_stops_this_one_and_is_raised() -> None:
         raise ValueError("lost")
 
     with pytest.raises(ValueError, match="lost"):
-        list(run_in_parallel(own(), [fail], rows.stop))
+        list(run_in_parallel(own(), [(PeerThread(), fail)], rows.stop))
 
 
 def test_cancelled_work_waits_for_the_other_device() -> None:
@@ -67,7 +67,7 @@ def test_cancelled_work_waits_for_the_other_device() -> None:
         while True:
             yield 0.0
 
-    work = run_in_parallel(own(), [other], stopped.set)
+    work = run_in_parallel(own(), [(PeerThread(), other)], stopped.set)
     next(work)
     work.close()
     assert ended.is_set()

@@ -55,6 +55,15 @@ class MovedBuffers:
     views: cl.Buffer
 
 
+@dataclass(frozen=True)
+class HitRows:
+    """Hits of the patches first <= i < last, see trace_hits.cl; None if there was no memory for them."""
+
+    hits: cl.Buffer | None
+    first: int
+    last: int
+
+
 class RaySampler:
     """Traces rays from the patches of `receivers` and finds the patches of `sources` that they hit.
 
@@ -69,9 +78,10 @@ class RaySampler:
         compute: ComputeDevice,
         receivers: RayScene,
         sources: PatchScene,
-        background: Background,
+        background: Background | None,
         settings: Settings,
     ) -> None:
+        """Upload what the rays need; background: None only for `trace_hits`."""
         self._compute, self._queue = compute, compute.queue
         rays = receivers.rays
         hemicube = settings.directions == "hemicube"
@@ -94,11 +104,11 @@ class RaySampler:
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),
-            backs, background.emission, background.outside,
+            backs, *((background.emission, background.outside) if background else (None, np.uint32(0))),
             upload(compute, pattern), np.int32(self.samples), np.int32(settings.hemicube),
             np.uint32(rotation_salt(settings.seed)), np.int32(settings.rotate),
         )  # fmt: skip
-        self._sky = background.sky_arguments
+        self._sky = background.sky_arguments if background else ()
         self._size = int(triangles.mesh.size).bit_length()
 
     def find(self, first: int, last: int, seen: VisibilityBuffers) -> Generator[float, None, None]:
@@ -126,8 +136,34 @@ class RaySampler:
         radiance:  float4 by source + 1, W/(m^2 sr)
         from_end:  take slices from the end of the rows
         """
-        outputs = (radiance, *self._sky, seen.light, seen.patches_seen, seen.backs_seen, seen.l1)
+        outputs = self._gather_outputs(radiance, seen)
         yield from self._run(self._gather_rays, rows, outputs, from_end=from_end)
+
+    @property
+    def hit_bytes(self) -> int:
+        """Bytes of the hits of a patch."""
+        return 4 * self.samples
+
+    def trace_hits(self, first: int, last: int, hits: cl.Buffer) -> Generator[tuple[int, int], None, None]:
+        """Trace the samples of the patches first <= i < last without their sources; yield each slice."""
+        (trace,) = self._kernels("trace_hits.cl", "trace_hits")
+        yield from self._run(trace, RowRange(first, last), (), (hits, np.int32(first)))
+
+    def gather_piece(
+        self, piece: HitRows, radiance: cl.Buffer, seen: GatheredBuffers
+    ) -> Generator[tuple[int, int], None, None]:
+        """Gather for patches from their hits, without rays if these are stored; yield each slice."""
+        rows = RowRange(piece.first, piece.last)
+        if piece.hits is None:
+            yield from self.gather(rows, radiance, seen)
+            return
+        (gather,) = self._kernels("trace_hits.cl", "gather_rays")
+        outputs = self._gather_outputs(radiance, seen)
+        yield from self._run(gather, rows, outputs, (piece.hits, np.int32(piece.first)))
+
+    def _gather_outputs(self, radiance: cl.Buffer, seen: GatheredBuffers) -> tuple:
+        """Return the output arguments of `gather_rays`; parameters of `gather`."""
+        return (radiance, *self._sky, seen.light, seen.patches_seen, seen.backs_seen, seen.l1)
 
     def _kernels(self, file: str, *names: str) -> list[Kernel]:
         """Return kernels of a file that trace the samples of patches."""
@@ -138,12 +174,12 @@ class RaySampler:
     ) -> Generator[tuple[int, int], None, None]:
         """Run a kernel over patches in time slices, one work group per patch; yield each slice."""
         (group,) = kernel.group(*self._compute.work_sizes.look)
-        partial = cl.LocalMemory(16 * group)
+        sums = (*outputs, cl.LocalMemory(16 * group)) if outputs else ()
 
         def launch(start: int, end: int) -> None:
             kernel(
                 self._queue, (group * (end - start),), (group,),
-                *self._arguments, np.int32(start), *outputs, partial, *more,
+                *self._arguments, np.int32(start), *sums, *more,
             )  # fmt: skip
 
         size = self._compute.slice_size(kernel, self.samples, self._size, items=group)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import cached_property
+from concurrent.futures import Future
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from .shaders.shader_scene import ShaderScene
 from .shaders.shader_tracer import ShaderTracer
 from .upper_levels import UpperLevels
 
+if TYPE_CHECKING:
+    from .early_hits import EarlyHits
+
 
 def make_tracer(
     graphics: GraphicsContext, compute: ComputeDevice | None, triangles: Triangles, cutouts: Cutouts
@@ -37,10 +41,12 @@ class RayScene:
 
     peers:   other devices that share the work of the patches; empty for one device
     shared:  True once `peers` have received work
+    early:   hits of the samples of patches that `peers` trace ahead; None for none
     """
 
     peers: Sequence[ComputeDevice] = ()
     shared: bool = False
+    early: EarlyHits | None = None
 
     def __init__(
         self,
@@ -90,21 +96,23 @@ class RayScene:
             self._prepare(peer)
 
     def on(self, peer: ComputeDevice) -> RayScene:
-        """Return a scene of the same triangles and patches on another device, created on first use."""
+        """Return `twin` for work of the bake."""
         self.shared = bool(self.peers)
+        return self.twin(peer)
+
+    def twin(self, peer: ComputeDevice) -> RayScene:
+        """Return a scene of the same triangles and patches on another device, created on first use."""
         return self._prepare(peer).result()
 
     def _prepare(self, peer: ComputeDevice) -> Future[RayScene]:
-        """Start to create the scene of another device, unless it exists."""
+        """Let the thread of another device create its scene, unless it exists."""
         if peer not in self._twins:
-            thread = ThreadPoolExecutor(1, "twin")
-            self._twins[peer] = thread.submit(self._twin, peer)
-            thread.shutdown(wait=False)
+            self._twins[peer] = peer.thread.submit(partial(self._make_twin, peer))
         return self._twins[peer]
 
-    def _twin(self, peer: ComputeDevice) -> RayScene:
+    def _make_twin(self, peer: ComputeDevice) -> RayScene:
         """Return a scene of the same triangles and patches on another device, with its receivers."""
-        whole = self._whole and self._whole.on(peer)
+        whole = self._whole and self._whole.twin(peer)
         twin = whole.of(self._patch_scene) if whole else RayScene(peer, self._patch_scene)
         twin.receivers  # noqa: B018 - the device needs BVH and receivers first
         return twin

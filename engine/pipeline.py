@@ -267,7 +267,8 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
 
     # Direct light: shadow rays to lights, small bright surfaces and bright sky.
     rays = kept.ray_scene(graphics, compute, patch_scene)
-    notes = share(rays, patch_scene, request.devices.peers if request.shares else None, settings)
+    open_peers = request.devices.peers if request.shares else None
+    notes = share(rays, patch_scene, open_peers, settings, kept.samples is not None)
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_groups = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1

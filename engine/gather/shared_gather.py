@@ -15,6 +15,8 @@ from ..device.peer_threads import run_in_parallel
 from ..device.row_range import RowRange
 from ..progress import finished
 from ..resume.checkpoint import Checkpoint
+from ..visibility.rays.early_hits import EarlyHits
+from ..visibility.rays.ray_sampler import HitRows
 from ..visibility.sampler import VisibilitySampler
 from .background_light import BackgroundLight
 from .cached_gather import STRIDE, CachedGather
@@ -76,17 +78,24 @@ class DeviceRows:
             self._outputs = (self._dark, self._dark, self.light, self.light, np.int32(0), np.int32(count))
         return self._parts
 
-    def fill(self, rows: RowRange, from_end: bool = False) -> Generator[None, None, None]:
+    def begin(self) -> None:
+        """Let the thread of the device create its objects."""
+        self.compute.thread.submit(lambda: self._made)
+
+    def fill(
+        self, rows: RowRange, from_end: bool = False, early: Sequence[HitRows] = ()
+    ) -> Generator[None, None, None]:
         """Compute the visibility samples of rows, then the background light of these rows.
 
         Ends early once the rows are stopped.
 
         rows:      range from which other devices take rows too; this device takes rows until none is left
         from_end:  True to take them from the end of the range
+        early:     hits of more rows that this device has traced
         """
         parts = self._made
         if parts.sampler is not None:
-            yield from parts.cache.take(parts.sampler, rows, parts.most, from_end)
+            yield from parts.cache.take(parts.sampler, rows, parts.most, from_end, early)
         for piece in parts.cache.pieces:
             if rows.stopped:
                 return
@@ -113,6 +122,7 @@ class SharedCachedGather(CachedGather):
     own:     rows of this device, whose cache also refers to the other caches
     others:  rows of the other devices
     static:  background light on this device
+    early:   hits that the other devices have traced; None without any
     """
 
     def __init__(
@@ -122,9 +132,10 @@ class SharedCachedGather(CachedGather):
         others: Sequence[DeviceRows],
         static: BackgroundLight,
         checkpoint: Checkpoint,
+        early: EarlyHits | None = None,
     ) -> None:
         super().__init__(compute, own.cache, None, static, NoL1(), checkpoint)
-        self._own, self._others = own, others
+        self._own, self._others, self._early = own, others, early
 
     def gather(self, light: GatherBuffers, column: int) -> Generator[float, None, None]:
         """Gather irradiance into a column of the ring of iterates; yield progress 0..1."""
@@ -148,9 +159,11 @@ class SharedCachedGather(CachedGather):
     def _begin(self, light: GatherBuffers) -> Generator[float, None, None]:
         """Compute the missing samples and the background light on all devices; yield progress 0..1."""
         cache = self._own.cache
-        rows = RowRange(0, 0 if cache.complete else cache.count, 1 + len(self._others))
+        early = None if cache.complete else self._early
+        left = 0 if cache.complete else early.stop() if early else cache.count
+        rows = RowRange(0, left, 1 + len(self._others))
         own = rows.progress(self._own.fill(rows))
-        fill = [(other.compute.thread, partial(_fill_there, other, rows)) for other in self._others]
+        fill = [(other.compute.thread, partial(_fill_there, other, rows, early)) for other in self._others]
         yield from run_in_parallel(own, fill, rows.stop)
         cache.join([other.cache for other in self._others])
         self._static.complete = True
@@ -158,7 +171,7 @@ class SharedCachedGather(CachedGather):
         self._begun = True
 
 
-def _fill_there(rows: DeviceRows, left: RowRange) -> None:
-    """Compute samples on another device until no row is left."""
-    finished(rows.fill(left, from_end=True))
+def _fill_there(rows: DeviceRows, left: RowRange, early: EarlyHits | None) -> None:
+    """Compute samples on another device, of its early hits and then until no row is left."""
+    finished(rows.fill(left, from_end=True, early=early.on(rows.compute) if early else ()))
     rows.compute.queue.finish()

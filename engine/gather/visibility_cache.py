@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..device.row_range import RowRange
 from ..patches.patch_scene import PatchScene
 from ..resume.checkpoint import Checkpoint
 from ..scene.digests import same_values
-from ..visibility.rays.ray_sampler import RaySampler
+from ..visibility.rays.ray_sampler import HitRows, RaySampler
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import SampleLayout, VisibilityBuffers, VisibilitySampler
 from .saved_rows import SavedRows, Table
@@ -195,15 +195,24 @@ class VisibilityCache:
             )
 
     def take(
-        self, sampler: VisibilitySampler, rows: RowRange, most: int, from_end: bool = False
+        self,
+        sampler: VisibilitySampler,
+        rows: RowRange,
+        most: int,
+        from_end: bool = False,
+        early: Sequence[HitRows] = (),
     ) -> Generator[None, None, None]:
         """Compute the samples of rows that other devices take from too, until none is left.
 
         Ends within a piece once the rows are stopped. A piece must fit `backs`, which holds all patches.
 
-        most:  maximum number of rows of this cache
+        most:   maximum number of rows of this cache
+        early:  hits of more rows, which become their samples
         """
+        for piece in early:
+            yield from self._take_hits(sampler, rows, piece)
         wanted, left = max(1, self._largest_piece // self.sampling.row_bytes), most
+        left -= sum(piece.last - piece.first for piece in early)
         while left > 0 and (taken := rows.take(min(wanted, left), _FEWEST, from_end)) is not None:
             left -= taken[1] - taken[0]
             size = self.sampling.row_bytes * (taken[1] - taken[0])
@@ -213,6 +222,19 @@ class VisibilityCache:
                 if rows.stopped:
                     return
                 yield
+
+    def _take_hits(
+        self, sampler: VisibilitySampler, rows: RowRange, piece: HitRows
+    ) -> Generator[None, None, None]:
+        """Turn hits into samples, unless the rows are stopped."""
+        assert isinstance(sampler, RaySampler)
+        if rows.stopped:
+            return
+        size = self.sampling.row_bytes * (piece.last - piece.first)
+        cache = piece.hits or cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size)
+        self.pieces.append(SampleRows(cache, piece.first, piece.last))
+        for _ in sampler.find_piece(piece, self.backs.found_with(cache, piece.first)):
+            yield
 
     def join(self, others: list[VisibilityCache]) -> None:
         """Add the rows that other devices have computed; this cache then counts as complete."""

@@ -135,7 +135,10 @@ def caching_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
         job.kept.background.clear()
         most = most_rows(job, sampler.row_bytes)
         others = [DeviceRows(peer, partial(_new_parts, job.on(peer), most)) for peer in job.rays.peers]
-        return _shared_gather(job, job.kept.samples, sampler, others)
+        for rows in others:
+            rows.begin()
+        early = _early_hits(job) if sampler.row_bytes == sampler.hit_bytes else None
+        return _shared_gather(job, job.kept.samples, sampler, others, early)
     return _cached_gather(job, job.kept.samples, sampler)
 
 
@@ -168,13 +171,17 @@ def _kept_rows(job: SolveJob, cache: VisibilityCache) -> DeviceRows:
 
 
 def _shared_gather(
-    job: SolveJob, cache: VisibilityCache, sampler: RaySampler | None, others: list[DeviceRows]
+    job: SolveJob,
+    cache: VisibilityCache,
+    sampler: RaySampler | None,
+    others: list[DeviceRows],
+    early: EarlyHits | None = None,
 ) -> DeviceGather:
     """Return a gather by several devices from cached samples; None as sampler if all samples are known."""
     static = static_light(job, cache.sampling)
     most = most_rows(job, cache.sampling.row_bytes)
     own = DeviceRows(job.opencl, lambda: DeviceParts(cache, sampler, static, most))
-    return SharedCachedGather(job.opencl, own, others, static, job.checkpoint)
+    return SharedCachedGather(job.opencl, own, others, static, job.checkpoint, early)
 
 
 def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:

@@ -21,13 +21,18 @@ _FEWEST_OF_GROUPS = 1 << 29
 
 
 def share(
-    rays: RayScene, patch_scene: PatchScene, open_peers: Callable[[], Peers] | None, settings: Settings
+    rays: RayScene,
+    patch_scene: PatchScene,
+    open_peers: Callable[[], Peers] | None,
+    settings: Settings,
+    has_samples: bool,
 ) -> tuple[str, ...]:
     """Choose the other devices that share the work of a bake, none for a small one; return report sentences.
 
     The devices start to prepare and to trace.
 
-    open_peers:  opens the other devices that the settings allow; None for none
+    open_peers:   opens the other devices that the settings allow; None for none
+    has_samples:  True if visibility of the last bake may be reused
     """
     rays.share_with(())
     rays.early = None
@@ -38,7 +43,8 @@ def share(
         return (f"One device baked: {count:,} rays are too few to share; the minimum is {_FEWEST_RAYS:,}.",)
     peers = open_peers()
     rays.share_with(peers.opened)
-    if peers.opened and _traces_early(rays, patch_scene, settings):
+    is_reused = has_samples and settings.patch_groups <= 1
+    if peers.opened and not is_reused and _traces_early(rays, patch_scene, settings):
         rays.early = EarlyHits(rays, patch_scene, settings)
     return peers.notes
 
@@ -48,11 +54,10 @@ def _traces_early(rays: RayScene, patch_scene: PatchScene, settings: Settings) -
 
     A hit is the index of a texel without a tint, see trace_hits.cl.
     """
-    in_groups = settings.has_indirect and settings.patch_groups > 1
-    traced = settings.visibility != "raster" and settings.method in ("auto", "cached")
-    fits = patch_scene.texel_to_patch.size <= 1 << 31 and not patch_scene.cutouts.tinted
     adaptive = settings.adaptive and rays.compute.processor
-    return in_groups and traced and fits and not (adaptive or settings.directional)
+    on_one = settings.visibility == "raster" or settings.directional or settings.by_light_groups or adaptive
+    fits = patch_scene.texel_to_patch.size <= 1 << 31 and not patch_scene.cutouts.tinted
+    return fits and not on_one
 
 
 def rays_of_groups(rays: RayScene, groups: PatchScene, settings: Settings) -> RayScene:

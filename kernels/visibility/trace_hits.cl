@@ -17,9 +17,9 @@ uint entry_of_hit(const Lightmaps *lightmaps, const uint hit)
     return hit == SKY ? SKY : lightmaps->texel_to_patch[hit & ~BACK] | (hit & BACK);
 }
 
-#include "gather_rays.cl"
+#include "trace_visibility.cl"
 
-// Traces the samples of one patch per work group, with the rays of `gather_rays`; samples below the horizon have no
+// Traces the samples of one patch per work group, with the rays of `trace_visibility`; samples below the horizon have no
 // ray.
 __kernel void trace_hits(LOOK_ARGUMENTS, const int start, __global uint *hits, const int hits_from)
 {

@@ -18,12 +18,12 @@ from .ray_scene import RayScene
 #: Samples of a piece: one H200 traces them in 25 ms (measured), for which its other tasks wait.
 _PIECE = 1 << 27
 
-#: Part of a device's memory that hits may use (chosen); half of it is for visibility samples.
+#: Divisor of a device's memory for hits (chosen). Visibility samples may use half of it.
 _PART = 4
 
 
 class EarlyHits:
-    """Hits of the last patches, traced by other devices in pieces until `stop`.
+    """Hits of the last patches, traced by other devices in pieces until `stop`, at most their equal share.
 
     Hits depend neither on light nor on patch groups, so a device can trace them as soon as the patches are
     listed. Other tasks of its thread run between two pieces.
@@ -33,6 +33,7 @@ class EarlyHits:
         """Start to trace on all devices that share `rays`."""
         self._rays, self._patch_scene, self._settings = rays, patch_scene, settings
         self._left, self._stopped, self._lock = rays.count, False, threading.Lock()
+        self._least = -(-rays.count // (1 + len(rays.peers)))
         self._pieces: dict[ComputeDevice, list[HitRows]] = {peer: [] for peer in rays.peers}
         for peer in rays.peers:
             peer.thread.submit(partial(self._begin, peer))
@@ -62,8 +63,9 @@ class EarlyHits:
         if self._stopped:
             return
         sampler = RaySampler(peer, self._rays.twin(peer), self._patch_scene, None, self._settings)
-        room = peer.device.global_mem_size // _PART // sampler.hit_bytes
-        self._trace(peer, sampler, room)
+        memory = peer.device.global_mem_size // _PART
+        memory = min(memory, self._settings.memory_budget or memory)
+        self._trace(peer, sampler, memory // sampler.hit_bytes)
 
     def _trace(self, peer: ComputeDevice, sampler: RaySampler, room: int) -> None:
         """Trace a piece of at most `room` patches; submit the next one."""
@@ -85,7 +87,7 @@ class EarlyHits:
     def _take(self, wanted: int) -> tuple[int, int] | None:
         """Return the first row and the end of a piece; None if no row is wanted or left."""
         with self._lock:
-            last, size = self._left, min(wanted, self._left)
+            last, size = self._left, min(wanted, self._left - self._least)
             if self._stopped or size <= 0:
                 return None
             self._left -= size

@@ -149,10 +149,18 @@ class RaySampler:
         (trace,) = self._kernels("trace_hits.cl", "trace_hits")
         yield from self._run(trace, RowRange(first, last), (), (hits, np.int32(first)))
 
+    def find_piece(self, piece: HitRows, seen: VisibilityBuffers) -> Generator[object, None, None]:
+        """Compute visibility samples from hits, which `seen.cache` holds, or with rays if there are none."""
+        if piece.hits is None:
+            yield from self.find(piece.first, piece.last, seen)
+            return
+        (find,) = self._kernels("trace_hits.cl", "trace_visibility")
+        yield from self._run(find, RowRange(piece.first, piece.last), _outputs(seen))
+
     def gather_piece(
         self, piece: HitRows, radiance: cl.Buffer, seen: GatheredBuffers
     ) -> Generator[tuple[int, int], None, None]:
-        """Gather for patches from their hits, without rays if these are stored; yield each slice."""
+        """Gather for patches from their hits, or with rays if there are none; yield each slice."""
         rows = RowRange(piece.first, piece.last)
         if piece.hits is None:
             yield from self.gather(rows, radiance, seen)

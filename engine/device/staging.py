@@ -11,6 +11,9 @@ from .opencl import cl
 #: Number of page-locked chunks and size of each, bytes; one is filled while the others are transferred.
 _CHUNKS, _CHUNK = 4, 1 << 22
 
+#: Number of chunks that are read ahead; the others may be on the way to another device.
+_AHEAD = 2
+
 
 class Staging:
     """Copies between arrays and buffers by way of page-locked chunks.
@@ -30,7 +33,7 @@ class Staging:
         self._chunks = [
             cl.enqueue_map_buffer(queue, locked, access, 0, (_CHUNK,), np.uint8)[0] for locked in self._locked
         ]
-        self._copies: list[cl.Event | None] = [None] * _CHUNKS
+        self._copies: list[list[cl.Event]] = [[] for _ in range(_CHUNKS)]
         self._next = 0
 
     def write(self, buffer: cl.Buffer, values: np.ndarray, at: int = 0) -> None:
@@ -44,15 +47,13 @@ class Staging:
             slot = self._free()
             chunk = self._chunks[slot][: len(part)]
             chunk[:] = part
-            self._copies[slot] = cl.enqueue_copy(
-                self._queue, buffer, chunk, dst_offset=at + first, is_blocking=False
-            )
+            self._copies[slot] = [self._enqueue_write(buffer, chunk, at + first)]
         self._queue.flush()
 
     def read(self, buffer: cl.Buffer, values: np.ndarray, first: int = 0) -> None:
         """Read a buffer from byte `first` into a contiguous array; waits for all earlier commands."""
         target = values.reshape(-1).view(np.uint8)
-        for start, chunk in self._arriving(buffer, len(target), first):
+        for _, start, chunk in self._arriving(buffer, len(target), first):
             target[start : start + len(chunk)] = chunk
 
     def send(
@@ -60,40 +61,48 @@ class Staging:
     ) -> None:
         """Copy bytes of a buffer, from byte `first` on, to the same place of buffers of other devices.
 
-        Waits for all earlier commands of this device. The other queues may not have ended on return.
+        Waits for all earlier commands of this device. The other queues may not have ended on return. All GPUs
+        of a driver read the page-locked chunks of this device at full speed.
         """
-        for start, chunk in self._arriving(buffer, size, first):
+        for slot, start, chunk in self._arriving(buffer, size, first):
             for staging, target in targets:
-                staging.write(target, chunk, first + start)
+                self._copies[slot].append(staging._enqueue_write(target, chunk, first + start))
+                staging._queue.flush()
 
-    def _arriving(self, buffer: cl.Buffer, size: int, first: int) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield the offset and the contents of each chunk of a buffer; contents change after the next one."""
+    def _enqueue_write(self, buffer: cl.Buffer, chunk: np.ndarray, at: int) -> cl.Event:
+        """Enqueue a copy of a page-locked chunk into a buffer from byte `at` on."""
+        return cl.enqueue_copy(self._queue, buffer, chunk, dst_offset=at, is_blocking=False)
+
+    def _arriving(self, buffer: cl.Buffer, size: int, first: int) -> Iterator[tuple[int, int, np.ndarray]]:
+        """Yield slot, offset and contents of each chunk of a buffer; contents change after the next one.
+
+        They stay until copies that the caller adds to `_copies` have ended.
+        """
         waiting: list[tuple[int, int]] = []
 
-        def oldest() -> tuple[int, np.ndarray]:
+        def oldest() -> tuple[int, int, np.ndarray]:
             slot, start = waiting.pop(0)
             self._wait(slot)
-            return start, self._chunks[slot][: min(_CHUNK, size - start)]
+            return slot, start, self._chunks[slot][: min(_CHUNK, size - start)]
 
         for start in range(0, size, _CHUNK):
-            if len(waiting) == _CHUNKS:
+            if len(waiting) == _AHEAD:
                 yield oldest()
             slot = self._free()
             chunk = self._chunks[slot][: min(_CHUNK, size - start)]
-            self._copies[slot] = cl.enqueue_copy(
-                self._queue, chunk, buffer, src_offset=first + start, is_blocking=False
-            )
+            copy = cl.enqueue_copy(self._queue, chunk, buffer, src_offset=first + start, is_blocking=False)
+            self._copies[slot] = [copy]
             waiting.append((slot, start))
         while waiting:
             yield oldest()
 
     def _free(self) -> int:
-        """Return the least recently used chunk once its copy has ended."""
+        """Return the least recently used chunk once its copies have ended."""
         slot, self._next = self._next, (self._next + 1) % _CHUNKS
         self._wait(slot)
         return slot
 
     def _wait(self, slot: int) -> None:
-        copy, self._copies[slot] = self._copies[slot], None
-        if copy is not None:
+        copies, self._copies[slot] = self._copies[slot], []
+        for copy in copies:
             copy.wait()

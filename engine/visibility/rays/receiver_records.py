@@ -92,11 +92,10 @@ def _used_triangles(compute: ComputeDevice, geometry: PatchGeometry) -> tuple[cl
     """
     triangles, steps = geometry.triangles, geometry.steps
     if len(triangles.mesh) >= _MANY:
-        used = np.zeros(len(triangles.mesh), bool)
-        used[geometry.triangle] = True
-        chosen = np.flatnonzero(used)
-        if uploaded_triangles(len(used), len(chosen)) < len(used):
-            number = np.empty(len(used), np.int32)
+        chosen = np.flatnonzero(geometry.on_triangle)
+        count = len(triangles.mesh)
+        if uploaded_triangles(count, len(chosen)) < count:
+            number = np.empty(count, np.int32)
             number[chosen] = np.arange(len(chosen), dtype=np.int32)
             arrays = number[geometry.triangle], triangles.positions[chosen], triangles.normals[chosen]
             records = _upload_steps(compute, steps.subset(chosen), geometry.width)

@@ -15,8 +15,7 @@ from ..device.peer_threads import run_in_parallel
 from ..device.row_range import RowRange
 from ..progress import finished
 from ..resume.checkpoint import Checkpoint
-from ..visibility.rays.early_hits import EarlyHits
-from ..visibility.rays.ray_sampler import HitRows
+from ..visibility.rays.early_hits import EarlyHits, HitRows
 from ..visibility.sampler import VisibilitySampler
 from .background_light import BackgroundLight
 from .cached_gather import STRIDE, CachedGather

@@ -14,7 +14,8 @@ from ..device.row_range import RowRange
 from ..patches.patch_scene import PatchScene
 from ..resume.checkpoint import Checkpoint
 from ..scene.digests import same_values
-from ..visibility.rays.ray_sampler import HitRows, RaySampler
+from ..visibility.rays.early_hits import HitRows
+from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import SampleLayout, VisibilityBuffers, VisibilitySampler
 from .saved_rows import SavedRows, Table

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ..device.cl_device import ComputeDevice
 from ..device.peers import Peers
 from ..patches.patch_scene import PatchScene
 from ..settings import Settings
 from ..visibility.rays.early_hits import EarlyHits
+from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sample_counts import ray_count
 
@@ -45,7 +47,11 @@ def share(
     rays.share_with(peers.opened)
     is_reused = has_samples and settings.patch_groups <= 1
     if peers.opened and not is_reused and _traces_early(rays, patch_scene, settings):
-        rays.early = EarlyHits(rays, patch_scene, settings)
+
+        def tracer(peer: ComputeDevice) -> RaySampler:
+            return RaySampler(peer, rays.twin(peer), patch_scene, None, settings)
+
+        rays.early = EarlyHits(rays.count, peers.opened, tracer, settings)
     return peers.notes
 
 

@@ -28,7 +28,9 @@ from engine.plan.solve_job import SolveJob
 from engine.scene.model import Scene
 from engine.session import Session
 from engine.settings import ALL_DEVICES
+from engine.visibility import sample_counts
 from engine.visibility.rays import ray_scene
+from engine.visibility.rays.early_hits import EarlyHits
 from engine.visibility.rays.ray_sampler import RaySampler
 from engine.visibility.sample_counts import sample_bytes
 from engine.visibility.sampler import VisibilityBuffers
@@ -100,6 +102,34 @@ def test_bits_equal_those_of_one_device(changes: dict[str, object]) -> None:
     assert shared.report.iterations == alone.report.iterations
     for name, image in alone.passes.items():
         assert np.array_equal(image, shared.passes[name]), name
+
+
+@pytest.mark.usefixtures("two_devices")
+@pytest.mark.parametrize("has_memory", [True, False], ids=["hits", "no memory"])
+@pytest.mark.parametrize("width", [0, 4], ids=["patches", "groups"])
+def test_hits_that_another_device_traces_early_keep_the_bits(
+    width: int, has_memory: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left, traced, trace, stop = set[int](), threading.Event(), RaySampler.trace_hits, EarlyHits.stop
+
+    def trace_or_fail(*arguments: object) -> Generator[tuple[int, int], None, None]:
+        yield from trace(*arguments)
+        traced.set()
+        if not has_memory:
+            raise cl.MemoryError("OUT_OF_RESOURCES")
+
+    def late_stop(early: EarlyHits) -> int:
+        assert traced.wait(30)
+        left.add(stop(early))
+        return min(left)
+
+    monkeypatch.setattr(sample_counts, "_NARROW", 0)
+    monkeypatch.setattr(RaySampler, "trace_hits", trace_or_fail)
+    monkeypatch.setattr(EarlyHits, "stop", late_stop)
+    scene, settings = hilly_room(_WIDTH, 200), replace(_SETTINGS, patch_groups=width)
+    shared = _baked(Session(), replace(settings, scheduler=ALL_DEVICES), scene)
+    assert len(left) == 1 and 0 < min(left) < _WIDTH**2
+    assert np.array_equal(shared.display, _baked(Session(), settings, scene).display)
 
 
 @pytest.mark.usefixtures("two_devices")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Generator
 
 import pytest
@@ -54,6 +55,22 @@ def test_error_of_another_device_stops_this_one_and_is_raised() -> None:
 
     with pytest.raises(ValueError, match="lost"):
         list(run_in_parallel(own(), [(PeerThread(), fail)], rows.stop))
+
+
+def test_end_of_a_thread_waits_for_its_task_and_drops_the_others() -> None:
+    thread, begun, done = PeerThread(), threading.Event(), list[str]()
+
+    def first() -> None:
+        thread.submit(lambda: done.append("next"))
+        begun.set()
+        time.sleep(0.1)
+        done.append("first")
+
+    thread.submit(first)
+    thread.submit(lambda: done.append("second"))
+    begun.wait(10)
+    thread.end()
+    assert done == ["first"]
 
 
 def test_cancelled_work_waits_for_the_other_device() -> None:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import Protocol
 
 from ...device.cl_device import ComputeDevice
 from ...device.opencl import cl
-from ...patches.patch_scene import PatchScene
 from ...progress import finished
 from ...settings import Settings
 from ..sample_counts import ray_count
-from .ray_sampler import HitRows, RaySampler
-from .ray_scene import RayScene
 
 #: Samples of a piece: one H200 traces them in 25 ms (measured), for which its other tasks wait.
 _PIECE = 1 << 27
@@ -22,20 +21,53 @@ _PIECE = 1 << 27
 _PART = 4
 
 
+@dataclass(frozen=True)
+class HitRows:
+    """Hits of the patches first <= i < last, see trace_hits.cl; None if there was no memory for them."""
+
+    hits: cl.Buffer | None
+    first: int
+    last: int
+
+
+class HitTracer(Protocol):
+    """Tracer of the hits of patches on one device, see `RaySampler`; samples: number of each patch."""
+
+    samples: int
+
+    @property
+    def hit_bytes(self) -> int:
+        """Bytes of the hits of a patch."""
+        ...
+
+    def trace_hits(self, first: int, last: int, hits: cl.Buffer) -> Generator[tuple[int, int], None, None]:
+        """Trace the samples of the patches first <= i < last; yield each slice."""
+        ...
+
+
 class EarlyHits:
     """Hits of the last patches, traced by other devices in pieces until `stop`, at most their equal share.
 
     Hits depend neither on light nor on patch groups, so a device can trace them as soon as the patches are
     listed. Other tasks of its thread run between two pieces.
+
+    count:        number of patches
+    make_tracer:  creates the tracer of a device, in its thread
     """
 
-    def __init__(self, rays: RayScene, patch_scene: PatchScene, settings: Settings) -> None:
-        """Start to trace on all devices that share `rays`."""
-        self._rays, self._patch_scene, self._settings = rays, patch_scene, settings
-        self._left, self._stopped, self._lock = rays.count, False, threading.Lock()
-        self._least = -(-rays.count // (1 + len(rays.peers)))
-        self._pieces: dict[ComputeDevice, list[HitRows]] = {peer: [] for peer in rays.peers}
-        for peer in rays.peers:
+    def __init__(
+        self,
+        count: int,
+        peers: Sequence[ComputeDevice],
+        make_tracer: Callable[[ComputeDevice], HitTracer],
+        settings: Settings,
+    ) -> None:
+        """Start to trace on some devices."""
+        self._make_tracer, self._settings = make_tracer, settings
+        self._left, self._stopped, self._lock = count, False, threading.Lock()
+        self._least = -(-count // (1 + len(peers)))
+        self._pieces: dict[ComputeDevice, list[HitRows]] = {peer: [] for peer in peers}
+        for peer in peers:
             peer.thread.submit(partial(self._begin, peer))
 
     def on(self, peer: ComputeDevice) -> Sequence[HitRows]:
@@ -62,23 +94,23 @@ class EarlyHits:
         """Trace the first piece of a device."""
         if self._stopped:
             return
-        sampler = RaySampler(peer, self._rays.twin(peer), self._patch_scene, None, self._settings)
+        tracer = self._make_tracer(peer)
         memory = peer.device.global_mem_size // _PART
         memory = min(memory, self._settings.memory_budget or memory)
-        self._trace(peer, sampler, memory // sampler.hit_bytes)
+        self._trace(peer, tracer, memory // tracer.hit_bytes)
 
-    def _trace(self, peer: ComputeDevice, sampler: RaySampler, room: int) -> None:
+    def _trace(self, peer: ComputeDevice, tracer: HitTracer, room: int) -> None:
         """Trace a piece of at most `room` patches; submit the next one."""
-        taken = self._take(min(room, max(1, _PIECE // sampler.samples)))
+        taken = self._take(min(room, max(1, _PIECE // tracer.samples)))
         if taken is None:
             return
         first, last = taken
         hits: cl.Buffer | None = None
         try:
-            size = sampler.hit_bytes * (last - first)
+            size = tracer.hit_bytes * (last - first)
             hits = cl.Buffer(peer.context, cl.mem_flags.READ_WRITE, size)
-            finished(sampler.trace_hits(first, last, hits))
-            peer.thread.submit(partial(self._trace, peer, sampler, room - (last - first)))
+            finished(tracer.trace_hits(first, last, hits))
+            peer.thread.submit(partial(self._trace, peer, tracer, room - (last - first)))
         except cl.MemoryError:
             hits = None
         finally:

@@ -20,6 +20,7 @@ from ..sample_counts import ray_count, sample_bytes
 from ..sampler import Background, VisibilityBuffers, directional_options, identity_options
 from ..views.directions import r2_sequence
 from ..views.hemicube import multiplier_map, rotation_salt
+from .early_hits import HitRows
 from .ray_scene import RayScene
 from .receiver_records import RECEIVER
 
@@ -53,15 +54,6 @@ class MovedBuffers:
     triangles: cl.Buffer
     ball: np.ndarray
     views: cl.Buffer
-
-
-@dataclass(frozen=True)
-class HitRows:
-    """Hits of the patches first <= i < last, see trace_hits.cl; None if there was no memory for them."""
-
-    hits: cl.Buffer | None
-    first: int
-    last: int
 
 
 class RaySampler:

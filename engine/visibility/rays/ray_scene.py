@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Future
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,14 +16,12 @@ from ...patches.patch_scene import PatchScene
 from ...scene.cutouts import Cutouts
 from ...scene.triangles import Triangles
 from .bvh import Bvh
+from .early_hits import EarlyHits
 from .ray_tracer import SOURCE, RayTracer
 from .receiver_records import RECEIVER, pack_receivers
 from .shaders.shader_scene import ShaderScene
 from .shaders.shader_tracer import ShaderTracer
 from .upper_levels import UpperLevels
-
-if TYPE_CHECKING:
-    from .early_hits import EarlyHits
 
 
 def make_tracer(

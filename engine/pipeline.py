@@ -168,9 +168,6 @@ def _bake(request: _Request, inspect: Inspect) -> Generator[Progress, None, Bake
     # Gather iterations until convergence (III.B, IV.C).
     solved = yield from _solved(request, lit, areas)
 
-    if lit.rays.early:
-        lit.rays.early.clear()
-
     # Outputs at the patches, and at texel samples where texels are not uniform.
     made, gathered = yield from _made(stages, lit.outputs, solved)
 
@@ -326,6 +323,7 @@ def _solved(
     texels = TexelGatherJob(lit.scene, job, solved, choice, lit.lighting)
     if lit.rays.early:
         lit.rays.early.stop()
+        lit.rays.early = None
     validity = yield from _converge(stages, lit, solution, texels, contacts, atlases)
     return _Solved(texels, solution, contacts, validity, atlases)
 

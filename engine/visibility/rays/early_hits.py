@@ -84,12 +84,6 @@ class EarlyHits:
             self._stopped = True
             return self._left
 
-    def clear(self) -> None:
-        """Stop, and free the hits."""
-        self.stop()
-        for peer, pieces in self._pieces.items():
-            peer.thread.submit(pieces.clear)
-
     def _begin(self, peer: ComputeDevice) -> None:
         """Trace the first piece of a device."""
         if self._stopped:

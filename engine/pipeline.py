@@ -253,19 +253,19 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
     # continues.
     shipped = request.ship and request.ship(scene)
 
-    # Patch list: lightmap texels on surfaces, and their geometry.
+    # Patch list: lightmap texels on surfaces, and their geometry. Other devices start to trace from them.
     patch_scene = kept.make_patch_scene(graphics, compute, scene, settings)
     gathers = may_gather(scene, patch_scene.surfaces, settings)
     used = int(np.count_nonzero(patch_scene.geometry.on_triangle))
     check_patches(compute, len(patch_scene.triangles.mesh), used, len(patch_scene.patches), gathers)
+    rays = kept.ray_scene(graphics, compute, patch_scene)
+    open_peers = request.devices.peers if request.shares else None
+    notes = share(rays, patch_scene, open_peers, settings, kept.samples is not None)
     store = kept.texels.images(patch_scene.patches, atlases, settings, compute)
     previous = kept.light_on(compute, patch_scene, atlases, settings)
     yield stages.listed(len(patch_scene.patches), patch_scene.surfaces.mean_reflectance)
 
     # Direct light: shadow rays to lights, small bright surfaces and bright sky.
-    rays = kept.ray_scene(graphics, compute, patch_scene)
-    open_peers = request.devices.peers if request.shares else None
-    notes = share(rays, patch_scene, open_peers, settings, kept.samples is not None)
     split = kept.emitters.split(scene.world, patch_scene, settings)
     remote = shipped and shipped(patch_scene, rays, split.bright)
     in_groups = remote is not None and shared_width(settings, len(patch_scene.patches)) > 1

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..array_ops import any_in_rows, nonzero_rows, take_rows
+from ..nonzero import rows_once
 from .cl_device import ComputeDevice
 from .opencl import cl
 
@@ -132,7 +133,7 @@ def upload_float4(compute: ComputeDevice, values: np.ndarray, first: int = 0, la
     """Upload (n, 3) float32 as (first + n + last, 4), padded with zero rows; the fourth column is 0."""
     count, values = first + len(values) + last, values.astype(np.float32, copy=False)
     if _seems_sparse(values):
-        return _sparse_float4(compute, values, first, count)
+        return _sparse_float4(compute, values, nonzero_rows(values), first, count)
     wide = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, 16 * count)
     (widen,) = compute.kernels("float4_rows.cl", "to_float4")
     narrow = upload(compute, values)
@@ -149,9 +150,11 @@ def _seems_sparse(values: np.ndarray) -> bool:
     return np.count_nonzero(any_in_rows(some)) < _FEW * len(some)
 
 
-def _sparse_float4(compute: ComputeDevice, values: np.ndarray, first: int, count: int) -> cl.Buffer:
-    """Return `count` float4 on the device, 0 except for the nonzero rows of values, (n, 3) float32."""
-    wide, places = zeros(compute, 16 * count), nonzero_rows(values)
+def _sparse_float4(
+    compute: ComputeDevice, values: np.ndarray, places: np.ndarray, first: int, count: int
+) -> cl.Buffer:
+    """Return `count` float4 on the device, 0 except for the rows `places`, (k,) int64, of (n, 3) float32."""
+    wide = zeros(compute, 16 * count)
     if len(places):
         (put,) = compute.kernels("float4_rows.cl", "scatter_colours")
         arrays = upload(compute, values[places]), upload(compute, places.astype(np.uint32))
@@ -161,7 +164,13 @@ def _sparse_float4(compute: ComputeDevice, values: np.ndarray, first: int, count
 
 def upload_float4_once(compute: ComputeDevice, values: np.ndarray, first: int = 0) -> cl.Buffer:
     """Return the cached result of `upload_float4` for an array that must not be changed."""
-    return compute.shared.of(values, _float4_form(first), lambda: upload_float4(compute, values, first))
+
+    def make() -> cl.Buffer:
+        if values.dtype == np.float32 and _seems_sparse(values):
+            return _sparse_float4(compute, values, rows_once(values), first, first + len(values))
+        return upload_float4(compute, values, first)
+
+    return compute.shared.of(values, _float4_form(first), make)
 
 
 def float4_of(compute: ComputeDevice, values: np.ndarray) -> cl.Buffer:

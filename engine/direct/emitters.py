@@ -8,6 +8,7 @@ import numpy as np
 
 from ..array_ops import any_in_rows, largest_in_rows, segment_sums
 from ..device.device_struct import DeviceStruct
+from ..nonzero import note_rows
 from ..patches.geometry import PatchGeometry
 from ..patches.patch_scene import PatchScene
 from ..scene.color import luminance
@@ -180,6 +181,7 @@ def _only(emission: np.ndarray, patches: np.ndarray) -> np.ndarray:
     """Return the radiance of some patches in an array of all patches, (n, 3) float32; others are black."""
     left = np.zeros(emission.shape, np.float32)
     left[patches] = emission[patches]
+    note_rows(left, patches)
     return left
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..nonzero import note_rows
 from ..patches.patch_scene import PatchScene
 from ..scene.light_groups import light_groups
 from ..scene.model import Light, Scene, shining_lights
@@ -104,7 +105,7 @@ class DirectLighting:
     def gather(self) -> Generator[float, None, np.ndarray]:
         """Return E/pi of the sampled light, (n, 3) float32; yield progress 0..1."""
         if not self._samples_any:
-            return np.zeros((self._ray_scene.count, 3), np.float32)
+            return self._no_light()
         if self._elsewhere is not None:
             return (yield from self._gathered_elsewhere(self._elsewhere))
         casting = self._casting()
@@ -127,7 +128,7 @@ class DirectLighting:
     def preview_gather(self) -> Generator[float, None, np.ndarray]:
         """Return a noisy version of `gather` from few shadow rays, for the display; yield progress 0..1."""
         if not self._samples_any:
-            return np.zeros((self._ray_scene.count, 3), np.float32)
+            return self._no_light()
         few = replace(self._settings, light_samples=min(self._settings.light_samples, _FEW))
         quick = self.of(self._ray_scene, few)
         quick._last, quick._changed = self._last, self._changed
@@ -212,6 +213,12 @@ class DirectLighting:
     def _samples_any(self) -> bool:
         """True if any light, surface or sky is sampled."""
         return bool(self._lamps) or len(self._bright.triangles) > 0 or self._sky.bright is not None
+
+    def _no_light(self) -> np.ndarray:
+        """Return E/pi of 0 for all patches, (n, 3) float32."""
+        dark = np.zeros((self._ray_scene.count, 3), np.float32)
+        note_rows(dark, np.zeros(0, np.int64))
+        return dark
 
     def _no_l1(self) -> np.ndarray:
         """Return L1 vectors of 0 for all patches, (n, 3, 3) float32; (0, 3, 3) without directional maps."""

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..array_ops import any_in_rows, indices_where, nonzero_rows, take_rows, taken
+from ..array_ops import any_in_rows, indices_where, take_rows, taken
 from ..device.buffers import upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, colors_on_host, values_at
+from ..nonzero import note_rows, rows_once
 from ..scene.digests import same_values
 from ..scene.model import Scene
 from ..scene.texture import Texture
@@ -60,7 +61,7 @@ class PatchMaterials:
         if self.emitters is not None:
             return self.emitters
         if self.back_emission is None:
-            return nonzero_rows(self.emission)
+            return rows_once(self.emission)
         return np.flatnonzero(any_in_rows(self.emission) | any_in_rows(self.back_emission))
 
     @cached_property
@@ -177,6 +178,7 @@ def _made_surfaces(
     emission[emitting] = colors[geometry.triangles.material[geometry.triangle[emitting]]]
     _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
     back_emission = _back_emission(compute, scene, geometry, resolution)
+    note_rows(emission, emitting)
     emitters = emitting[any_in_rows(take_rows(emission, emitting))] if back_emission is None else None
     return PatchMaterials(reflectance, emission, back_emission, emitters=emitters)
 

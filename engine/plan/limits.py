@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ..array_ops import has_nonzero
 from ..device.cl_device import ComputeDevice
 from ..device.gl_context import GraphicsContext
 from ..errors import SettingsError
@@ -70,8 +69,7 @@ def may_gather(scene: Scene, surfaces: PatchMaterials, settings: Settings) -> bo
 
     surfaces:  surfaces of the patches
     """
-    shining = (scene.world, surfaces.emission, surfaces.back_emission)
-    lit = bool(scene.lights) or any(light is not None and has_nonzero(light) for light in shining)
+    lit = bool(scene.lights) or bool(scene.world.any()) or len(surfaces.shining) > 0
     return lit or not settings.only_light
 
 

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..array_ops import has_nonzero, map_slabs
+from ..array_ops import map_slabs
 from ..device.buffers import upload_float4_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, colors_on_host
@@ -18,6 +18,7 @@ from ..device.program_cache import device_digest
 from ..device.source import source_digest
 from ..direct.contact import Contacts
 from ..errors import DeviceError
+from ..nonzero import has_rows
 from ..patches.patch_scene import PatchScene
 from ..resume.checkpoint import Checkpoint
 from ..scene.color import channel_sum
@@ -207,12 +208,12 @@ class SolveJob:
     @property
     def lit(self) -> bool:
         """True if light reaches any patch."""
-        return self._is_seen or has_nonzero(self.sampled_light)
+        return self._is_seen or has_rows(self.sampled_light)
 
     @cached_property
     def _is_seen(self) -> bool:
         """True if patches, or the unsampled part of the sky, emit light."""
-        return any(has_nonzero(light) for light in (self.sky, self.emission, self.back_emission))
+        return any(has_rows(light) for light in (self.sky, self.emission, self.back_emission))
 
 
 def _visibility_key(

@@ -22,7 +22,7 @@ ORDERS = {
         "denoise",
         "device", "unwrap", "encoding", "scene", "resume", "settings", "outputs", "setting_types", "quality",
         "bake_result",
-        "object_message", "progress", "errors", "array_ops", "numpy_pickle", "json_file",
+        "object_message", "progress", "errors", "nonzero", "array_ops", "numpy_pickle", "json_file",
     ],
     "engine/visibility": [
         "__init__", "raster", "rays", "sampler", "unoccluded_sky", "sample_counts", "views",

@@ -51,7 +51,7 @@ def test_triangles_and_texels_that_cannot_fit_are_refused(
 
 
 def test_only_scenes_in_which_light_may_be_gather_it():
-    dark, light = np.zeros((7, 3), np.float32), np.float32([[0, 0, 0], [0, 0.1, 0]])
+    dark, light = np.zeros((2, 3), np.float32), np.float32([[0, 0, 0], [0, 0.1, 0]])
     black = Scene((), (), ("Atlas",), np.zeros(3))
     surfaces = PatchMaterials(dark, dark)
     assert not may_gather(black, surfaces, Settings(outputs=("combined",)))

@@ -305,7 +305,7 @@ def _solved(
         emission=lit.lighting.gathered_emission,
         sky=lit.lighting.gathered_sky,
         sampled_light=lit.sampled,
-        area=areas.result(),
+        areas=areas,
         settings=settings,
         remote=lit.remote,
         kept=kept,

@@ -56,7 +56,7 @@ class SourcePatches:
             emission=seen,
             sky=sky.rest,
             sampled_light=none,
-            area=none[:, 0],
+            areas=none[:, 0],
             settings=light_alone(settings),
         )
 

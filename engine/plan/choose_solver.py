@@ -137,7 +137,7 @@ def _grouped_solution(job: SolveJob, width: int) -> tuple[GroupedSolution, Solve
         emission=emission,
         backs=backs,
         sampled_light=groups.mean(job.sampled_light),
-        area=groups.area,
+        areas=groups.area,
         indirect=None if job.indirect is None else groups.mean(colors_on_host(job.indirect)),
         direct=None,
         validity=None,

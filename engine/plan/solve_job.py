@@ -25,7 +25,7 @@ from ..scene.color import channel_sum
 from ..scene.digests import digest_of
 from ..settings import Settings
 from ..solve.anderson import COLUMNS
-from ..solve.radiosity_state import PLAIN_COLUMNS, SolvedSurfaces, StartLight
+from ..solve.radiosity_state import PLAIN_COLUMNS, Areas, SolvedSurfaces, StartLight, areas_of
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import Background, upload_background
 from ..visibility.unoccluded_sky import open_sky
@@ -44,7 +44,7 @@ class SolveJob:
     emission:           (n, 3) float32, radiance of each patch toward other patches
     sky:                (h, w, 3) float32, radiance, equirectangular, without the part that lights sample
     sampled_light:      (n, 3) float32, E/pi of light from shadow rays
-    area:               (n,) float32, m^2, area of each patch
+    areas:              (n,) float32, m^2, area of each patch, or a future of it
     remote:             gather by other processes; None to gather here
     kept:               session cache of the patches
     indirect:           (n, 3) float32, E/pi of reflected light at the start of a warm start; None for none
@@ -63,7 +63,7 @@ class SolveJob:
     emission: np.ndarray
     sky: np.ndarray
     sampled_light: np.ndarray
-    area: np.ndarray
+    areas: Areas
     settings: Settings
     remote: RemoteDevices | None = None
     kept: SessionCache = field(default_factory=SessionCache)
@@ -81,6 +81,11 @@ class SolveJob:
         return len(self.patch_scene.patches)
 
     @property
+    def area(self) -> np.ndarray:
+        """Area of each patch, (n,) float32, m^2; waits for its computation."""
+        return areas_of(self.areas)
+
+    @property
     def fronts(self) -> int:
         """Number of patches on front faces, which come first; back faces use the last atlases."""
         triangles = self.patch_scene.triangles
@@ -92,7 +97,7 @@ class SolveJob:
     def surfaces(self) -> SolvedSurfaces:
         """Surfaces of the patches."""
         reflectance, sides = self.patch_scene.surfaces.reflectance, self.patch_scene.sides
-        return SolvedSurfaces(reflectance, self.area, sides, self.fronts)
+        return SolvedSurfaces(reflectance, self.areas, sides, self.fronts)
 
     @property
     def start(self) -> StartLight:

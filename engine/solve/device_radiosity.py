@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from dataclasses import fields
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ..device.opencl import cl
 from ..gather.device_l1 import L1
 from ..gather.interface import DeviceGather
 from ..patches.sides import Sides
-from .radiosity_state import FluxSums, IterationStep, IterationSums, SolvedSurfaces, StartLight
+from .radiosity_state import FluxSums, IterationStep, IterationSums, SolvedSurfaces, StartLight, areas_of
 
 #: Work items of reductions, and items per group of the final sum, for a GPU and for a CPU. A GPU needs many
 #: items to hide memory latency, and many items keep float32 sums accurate. Powers of two are multiples of
@@ -49,10 +50,9 @@ class DeviceRadiosity:
         columns: int,
         sparse: bool = False,
     ) -> None:
-        area, self.count = surfaces.area, len(surfaces.area)
+        self.count = len(surfaces.reflectance)
         self._sides = None if surfaces.sides is None else _Sides(compute, surfaces.sides)
         self._compute, self._queue, self._sweep, self.sparse = compute, compute.queue, sweep, sparse
-        self.area = float(area.sum(dtype=np.float64))
         self._fronts = self.count if surfaces.fronts is None else surfaces.fronts
         self.columns, self._pairs = columns, np.triu_indices(columns)
         self._products, self._mix, self._balance, self._add_up = compute.kernels(
@@ -62,10 +62,8 @@ class DeviceRadiosity:
         (self._send_out,) = compute.kernels("exitant_radiance.cl", "exitant_radiance")
         self._emission, self._reflectance = emission, float4_once(compute, surfaces.reflectance)
 
-        # Store areas as fractions of their sum: bright light times large areas would overflow float32.
-        self._area = compute.shared.of(
-            area, "fractions", lambda: upload(compute, _fractions(area, self.area))
-        )
+        # The first sums need areas, so the first iteration does not wait for the thread that computes them.
+        self._areas = surfaces.area
         self._substitute: cl.Buffer | None = None
         self._set_start(start)
         kind = int(compute.processor)
@@ -96,6 +94,19 @@ class DeviceRadiosity:
             cl.enqueue_copy(self._queue, self._irradiance, first)
         self.radiance = zeros(compute, size + 32)
         self._make_radiance()
+
+    @cached_property
+    def area(self) -> float:
+        """Total area, m^2."""
+        return float(areas_of(self._areas).sum(dtype=np.float64))
+
+    @cached_property
+    def _area(self) -> cl.Buffer:
+        """Fractions of the total area; bright light times large areas would overflow float32."""
+        area = areas_of(self._areas)
+        return self._compute.shared.of(
+            area, "fractions", lambda: upload(self._compute, _fractions(area, self.area))
+        )
 
     def outputs(self, column: int) -> tuple:
         """Return the arguments with which gather.cl writes an iterate to a column of the ring."""
@@ -237,5 +248,5 @@ class _Sides:
 
 def _fractions(area: np.ndarray, whole: float) -> np.ndarray:
     """Divide areas, (n,), by `whole`; return float32."""
-    fractions: np.ndarray = (area / max(whole, _LEAST_AREA)).astype(np.float32)
+    fractions: np.ndarray = (area / max(whole, _LEAST_AREA)).astype(np.float32, copy=False)
     return fractions

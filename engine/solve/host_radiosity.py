@@ -11,7 +11,7 @@ from ..errors import DeviceError
 from ..gather.device_l1 import L1
 from ..gather.interface import Gather
 from ..gather.shader_gather import ShaderGather
-from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, SolvedSurfaces, StartLight
+from .radiosity_state import PLAIN_COLUMNS, IterationStep, IterationSums, SolvedSurfaces, StartLight, areas_of
 from .reflected_radiance import reflected_light
 
 
@@ -36,7 +36,7 @@ class HostRadiosity:
         self._gather, self._emission = gather, emission
         self._reflectance = colors_on_host(surfaces.reflectance)
         self._sent = emission
-        self._areas = surfaces.area.astype(np.float64)
+        self._areas = areas_of(surfaces.area).astype(np.float64)
         self._sampled_light = start.sampled
         self._irradiance = np.zeros_like(emission) if start.gathers_direct else start.sampled
         self.count, self.area, self.columns = len(emission), float(self._areas.sum()), columns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -44,18 +45,27 @@ class StartLight:
         return self.sampled if self.direct is None else self.direct
 
 
+#: Area of each patch, (n,) float32, m^2, or its computation in a thread; see `areas_of`.
+Areas = np.ndarray | Future[np.ndarray]
+
+
+def areas_of(area: Areas) -> np.ndarray:
+    """Return the area of each patch, (n,) float32, m^2; wait for its computation."""
+    return area.result() if isinstance(area, Future) else area
+
+
 @dataclass(frozen=True)
 class SolvedSurfaces:
     """Surfaces of the n patches that a radiosity state solves.
 
     reflectance:  (n, 3) float32
-    area:         (n,) float32, m^2
+    area:         (n,) float32, m^2, or a future of it
     sides:        pairs of patches of translucent surfaces; None if none
     fronts:       number of patches on front faces, which come first; None for all
     """
 
     reflectance: Values
-    area: np.ndarray
+    area: Areas
     sides: Sides | None = None
     fronts: int | None = None
 
@@ -121,7 +131,6 @@ class Radiosity(Protocol):
     """Irradiance of all patches, and one iteration on it.
 
     count:    number of patches
-    area:     total area, m^2
     columns:  iterates kept in a ring: `anderson.COLUMNS` with acceleration, else PLAIN_COLUMNS
     sparse:   True while iterations gather from a part of the samples. The error is noise per patch, which the
               first full iteration removes except for its mean. The solver ends this state; the iteration for
@@ -135,9 +144,12 @@ class Radiosity(Protocol):
     """
 
     count: int
-    area: float
     columns: int
     sparse: bool
+
+    @property
+    def area(self) -> float:
+        """Total area, m^2."""
 
     def sweep(self, column: int) -> Generator[float, None, None]:
         """Gather from the current radiance into a column of the ring; yield progress 0..1."""

@@ -19,8 +19,9 @@ from .solve_job import SolveJob
 #: Names of the visibility samplers.
 SAMPLERS = ("rays", "raster")
 
-#: Patches of the first trial, growth factor of the next ones, and duration in seconds that ends the trial.
-_TRIED, _MORE, _LONG_ENOUGH = 32, 8, 0.01
+#: Minimum number of patches of the first trial, and of its rays on a GPU, which fewer do not fill (chosen).
+#: Growth factor of the next ones, and duration in seconds that ends the trial.
+_TRIED, _FULL, _MORE, _LONG_ENOUGH = 32, 1 << 17, 8, 0.01
 
 #: Time in seconds: if rays for all patches take less, raster is not tried, since the trial would take as
 #: long.
@@ -114,24 +115,33 @@ def _patches_per_second(job: SolveJob, sampler: VisibilitySampler) -> float:
     Fixed overhead, such as the copy of a whole batch of hemicubes, is subtracted. The trial ends early if all
     patches take only a moment.
     """
-    tried, before = min(_TRIED, job.count), (0, 0.0)
     largest = min(job.opencl.device.max_mem_alloc_size, device_budget(job)) // sampler.row_bytes
-    largest = min(job.count, max(tried, largest))
+    fills = isinstance(sampler, RaySampler) and not job.opencl.processor
+    tried = min(max(_TRIED, fills * _FULL // sampler.samples), job.count)
+    largest, before = min(job.count, max(_TRIED, largest)), (0, 0.0)
+    tried = min(tried, largest)
     views = job.count * visibility_passes(job, sampler)
-    _time(job, sampler, tried)
+
+    # A first run that is slow may include loading of the kernel, so it does not count.
+    backs = BackfaceLight(job.opencl, job.count, len(job.emission), job.settings.directional)
+    seconds = _time(job, sampler, backs, tried)
+    if seconds * views < _SHORT * tried:
+        return tried / seconds
     while True:
-        seconds = _time(job, sampler, tried)
+        seconds = _time(job, sampler, backs, tried)
         if seconds > _LONG_ENOUGH or tried == largest or seconds * views < _SHORT * (tried - before[0]):
             return (tried - before[0]) / max(seconds - before[1], seconds / 4)
         before = tried, seconds
         tried = min(tried * _MORE, largest)
 
 
-def _time(job: SolveJob, sampler: VisibilitySampler, tried: int) -> float:
-    """Return the time for the samples of `tried` patches in the middle of the list, s."""
+def _time(job: SolveJob, sampler: VisibilitySampler, backs: BackfaceLight, tried: int) -> float:
+    """Return the time for the samples of `tried` patches in the middle of the list, s.
+
+    backs:  buffers for the light of back faces, whose contents do not matter
+    """
     compute, first = job.opencl, (job.count - tried) // 2
     cache = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, sampler.row_bytes * tried)
-    backs = BackfaceLight(compute, job.count, len(job.emission), job.settings.directional)
     began = time.perf_counter()
     for _ in sampler.find(first, first + tried, backs.found_with(cache, first)):
         pass

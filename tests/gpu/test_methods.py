@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import threading
 
 import numpy as np
 import pyopencl as cl
@@ -15,6 +16,7 @@ from engine.gather.glsl_cached import GlslCachedIntegrator
 from engine.gather.visibility_cache import BackfaceLight
 from engine.patches.patch_scene import make_patch_scene
 from engine.plan import choose_solver, visibility_trial
+from engine.postprocess import texel_cache
 from engine.scene.transmission import CLEAR
 from engine.visibility import sample_counts
 from engine.visibility.raster.raster_sampler import RasterSampler
@@ -126,6 +128,40 @@ def test_drawing_is_not_tried_where_rays_take_a_moment(paper, monkeypatch):
     monkeypatch.setattr(visibility_trial, "_SHORT", 1e6)
     report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto")).report
     assert report.visibility == "rays" and "No other method was tried" in " ".join(report.reasons)
+
+
+@pytest.mark.parametrize(("seconds", "runs"), [(1e-6, 1), (1.0, 2)])
+def test_a_trial_that_is_fast_at_once_is_not_repeated(paper, monkeypatch, seconds, runs):
+    """A slow first run may have loaded the kernel, so a second one follows."""
+    tried = []
+    monkeypatch.setattr(visibility_trial, "_time", lambda *arguments: tried.append(arguments) or seconds)
+    monkeypatch.setattr(visibility_trial, "hemicubes_bound", lambda device, triangles: 1e-9)
+    report = drive(paper[0], dataclasses.replace(SETTINGS, visibility="auto", max_bounces=1)).report
+    assert report.visibility == "rays" and len(tried) == runs
+
+
+def test_a_bake_waits_for_areas_only_once_visibility_is_computed(monkeypatch):
+    """A thread computes them meanwhile."""
+    order, find, areas = [], RaySampler.find, texel_cache.surface_areas
+    traced = threading.Event()
+
+    def traces(self, *arguments):
+        yield from find(self, *arguments)
+        order.append("visibility")
+        traced.set()
+
+    def measures(*arguments):
+        traced.wait(60)
+        order.append("areas")
+        return areas(*arguments)
+
+    settings = dataclasses.replace(SETTINGS, visibility="rays")
+    expected = drive(nine_quad_room(), settings)
+    monkeypatch.setattr(RaySampler, "find", traces)
+    monkeypatch.setattr(texel_cache, "surface_areas", measures)
+    late = drive(nine_quad_room(), settings)
+    assert order[:2] == ["visibility", "areas"]
+    assert np.array_equal(late.image, expected.image)
 
 
 def test_drawing_is_not_tried_where_it_cannot_be_as_fast(paper, monkeypatch):

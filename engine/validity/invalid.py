@@ -40,7 +40,10 @@ def is_invalid(validity: np.ndarray, contacts: Contacts) -> np.ndarray:
     validity:  (n,) float32, fraction of the hemisphere without back faces
     contacts:  contacts of the points
     """
-    invalid: np.ndarray = contacts.covered | ((validity < 1 - INVALID) & ~contacts.backlit)
+    # "Greater" of flags is "and not", without an array for "not".
+    invalid: np.ndarray = validity < 1 - INVALID
+    np.greater(invalid, contacts.backlit, out=invalid)
+    invalid |= contacts.covered
     return invalid
 
 

@@ -204,6 +204,11 @@ def download_colors_once(compute: ComputeDevice, wide: cl.Buffer, count: int) ->
     return colors
 
 
+def unfilled(compute: ComputeDevice, size: int) -> cl.Buffer:
+    """Return a buffer of `size` bytes that kernels or copies fill before any kernel reads it."""
+    return cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)
+
+
 def zeros(compute: ComputeDevice, size: int) -> cl.Buffer:
     """Return a zero-filled buffer of `size` bytes, a multiple of 4."""
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size)

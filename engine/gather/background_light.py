@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
-from ..device.buffers import zeros
+from ..device.buffers import unfilled
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..settings import Settings
@@ -44,8 +44,8 @@ class BackgroundLight:
             name="add_background",
             file="background_light.cl",
         )
-        self.light = zeros(compute, 16 * count)
-        self.l1 = zeros(compute, 48 * count) if settings.directional else None
+        self.light = unfilled(compute, 16 * count)
+        self.l1 = unfilled(compute, 48 * count) if settings.directional else None
 
     def sum_up(self, rows: SampleRows, backs: BackfaceLight) -> Generator[float, None, None]:
         """Sum the background light over the samples of the patches in these rows; yield progress 0..1."""

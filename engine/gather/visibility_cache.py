@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import download, write, zeros
+from ..device.buffers import download, unfilled, write, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..device.row_range import RowRange
@@ -49,9 +49,10 @@ class BackfaceLight:
 
     def __init__(self, compute: ComputeDevice, count: int, sources: int, directional: bool) -> None:
         self._compute = compute
-        self.light, self.patches_seen = zeros(compute, 16 * count), zeros(compute, 4 * count)
+        # Samplers write all rows but mark only the back faces that samples hit.
+        self.light, self.patches_seen = unfilled(compute, 16 * count), unfilled(compute, 4 * count)
+        self.l1 = unfilled(compute, 48 * count) if directional else None
         self.seen = zeros(compute, -(-(sources + 1) // 4) * 4)
-        self.l1 = zeros(compute, 48 * count) if directional else None
 
     def found_with(self, cache: cl.Buffer, first: int) -> VisibilityBuffers:
         """Return the buffers into which a sampler writes the samples of patches from `first` on."""

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..device.buffers import download, upload, upload_float4_once, zeros
+from ..device.buffers import download, unfilled, upload, upload_float4_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import KEPT_PART, DeviceArray, Values, float4_on_device, float4_once
 from ..device.opencl import cl
@@ -72,7 +72,9 @@ class DeviceRadiosity:
         # Number of sums of iterate_sums.cl: one per pair of columns and three more. The flux balance has
         # fewer.
         self._numbers = len(self._pairs[0]) + 3
-        self._sums, self._totals = (zeros(compute, 16 * self._numbers * items) for items in (self._items, 1))
+        self._sums, self._totals = (
+            unfilled(compute, 16 * self._numbers * items) for items in (self._items, 1)
+        )
         self._mixture = np.zeros((columns + 1, 4), np.float32)
         self._weights = upload(compute, self._mixture)
 
@@ -89,7 +91,7 @@ class DeviceRadiosity:
                 cl.enqueue_copy(self._queue, self._gathered, held, dst_offset=size * (self.columns - 1))
             else:
                 first = DeviceArray(compute, held, self.count, _STRIDE).plus(start.known_direct).buffer
-        self._irradiance = zeros(compute, size)
+        self._irradiance = zeros(compute, size) if first is None else unfilled(compute, size)
         if first is not None:
             cl.enqueue_copy(self._queue, self._irradiance, first)
         self.radiance = zeros(compute, size + 32)

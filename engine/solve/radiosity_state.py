@@ -165,7 +165,7 @@ class Radiosity(Protocol):
         """
 
     def set_substitutes(self, substitute: np.ndarray) -> None:
-        """Replace the reflected light of each patch by the light of another, (n,) int64, mostly its own.
+        """Replace the reflected light of each patch by the light of another, (n,) uint32, mostly its own.
 
         Emission stays. The current radiance is updated too.
         """

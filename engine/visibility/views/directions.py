@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 #: Increments of the R2 sequence (Roberts 2018), 1/g and 1/g^2 of the plastic number g, times 2^32.
@@ -11,15 +13,20 @@ _R2 = np.array([3242174889, 2447445414], np.uint64)
 _ORDER_BITS = 12
 
 
+@cache
 def r2_sequence(count: int) -> np.ndarray:
     """Return points of the unit square, (count, 2) uint32 in units of 2^-32, sorted along a Morton curve.
+
+    The array is cached and read-only.
 
     A patch adds its own shift modulo 1, and maps x to the squared radius and y to the angle on the unit disk.
     The order keeps rays that are traced together, and their look-ups, coherent.
     """
     index = np.arange(1, count + 1, dtype=np.uint64)[:, None]
     points = (index * _R2).astype(np.uint32)
-    return points[np.argsort(_morton(points >> np.uint32(32 - _ORDER_BITS)), kind="stable")]
+    points = points[np.argsort(_morton(points >> np.uint32(32 - _ORDER_BITS)), kind="stable")]
+    points.flags.writeable = False
+    return points
 
 
 def _morton(cells: np.ndarray) -> np.ndarray:

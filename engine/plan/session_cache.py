@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -126,8 +125,9 @@ class SessionCache:
         """
         if self.key is None:
             return self._make_first(graphics, compute, scene, settings)
-        geometry, surfaces = self._digests_of(scene, settings)
-        key = geometry, *visibility_settings(settings)
+        arrays = self._arrays if settings.warm_start else None
+        key = (geometry_digest(scene, arrays), *visibility_settings(settings))
+        surfaces = surfaces_digest(scene, arrays)
         before = self._patch_scene if settings.warm_start and self.key[1:] == key[1:] else None
         if key != self.key or (self._follows and not settings.warm_start):
             samples, rays = self.samples, self._rays
@@ -152,20 +152,15 @@ class SessionCache:
     def _make_first(
         self, graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, settings: Settings
     ) -> PatchScene:
-        """Return the result of `make_patch_scene` for an empty cache; a thread hashes the scene meanwhile."""
-        thread, options = ThreadPoolExecutor(1, "digests"), visibility_settings(settings)
-        digests = thread.submit(self._digests_of, scene, settings)
-        thread.shutdown(wait=False)
+        """Return the result of `make_patch_scene` for an empty cache; threads hash long arrays meanwhile."""
+        arrays = self._arrays if settings.warm_start else ArrayDigests()
+        arrays.begin(scene)
+        options = visibility_settings(settings)
         self._patch_scene = make_patch_scene(graphics, compute, scene, settings)
-        geometry, self._surfaces_key = digests.result()
-        self.key = geometry, *options
+        self.key = geometry_digest(scene, arrays), *options
+        self._surfaces_key = surfaces_digest(scene, arrays)
         self._surfaces_of = scene if settings.warm_start else None
         return self._patch_scene
-
-    def _digests_of(self, scene: Scene, settings: Settings) -> tuple[bytes, bytes]:
-        """Return the digests of the geometry and of the surfaces; a warm start reads new long arrays only."""
-        arrays = self._arrays if settings.warm_start else None
-        return geometry_digest(scene, arrays), surfaces_digest(scene, arrays)
 
     def ray_scene(
         self, graphics: GraphicsContext, compute: ComputeDevice | None, patch_scene: PatchScene

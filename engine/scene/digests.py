@@ -6,7 +6,7 @@ import hashlib
 import os
 import weakref
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, is_dataclass
 from functools import cache
 
@@ -15,7 +15,6 @@ import numpy as np
 from .cutouts import transmission_maps, transmittances
 from .model import Material, Mesh, Scene
 from .texture import Texture
-from .transmission import Transmission
 
 #: Arrays of a mesh that determine its patches and their visibility.
 _GEOMETRY = ("positions", "normals", "uvs", "face", "subface", "material")
@@ -38,12 +37,21 @@ class ArrayDigests:
 
     def __init__(self) -> None:
         self._known: dict[int, bytes] = {}
+        self._begun: dict[int, tuple[np.ndarray, list[Future[bytes]]]] = {}
+
+    def begin(self, scene: Scene) -> None:
+        """Start to hash the long arrays of meshes in threads."""
+        for mesh in scene.meshes:
+            for array in (getattr(mesh, name) for name in _GEOMETRY):
+                if array.nbytes > _PIECE and id(array) not in self._known:
+                    self._begun[id(array)] = array, _hashes(array)
 
     def of(self, array: np.ndarray) -> bytes:
         """Return the hash of an array's values."""
         key = id(array)
         if key not in self._known:
-            self._known[key] = _tree_digest(array)
+            _, begun = self._begun.pop(key, (array, None))
+            self._known[key] = _tree_digest(array) if begun is None else _root(begun)
             weakref.finalize(array, self._known.pop, key, None).atexit = False
         return self._known[key]
 
@@ -102,22 +110,14 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
         digest.feed([mesh.name, mesh.atlas, mesh.front, *(getattr(mesh, name) for name in names)])
         if mesh.front is None:
             digest.feed_uvs(mesh, maps)
-    # Most materials share the transmission of opaque surfaces.
-    by_object: dict[int, bytes] = {}
     for material in scene.materials:
-        transmission = material.transmission
-        if id(transmission) not in by_object:
-            by_object[id(transmission)] = _transmission_digest(transmission, known)
-        digest.feed([by_object[id(transmission)]])
-    return digest.value()
-
-
-def _transmission_digest(transmission: Transmission, known: ArrayDigests | None) -> bytes:
-    """Return a hash of the transmittance of both sides of a surface."""
-    digest = _Digest(known)
-    for entry in transmittances(transmission):
-        digest.feed([entry.offset, entry.scale, entry.threshold, entry.fresnel])
-        digest.feed_texture(entry.texture)
+        entries = transmittances(material.transmission)
+        factors = np.array([(entry.offset, entry.scale) for entry in entries])
+        others = [(entry.threshold, entry.fresnel, entry.texture is None) for entry in entries]
+        digest.feed([factors.tobytes(), others])
+        for entry in entries:
+            if entry.texture is not None:
+                digest.feed_texture(entry.texture)
     return digest.value()
 
 
@@ -180,9 +180,17 @@ def _bytes_of(array: np.ndarray) -> memoryview:
 
 def _tree_digest(array: np.ndarray) -> bytes:
     """Return the hash of a large array: its pieces are hashed in threads, then their hashes (Merkle 1980)."""
+    return _root(_hashes(array))
+
+
+def _hashes(array: np.ndarray) -> list[Future[bytes]]:
+    """Start to hash the pieces of an array."""
     values = _bytes_of(array)
-    pieces = [values[first : first + _PIECE] for first in range(0, len(values), _PIECE)]
-    return _hash(b"".join(_pool().map(_hash, pieces)))
+    return [_pool().submit(_hash, values[first : first + _PIECE]) for first in range(0, len(values), _PIECE)]
+
+
+def _root(hashes: list[Future[bytes]]) -> bytes:
+    return _hash(b"".join(piece.result() for piece in hashes))
 
 
 def _hash(values: memoryview | bytes) -> bytes:

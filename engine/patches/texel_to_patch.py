@@ -59,14 +59,15 @@ def index_map(
 
     # Patches of thin surfaces lie at the centroid of the covered part. Rays from a point on an edge would
     # miss adjacent surfaces.
-    texel_to_patch = charts.entries.copy()
+    entries = charts.entries
     thin = np.flatnonzero((nearest == 0) & inside)
     if len(thin):
         middle = texels.middles(thin, patches.resolution)
         patches = _with_thin(compute, patches, border.subset(thin), middle)
-        own = patches.on_texels(len(texel_to_patch))
-        nearest, _ = texels.nearest_patches(patches, own)
-        texel_to_patch, nearest[thin] = own.copy(), own.ravel()[border.texel[thin]]
+        entries = patches.on_texels(len(entries))
+        nearest, _ = texels.nearest_patches(patches, entries)
+        nearest[thin] = entries.ravel()[border.texel[thin]]
+    texel_to_patch = entries.copy()
     texel_to_patch.ravel()[border.texel] = nearest
     return IndexMap(patches, texel_to_patch, found, inside)
 
@@ -88,28 +89,23 @@ def _with_thin(
         (patches.atlas, atlas), (patches.texel, texel), (patches.triangle, thin.triangle),
         (patches.barycentric, middle),
     )  # fmt: skip
-    place = np.searchsorted(patches.key, thin.texel)
-    order = _inserted(place, len(patches))
-    joined = (np.concatenate([old, new.astype(old.dtype, copy=False)]) for old, new in columns)
-    every = PatchList(patches.resolution, *(taken(column, order) for column in joined))
+    rows = np.searchsorted(patches.key, thin.texel) + np.arange(len(thin))
+    order = np.arange(len(patches) + len(thin))
+    order -= np.repeat(np.arange(len(thin) + 1), np.diff(rows, prepend=0, append=len(order)))
+    every = PatchList(patches.resolution, *(_inserted(old, new, rows, order) for old, new in columns))
     if compute and len(patches):
-        rows = place + np.arange(len(place))
         insert_rows_once(compute, patches.triangle, every.triangle, rows)
         insert_rows_once(compute, patches.barycentric, every.barycentric, rows)
     return every
 
 
-def _inserted(place: np.ndarray, count: int) -> np.ndarray:
-    """Return the source row of each row after an insertion, (count + k,) int64.
+def _inserted(old: np.ndarray, new: np.ndarray, rows: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Insert rows into a column of patches, (n, ...): return (n + k, ...) of its type.
 
-    Row indices from `count` on refer to the inserted rows.
-
-    place:  (k,) int64, ascending, index before which each new row is inserted
-    count:  number of old rows
+    new:    (k, ...), rows to insert
+    rows:   (k,) int64, ascending, their rows in the result
+    order:  (n + k,) int64, the old row of each other row of the result
     """
-    others = place + np.arange(len(place))
-    steps = np.ones(count + len(place), np.int64)
-    steps[others] = 0
-    order = np.cumsum(steps) - 1
-    order[others] = np.arange(count, count + len(place))
-    return order
+    joined = taken(old, order) if len(old) else np.empty((len(order), *old.shape[1:]), old.dtype)
+    joined[rows] = new
+    return joined
